@@ -11,9 +11,9 @@ import numpy as np
 
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Budget, Complex, Plane, Real
-from robustid.data import FrequencyResponse
+from robustid.data import Fault, FrequencyResponse
 from robustid.errors import InputError
-from robustid.estimation import REMOVED, Fault, correct, response_faults
+from robustid.estimation import MISTAKES, correct, response_faults
 from robustid.identification import MixedProblem
 from robustid.identification.formulation import formulate
 from robustid.identification.solver import margin_path
@@ -35,32 +35,11 @@ _SMALLER = 0.5
 _FEWEST = 10  # samples that can tell corrections apart
 
 # Corrections of a response beside records, or within a passive class; then those that the response alone contradicts.
-_AGAINST = (
-    ("negate", "the response has the opposite sign"),
-    ("exchange", "input and output of the response are exchanged"),
-    (_UNIT, "the response is in a unit 1000 times smaller (mm for m)"),
-    ("times 1000", "the response is in a unit 1000 times larger (m for mm)"),
-    ("times 0.5", "the response is twice too large (a one-sided spectrum, or peak for amplitude)"),
-    ("times 2", "the response is half too small (a two-sided spectrum)"),
-    ("times 57.29578", "the response is per degree, or in rad for degrees"),
-    ("times 0.017453293", "the response is in degrees for rad"),
-    ("times 1e-06", "the response is in a unit 10^6 times smaller (µm for m)"),
-    ("times 1e+06", "the response is in a unit 10^6 times larger"),
-)
-_ALONE = (
-    ("conjugate", "the phase has the wrong sign (the response is conjugated)"),
-    ("transpose", "the matrices are transposed (rows are inputs)"),
-    ("frequency in Hz", "the frequencies are in Hz and were taken as rad/s"),
-    ("frequency in rad/s", "the frequencies are in rad/s and were taken as Hz"),
-    ("frequency times 1000", "the frequencies are in kHz"),
-    ("phase in radians", "the phase is in radians and was taken as degrees"),
-    ("advance 1", "the response has one sample of delay too much"),
-    ("delay 1", "one sample of delay was taken out of the response that it doesn't have"),
-    ("integrate", "the response is the derivative of what was measured elsewhere (velocity for position)"),
-    ("differentiate", "the response is the integral (position for velocity)"),
-    ("integrate twice", "the response is of an acceleration, not of a position"),
-    ("magnitude linear", "the magnitude is a plain number and was taken as decibels"),
-)
+_AGAINST = ("negate", "exchange", "times 0.001", "times 1000", "times 0.5", "times 2", "times 57.29578", "times 0.017453293",
+            "times 1e-06", "times 1e+06")  # fmt: skip
+_FIRST = ("conjugate", "transpose")
+_ALONE = ("frequency in Hz", "frequency in rad/s", "frequency times 1000", "phase in radians", "advance 1", "delay 1", "integrate",
+          "differentiate", "integrate twice", "magnitude linear")  # fmt: skip
 _OF_RECORDS = (
     ("negate", "the outputs of the record have the opposite sign"),
     ("exchange", "input and output of the record are exchanged"),
@@ -143,7 +122,7 @@ def faults_of(problem: MixedProblem) -> list[Fault]:
     for frf in problem.frequency:
         if isinstance(frf, FrequencyResponse):
             for fault in response_faults(frf):
-                found.setdefault(fault.cause, fault)
+                found.setdefault(fault.words, fault)
     return list(found.values())
 
 
@@ -152,7 +131,7 @@ def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -
     causes: list[Cause] = []
     for fault in faults_of(problem):
         if not fault.correction:
-            causes.append(Cause(fault.cause, fault.evidence, "read the file again with the role phase_deg", ""))
+            causes.append(Cause(fault.words, fault.evidence, "read the file again with the role phase_deg", ""))
             continue
         change, option = correction_change(fault.correction)
         evidence, after, changed = fault.evidence, None, None
@@ -162,11 +141,9 @@ def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -
             evidence += f"; with the correction the margin is {after:.3g} in place of {margin:.4g}"
         except InputError:
             pass
-        causes.append(Cause(fault.cause, evidence, change, option, after, changed))
-    of_records = dict.fromkeys(words for frf in problem.frequency for words in getattr(frf, "problems", ()))
-    # A drift that was removed is said elsewhere; it contradicts nothing any more.
-    causes += [Cause(words, "the records show it", "", "") for words in of_records if not words.endswith(REMOVED)]
-    return causes
+        causes.append(Cause(fault.words, evidence, change, option, after, changed))
+    of_records = [fault for frf in problem.frequency for fault in getattr(frf, "faults", ()) if not fault.undone]
+    return causes + [Cause(words, "the records show it", "", "") for words in dict.fromkeys(map(str, of_records))]
 
 
 def corrections_of(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedProblem]]:
@@ -177,7 +154,7 @@ def corrections_of(problem: MixedProblem) -> Iterator[tuple[str, str, str, Mixed
     tried: list[tuple[str, str, bool]] = []
     if responses:
         both = bool(problem.time) or bool(problem.prior.physical)
-        tried += [(*one, False) for one in (*_ALONE[:2], *(_AGAINST if both else ()), *_ALONE[2:])]
+        tried += [(one, MISTAKES[one], False) for one in (*_FIRST, *(_AGAINST if both else ()), *_ALONE)]
     of_records = _OF_RECORDS[1:] if responses else _OF_RECORDS
     tried += [(*one, True) for one in of_records if problem.time]
     for correction, cause, records in tried:
@@ -225,9 +202,7 @@ def _other_modes(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedPr
 
 
 # Either of the axis of the data or of the modes can be in the wrong unit: both are tried.
-_AXES = {cause for correction, cause in _ALONE if correction.startswith("frequency in")} | {
-    cause for factor, _, cause in _OF_MODES if factor != 1
-}
+_AXES = {MISTAKES["frequency in Hz"], MISTAKES["frequency in rad/s"], _OF_MODES[0][2], _OF_MODES[1][2]}
 
 
 def tried_causes(problem: MixedProblem, margin: float, active: Sequence[Any], budget: Budget) -> list[Cause]:
@@ -277,7 +252,7 @@ def unit_cause(problem: MixedProblem, margin: float, budget: Budget) -> list[Cau
     changed = corrected(problem, _UNIT)
     after = judged_margin(changed, 1.0, budget)
     words = f"with it the margin is {after:.3g} in place of {margin:.4g}; a K that is 30 times larger isn't enough"
-    return [Cause(_AGAINST[2][1], words, *correction_change(_UNIT), after, changed, unsure=True)] if after <= 1 else []
+    return [Cause(MISTAKES[_UNIT], words, *correction_change(_UNIT), after, changed, unsure=True)] if after <= 1 else []
 
 
 def judged_margin(problem: MixedProblem, enough: float, budget: Budget) -> float:

@@ -19,7 +19,7 @@ from robustid.data import (
 )
 from robustid.errors import InputError
 from robustid.estimation.noise_floor import bounds_from_noise_floor
-from robustid.estimation.problems import found_period
+from robustid.estimation.record_faults import found_period
 from robustid.estimation.roughness import FEWEST, roughness
 
 BOUND_SOURCES = ("periods", "rest", "coherence", "scatter")

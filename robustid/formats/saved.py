@@ -33,7 +33,7 @@ _OF_BOUND = {
     "caveats": "caveats",
 }
 _FACTS = {
-    "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint", "problems"),
+    "frequency": ("dt", "note", *_OF_BOUND, "dof", "joint", "faults"),
     "tangential": ("dt", "note", *_OF_BOUND),
     "time": ("dt", "initial", "past_input_bound", "note", *_OF_BOUND),
 }
@@ -62,8 +62,8 @@ def flat_fields(data: FrequencyResponse | TangentialResponse | TimeRecord) -> di
         fields["probability"] = bound.probability
     if bound.dof != _implied_dof(fields):
         fields["bound_dof"] = bound.dof
-    if not fields.get("problems"):
-        fields.pop("problems", None)
+    if not fields.get("faults"):
+        fields.pop("faults", None)
     if bound.excitations is not None:
         fields["excitations"] = bound.excitations
     if bound.caveats:
