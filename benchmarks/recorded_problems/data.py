@@ -61,7 +61,7 @@ def bounds_of_data(_):
     record = rid.TimeRecord(np.ones(8), np.ones((8, 2)), dt=DT)
     return {
         "scatter": scatter.bound,
-        "said": scatter.note,
+        "said": scatter.bound.words(scatter.note),
         "record": rid.estimate_bound(periodic_records()[1][0]).bound,
         "floor": of(floor, "deviation mean level factor"),
         "bounded": floor.bound_record(record),

@@ -139,9 +139,10 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
 
 
 def _own_bound(frf: FrequencyResponse) -> str:
-    """Note of the bound that a response has where nobody states one."""
+    """Bound that a response has where nobody states one, in words."""
     try:
-        return estimate_bound(frf).note
+        found = estimate_bound(frf)
+        return found.bound.words(found.note)
     except InputError:
         return ""
 

@@ -242,7 +242,7 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
 def _say_bound(say: Say, name: str | None, source: Any, stated: Any, data: Sequence[Any]) -> None:
     """Say what a bound was taken from that nobody stated."""
     if stated.bound != source.bound:
-        say(f"{name} states no error bound, so it is taken from the data: {data[0].note}")
+        say(f"{name} states no error bound, so it is taken from the data: {data[0].bound.words(data[0].note)}")
 
 
 def _with_method(run: RunFile, records: list) -> RunFile:

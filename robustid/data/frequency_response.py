@@ -350,7 +350,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         radius = radius * np.sqrt(variances(self.covariance, self.values.shape))
         excitations = None if self.bound is None else self.bound.excitations
         bound = Bound(radius, kind="confidence", probability=probability, dof=self.dof, excitations=excitations)
-        return self.with_bound(bound, f"{bound.words()} over {self.omega.size} frequency points, from the covariance")
+        return self.with_bound(bound, f"{self.omega.size} frequency points, from the covariance")
 
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:

@@ -151,7 +151,7 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         dt=first.dt,
         inputs=first.inputs,
         outputs=first.outputs,
-        note=f"{found.words()}, over {len(estimate.index)} frequency points, {estimate.source}",
+        note=f"{len(estimate.index)} frequency points, {estimate.source}",
         dof=found.dof,
         coherence=estimate.coherence,
         noise=estimate.noise,

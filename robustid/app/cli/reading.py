@@ -123,7 +123,7 @@ class Files:
         """The data with the bound that is given, or the one that they show themselves."""
         bounded, stated = with_bound(data, self.source)
         if stated.bound != self.source.bound:
-            self._taken_from[path] = bounded.note
+            self._taken_from[path] = bounded.bound.words(bounded.note)
         elif self.source.bound is not None and bounded is data:
             return data.with_bound(data.bound, note=_NOTE)
         return bounded
