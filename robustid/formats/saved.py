@@ -16,8 +16,8 @@ import numpy as np
 from robustid.core import atomic_write
 from robustid.data import Bound, FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError
-from robustid.formats.lookup import Lookup
 from robustid.formats.readers import FORMAT
+from robustid.formats.role_lookup import Lookup
 from robustid.formats.table import Table
 
 _ARRAYS = {
