@@ -1,6 +1,6 @@
 """Advice: modes and prior from the data, remedies where the data contradict the class, the next measurement."""
 
-from robustid.advice.causes import SLIGHTLY, Cause, Trial
+from robustid.advice.causes import SLIGHTLY, Cause
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
@@ -28,7 +28,6 @@ __all__ = [
     "PoleTrial",
     "PriorSuggestion",
     "Sensitivity",
-    "Trial",
     "Variation",
     "content",
     "diagnose",
