@@ -13,10 +13,9 @@ from robustid.core import as_count
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
 from robustid.estimation.estimated import ABOUT, Estimate, bound
-from robustid.estimation.local import local
+from robustid.estimation.nonperiodic import local, welch
 from robustid.estimation.periodic import periodic
 from robustid.estimation.record_faults import record_faults
-from robustid.estimation.welch import welch
 
 _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")

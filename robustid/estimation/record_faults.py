@@ -8,8 +8,8 @@ import numpy as np
 
 from robustid.core import Real, as_count
 from robustid.data import Fault, FaultKind, TimeRecord, as_records
-from robustid.estimation.drift import without_drift
 from robustid.estimation.feedback import feedback_faults
+from robustid.estimation.periodic import without_drift
 
 # A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
 # has 2.4 times as many in its top step as in the next.

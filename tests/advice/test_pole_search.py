@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice.gains import smallest_gain
 from robustid.advice.moving_pairs import taken_apart
+from robustid.advice.smallest_gain import smallest_gain
 from robustid.bases import as_basis
 from robustid.core import ZPlane
 from robustid.errors import InputError, InputTypeError
