@@ -12,7 +12,7 @@ import numpy as np
 from robustid.core import as_count
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
-from robustid.estimation.estimated import ABOUT, Estimate, bound
+from robustid.estimation.estimate import ABOUT, Estimate, bound
 from robustid.estimation.nonperiodic import local, welch
 from robustid.estimation.periodic import periodic
 from robustid.estimation.record_faults import record_faults

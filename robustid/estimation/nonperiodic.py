@@ -9,7 +9,7 @@ import numpy as np
 from robustid.core import as_array
 from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError
-from robustid.estimation.estimated import Estimate, pooled
+from robustid.estimation.estimate import Estimate, pooled
 
 _SEGMENTS = 8  # of Welch's method: of half overlap, per record
 _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows

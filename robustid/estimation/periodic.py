@@ -11,8 +11,8 @@ from numpy.polynomial import legendre
 from robustid.core import Real, as_array, as_count
 from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError, Remedy
-from robustid.estimation.detection import detected
-from robustid.estimation.estimated import Estimate
+from robustid.estimation.distortion import detected
+from robustid.estimation.estimate import Estimate
 from robustid.estimation.scatter import scattered
 
 _Spectra = dict[str, Any]  # of u, y and reference: (K, blocks, periods, signals, experiments)

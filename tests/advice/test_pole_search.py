@@ -242,8 +242,8 @@ def test_exact_data_give_exact_poles_in_few_steps():
 def test_diagnosis_offers_moved_poles():
     found = rid.diagnose(rid.identify(structure([[1, 1], [1.01, 1]], extra=FINE, K=0.05)))
     moved = next(t for t in found.corrections if "moved" in t.name)
-    assert "poles moved, to 9.0" in moved.change
-    assert ", 17.67 Hz with damping 0.00" in moved.change
+    assert "poles moved, to 9.0" in moved.name
+    assert ", 17.67 Hz with damping 0.00" in moved.name
     assert moved.margin <= 1
     assert rid.identify(moved.problem).consistent
     assert "Poles that were moved" in found.summary()
