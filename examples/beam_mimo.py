@@ -183,7 +183,7 @@ def main(argv=None):
         return
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
-    print(f"{case.title}: {frf.note}")
+    print(f"{case.title}: {frf.bound.words(frf.note)}")
 
     hz, damping = merged_modes(case, frf)
     used, unused = thinned(case, frf, hz, damping)

@@ -115,7 +115,7 @@ def main(argv=None):
 
     frf = rid.estimate_frf(record, period=PERIOD)
     hz = frf.freq_hz
-    print(f"1. {frf.omega.size} excited lines from {hz[0]:g} to {hz[-1]:g} Hz; bound {frf.note},")
+    print(f"1. {frf.omega.size} excited lines from {hz[0]:g} to {hz[-1]:g} Hz; {frf.bound.words(frf.note)},")
     print(f"   median {100 * np.median(frf.bound / np.abs(frf.values)):.1f} % of the response")
 
     print("\n2. The mode, from all frequency points:")

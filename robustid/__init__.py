@@ -1,7 +1,7 @@
 """Models with a proof: robust identification of lightly damped machines from time and frequency data.
 
-Read and measure:     look, load, save, FrequencyResponse, TimeRecord, Bound, estimate_frf, multisine, record_problems,
-                      response_problems, correct, datasets
+Read and measure:     look, load, save, FrequencyResponse, TimeRecord, Bound, estimate_frf, multisine, record_faults,
+                      response_faults, correct, datasets
 Ask:                  kautz, Prior, MixedProblem, identify; PositiveReal, NegativeImaginary, BoundedReal for passive plants
 Choose:               suggest_kautz, suggest_prior, suggest_class; diagnose where data contradict the class
 What is guaranteed:   band, worst_case_error, worst_case_over_poles, response_tube, coverage, family, robust_stability_margin,

@@ -30,6 +30,7 @@ from .core import show_progress as show_progress
 
 # Measurements and their bounds
 from .data import Bound as Bound
+from .data import Fault as Fault
 from .data import FrequencyResponse as FrequencyResponse
 from .data import TangentialResponse as TangentialResponse
 from .data import TimeRecord as TimeRecord
@@ -50,8 +51,8 @@ from .estimation import correct as correct
 from .estimation import estimate_bound as estimate_bound
 from .estimation import estimate_delay as estimate_delay
 from .estimation import estimate_frf as estimate_frf
-from .estimation import record_problems as record_problems
-from .estimation import response_problems as response_problems
+from .estimation import record_faults as record_faults
+from .estimation import response_faults as response_faults
 from .estimation import with_delay as with_delay
 
 # Matrix fractions

@@ -75,7 +75,7 @@ def diagnose(_):
     for name, hz in {"moved": 17.3, "far": 14.0}.items():
         said = rid.diagnose(rid.identify(structure(hz=hz, lines=4, samples=4)), time_limit=None)
         causes = [of(one, "cause margin evidence change solves unsure sentence") for one in said.causes]
-        trials = [of(one, "change margin") for one in said.trials]
+        trials = [{"change": one.name, "margin": one.margin} for one in said.corrections]
         found[name] = {"inflation": said.inflation, "causes": causes, "trials": trials} | of(
             said, "notes left_out summary"
         )

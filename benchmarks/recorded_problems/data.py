@@ -43,13 +43,13 @@ def frf_periodic(_):
 def frf_local_and_welch(_):
     record = driven(600)
     found = {method: rid.estimate_frf(record, method=method) for method in ("local", "welch")}
-    return found | {"problems": rid.record_problems(record)}
+    return found | {"faults": rid.record_faults(record)}
 
 
 @problem(quick=True)
 def frf_nonlinear(_):
     found = rid.estimate_frf(rid.nonlinear_records("backlash", 2, noise=0.01, spacing="odd"))
-    return of(found, "omega values bound noise distortion problems note")
+    return of(found, "omega values bound noise distortion faults note")
 
 
 @problem(quick=True)
@@ -61,7 +61,7 @@ def bounds_of_data(_):
     record = rid.TimeRecord(np.ones(8), np.ones((8, 2)), dt=DT)
     return {
         "scatter": scatter.bound,
-        "said": scatter.note,
+        "said": scatter.bound.words(scatter.note),
         "record": rid.estimate_bound(periodic_records()[1][0]).bound,
         "floor": of(floor, "deviation mean level factor"),
         "bounded": floor.bound_record(record),
@@ -76,7 +76,7 @@ def records_prepared(_):
         "decimate": rid.decimate(driven(300), 2),
         "mean": rid.detrend(drifting),
         "linear": rid.detrend(drifting, kind="linear"),
-        "problems": rid.record_problems(drifting),
+        "faults": rid.record_faults(drifting),
         "rate": rid.sample_time(record.time),
     }
 
@@ -92,7 +92,7 @@ def delays(_):
     put = rid.with_delay(sampled, 0.0023)
     return {
         "delay": of(delay, "seconds deviation order misfit searched"),
-        "problems": rid.response_problems(late),
+        "faults": rid.response_faults(late),
         "taken out": late.without_delay(0.002).values,
         "put back": put.model,
     }

@@ -1,19 +1,18 @@
 """Advice: modes and prior from the data, remedies where the data contradict the class, the next measurement."""
 
-from robustid.advice.causes import SLIGHTLY, Cause, Trial
+from robustid.advice.causes import SLIGHTLY, Cause
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
-from robustid.advice.gains import entry_sizes, response_sizes
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, possible_rates, suggest_prior
-from robustid.advice.prior_weight import prior_weight
-from robustid.advice.roll_off import suggest_roll_off
+from robustid.advice.prior_weight import prior_weight, suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
+from robustid.advice.smallest_gain import entry_sizes, response_sizes
 
 __all__ = [
     "SLIGHTLY",
@@ -28,7 +27,6 @@ __all__ = [
     "PoleTrial",
     "PriorSuggestion",
     "Sensitivity",
-    "Trial",
     "Variation",
     "content",
     "diagnose",

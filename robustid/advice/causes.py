@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -11,9 +12,9 @@ import numpy as np
 
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Budget, Complex, Plane, Real
-from robustid.data import FrequencyResponse
+from robustid.data import Fault, FrequencyResponse
 from robustid.errors import InputError
-from robustid.estimation import REMOVED, Fault, correct, response_faults
+from robustid.estimation import MISTAKES, correct, response_faults
 from robustid.identification import MixedProblem
 from robustid.identification.formulation import formulate
 from robustid.identification.solver import margin_path
@@ -35,32 +36,11 @@ _SMALLER = 0.5
 _FEWEST = 10  # samples that can tell corrections apart
 
 # Corrections of a response beside records, or within a passive class; then those that the response alone contradicts.
-_AGAINST = (
-    ("negate", "the response has the opposite sign"),
-    ("exchange", "input and output of the response are exchanged"),
-    (_UNIT, "the response is in a unit 1000 times smaller (mm for m)"),
-    ("times 1000", "the response is in a unit 1000 times larger (m for mm)"),
-    ("times 0.5", "the response is twice too large (a one-sided spectrum, or peak for amplitude)"),
-    ("times 2", "the response is half too small (a two-sided spectrum)"),
-    ("times 57.29578", "the response is per degree, or in rad for degrees"),
-    ("times 0.017453293", "the response is in degrees for rad"),
-    ("times 1e-06", "the response is in a unit 10^6 times smaller (µm for m)"),
-    ("times 1e+06", "the response is in a unit 10^6 times larger"),
-)
-_ALONE = (
-    ("conjugate", "the phase has the wrong sign (the response is conjugated)"),
-    ("transpose", "the matrices are transposed (rows are inputs)"),
-    ("frequency in Hz", "the frequencies are in Hz and were taken as rad/s"),
-    ("frequency in rad/s", "the frequencies are in rad/s and were taken as Hz"),
-    ("frequency times 1000", "the frequencies are in kHz"),
-    ("phase in radians", "the phase is in radians and was taken as degrees"),
-    ("advance 1", "the response has one sample of delay too much"),
-    ("delay 1", "one sample of delay was taken out of the response that it doesn't have"),
-    ("integrate", "the response is the derivative of what was measured elsewhere (velocity for position)"),
-    ("differentiate", "the response is the integral (position for velocity)"),
-    ("integrate twice", "the response is of an acceleration, not of a position"),
-    ("magnitude linear", "the magnitude is a plain number and was taken as decibels"),
-)
+_AGAINST = ("negate", "exchange", "times 0.001", "times 1000", "times 0.5", "times 2", "times 57.29578", "times 0.017453293",
+            "times 1e-06", "times 1e+06")  # fmt: skip
+_FIRST = ("conjugate", "transpose")
+_ALONE = ("frequency in Hz", "frequency in rad/s", "frequency times 1000", "phase in radians", "advance 1", "delay 1", "integrate",
+          "differentiate", "integrate twice", "magnitude linear")  # fmt: skip
 _OF_RECORDS = (
     ("negate", "the outputs of the record have the opposite sign"),
     ("exchange", "input and output of the record are exchanged"),
@@ -78,27 +58,50 @@ _OF_MODES = (
 )
 
 
-class Trial(NamedTuple):
-    """One change of the class, the margin that it brings (to 0.1 %), and the changed problem."""
+class Kind(enum.IntEnum):
+    """Kind of a correction, the most likely cause first: more modes can be tested by the data.
 
-    change: str
-    margin: float
-    problem: MixedProblem
+    A larger class only asks less of them.
+    """
+
+    DATA = enum.auto()  # the response with another phase or sign, or its derivative or integral
+    MODE = enum.auto()  # one more
+    POLES = enum.auto()  # elsewhere, repeated, or at z = 1
+    INTERVALS = enum.auto()  # of the coefficients
+    DECAY = enum.auto()
+    OTHER = enum.auto()
 
 
 class Cause(NamedTuple):
-    """A possible cause, what shows it, the change to make in Python and for the program, and the problem with the change.
+    """A possible cause of an inconsistency, with its correction.
 
-    The margin is that of the changed problem, reached by a system to 0.1 %; None where it was not computed, or nothing here can
-    make the change. One that is `unsure` could as well be a class that is too small.
+    Attributes
+    ----------
+    cause : str
+        In words.
+    change, option : str
+        The correction in Python and for the program; "" where there is none.
+    problem : MixedProblem
+        With the correction; as it was posed where nothing here can make it.
+    kind : Kind
+    name : str
+        Of the correction, in a list of what other classes would bring.
+    evidence : str
+        What shows the cause.
+    margin : float or None
+        With the correction, reached by a system to 0.1 %; None where it was not computed.
+    unsure : bool
+        Whether it could as well be a class that is too small.
     """
 
     cause: str
-    evidence: str
     change: str
     option: str
+    problem: MixedProblem
+    kind: Kind = Kind.DATA
+    name: str = ""
+    evidence: str = ""
     margin: float | None = None
-    problem: MixedProblem | None = None
     unsure: bool = False
 
     @property
@@ -143,7 +146,7 @@ def faults_of(problem: MixedProblem) -> list[Fault]:
     for frf in problem.frequency:
         if isinstance(frf, FrequencyResponse):
             for fault in response_faults(frf):
-                found.setdefault(fault.cause, fault)
+                found.setdefault(fault.words, fault)
     return list(found.values())
 
 
@@ -152,32 +155,32 @@ def causes_without_class(problem: MixedProblem, margin: float, budget: Budget) -
     causes: list[Cause] = []
     for fault in faults_of(problem):
         if not fault.correction:
-            causes.append(Cause(fault.cause, fault.evidence, "read the file again with the role phase_deg", ""))
+            read_again = "read the file again with the role phase_deg"
+            causes.append(Cause(fault.words, read_again, "", problem, evidence=fault.evidence))
             continue
-        change, option = correction_change(fault.correction)
-        evidence, after, changed = fault.evidence, None, None
+        cause = Cause(fault.words, *correction_change(fault.correction), problem, evidence=fault.evidence)
         try:
-            changed = corrected(problem, fault.correction)
-            after = judged_margin(changed, max(1.0, margin / HELPS), budget)
-            evidence += f"; with the correction the margin is {after:.3g} in place of {margin:.4g}"
+            cause = cause._replace(problem=corrected(problem, fault.correction))
+            after = judged_margin(cause.problem, max(1.0, margin / HELPS), budget)
+            words = f"{fault.evidence}; with the correction the margin is {after:.3g} in place of {margin:.4g}"
+            cause = cause._replace(evidence=words, margin=after)
         except InputError:
             pass
-        causes.append(Cause(fault.cause, evidence, change, option, after, changed))
-    of_records = dict.fromkeys(words for frf in problem.frequency for words in getattr(frf, "problems", ()))
-    # A drift that was removed is said elsewhere; it contradicts nothing any more.
-    causes += [Cause(words, "the records show it", "", "") for words in of_records if not words.endswith(REMOVED)]
-    return causes
+        causes.append(cause)
+    of_records = [fault for frf in problem.frequency for fault in getattr(frf, "faults", ()) if not fault.undone]
+    shown = "the records show it"
+    return causes + [Cause(words, "", "", problem, evidence=shown) for words in dict.fromkeys(map(str, of_records))]
 
 
-def corrections_of(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedProblem]]:
-    """Corrections that can be tried: cause, change in Python, option of the program, and the corrected problem."""
+def corrections_of(problem: MixedProblem) -> Iterator[Cause]:
+    """Causes whose correction can be tried."""
     responses = [frf for frf in problem.frequency if isinstance(frf, FrequencyResponse)]
     if len(responses) < len(problem.frequency) or problem.samples < _FEWEST:
         return
     tried: list[tuple[str, str, bool]] = []
     if responses:
         both = bool(problem.time) or bool(problem.prior.physical)
-        tried += [(*one, False) for one in (*_ALONE[:2], *(_AGAINST if both else ()), *_ALONE[2:])]
+        tried += [(one, MISTAKES[one], False) for one in (*_FIRST, *(_AGAINST if both else ()), *_ALONE)]
     of_records = _OF_RECORDS[1:] if responses else _OF_RECORDS
     tried += [(*one, True) for one in of_records if problem.time]
     for correction, cause, records in tried:
@@ -187,7 +190,7 @@ def corrections_of(problem: MixedProblem) -> Iterator[tuple[str, str, str, Mixed
             changed = corrected(problem, correction, records=records)
         except InputError:  # frequencies beyond pi/dt, no sample time, a frequency 0
             continue
-        yield cause, *correction_change(correction, records), changed
+        yield Cause(cause, *correction_change(correction, records), changed)
     for start, cause in _STARTS:
         if problem.time and all(record.initial == "rest" for record in problem.time):
             try:
@@ -195,11 +198,11 @@ def corrections_of(problem: MixedProblem) -> Iterator[tuple[str, str, str, Mixed
                 changed = dataclasses.replace(problem, time=began)
             except InputError:  # no whole number of periods, functions that are infinite there
                 continue
-            yield cause, f'TimeRecord(..., initial="{start}")', f"--initial {start}", changed
+            yield Cause(cause, f'TimeRecord(..., initial="{start}")', f"--initial {start}", changed)
     yield from _other_modes(problem)
 
 
-def _other_modes(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedProblem]]:
+def _other_modes(problem: MixedProblem) -> Iterator[Cause]:
     """The modes of the parametric part in other units."""
     basis = problem.parametric
     if basis is None or problem.prior.physical or problem.parameter_bounds is not None or not np.all(basis.poles.imag):
@@ -221,38 +224,33 @@ def _other_modes(problem: MixedProblem) -> Iterator[tuple[str, str, str, MixedPr
         numbers = [f"{at:.6g}" for at in omega], [f"{ratio:.4g}" for ratio in damping]
         change = f"rid.kautz([{', '.join(numbers[0])}], [{', '.join(numbers[1])}], ...)  # rad/s, ratio"
         option = " ".join(f"--mode {at / (2 * np.pi):.6g}:{r:.4g}" for at, r in zip(omega, damping, strict=True))
-        yield cause, change, option, changed
+        yield Cause(cause, change, option, changed)
 
 
 # Either of the axis of the data or of the modes can be in the wrong unit: both are tried.
-_AXES = {cause for correction, cause in _ALONE if correction.startswith("frequency in")} | {
-    cause for factor, _, cause in _OF_MODES if factor != 1
-}
+_AXES = {MISTAKES["frequency in Hz"], MISTAKES["frequency in rad/s"], _OF_MODES[0][2], _OF_MODES[1][2]}
 
 
 def tried_causes(problem: MixedProblem, margin: float, active: Sequence[Any], budget: Budget) -> list[Cause]:
     """Corrections that leave a margin at least three times smaller; no more after one that makes the data consistent."""
-    small = _smaller(problem, active)
-    before = margin
+    small, limit = _smaller(problem, active), max(1.0, margin / HELPS)
     found: list[Cause] = []
-    for cause, change, option, changed in corrections_of(problem):
-        solved = any(one.solves for one in found)
+    for one in corrections_of(problem):
         if budget.over:
             break
-        if solved and cause not in _AXES:
+        if one.cause not in _AXES and any(cause.solves for cause in found):
             continue
         try:
-            if _only_smaller(problem, changed, budget):
+            if _only_smaller(problem, one.problem, budget):
                 continue
-            tried = changed if small is None else _part(changed, small)
-            after = judged_margin(tried, max(1.0, before / HELPS), budget)
-            if small is not None and after <= max(1.0, before / HELPS):
-                after = judged_margin(changed, max(1.0, before / HELPS), budget)
+            after = judged_margin(one.problem if small is None else _part(one.problem, small), limit, budget)
+            if small is not None and after <= limit:
+                after = judged_margin(one.problem, limit, budget)
         except InputError:
             continue
-        if after <= before / HELPS:
-            words = f"with it the margin is {after:.3g} in place of {before:.4g}"
-            found.append(Cause(cause, words, change, option, after, changed))
+        if after <= margin / HELPS:
+            words = f"with it the margin is {after:.3g} in place of {margin:.4g}"
+            found.append(one._replace(evidence=words, margin=after))
     found.sort(key=lambda one: float(one.margin or 0.0))
     solved = [one for one in found if one.solves]
     return solved or found
@@ -274,10 +272,10 @@ def unit_cause(problem: MixedProblem, margin: float, budget: Budget) -> list[Cau
     responses = [frf for frf in problem.frequency if isinstance(frf, FrequencyResponse)]
     if len(responses) < len(problem.frequency) or judged_margin(corrected(problem, _SHORT_OF_UNIT), 1.0, budget) <= 1:
         return []
-    changed = corrected(problem, _UNIT)
-    after = judged_margin(changed, 1.0, budget)
+    cause = Cause(MISTAKES[_UNIT], *correction_change(_UNIT), corrected(problem, _UNIT), unsure=True)
+    after = judged_margin(cause.problem, 1.0, budget)
     words = f"with it the margin is {after:.3g} in place of {margin:.4g}; a K that is 30 times larger isn't enough"
-    return [Cause(_AGAINST[2][1], words, *correction_change(_UNIT), after, changed, unsure=True)] if after <= 1 else []
+    return [cause._replace(evidence=words, margin=after)] if after <= 1 else []
 
 
 def judged_margin(problem: MixedProblem, enough: float, budget: Budget) -> float:
@@ -309,11 +307,11 @@ def bound_cause(problem: MixedProblem, margin: float) -> Cause:
     changed = dataclasses.replace(problem, frequency=frequency, time=time)
     return Cause(
         "the bounds on the errors are too small for this class",
-        f"it needs {margin:.4g} times as much" + (_AS_UNITS if margin > _OF_UNITS else ""),
         "; ".join(changes),
         " ".join(options),
-        margin / factor,
         changed,
+        evidence=f"it needs {margin:.4g} times as much" + (_AS_UNITS if margin > _OF_UNITS else ""),
+        margin=margin / factor,
     )
 
 

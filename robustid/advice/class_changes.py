@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
 import logging
-from typing import NamedTuple
 
 import numpy as np
 
-from robustid.advice.causes import corrected, correction_change, mode_of, modes_of
+from robustid.advice.causes import Cause, Kind, corrected, correction_change, mode_of, modes_of
 from robustid.advice.kautz import further_mode, suggest_kautz
 from robustid.bases import ParametricBasis, as_basis, integrators, kautz
 from robustid.data import FrequencyResponse
@@ -29,32 +27,7 @@ _TURNED = (
 )
 
 
-class Kind(enum.IntEnum):
-    """Kind of a change of the class or the data, the most likely cause first: more modes can be tested by the data.
-
-    A larger class only asks less of them.
-    """
-
-    DATA = enum.auto()  # the response with another phase or sign, or its derivative or integral
-    MODE = enum.auto()  # one more
-    POLES = enum.auto()  # elsewhere, repeated, or at z = 1
-    INTERVALS = enum.auto()  # of the coefficients
-    DECAY = enum.auto()
-    OTHER = enum.auto()
-
-
-class Change(NamedTuple):
-    """A change to try: kind, name, the cause that it speaks for, how it is made in Python and for the program, what it gives."""
-
-    kind: Kind
-    name: str
-    cause: str
-    change: str
-    option: str
-    problem: MixedProblem
-
-
-def changes_of(problem: MixedProblem) -> list[Change]:
+def changes_of(problem: MixedProblem) -> list[Cause]:
     """The class changed in one respect at a time."""
     rate = problem.prior.rate
     changes = _other_data(problem) if problem.prior.physical else [*_more_modes(problem), *_larger_gains(problem)]
@@ -62,23 +35,23 @@ def changes_of(problem: MixedProblem) -> list[Change]:
     key = "decay_rate" if problem.dt else "decay"
     python, option = f"Prior({key}={slower:.6g}, ...)", f"--{key.replace('_', '-')} {slower:.6g}"
     posed = problem.with_prior(rate=slower)
-    changes.append(Change(Kind.DECAY, name, "the decay that was stated is too fast", python, option, posed))
+    changes.append(Cause("the decay that was stated is too fast", python, option, posed, Kind.DECAY, name))
     if problem.prior.weighted:
         posed = problem.with_prior(roll_off=None, corner=None, weight=None)
         words = "the response doesn't fall as fast as the weight of the class"
         changes.append(
-            Change(Kind.OTHER, _UNWEIGHTED, words, "Prior(...) without its weight", "without --roll-off", posed)
+            Cause(words, "Prior(...) without its weight", "without --roll-off", posed, Kind.OTHER, _UNWEIGHTED)
         )
     if problem.parameter_bounds is not None and not problem.prior.physical:
         posed = dataclasses.replace(problem, parameter_bounds=None)
         words = "a coefficient is outside its interval"
         changes.append(
-            Change(Kind.INTERVALS, "coefficients without intervals", words, "parameter_bounds=None", "", posed)
+            Cause(words, "parameter_bounds=None", "", posed, Kind.INTERVALS, "coefficients without intervals")
         )
     return changes
 
 
-def found_modes(problem: MixedProblem) -> Change | None:
+def found_modes(problem: MixedProblem) -> Cause | None:
     """The modes that the response shows, in place of those that were stated; None where it shows none."""
     lines = [frf for frf in problem.frequency if isinstance(frf, FrequencyResponse)]
     if not lines or problem.prior.physical or not modes_of(problem):
@@ -96,28 +69,28 @@ def found_modes(problem: MixedProblem) -> Change | None:
     numbers = [", ".join(f"{value:.6g}" for value in values) for values in (found.omega, found.damping)]
     python = f"rid.kautz([{numbers[0]}], [{numbers[1]}], ...)"
     cause = f"the modes are others than stated: {places}"
-    return Change(Kind.OTHER, f"the modes that the response shows, {places}", cause, python, mode_options(posed), posed)
+    return Cause(cause, python, mode_options(posed), posed, Kind.OTHER, f"the modes that the response shows, {places}")
 
 
-def _larger_gains(problem: MixedProblem) -> list[Change]:
+def _larger_gains(problem: MixedProblem) -> list[Cause]:
     """A larger gain bound."""
-    changes: list[Change] = []
+    changes: list[Cause] = []
     for factor in (2, 10):
         K = factor * problem.prior.gain_bound
         words, python = "the gain bound K is too small", f"Prior(gain_bound={K:.4g}, ...)"
         posed = problem.with_prior(gain_bound=K)
-        changes.append(Change(Kind.OTHER, f"K times {factor}", words, python, f"--gain {K:.4g}", posed))
+        changes.append(Cause(words, python, f"--gain {K:.4g}", posed, Kind.OTHER, f"K times {factor}"))
     return changes
 
 
-def _more_modes(problem: MixedProblem) -> list[Change]:
+def _more_modes(problem: MixedProblem) -> list[Cause]:
     """The pairs repeated, and one more."""
-    changes: list[Change] = []
+    changes: list[Cause] = []
     if (terms := _further_terms(problem)) is not None:
         count = 1 + max(count for _, count in modes_of(problem))
         words = "the poles of the modes are not quite where they were stated"
         python, posed = f"rid.kautz(..., repeat={count})", _with_functions(problem, terms)
-        changes.append(Change(Kind.POLES, "each pair repeated once more", words, python, f"--repeat {count}", posed))
+        changes.append(Cause(words, python, f"--repeat {count}", posed, Kind.POLES, "each pair repeated once more"))
     if (pair := _missing_pair(problem)) is not None:
         (at, damping), basis = pair
         hz = at / (2 * np.pi)
@@ -126,7 +99,7 @@ def _more_modes(problem: MixedProblem) -> list[Change]:
         option = f"--mode {hz:.6g}:{damping:.3g} beside those that are there"
         posed = _with_functions(problem, basis)
         changes.append(
-            Change(Kind.MODE, f"one more pair, {where}", f"a mode is missing, {where}", python, option, posed)
+            Cause(f"a mode is missing, {where}", python, option, posed, Kind.MODE, f"one more pair, {where}")
         )
     return changes + [_with_integrators(problem, count) for count in _missing_integrators(problem)]
 
@@ -142,25 +115,25 @@ def _missing_integrators(problem: MixedProblem) -> tuple[int, ...]:
     return (1, 2) if float(lowest.mean()) > _RISEN * float(np.median(size)) else ()
 
 
-def _with_integrators(problem: MixedProblem, count: int) -> Change:
+def _with_integrators(problem: MixedProblem, count: int) -> Cause:
     kind = ("an integrator", "a rigid body")[count - 1]
     words = f"{kind} is missing: {count} pole{'s' * (count > 1)} at z = 1"
     posed = _with_functions(problem, integrators(count, dt=problem.dt))
     python = f"parametric=[..., rid.integrators({count}, dt={problem.dt:g})]"
-    return Change(Kind.POLES, f"{kind} beside it", words, python, f"--integrators {count}", posed)
+    return Cause(words, python, f"--integrators {count}", posed, Kind.POLES, f"{kind} beside it")
 
 
-def _other_data(problem: MixedProblem) -> list[Change]:
+def _other_data(problem: MixedProblem) -> list[Cause]:
     """Data as they may have been measured in the place of those of a passive plant: another sign, phase, or derivative."""
     turns = (0, 1, 3) if problem.prior.passive == "negative imaginary" else (0, 1, 2, 3)
-    changes: list[Change] = []
+    changes: list[Cause] = []
     for correction, cause in (_TURNED[k] for k in (turns if problem.prior.positive_real else (0,))):
         try:
             changed = corrected(problem, correction)
         except InputError as error:  # a frequency 0
             _log.info("%s: left out (%s)", correction, error)
             continue
-        changes.append(Change(Kind.DATA, cause, cause, *correction_change(correction), changed))
+        changes.append(Cause(cause, *correction_change(correction), changed, Kind.DATA, cause))
     return changes
 
 

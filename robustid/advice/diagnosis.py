@@ -11,14 +11,14 @@ from robustid.advice.causes import (
     HELPS,
     SLIGHTLY,
     Cause,
-    Trial,
+    Kind,
     bound_cause,
     causes_without_class,
     judged_margin,
     tried_causes,
     unit_cause,
 )
-from robustid.advice.class_changes import Change, Kind, changes_of, found_modes, mode_options
+from robustid.advice.class_changes import changes_of, found_modes, mode_options
 from robustid.advice.pole_search import improve_kautz
 from robustid.core import Budget, Frozen, Progress, as_kind, one_thread
 from robustid.errors import InputError, SolverError
@@ -52,7 +52,8 @@ class Diagnosis(Frozen):
         Active constraints: samples with their dual weight in the proof, largest first; all weights sum to one.
     causes : tuple of Cause
         What may be wrong, the most likely first, each with the change to make; of consistent data what they show by themselves.
-    trials : tuple of Trial
+    corrections : tuple of Cause
+        Those of the class that were tried, each with the margin that it brings.
     left_out : tuple of str
         Changes for which there was no time.
     notes : tuple of str
@@ -64,14 +65,14 @@ class Diagnosis(Frozen):
     inflation: float
     active: tuple[tuple[str, int, float, float], ...]
     causes: tuple[Cause, ...]
-    trials: tuple[Trial, ...]
+    corrections: tuple[Cause, ...]
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     passive: bool = False
 
-    def best(self) -> Trial | None:
-        """The change with the smallest margin."""
-        return min(self.trials, key=lambda trial: trial.margin, default=None)
+    def best(self) -> Cause | None:
+        """The correction with the smallest margin."""
+        return min(self.corrections, key=_margin, default=None)
 
     def __str__(self) -> str:
         return self.summary()
@@ -94,15 +95,15 @@ class Diagnosis(Frozen):
         if names:
             lines.append("Active constraints, with their dual weight in the proof: " + ", ".join(names) + ".")
         changed = "classes and data" if self.passive else "classes"
-        if self.trials or self.left_out:
+        if self.corrections or self.left_out:
             lines.append(f"What other {changed} would bring, all else equal (margin = factor on the bounds):")
         lines += [
-            f"  {trial.change}: margin {trial.margin:.3g}, {_effect(trial.margin, self.inflation)}"
-            for trial in self.trials
+            f"  {one.name}: margin {one.margin:.3g}, {_effect(_margin(one), self.inflation)}"
+            for one in self.corrections
         ]
         if self.left_out:
             lines.append(f"  no time was left for: {', '.join(self.left_out)}")
-        if self.trials and not self.passive:
+        if self.corrections and not self.passive:
             lines.append(_ASKS_LESS)
             lines += [] if consistent else [_NO_KNOWLEDGE]
         return "\n".join([*lines, *self._last()])
@@ -156,7 +157,7 @@ def diagnose(
 
     Notes
     -----
-    The margins of the trials are reached by systems of the changed classes (upper ends, not certified from below).
+    The margins of the corrections are reached by systems of the changed classes (upper ends, not certified from below).
     Source: dual weights from the dual of Theorem 1 of `inanc2001`.
 
     Examples
@@ -166,13 +167,13 @@ def diagnose(
     >>> record = rid.TimeRecord([1.0, 0.0], [0.5, 2.0], dt=1.0, bound=0.1)
     >>> prior = rid.Prior(gain_bound=1.0, decay_rate=1.1)
     >>> found = diagnose(rid.identify(rid.MixedProblem(time=record, prior=prior)))
-    >>> found.inflation > 1, [trial.change for trial in found.trials]
+    >>> found.inflation > 1, [one.name for one in found.corrections]
     (True, ['K times 2', 'K times 10', 'rho - 1 halved'])
     """
     as_kind("identification", identification, Identification, "an Identification")
     problem, inconsistent = identification.problem, not identification.consistent
     budget, active = Budget(time_limit), tuple(identification.conflicting_samples())
-    changes, causes, trials = changes_of(problem), list[Cause](), list[Trial]()
+    changes, causes, tried = changes_of(problem), list[Cause](), list[Cause]()
     waiting = [*(change.name for change in changes), *([_MOVED] * _may_move(identification))]
     count = len(waiting)
     tell = Budget(None, progress).tell
@@ -192,20 +193,18 @@ def diagnose(
             else:
                 if np.isinf(margin):  # no system was reached in time
                     break
-                trials.append(Trial(change.name, margin, change.problem))
+                tried.append(change._replace(margin=margin))
             waiting.remove(change.name)
             tell(count - len(waiting), count)
         if waiting == [_MOVED] and not budget.over:
             if (moved := _moved_poles(problem, budget)) is not None:
-                changes.append(moved[0])
-                trials.append(moved[1])
+                tried.append(moved)
             waiting.remove(_MOVED)
             tell(count, count)
-        unsolved = inconsistent and not any(one.solves for one in causes) and all(trial.margin > 1 for trial in trials)
+        unsolved = inconsistent and not any(one.solves for one in causes) and not any(one.solves for one in tried)
         if unsolved and not budget.over and (others := found_modes(problem)) is not None:
-            changes.append(others)
-            trials.append(Trial(others.name, judged_margin(others.problem, np.inf, budget), others.problem))
-            unsolved = trials[-1].margin > 1
+            tried.append(others._replace(margin=judged_margin(others.problem, np.inf, budget)))
+            unsolved = not tried[-1].solves
         if unsolved:
             causes += unit_cause(problem, identification.margin, budget)
     except KeyboardInterrupt:
@@ -213,8 +212,8 @@ def diagnose(
     return Diagnosis(
         inflation=identification.margin,
         active=active,
-        causes=tuple(_ranked(identification, causes, changes, trials) if inconsistent else causes),
-        trials=tuple(trials),
+        causes=tuple(_ranked(identification, causes, tried) if inconsistent else causes),
+        corrections=tuple(tried),
         left_out=tuple(waiting),
         notes=contradictions(problem) if problem.prior.physical and inconsistent else (),
         passive=bool(problem.prior.physical),
@@ -227,22 +226,21 @@ def _may_move(identification: Identification) -> bool:
     return not (identification.consistent or problem.prior.physical) and problem.coefficients <= QUICK_EXACT
 
 
-def _ranked(
-    identification: Identification, causes: list[Cause], changes: list[Change], trials: list[Trial]
-) -> list[Cause]:
+def _margin(cause: Cause) -> float:
+    return np.inf if cause.margin is None else cause.margin
+
+
+def _ranked(identification: Identification, causes: list[Cause], tried: list[Cause]) -> list[Cause]:
     """Causes, the most likely first: the data alone, corrections without freedom, bounds a little too small, then the class."""
     problem, margin = identification.problem, identification.margin
     bounds = bound_cause(problem, margin)
-    known = {change.name: change for change in changes}
-    of_class: list[tuple[Kind, Cause]] = []
-    for trial in (trial for trial in trials if trial.margin <= max(1.0, margin / HELPS)):
-        words = f"with this change the margin is {trial.margin:.3g} in place of {margin:.4g}"
-        made = known[trial.change]
-        cause = Cause(made.cause, words, made.change, made.option, trial.margin, trial.problem)
-        of_class.append((made.kind, cause))
-    of_class.sort(key=lambda one: one[0])
+    of_class = [
+        one._replace(evidence=f"with this change the margin is {one.margin:.3g} in place of {margin:.4g}")
+        for one in sorted(tried, key=lambda one: one.kind)
+        if _margin(one) <= max(1.0, margin / HELPS)
+    ]
     sure = [one for one in causes if (one.margin is None or one.solves) and not one.unsure]
-    solving, helping = ([one for _, one in of_class if one.solves is which] for which in (True, False))
+    solving, helping = ([one for one in of_class if one.solves is which] for which in (True, False))
     rest = [] if sure else [one for one in causes if one not in sure]
     # Bounds that are off by an order are an error of judgement; by two, of something else.
     if margin <= SLIGHTLY:
@@ -252,7 +250,7 @@ def _ranked(
     return [*sure, *solving, *helping, *rest, bounds]
 
 
-def _moved_poles(problem: MixedProblem, budget: Budget) -> tuple[Change, Trial] | None:
+def _moved_poles(problem: MixedProblem, budget: Budget) -> Cause | None:
     """The poles of the pairs moved, where there are pairs and that helps."""
     try:
         found = improve_kautz(problem, repeat=False, time_limit=budget.seconds)
@@ -264,10 +262,8 @@ def _moved_poles(problem: MixedProblem, budget: Budget) -> tuple[Change, Trial] 
     if not found.moved:
         return None
     options = mode_options(found.problem)
-    change = Change(
-        Kind.POLES, f"{_MOVED}, to {places}", _ELSEWHERE, f"rid.kautz(...) with {places}", options, found.problem
-    )
-    return change, Trial(change.name, found.margin, found.problem)
+    change, name = f"rid.kautz(...) with {places}", f"{_MOVED}, to {places}"
+    return Cause(_ELSEWHERE, change, options, found.problem, Kind.POLES, name, margin=found.margin)
 
 
 def _effect(margin: float, before: float) -> str:

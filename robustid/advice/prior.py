@@ -8,9 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from robustid.advice.gains import CEILINGS, DIGITS, TAILS, response_sizes, smallest_gain
-from robustid.advice.representatives import Mask, missed, selected, thinned
 from robustid.advice.sensitivity import default_points, guaranteed
+from robustid.advice.smallest_gain import (
+    CEILINGS,
+    DIGITS,
+    TAILS,
+    Mask,
+    missed,
+    response_sizes,
+    selected,
+    smallest_gain,
+    thinned,
+)
 from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze, one_thread
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior, identify

@@ -38,7 +38,7 @@ _REAL_POLES = (
 def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
     """Sentences that say whether the data fit, and if not, what would help."""
     factor = run.identify.inflate
-    about = [*result.problem.about, *(f"Fault of the data: {words}." for words in result.problem.data_problems)]
+    about = [*result.problem.about, *(f"Fault of the data: {fault}." for fault in result.problem.data_faults)]
     wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
     if result.status is not Status.INCONSISTENT:
         return [*about, f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]

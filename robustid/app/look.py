@@ -14,9 +14,9 @@ import numpy as np
 
 from robustid.app.files import load
 from robustid.core import Frozen, Real
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import estimate_bound, found_period, record_problems, response_problems
+from robustid.estimation import estimate_bound, record_faults, response_faults
 from robustid.formats import contents
 
 _EVEN = 1e-6  # part of a step
@@ -37,7 +37,8 @@ class Look(Frozen):
     how : str
         As what the file was read.
     rows : tuple of (address, shape, range or text)
-    suspicions : tuple of str
+    faults : tuple of Fault
+        What is odd.
     data : object or None
         What `load` makes of it; None where it needs to be told more.
     refusal : str
@@ -51,7 +52,7 @@ class Look(Frozen):
     path: str
     how: str
     rows: tuple[tuple[str, str, str], ...]
-    suspicions: tuple[str, ...]
+    faults: tuple[Fault, ...]
     data: Any = None
     refusal: str = ""
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
@@ -71,7 +72,7 @@ class Look(Frozen):
         return python, f"robustid new {name} -o run.toml   # a run file, ready to edit"
 
     def summary(self) -> str:
-        """Plain text: contents, suspicions, what to do."""
+        """Plain text: contents, faults, what to do."""
         width = max((len(row[0]) for row in self.rows), default=0)
         lines = [f"{self.path}: {self.how}"]
         lines += [f"  {name.ljust(width)}  {shape:>14}  {words}".rstrip() for name, shape, words in self.rows[:_MANY]]
@@ -83,7 +84,7 @@ class Look(Frozen):
             lines.append(f"no error bound is stated; one taken from the data: {self.bound}")
         if self.refusal:
             lines.append(f"to be told more: {self.refusal}")
-        lines += [f"looks odd: {words}" for words in self.suspicions]
+        lines += [f"looks odd: {fault}" for fault in self.faults]
         return "\n".join([*lines, *(f"next: {words}" for words in self.next)])
 
     def __str__(self) -> str:
@@ -117,34 +118,31 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     ...     path = pathlib.Path(folder) / "sweep.csv"
     ...     _ = path.write_text("f,gain,phase\n1,-3,-20\n2,-6,-100\n3,-30,-170\n")
     ...     found = rid.look(path)
-    >>> found.suspicions[0]
-    'gain has negative values: a magnitude in decibels'
+    >>> print(found.faults[0])
+    gain has negative values: a magnitude in decibels
     """
     found = contents(path)
     rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
-    odd = [words for item in found.items if item.values is not None for words in _odd(item)]
+    odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
     try:
         data = load(path, **options)
     except (InputError, InputTypeError, FileFormatError) as error:
         tried = error.remedy if "fields" in error.remedy else {}
-        return Look(
-            path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), refusal=str(error), arguments=tried
-        )
+        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), arguments=tried)
     for one in data if isinstance(data, list) else [data]:
-        odd += response_problems(one) if isinstance(one, FrequencyResponse) else []
+        odd += response_faults(one) if isinstance(one, FrequencyResponse) else []
     records: Any = data if isinstance(data, list) else [data]
     if all(isinstance(one, TimeRecord) for one in records):
-        odd += [words for words in record_problems(records) if words not in odd]
+        odd += record_faults(records)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
-    return Look(
-        path=str(path), how=found.how, rows=rows, suspicions=tuple(odd), data=data, arguments=options, bound=own
-    )
+    return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), data=data, arguments=options, bound=own)
 
 
 def _own_bound(frf: FrequencyResponse) -> str:
-    """Note of the bound that a response has where nobody states one."""
+    """Bound that a response has where nobody states one, in words."""
     try:
-        return estimate_bound(frf).note
+        found = estimate_bound(frf)
+        return found.bound.words(found.note)
     except InputError:
         return ""
 
@@ -164,7 +162,7 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
         lines += [
             f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not isinstance(one.data, list) else "")
         ]
-        lines += [f"# Looks odd: {words}" for words in one.suspicions]
+        lines += [f"# Looks odd: {fault}" for fault in one.faults]
         lines.append("[[frequency]]" if response else "[[record]]")
         lines.append(f"file = {json.dumps(name)}")
         lines += [f"{key} = {_toml(value)}" for key, value in one.arguments.items()]
@@ -178,8 +176,7 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
             bounded = getattr(one.data, "bound", None) is not None
             use, other = ("samples", "response") if bounded else ("response", "samples")
             lines.append(f'use = "{use}"  # or "{other}", or "noise_floor" (samples need bound = ...)')
-        several = one.data if isinstance(one.data, list) else [one.data]
-        periods += filter(None, (found_period(item) for item in several if isinstance(item, TimeRecord)))
+        periods += [int(f.size) for f in one.faults if f.kind is FaultKind.UNSTATED_PERIOD and f.size is not None]
         lines.append("")
     if periods:
         lines += ["[estimate]", f"period = {periods[0]}  # samples; found in the input", ""]
@@ -251,27 +248,31 @@ def _two_sided(values: Any) -> bool:
     return bool(np.any(rows.imag)) and bool(np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size))
 
 
-def _odd(item: Any) -> list[str]:
-    """Sentences on one array: not finite, decibels, degrees."""
+def _odd(item: Any) -> list[Fault]:
+    """Faults of one array: not finite, decibels, degrees."""
     values, name = np.asarray(item.values), item.address
-    found: list[str] = []
+    found: list[Fault] = []
     missing = int(np.sum(~np.isfinite(values)))
     if missing:
-        found.append(f"{name} has {missing} values that are not finite, of {values.size}")
+        words = f"{name} has {missing} values that are not finite, of {values.size}"
+        found.append(Fault(FaultKind.NOT_FINITE, words, where=name, size=missing))
     if np.iscomplexobj(values) and _two_sided(values):
         half = values.shape[0] // 2
-        found.append(
-            f"{name} is a two-sided spectrum, its second half the conjugate of its first: keep rows 0 to {half},"
-            f' "{name.removesuffix("[:]")}[:{half + 1}]"'
-        )
+        words = f"{name} is a two-sided spectrum, its second half the conjugate of its first: keep rows 0 to {half},"
+        words += f' "{name.removesuffix("[:]")}[:{half + 1}]"'
+        found.append(Fault(FaultKind.TWO_SIDED, words, where=name, size=half))
     if np.iscomplexobj(values) or not values.size or missing == values.size:
         return found
     finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
-    if _MAGNITUDE.search(item.name) and "db" not in name.lower() and float(finite.min()) < 0:
-        found.append(f"{name} has negative values: a magnitude in decibels")
+    if _MAGNITUDE.search(item.name) and "db" not in name.lower() and (least := float(finite.min())) < 0:
+        words = f"{name} has negative values: a magnitude in decibels"
+        found.append(Fault(FaultKind.MAGNITUDE_UNIT, words, where=name, size=least))
     if _PHASE.search(item.name) and not item.unit and "rad" not in name.lower() and not re.search(r"deg|°", name, re.I):
-        if float(np.abs(finite).max()) > 4 * np.pi:
-            found.append(f"{name} goes to {float(np.abs(finite).max()):.4g}: a phase in degrees")
-        elif float(np.abs(finite).max()) <= 1.001 * np.pi:
-            found.append(f"{name} stays within pi: a phase in radians")
+        most = float(np.abs(finite).max())
+        if most > 4 * np.pi:
+            words = f"{name} goes to {most:.4g}: a phase in degrees"
+            found.append(Fault(FaultKind.PHASE_UNIT, words, where=name, size=most))
+        elif most <= 1.001 * np.pi:
+            words = f"{name} stays within pi: a phase in radians"
+            found.append(Fault(FaultKind.PHASE_UNIT, words, where=name, size=most))
     return found

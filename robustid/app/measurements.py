@@ -18,7 +18,7 @@ from robustid.app.withheld import Split, split
 from robustid.core import Source, digest
 from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import bounds_from_noise_floor, correct, estimate_delay, estimate_frf, response_problems
+from robustid.estimation import bounds_from_noise_floor, correct, estimate_delay, estimate_frf, response_faults
 from robustid.formats import datasets, read_said
 
 _SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
@@ -146,8 +146,8 @@ def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[Freq
             bounded, stated = with_bound(frf, source)
         say(f"read {source.file}: {frf.omega.size} frequency points; {how}")
         sources.append(_with_digest(stated, [frf], place))
-        for words in response_problems(frf):
-            say(f"{source.file}: {words}")
+        for fault in response_faults(frf):
+            say(f"{source.file}: {fault}")
         if frf.dt is None:
             say(
                 f"{source.file} has no sample time: it is taken as a response of continuous time (dt = ... says otherwise)"
@@ -242,7 +242,7 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
 def _say_bound(say: Say, name: str | None, source: Any, stated: Any, data: Sequence[Any]) -> None:
     """Say what a bound was taken from that nobody stated."""
     if stated.bound != source.bound:
-        say(f"{name} states no error bound, so it is taken from the data: {data[0].note}")
+        say(f"{name} states no error bound, so it is taken from the data: {data[0].bound.words(data[0].note)}")
 
 
 def _with_method(run: RunFile, records: list) -> RunFile:

@@ -34,7 +34,8 @@ def save_network(path: str | os.PathLike[str], thing: Any, *, parameter: Any, re
             raise InputError("`omega` is for models; a response has its own frequencies")
         _check_square(thing.values.shape[1:], thing.dt)
         values = scattering_of(thing.values, parameter, resistance)
-        write_touchstone(path, thing.omega, values, resistance, thing.note)
+        note = thing.note if thing.bound is None else thing.bound.words(thing.note)
+        write_touchstone(path, thing.omega, values, resistance, note)
         return
     system = _model(thing)
     if not touchstone:

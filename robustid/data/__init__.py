@@ -5,6 +5,7 @@ from robustid.data.bound import Bound, Caveat
 from robustid.data.bound_checks import as_probability
 from robustid.data.error_sets import bound_ratio, joint_radius, stacked, tilted, variances
 from robustid.data.excitation import Excitation, multisine
+from robustid.data.faults import Fault, FaultKind
 from robustid.data.frequency_points import NYQUIST_SLACK, signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
@@ -21,6 +22,8 @@ __all__ = [
     "Bound",
     "Caveat",
     "Excitation",
+    "Fault",
+    "FaultKind",
     "FrequencyResponse",
     "SimulatedExperiment",
     "TangentialResponse",

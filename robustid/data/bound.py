@@ -295,7 +295,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     # --- in words -------------------------------------------------------------------------------------------------------------
 
     def words(self, note: str = "") -> str:
-        """Kind of the bound in words, and where it comes from if a note says so.
+        """Kind of the bound in words, and where it comes from, as the note of the data says.
 
         Examples
         --------
@@ -308,8 +308,6 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         'confidence bound of the mean response, 95 % jointly, from one excitation'
         """
         said = KINDS[self.kind]
-        if note.startswith(said):
-            return note
         if self.excitations is not None and self.kind == "confidence":
             said += " of the mean response"
         if self.probability is not None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-from collections.abc import Sequence
-from typing import Any, ClassVar, Self, cast
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,14 +155,6 @@ def check_measured(values: NDArray[np.complex128], bound: Bound | None) -> None:
             f"`values` must be finite; got {values[tuple(bad[0])]} at index {tuple(int(i) for i in bad[0])}"
             f" ({len(bad)} of {values.size} values are not finite). A `bound` of inf marks what was not measured"
         )
-
-
-def as_sentences(name: str, value: Any) -> tuple[str, ...]:
-    """Sentences, checked."""
-    sentences: list[Any] | None = list(cast("Sequence[Any]", value)) if isinstance(value, list | tuple) else None
-    if sentences is None or not all(isinstance(words, str) for words in sentences):
-        raise InputTypeError(f"`{name}` must be a sequence of sentences; got {value!r}")
-    return tuple(sentences)
 
 
 def as_note(note: Any) -> str:

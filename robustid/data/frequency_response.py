@@ -11,13 +11,13 @@ from robustid.core import as_array, as_float, as_positive, as_signals, freeze
 from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
+from robustid.data.faults import Fault, as_faults
 from robustid.data.frequency_points import (
     NYQUIST_SLACK,
     FrequencyPoints,
     as_level,
     as_note,
     as_points,
-    as_sentences,
     check_measured,
     signal_index,
 )
@@ -64,8 +64,8 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     distortion : (F, ny, nu) array, optional
         Standard deviation of what changes with the realisation of the excitation beyond noise, in one realisation:
         stochastic nonlinear distortion.
-    problems : sequence of str
-        Faults of the records that it was estimated from (`record_problems`), for reports.
+    faults : sequence of Fault
+        Of the records that it was estimated from (`record_faults`).
 
     Raises
     ------
@@ -96,7 +96,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     coherence: Any = None
     noise: Any = None
     distortion: Any = None
-    problems: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         if cast("Any", self.values) is None:
@@ -131,7 +131,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
             inputs=as_signals("inputs", self.inputs, nu, "u"),
             outputs=as_signals("outputs", self.outputs, ny, "y"),
             note=as_note(self.note),
-            problems=as_sentences("problems", self.problems),
+            faults=as_faults("faults", self.faults),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             **{name: None if level is None else freeze(level[order]) for name, level in levels.items()},
         )
@@ -350,7 +350,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         radius = radius * np.sqrt(variances(self.covariance, self.values.shape))
         excitations = None if self.bound is None else self.bound.excitations
         bound = Bound(radius, kind="confidence", probability=probability, dof=self.dof, excitations=excitations)
-        return self.with_bound(bound, f"{bound.words()} over {self.omega.size} frequency points, from the covariance")
+        return self.with_bound(bound, f"{self.omega.size} frequency points, from the covariance")
 
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:

@@ -1,20 +1,19 @@
 """From records to responses, delays, noise levels and bounds; faults of data and their corrections."""
 
-from robustid.estimation.corrections import correct
+from robustid.estimation.corrections import MISTAKES, correct
 from robustid.estimation.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.estimation.delay import Delay, DelayedModel, estimate_delay, with_delay
-from robustid.estimation.faults import Fault, response_faults, response_problems
 from robustid.estimation.frf import estimate_frf
 from robustid.estimation.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.estimation.pole_fit import PoleFit
-from robustid.estimation.problems import REMOVED, found_period, record_problems
+from robustid.estimation.record_faults import record_faults
+from robustid.estimation.response_faults import response_faults
 
 __all__ = [
     "BOUND_SOURCES",
-    "REMOVED",
+    "MISTAKES",
     "Delay",
     "DelayedModel",
-    "Fault",
     "NoiseFloor",
     "PoleFit",
     "bounds_from_noise_floor",
@@ -23,9 +22,7 @@ __all__ = [
     "estimate_bound",
     "estimate_delay",
     "estimate_frf",
-    "found_period",
-    "record_problems",
+    "record_faults",
     "response_faults",
-    "response_problems",
     "with_delay",
 ]

@@ -18,6 +18,33 @@ _DEGREE = math.pi / 180
 _MOST_DECIBELS = 400.0
 _Data = TypeVar("_Data", FrequencyResponse, TimeRecord)
 
+# Mistakes in a response that corrections undo, in words.
+MISTAKES = {
+    "negate": "the response has the opposite sign",
+    "exchange": "input and output of the response are exchanged",
+    "times 0.001": "the response is in a unit 1000 times smaller (mm for m)",
+    "times 1000": "the response is in a unit 1000 times larger (m for mm)",
+    "times 0.5": "the response is twice too large (a one-sided spectrum, or peak for amplitude)",
+    "times 2": "the response is half too small (a two-sided spectrum)",
+    "times 57.29578": "the response is per degree, or in rad for degrees",
+    "times 0.017453293": "the response is in degrees for rad",
+    "times 1e-06": "the response is in a unit 10^6 times smaller (µm for m)",
+    "times 1e+06": "the response is in a unit 10^6 times larger",
+    "conjugate": "the phase has the wrong sign (the response is conjugated)",
+    "transpose": "the matrices are transposed (rows are inputs)",
+    "frequency in Hz": "the frequencies are in Hz and were taken as rad/s",
+    "frequency in rad/s": "the frequencies are in rad/s and were taken as Hz",
+    "frequency times 1000": "the frequencies are in kHz",
+    "phase in radians": "the phase is in radians and was taken as degrees",
+    "advance 1": "the response has one sample of delay too much",
+    "delay 1": "one sample of delay was taken out of the response that it doesn't have",
+    "integrate": "the response is the derivative of what was measured elsewhere (velocity for position)",
+    "differentiate": "the response is the integral (position for velocity)",
+    "integrate twice": "the response is of an acceleration, not of a position",
+    "magnitude linear": "the magnitude is a plain number and was taken as decibels",
+    "magnitude in dB": "the magnitude is in decibels and was taken as a plain number",
+}
+
 
 def correct(data: _Data, *corrections: str) -> _Data:
     """Undo mistakes of unit, sign, phase, order of axes or delay in measured data, one after the other.

@@ -19,7 +19,7 @@ from robustid.data import (
 )
 from robustid.errors import InputError
 from robustid.estimation.noise_floor import bounds_from_noise_floor
-from robustid.estimation.problems import found_period
+from robustid.estimation.record_faults import found_period
 from robustid.estimation.roughness import FEWEST, roughness
 
 BOUND_SOURCES = ("periods", "rest", "coherence", "scatter")
@@ -76,7 +76,7 @@ def estimate_bound(
     >>> frf = rid.estimate_bound(rid.FrequencyResponse(omega, G + noise))
     >>> frf.bound.kind, bool(np.all(abs(noise) < frf.bound.ravel()))
     ('confidence', True)
-    >>> frf.note.split(":")[0].split(", ")[-1]
+    >>> frf.note.split(";")[0].split(":")[0]
     'from the scatter of the response around a smooth model of 4 poles'
     """
     return default_bound(data, source, averages=averages, probability=probability)[0]
@@ -132,7 +132,7 @@ def _noise_of(record: TimeRecord, level: Real, words: str) -> TimeRecord:
         name = record.outputs[int(np.argmin(level))].name
         raise InputError(f"output {name} shows no noise at all")
     bound = Bound(np.broadcast_to(level, record.y.shape), kind="noise_floor").only(record.used)
-    return record.with_bound(bound, f"{bound.words()}: {words}")
+    return record.with_bound(bound, words)
 
 
 def _of_rest(record: TimeRecord) -> TimeRecord:
@@ -213,6 +213,6 @@ def _bounded(
     low = bool(np.any(radius < floor))
     bound = Bound(np.maximum(radius, floor), kind="confidence", probability=probability, dof=dof, excitations=1)
     part = np.median((bound.radius / np.maximum(size, np.finfo(float).tiny))[~frf.missing])
-    note = f"{bound.words()}, {words}; {100 * part:.2g} % of the response (median)"
+    note = f"{words}; {100 * part:.2g} % of the response (median)"
     note += f", at least {100 * _LEAST:g} % of each value" if low else ""
     return frf.with_bound(bound, note)

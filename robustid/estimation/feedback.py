@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.core import Real
-from robustid.data import TimeRecord
+from robustid.data import Fault, FaultKind, TimeRecord
 
 _LAGS = 20
 _FEWEST = 400
@@ -20,8 +20,8 @@ _CONTINUED = 1e-3  # what is new in an input, in part of it, below which it is i
 _EXACT = 1e-4  # part of an input that the output leaves unexplained, where a controller computes it
 
 
-def feedback_problems(record: TimeRecord) -> list[str]:
-    """Sentences on inputs that depend on the outputs; of records without reference whose inputs vary at random.
+def feedback_faults(record: TimeRecord) -> list[Fault]:
+    """Inputs that depend on the outputs; of records without reference whose inputs vary at random.
 
     Input and output are filtered so that the input is white (its autoregression of order 20): then the input is uncorrelated with
     earlier outputs unless a controller, or an exchange of the two, ties it to them. Standard deviation 1/sqrt(T).
@@ -38,10 +38,11 @@ def feedback_problems(record: TimeRecord) -> list[str]:
             if float(u @ y) > _COPY * float(np.linalg.norm(u) * np.linalg.norm(y)):
                 continue  # the output is the input, in another unit
             if (left := _computed(u, y)) < _EXACT:
-                return [
+                words = (
                     f"{pair}: all but {left:.1g} of the changes of the input follow from the output: a controller computes it, and"
                     " nothing else moves it. The response would be that of -1/controller; excite the loop, and give the reference"
-                ]
+                )
+                return [Fault(FaultKind.FEEDBACK, words, where=pair, size=left)]
             early, late = _correlations(u, y)
             if early > max(_CERTAIN, _PART * late):
                 tied.append((early, pair))
@@ -49,10 +50,11 @@ def feedback_problems(record: TimeRecord) -> list[str]:
         return []
     early, pair = max(tied)
     more = f" (and {len(tied) - 1} more pairs)" if len(tied) > 1 else ""
-    return [
+    words = (
         f"{pair}{more}: the input follows earlier outputs, with a correlation of {early:.2g} standard deviations: the loop is"
         " closed, or the two are exchanged. Give the reference, or exchange them"
-    ]
+    )
+    return [Fault(FaultKind.FEEDBACK, words, where=pair, size=early)]
 
 
 def _correlations(u: Real, y: Real) -> tuple[float, float]:

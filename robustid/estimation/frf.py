@@ -12,11 +12,10 @@ import numpy as np
 from robustid.core import as_count
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
-from robustid.estimation.estimated import ABOUT, Estimate, bound
-from robustid.estimation.local import local
+from robustid.estimation.estimate import ABOUT, Estimate, bound
+from robustid.estimation.nonperiodic import local, welch
 from robustid.estimation.periodic import periodic
-from robustid.estimation.problems import record_problems
-from robustid.estimation.welch import welch
+from robustid.estimation.record_faults import record_faults
 
 _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
@@ -67,7 +66,7 @@ def estimate_frf(
         With a confidence or tolerance `bound` (F, ny, nu) that knows from how many independent excitations it was taken (its
         `excitations`), `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
         `dof`, `coherence` (F, ny), the levels of `noise` and of stochastic nonlinear `distortion` where they show, what is wrong
-        with the records (`problems`, see `record_problems`), and a note that says what the scatter was taken over.
+        with the records (`faults`, see `record_faults`), and a note that says what the scatter was taken over.
 
     Raises
     ------
@@ -130,11 +129,11 @@ def estimate_frf(
         method = "periodic" if period is not None or steady else "local"
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
-    problems = record_problems(records, period=_period(records, method, period))
-    for sentence in problems:
-        _log.warning("%s", sentence)
+    faults = record_faults(records, period=_period(records, method, period))
+    for fault in faults:
+        _log.warning("%s", fault)
     estimate = periodic(records, period, lines) if method == "periodic" else _other(method)(records, lines)
-    return dataclasses.replace(_finished(records[0], estimate, probability, about), problems=problems)
+    return dataclasses.replace(_finished(records[0], estimate, probability, about), faults=faults)
 
 
 def _other(method: str) -> Any:
@@ -151,7 +150,7 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         dt=first.dt,
         inputs=first.inputs,
         outputs=first.outputs,
-        note=f"{found.words()}, over {len(estimate.index)} frequency points, {estimate.source}",
+        note=f"{len(estimate.index)} frequency points, {estimate.source}",
         dof=found.dof,
         coherence=estimate.coherence,
         noise=estimate.noise,

@@ -78,7 +78,7 @@ class NoiseFloor(Frozen):
         samples = int(record.used.sum(axis=0).max())
         bound = Bound(level, kind="noise_floor").only(record.used)
         note = (
-            f"{bound.words()}: {self.factor:g} times the largest deviation in {len(self.deviation)} samples without excitation,"
+            f"{self.factor:g} times the largest deviation in {len(self.deviation)} samples without excitation,"
             f" whose mean is removed; {samples} further ones stay within the largest itself with probability"
             f" {self.probability(samples):.3g} if the noise is exchangeable"
         )
@@ -140,7 +140,7 @@ class NoiseFloor(Frozen):
         bound = Bound(radius, kind="noise_floor", excitations=len(records) // gain.shape[1])
         beyond = np.exp(-np.log1p(self.factor**2 / np.arange(1, pool + 1)).sum())
         note = (
-            f"{bound.words()}: {self.factor:g} times the largest of {pool} DFT values without excitation around each spectral line,"
+            f"{self.factor:g} times the largest of {pool} DFT values without excitation around each spectral line,"
             f" in windows of {periods} of the {samples // period} periods, divided by the input; normal noise stays inside on all"
             f" {index.size} spectral lines with probability {max(0.0, 1 - peak.size * beyond):.3g}"
         )

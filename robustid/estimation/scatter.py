@@ -8,7 +8,7 @@ import numpy as np
 
 from robustid.core import Real
 from robustid.data import joint_radius, stacked, variances
-from robustid.estimation.detection import Distortion
+from robustid.estimation.distortion import Distortion
 from robustid.estimation.pooling import Pool, exceeds, pool, pooled_words
 
 # Variance of the strength of the distortion known beforehand, and for how many records that counts.

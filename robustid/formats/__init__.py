@@ -3,11 +3,12 @@
 from robustid.formats import datasets
 from robustid.formats.contents import Contents, Item, contents
 from robustid.formats.excitation_files import load_excitation
-from robustid.formats.files import Origin, origin, read_file, read_said
+from robustid.formats.measurement_files import Origin, origin, read_file, read_said
 from robustid.formats.model_files import load_model, save_model
-from robustid.formats.names import FREQUENCY, NAMES, TIME
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
+from robustid.formats.role_names import FREQUENCY, NAMES, TIME
 from robustid.formats.saved import WRITERS
+from robustid.formats.universal import write_universal
 
 __all__ = [
     "FREQUENCY",
@@ -30,4 +31,5 @@ __all__ = [
     "scattering_of",
     "write_spice",
     "write_touchstone",
+    "write_universal",
 ]

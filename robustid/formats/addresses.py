@@ -1,11 +1,11 @@
-"""Addresses of columns and slices of the arrays of a file: ``"hairdryer[:,0]"``, ``"[:,0:2]"``; read, never executed."""
+"""Addresses of parts of arrays, ``"hairdryer[:,0]"``, and names of their axes, ``"time,signal"``; read, never executed."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from types import EllipsisType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from robustid.errors import InputError
 Index = int | slice | EllipsisType
 
 _ADDRESS = re.compile(r"(?P<name>.*?)\s*\[(?P<index>[-+\d:,.\s]*)\]", re.DOTALL)
+TIME_AXES = ("realisation", "period", "time", "signal")
+FREQUENCY_AXES = ("frequency", "output", "input")
+_SYNONYMS = {"channel": "signal", "sample": "time", "realization": "realisation", "experiment": "realisation"}
 _WHOLE = re.compile(r"[-+]?\d{1,12}")
 
 
@@ -99,3 +102,32 @@ def _text(part: Index) -> str:
         return str(part)
     ends = ["" if end is None else str(end) for end in (part.start, part.stop)]
     return ":".join(ends if part.step is None else [*ends, str(part.step)])
+
+
+def axis_names(text: Any) -> tuple[str, ...]:
+    """The names of axes that a text holds, each once, of one kind of data."""
+    given = [word.strip().lower() for word in text.split(",")] if isinstance(text, str) else []
+    names = tuple(_SYNONYMS.get(name, name) for name in (word.removesuffix("s") for word in given))
+    known = [kind for kind in (TIME_AXES, FREQUENCY_AXES) if set(names) <= set(kind)]
+    if not names or not known or len(set(names)) < len(names):
+        raise InputError(
+            f"`axes` names the axes of the arrays in their order, of a time record from {', '.join(TIME_AXES)}, of a frequency"
+            f" response from {', '.join(FREQUENCY_AXES)}, each once, such as 'time,signal'; got {text!r}"
+        )
+    first = "time" if known[0] is TIME_AXES else "frequency"
+    if first not in names:
+        raise InputError(f"`axes` must name the axis {first!r}; got {text!r}")
+    return names
+
+
+def arranged(what: str, values: np.ndarray, names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
+    """Move the axes of an array into the order wanted; those that it lacks have length 1. A vector is along time or frequency."""
+    if values.ndim == 1 and len(names) > 1:
+        names = ["frequency" if "frequency" in wanted else "time"]
+    if values.ndim != len(names):
+        raise InputError(
+            f"`axes` names {len(names)} axes ({', '.join(names)}), and {what} has the shape {values.shape}"
+        )
+    there = [name for name in wanted if name in names]
+    values = values.transpose([list(names).index(name) for name in there])
+    return values.reshape([values.shape[there.index(name)] if name in there else 1 for name in wanted])

@@ -14,7 +14,7 @@ import numpy as np
 from robustid.core import as_flag
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError
 from robustid.formats.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
-from robustid.formats.files import read_file
+from robustid.formats.measurement_files import read_file
 from robustid.formats.table import said
 
 __all__ = ["DATASETS", "NAMES", "VARIABLE", "Dataset", "describe", "fetch", "find", "load"]

@@ -10,8 +10,8 @@ import numpy as np
 
 from robustid.core import as_array, as_float, atomic_write
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.formats.matlab_structures import STRUCTURE_TIME
 from robustid.formats.readers import read_table
-from robustid.formats.structures import STRUCTURE_TIME
 from robustid.formats.table import Table
 from robustid.formats.transfer_functions import of_polynomials, of_roots
 from robustid.formats.units import factor

@@ -13,14 +13,13 @@ from typing import Any, cast
 
 from robustid.core import saved_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.formats.archives import read_npy, read_npz
 from robustid.formats.hdf5 import read_hdf5
-from robustid.formats.matlab4 import read_matlab4
-from robustid.formats.matlab5 import read_matlab5
-from robustid.formats.objects import table_of
+from robustid.formats.matlab import read_matlab4, read_matlab5
+from robustid.formats.networks import read_touchstone
+from robustid.formats.numpy_files import read_npy, read_npz
 from robustid.formats.table import Table, said
+from robustid.formats.tables_in_memory import table_of
 from robustid.formats.text import read_text
-from robustid.formats.touchstone import read_touchstone
 from robustid.formats.universal import read_universal
 
 FORMAT = 1

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Arrays, Record, atomic_write, described, made, stored
-from robustid.data import Bound, Caveat, FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.data import Bound, Caveat, Fault, FaultKind, FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError
-from robustid.formats.lookup import Lookup
 from robustid.formats.readers import FORMAT
+from robustid.formats.role_lookup import Lookup
 from robustid.formats.table import Table
 
 Measured = FrequencyResponse | TangentialResponse | TimeRecord
@@ -31,7 +31,7 @@ _COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left", *_FACT
 _LARGE, _ROUNDING = 16, 1e-13  # entries from which on a covariance is stored by its factors, and their error
 _ROWS = 20_000
 
-stored(Bound, Caveat, *CLASSES.values())
+stored(Bound, Caveat, Fault, FaultKind, *CLASSES.values())
 
 
 def _described(data: Measured, kind: str, layout: str) -> tuple[Arrays, Record]:

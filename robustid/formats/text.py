@@ -11,8 +11,8 @@ from typing import IO
 import numpy as np
 
 from robustid.errors import FileFormatError, Remedy
-from robustid.formats.layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
 from robustid.formats.table import Table
+from robustid.formats.text_layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
 
 Column = np.ndarray | FileFormatError  # the error is raised where somebody asks for the column
 

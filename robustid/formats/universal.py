@@ -1,4 +1,4 @@
-"""Universal files, data set 58, through pyuff: frequency responses and time histories."""
+"""Universal files, data set 58: responses and time histories, read through pyuff; responses written in the binary form."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import Complex, atomic_write
+from robustid.data import FrequencyResponse
 from robustid.errors import FileFormatError, Remedy
 from robustid.formats.table import Table, missing, said
 from robustid.formats.units import FREQUENCY, TIME, factor
@@ -24,6 +26,8 @@ _ABSCISSA = {_TIME_RESPONSE: (17, TIME, "s"), _FRF: (18, FREQUENCY, "Hz")}
 _FUNCTIONS = {_TIME_RESPONSE: "time response", _FRF: "frequency response"}
 _ROLES = {_TIME_RESPONSE: ("time", "u", "y"), _FRF: ("freq_hz", "values")}
 _MOST_LISTED = 20
+_AXIS_OF_FREQUENCY, _AXIS_UNKNOWN = 18, 0
+_COMPLEX = 6  # numbers of the ordinate: complex, double precision
 
 
 def read_universal(path: Path) -> Table:
@@ -187,3 +191,34 @@ def _name(s: dict[str, Any]) -> str:
 
 def _unit(label: str) -> str:
     return "" if label.strip().upper() == "NONE" else label.strip()
+
+
+def write_universal(path: Path, frf: FrequencyResponse) -> None:
+    """Write all entries, in the binary form, which keeps all digits; bounds have no place in the format."""
+    frf.require_complete("a universal file")
+    with atomic_write(path, "wb") as file:
+        for output, input in np.ndindex(frf.values.shape[1:]):
+            file.write(_function(frf, output, input))
+
+
+def _function(frf: FrequencyResponse, output: int, input: int) -> bytes:
+    """One data set 58b: a line that says what follows, 11 lines of text, then x, Re, Im of every frequency point."""
+    value: Complex = frf.values[:, output, input]
+    numbers = np.stack([frf.freq_hz, value.real, value.imag], axis=1).astype("<f8").tobytes()
+    title = f"{frf.outputs[output]} / {frf.inputs[input]}"
+    lines = [
+        f"{'58b':>7}{1:6d}{2:6d}{11:12d}{len(numbers):12d}{0:6d}{0:6d}{0:12d}{0:12d}",
+        *(f"{text[:80]:<80}" for text in (title, "written by robustid", "NONE", "NONE", "NONE")),
+        f"{_FRF:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{output + 1:10d}{1:4d} {'NONE':<10}{input + 1:10d}{1:4d}",
+        f"{_COMPLEX:10d}{value.size:10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}",
+        _axis(_AXIS_OF_FREQUENCY, "Frequency", "Hz"),
+        _axis(_AXIS_UNKNOWN, frf.outputs[output].name, frf.outputs[output].unit),
+        _axis(_AXIS_UNKNOWN, frf.inputs[input].name, frf.inputs[input].unit),
+        _axis(_AXIS_UNKNOWN, "NONE", "NONE"),
+    ]
+    text = "\n".join(["    -1", *lines, ""])
+    return text.encode("ascii", "replace") + numbers + b"\n    -1\n"
+
+
+def _axis(kind: int, label: str, unit: str) -> str:
+    return f"{kind:10d}{0:5d}{0:5d}{0:5d} {label[:20]:<20} {(unit or 'NONE')[:20]:<20}"

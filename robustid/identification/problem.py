@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from robustid.bases import as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
-from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.data import Fault, FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.estimation import response_problems
+from robustid.estimation import response_faults
 from robustid.identification.entries import Entries
 from robustid.identification.passive import centred, check_passive
 from robustid.identification.prior import Prior, any_prior
@@ -155,11 +155,11 @@ class MixedProblem(Frozen):
         return tuple(dict.fromkeys(words for words in sentences if words))
 
     @functools.cached_property
-    def data_problems(self) -> tuple[str, ...]:
-        """Faults of the records from which the responses were estimated, and of the responses (`response_problems`)."""
+    def data_faults(self) -> tuple[Fault, ...]:
+        """Faults of the records from which the responses were estimated, and of the responses (`response_faults`), each once."""
         responses = [item for item in self.frequency if isinstance(item, FrequencyResponse)]
-        found = [words for item in responses for words in (*item.problems, *response_problems(item))]
-        return tuple(dict.fromkeys(found))
+        found = [fault for item in responses for fault in (*item.faults, *response_faults(item))]
+        return tuple({str(fault): fault for fault in found}.values())
 
     @property
     def unknown_bounds(self) -> Real:

@@ -8,6 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.advice import diagnose
+from robustid.data import FaultKind
 from robustid.errors import InputTypeError
 from support.structure import structure_problem
 
@@ -21,13 +22,13 @@ def test_diagnosis_finds_the_missing_mode():
     assert found.inflation == result.margin > 1
     assert found.active == tuple(result.conflicting_samples())
     best = found.best()
-    assert "one more pair, at 9.0" in best.change
+    assert "one more pair, at 9.0" in best.name
     assert best.margin < 1
-    margins = {trial.change: trial.margin for trial in found.trials}
+    margins = {one.name: one.margin for one in found.corrections}
     assert margins["K times 10"] <= margins["K times 2"] <= found.inflation * 1.001
     assert margins["each pair repeated once more"] <= found.inflation * 1.001
     assert "consistent" in found.summary()
-    for trial in found.trials:
+    for trial in found.corrections:
         proved = rid.identify(trial.problem)
         assert proved.margin_lower - 1e-9 <= trial.margin <= proved.margin + 2e-3 * max(1, proved.margin)
     inflated = dataclasses.replace(
@@ -45,11 +46,11 @@ def test_diagnosis_sees_that_repetition_absorbs_a_wrong_pole():
         frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=wrong
     )
     found = diagnose(rid.identify(problem))
-    repeated = next(t for t in found.trials if "repeated" in t.change)
+    repeated = next(t for t in found.corrections if "repeated" in t.name)
     assert repeated.margin < 0.2 * found.inflation
     assert repeated.problem.parametric.size == 8
     again = diagnose(rid.identify(repeated.problem))
-    assert again.trials[0].problem.parametric.size == 12
+    assert again.corrections[0].problem.parametric.size == 12
 
 
 def test_diagnosis_of_consistent_time_data_without_pairs():
@@ -57,7 +58,7 @@ def test_diagnosis_of_consistent_time_data_without_pairs():
     found = diagnose(rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1))))
     assert found.inflation <= 1
     assert found.summary().startswith("The data are consistent")
-    assert [t.change for t in found.trials] == ["K times 2", "K times 10", "rho - 1 halved"]
+    assert [t.name for t in found.corrections] == ["K times 2", "K times 10", "rho - 1 halved"]
 
 
 def test_diagnosis_of_a_basis_with_real_poles_only():
@@ -66,7 +67,7 @@ def test_diagnosis_of_a_basis_with_real_poles_only():
     problem = rid.MixedProblem(
         frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=low_pass
     )
-    changes = [t.change for t in diagnose(rid.identify(problem)).trials]
+    changes = [t.name for t in diagnose(rid.identify(problem)).corrections]
     assert len(changes) == 4
     assert changes[0].startswith("one more pair")
 
@@ -75,7 +76,7 @@ def test_the_time_ends_the_trials_and_says_which_are_left():
     record, told = rid.TimeRecord([1.0, 0.0], [0.5, 2.0], dt=1.0, bound=0.1), []
     result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
     found = diagnose(result, time_limit=1e-9)
-    assert found.trials == ()
+    assert found.corrections == ()
     assert found.left_out == ("K times 2", "K times 10", "rho - 1 halved", "poles moved")
     assert "no time was left for: K times 2, K times 10" in found.summary()
     whole = diagnose(result, progress=lambda *at: told.append(at))
@@ -108,9 +109,10 @@ def test_a_missing_rigid_body_is_found():
 
 def test_a_drift_that_was_removed_is_no_cause():
     frf = rid.FrequencyResponse([1.0, 2.0, 3.0], [1.0, 5.0, 1.0], bound=0.01, dt=0.1)
-    removed, noisy = "output y drifts by 9 % of its rms; the drift over whole periods is removed", "record 2: noisy"
-    frf = dataclasses.replace(frf, problems=(removed, noisy))
+    removed = rid.Fault(FaultKind.DRIFT, "output y drifts by 9 % of its rms; the drift over whole periods is removed")
+    noisy = rid.Fault(FaultKind.DISTURBED, "noisy", record=2)
+    frf = dataclasses.replace(frf, faults=(removed, noisy))
     found = diagnose(rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.5))))
-    assert removed not in [cause.cause for cause in found.causes]
-    assert noisy in [cause.cause for cause in found.causes]
+    assert str(removed) not in [cause.cause for cause in found.causes]
+    assert "record 2: noisy" in [cause.cause for cause in found.causes]
     assert "Change to make: ." not in found.summary()

@@ -40,7 +40,7 @@ def test_remedies_for_a_matrix_that_contradicts_its_class():
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.2), parametric=basis)
     result = rid.identify(problem)
     assert not result.consistent
-    found = {trial.change: trial.margin for trial in diagnose(result).trials}
+    found = {one.name: one.margin for one in diagnose(result).corrections}
     ((at, more),) = ((change.split()[4], margin) for change, margin in found.items() if "one more pair" in change)
     assert float(at) == pytest.approx(9.0, abs=0.1)
     assert more <= 1 < found["K times 2"]

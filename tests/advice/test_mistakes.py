@@ -10,7 +10,6 @@ import scipy.signal
 
 import robustid as rid
 from robustid.errors import InputError
-from robustid.estimation import response_faults
 
 LINES, SAMPLES, DT = 16, 8, 0.01
 DATA = rid.flexible_structure(lines=LINES, samples=SAMPLES)
@@ -190,7 +189,7 @@ RESPONSE = rid.FrequencyResponse(TONES, PLANT(np.exp(1j * TONES * DT)), bound=1e
 
 @functools.cache
 def said_of_the_right_response():
-    return rid.response_problems(RESPONSE)
+    return rid.response_faults(RESPONSE)
 
 
 @pytest.mark.parametrize(
@@ -211,7 +210,7 @@ def said_of_the_right_response():
         (as_decibels, "a plain number and was taken as decibels", "magnitude linear"),
         (
             lambda r: dataclasses.replace(r, values=1 / r.values, bound=None),
-            "input and output are exchanged",
+            "input and output of the response are exchanged",
             "exchange",
         ),
     ],
@@ -219,14 +218,15 @@ def said_of_the_right_response():
 def test_responses_show_mistakes_without_a_class(wrong, words, correction):
     assert said_of_the_right_response() == ()
     bad = wrong(RESPONSE)
-    (said,) = rid.response_problems(bad)
-    assert words in said
-    assert said.endswith(f'after the correction "{correction}"')
+    (fault,) = rid.response_faults(bad)
+    assert words in fault.words
+    assert fault.correction == correction
+    assert str(fault).endswith(f'after the correction "{correction}"')
     right = rid.correct(bad, correction)
     wanted = RESPONSE.select(slice(len(right.omega)))
     np.testing.assert_allclose(right.omega, wanted.omega, rtol=1e-12)
     np.testing.assert_allclose(right.values, wanted.values, rtol=1e-9, atol=1e-12)
-    assert rid.response_problems(right) == ()
+    assert rid.response_faults(right) == ()
 
 
 def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_it():
@@ -235,15 +235,15 @@ def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_
     assert result.consistent
     found = rid.diagnose(result)
     assert found.summary().startswith("Most likely cause: the phase has the wrong sign")
-    assert any("wrong sign" in words for words in result.problem.data_problems)
+    assert any(fault.kind == "phase sign" for fault in result.problem.data_faults)
 
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(6)])
 def test_bounds_below_the_noise_are_named_without_a_class_and_covered_by_the_correction(seed):
     frf = rid.flexible_structure(lines=50, seed=seed, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
-    assert rid.response_problems(frf) == ()
-    (fault,) = response_faults(rid.correct(frf, "bound times 0.1"))
-    assert fault.cause == "the bounds are smaller than the noise of the response"
+    assert rid.response_faults(frf) == ()
+    (fault,) = rid.response_faults(rid.correct(frf, "bound times 0.1"))
+    assert fault.words == "the bounds are smaller than the noise of the response"
     right = rid.correct(frf, "bound times 0.1", fault.correction)
     assert 5 < (right.bound.radius / frf.bound.radius).max() * 10 < 20
 
@@ -252,8 +252,8 @@ def test_degrees_taken_as_radians_are_named():
     bad = dataclasses.replace(
         RESPONSE, values=np.abs(RESPONSE.values) * np.exp(1j * np.angle(RESPONSE.values, deg=True))
     )
-    (said,) = rid.response_problems(bad)
-    assert said.startswith("the phase is in degrees and was taken as radians")
+    (said,) = rid.response_faults(bad)
+    assert str(said).startswith("the phase is in degrees and was taken as radians")
 
 
 def test_decibels_taken_as_plain_numbers_are_refused_and_then_read(tmp_path):
@@ -294,15 +294,15 @@ def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_i
     if seed % 2:
         u = scipy.signal.lfilter([1], [1, -0.9], u)
     y = scipy.signal.lfilter(*_tf(), u) + noise
-    assert rid.record_problems(rid.TimeRecord(u, y, dt=DT)) == ()
-    (said,) = rid.record_problems(rid.TimeRecord(y, u, dt=DT))
-    assert "the two are exchanged" in said
+    assert rid.record_faults(rid.TimeRecord(u, y, dt=DT)) == ()
+    (said,) = rid.record_faults(rid.TimeRecord(y, u, dt=DT))
+    assert "the two are exchanged" in str(said)
     driven, answer = loop(u, 4 * noise, 0.8)
-    (said,) = rid.record_problems(rid.TimeRecord(driven, answer, dt=DT))
-    assert "the loop is closed" in said
-    assert rid.record_problems(rid.TimeRecord(driven, answer, dt=DT, reference=u)) == ()
-    (said,) = rid.record_problems(rid.TimeRecord(*loop(0 * u, noise, 0.8), dt=DT))
-    assert "a controller computes it" in said
+    (said,) = rid.record_faults(rid.TimeRecord(driven, answer, dt=DT))
+    assert "the loop is closed" in str(said)
+    assert rid.record_faults(rid.TimeRecord(driven, answer, dt=DT, reference=u)) == ()
+    (said,) = rid.record_faults(rid.TimeRecord(*loop(0 * u, noise, 0.8), dt=DT))
+    assert "a controller computes it" in str(said)
 
 
 def _tf():
@@ -314,6 +314,6 @@ def test_a_period_that_is_missing_or_wrong_is_given():
     u = np.tile(np.random.default_rng(0).standard_normal(50), 6)
     record = rid.TimeRecord(u, np.convolve(u, [0, 1, 0.5])[:300], dt=DT)
     for period in (None, 49):
-        (said,) = rid.record_problems(record, period=period)
-        assert "50" in said
-    assert rid.record_problems(record, period=50) == ()
+        (said,) = rid.record_faults(record, period=period)
+        assert "50" in str(said)
+    assert rid.record_faults(record, period=50) == ()

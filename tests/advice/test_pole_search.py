@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice.gains import smallest_gain
 from robustid.advice.moving_pairs import taken_apart
+from robustid.advice.smallest_gain import smallest_gain
 from robustid.bases import as_basis
 from robustid.core import ZPlane
 from robustid.errors import InputError, InputTypeError
@@ -241,14 +241,14 @@ def test_exact_data_give_exact_poles_in_few_steps():
 
 def test_diagnosis_offers_moved_poles():
     found = rid.diagnose(rid.identify(structure([[1, 1], [1.01, 1]], extra=FINE, K=0.05)))
-    moved = next(t for t in found.trials if "moved" in t.change)
-    assert "poles moved, to 9.0" in moved.change
-    assert ", 17.67 Hz with damping 0.00" in moved.change
+    moved = next(t for t in found.corrections if "moved" in t.name)
+    assert "poles moved, to 9.0" in moved.name
+    assert ", 17.67 Hz with damping 0.00" in moved.name
     assert moved.margin <= 1
     assert rid.identify(moved.problem).consistent
     assert "Poles that were moved" in found.summary()
     consistent = rid.identify(structure(np.ones((2, 2)), extra=()))
-    assert not any("moved" in t.change for t in rid.diagnose(consistent).trials)
+    assert not any("moved" in t.name for t in rid.diagnose(consistent).corrections)
 
 
 def test_class_without_a_mode_is_not_repaired():

@@ -6,8 +6,8 @@ import numpy as np
 
 import robustid as rid
 from robustid.advice import suggest_prior
-from robustid.advice.representatives import missed, selected, thinned
 from robustid.advice.sensitivity import guaranteed
+from robustid.advice.smallest_gain import missed, selected, thinned
 from support.structure import ANY
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice.gains import smallest_gain
 from robustid.advice.sensitivity import guaranteed
+from robustid.advice.smallest_gain import smallest_gain
 
 
 def structure(lines, gain=0.2, rate=1.2):

@@ -28,13 +28,13 @@ def _folder(tmp_path, monkeypatch):
 def test_a_look_says_what_is_there_what_is_odd_and_how_to_go_on(folder):
     found = rid.look("frf.csv")
     assert isinstance(found.data, rid.FrequencyResponse)
-    assert found.suspicions == ()
+    assert found.faults == ()
     assert "as Hz up to 131.9 Hz; as rad/s up to 21 Hz" in str(found)
     assert found.next[0] == 'rid.load("frf.csv")'
-    assert "conjugated" in rid.look("wrong.csv").suspicions[0]
+    assert "conjugated" in rid.look("wrong.csv").faults[0].words
     told = rid.look("sweep.csv")
     assert told.data is None
-    assert told.suspicions == (
+    assert tuple(map(str, told.faults)) == (
         "gain has negative values: a magnitude in decibels",
         "phase goes to 190: a phase in degrees",
     )
@@ -67,7 +67,7 @@ def test_measured_periods_and_faults_stand_in_the_run_file(folder):
 def test_a_two_sided_spectrum_and_a_bound_from_the_scatter_are_said(folder):
     rng = np.random.default_rng(0)
     np.save("spectrum.npy", np.fft.fft(rng.standard_normal(64)))
-    assert rid.look("spectrum.npy").suspicions[-1].endswith('keep rows 0 to 32, "[:33]"')
+    assert str(rid.look("spectrum.npy").faults[-1]).endswith('keep rows 0 to 32, "[:33]"')
     halved = rid.load("spectrum.npy", fields={"values": "[:33]"}, start=0.0, step=1.0, frequency_unit="Hz")
     assert halved.omega.size == 33
     omega = np.linspace(1, 20, 80)

@@ -75,7 +75,9 @@ def test_the_bound_of_the_next_record_knows_what_changes():
     assert (mean.bound.kind, following.bound.kind, mean.bound.excitations) == ("confidence", "tolerance", 6)
     # Pooled over ten lines; the strength of what changes is known from six records.
     assert mean.bound.dof > 12
-    assert following.note.startswith("tolerance bound of the next record, 95 % jointly, from 6 independent excitations")
+    assert following.bound.words().startswith(
+        "tolerance bound of the next record, 95 % jointly, from 6 independent excitations"
+    )
 
 
 def test_where_nothing_changes_the_next_record_is_as_sure_as_noise_allows():

@@ -137,7 +137,7 @@ def test_words():
     assert rid.Bound(0.1).words("data sheet") == "hard bound: data sheet"
     tolerance = rid.Bound(0.1, kind="tolerance", probability=0.9)
     assert tolerance.words() == "tolerance bound of the next record, 90 % jointly"
-    assert tolerance.words(f"{tolerance.words()} over 9 frequency points").endswith("over 9 frequency points")
+    assert tolerance.words("9 frequency points") == f"{tolerance.words()}: 9 frequency points"
     assert repr(BOUND) == "<Bound: hard bound, (3,), 0.1 to 0.2>"
     assert repr(response(1, "matrix").bound).startswith("<Bound: confidence bound, matrix, (5, 3, 2), ")
     assert "share one bound" in response(1, "column").bound.shape_words

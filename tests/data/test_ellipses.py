@@ -402,4 +402,4 @@ def test_advice_with_ellipses():
     assert suggested.prior is not None
     assert suggested.prior.gain_bound >= 2 * frf.bound.inner_radius.min() * (1 - 1e-12)
     small = problem.with_prior(gain_bound=1e-9)
-    assert diagnose(rid.identify(small, form="taylor")).trials
+    assert diagnose(rid.identify(small, form="taylor")).corrections

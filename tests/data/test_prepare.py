@@ -269,14 +269,14 @@ def test_decimate_refuses(samples, factor, initial, sentence):
 # --- what is wrong with a record
 
 
-def test_problems_are_named():
+def test_faults_are_named():
     rng = np.random.default_rng(0)
     u = rng.standard_normal((500, 2))
     u[:, 1] = 0.5
     y = np.stack([np.clip(u[:, 0], -10, 0.8), np.full(500, 3.0), u[:, 0]], axis=1)
     record = rid.TimeRecord(u, y, dt=DT, inputs=["force", "valve"], outputs=["x", "y", "z"])
     count = int(np.sum(u[:, 0] >= 0.8))
-    assert rid.record_problems(record) == (
+    assert tuple(map(str, rid.record_faults(record))) == (
         "input valve is constant (0.5): it excites nothing",
         "output y is constant (3): a sensor that is not connected, or saturated",
         f"output x is at its largest value, 0.8, in {count} of 500 samples: it looks saturated, and no linear model gives"
@@ -284,12 +284,12 @@ def test_problems_are_named():
     )
 
 
-def test_sound_records_have_no_problems():
+def test_sound_records_have_no_faults():
     rng = np.random.default_rng(0)
     time = np.arange(5000)
     wave = np.sin(2 * np.pi * time / 100)
     for y in (wave, np.round(20 * wave), rng.standard_normal(5000), np.round(3 * rng.standard_normal(5000))):
-        assert rid.record_problems(rid.TimeRecord(np.sign(wave + 0.01), y, dt=DT), period=100) == ()
+        assert rid.record_faults(rid.TimeRecord(np.sign(wave + 0.01), y, dt=DT), period=100) == ()
 
 
 def test_time_vectors():

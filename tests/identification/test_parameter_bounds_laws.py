@@ -127,7 +127,7 @@ def test_storage_summary_and_advice(tmp_path):
     assert np.array_equal(again.problem.parameter_bounds, problem.parameter_bounds)
     assert again.verification.passed
     assert again.active_intervals == result.active_intervals
-    trials = {trial.change: trial.margin for trial in diagnose(result).trials}
+    trials = {one.name: one.margin for one in diagnose(result).corrections}
     assert trials["coefficients without intervals"] < 0.9 * result.margin
     assert "each pair repeated once more" in trials
     smaller = rid.suggest_prior(dataclasses.replace(problem, parameter_bounds=None), decay_rates=[1.2]).gains[0]

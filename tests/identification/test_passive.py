@@ -253,13 +253,13 @@ def test_what_contradicts_a_class_is_said():
         (1j * omega, "over j omega"),
     ):
         found = diagnose(rid.identify(problem_of(omega, values * factor, 1e-3, rid.PositiveReal(decay=1.0))))
-        assert change in found.best().change
+        assert change in found.best().name
         assert found.best().margin < 1
     velocity = rid.identify(problem_of(omega, values, 1e-3, rid.NegativeImaginary(decay=1.0)))
-    assert "of a velocity the displacement" in diagnose(velocity).best().change
+    assert "of a velocity the displacement" in diagnose(velocity).best().name
     reflected = scattering(reactance(rng, 1, 1.0, 3, loss=0.5))(1j * omega)[:, 0, 0]
     found = diagnose(rid.identify(problem_of(omega, reflected.conj(), 1e-3, rid.BoundedReal(decay=1.0))))
-    assert "exp(-j omega t)" in found.best().change
+    assert "exp(-j omega t)" in found.best().name
     assert found.best().margin < 1
     loud = diagnose(rid.identify(problem_of(omega, 40 * reflected, 1e-3, rid.BoundedReal(decay=1.0))))
     assert "magnitude is above 1" in loud.summary()

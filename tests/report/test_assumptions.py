@@ -43,7 +43,6 @@ def test_the_identification_report_states_the_kind_of_bound():
         ("hard", None, "data sheet", "hard bound: data sheet"),
         ("noise_floor", None, "largest of 500 samples", "bound from the noise floor: largest of 500 samples"),
         ("confidence", 0.95, "3 periods", "confidence bound, 95 % jointly: 3 periods"),
-        ("confidence", 0.95, "confidence bound, joint", "confidence bound, joint"),
     ):
         bound = rid.Bound(0.1, kind=kind, probability=probability)
         assert bound_source(FrequencyResponse([1.0, 2.0], [1.0, 2.0], bound=bound, note=note)) == words

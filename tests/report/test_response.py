@@ -62,7 +62,7 @@ def test_lines_resolution_coherence_and_degrees_of_freedom(frf):
     worst = frf.freq_hz[np.argmin(frf.coherence[:, 0])]
     assert f"{worst:.5g} Hz" in rows["Coherence"].split(";")[0]
     assert rows["Degrees of freedom"].startswith("10" if frf.dof == 10 else f"{frf.dof:.4g}")
-    assert rows["Bound"] == frf.note
+    assert rows["Bound"] == frf.bound.words(frf.note)
     gaps = frf.select([0, 1, 5])
     assert "at least 0.5 Hz apart" in dict(summary_rows(ResponseView(gaps)))["Frequency points"]
     assert dict(summary_rows(ResponseView(frf.select([3]))))["Frequency points"] == f"{frf.freq_hz[3]:.5g} Hz"

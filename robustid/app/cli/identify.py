@@ -108,7 +108,7 @@ def _applied(console: Any, how: Identify, result: Any) -> Any:
 
     with shown(console, _HELPS) as show:
         cause = next(iter(diagnose(result, progress=counted(show, _HELPS)).causes), None)
-    if cause is None or cause.problem is None or not cause.solves:
+    if cause is None or not cause.solves:
         say(console, "nothing is applied: no change that was tried makes the data consistent")
         return result
     words = f"Applied: {cause.option or cause.change}, because {cause.cause} ({cause.evidence})."

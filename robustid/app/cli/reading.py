@@ -17,7 +17,7 @@ from robustid.app.reading_words import in_options, option_words
 from robustid.app.sources import RecordSource, ResponseSource, reading
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import correct, record_problems, response_faults
+from robustid.estimation import correct, record_faults, response_faults
 from robustid.formats import Origin, origin, read_file
 
 _SHARED = ("--dt", "--rate", "--axes", "--decimal")  # by files of both kinds
@@ -123,7 +123,7 @@ class Files:
         """The data with the bound that is given, or the one that they show themselves."""
         bounded, stated = with_bound(data, self.source)
         if stated.bound != self.source.bound:
-            self._taken_from[path] = bounded.note
+            self._taken_from[path] = bounded.bound.words(bounded.note)
         elif self.source.bound is not None and bounded is data:
             return data.with_bound(data.bound, note=_NOTE)
         return bounded
@@ -131,13 +131,8 @@ class Files:
     def _faults(self, data: Sequence[Any]) -> list[str]:
         """Faults that the data show, before any class is assumed."""
         if all(isinstance(one, FrequencyResponse) for one in data):
-            return [
-                f"{fault.cause}: {fault.evidence}"
-                + (f', --frequency-correct "{fault.correction}"' if fault.correction else "")
-                for one in data
-                for fault in response_faults(one)
-            ]
-        return list(record_problems(data)) if self.bounded and self.kind == "time" else []
+            return [fault.said(", --frequency-correct") for one in data for fault in response_faults(one)]
+        return [str(fault) for fault in record_faults(data)] if self.bounded and self.kind == "time" else []
 
     def _entry_of(self, data: Any, path: Path) -> tuple[str, Any]:
         """The entry that is asked for, else the whole matrix, and what it is in words."""

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robustid.app.exports import c_header, json_text, matlab, roots, tables, universal
+from robustid.app.exports import c_header, json_text, matlab, roots, tables
 from robustid.core import atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.estimation import DelayedModel
-from robustid.formats import save_model
+from robustid.formats import save_model, write_universal
 from robustid.guarantees import UncertaintyWeight, WorstCaseError
 from robustid.identification import Identification
 
@@ -40,7 +40,7 @@ def exported(path: str | os.PathLike[str], thing: Any) -> bool:
     path = Path(path)
     ending = path.suffix.lower()
     if isinstance(thing, FrequencyResponse) and ending in _OF_RESPONSES:
-        universal.write(path, thing)
+        write_universal(path, thing)
         return True
     writers = next((own for kind, own in _OF_RESULTS if isinstance(thing, kind)), None)
     if isinstance(thing, DelayedModel):  # its delay is in the states of the model

@@ -199,7 +199,7 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
 def _warnings(identification: Identification) -> list[Text]:
     problem = identification.problem
     about = [Text(sentence, "warning") for sentence in problem.about]
-    about += [Text(f"Fault of the data: {sentence}.", "warning") for sentence in problem.data_problems]
+    about += [Text(f"Fault of the data: {fault}.", "warning") for fault in problem.data_faults]
     return about + [Text(f"Warning: {sentence}.", "warning") for sentence in identification.warnings]
 
 

@@ -246,7 +246,7 @@ def warnings(view: ResponseView) -> list[Text]:
 
 def warning_sentences(view: ResponseView) -> list[str]:
     """Sentences on what is wrong with the data, or left open by them."""
-    found = [f"Fault of the data: {words}." for words in view.frf.problems]
+    found = [f"Fault of the data: {fault}." for fault in view.frf.faults]
     found += [] if view.frf.bound is None else [_CAVEATS[caveat] for caveat in view.frf.bound.caveats]
     return [*found, *_silent_words(view), *_low_coherence_words(view), *_few_data_words(view)]
 

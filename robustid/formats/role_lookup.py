@@ -11,11 +11,11 @@ import numpy as np
 
 from robustid.core import as_positive
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
-from robustid.formats import axes, units
-from robustid.formats.addresses import Address, columns, expanded, parse, taken
-from robustid.formats.names import FREQUENCY, NAMES, TIME, UNSURE, axis_role, is_usual, rank
+from robustid.formats import units
+from robustid.formats.addresses import FREQUENCY_AXES, Address, arranged, columns, expanded, parse, taken
+from robustid.formats.load_example import example
 from robustid.formats.readers import export, read_table
-from robustid.formats.suggestion import example
+from robustid.formats.role_names import FREQUENCY, NAMES, TIME, UNSURE, axis_role, is_usual, rank
 from robustid.formats.table import NAMELESS, Table
 
 _LONGEST_SHOWN = 80  # characters of a name
@@ -177,7 +177,7 @@ class Lookup:
             if len(parts) != len(names):
                 raise InputError(f"`axes` names {len(names)} axes ({', '.join(names)}), and {what} has {len(parts)}")
             names = [axis for axis, part in zip(names, parts, strict=True) if part is not None]
-        return axes.arranged(what, value, names, order)
+        return arranged(what, value, names, order)
 
     def _value(self, role: str, name: Any) -> tuple[np.ndarray, tuple[int | slice, ...] | None]:
         """The numbers that a name or an address is about, and the whole index of the address."""
@@ -236,7 +236,7 @@ class Lookup:
     def matrix(self, role: str, name: Any) -> np.ndarray:
         """A frequency-dependent (F,) or (F, ny, nu)."""
         if self.named_axes is not None:
-            return self.arranged(role, name, axes.FREQUENCY)
+            return self.arranged(role, name, FREQUENCY_AXES)
         if isinstance(name, str):
             return self.column(role, name)
         rows: list[Any] = list(cast("Sequence[Any]", name)) if isinstance(name, list | tuple) else []

@@ -12,9 +12,10 @@ import numpy as np
 from robustid.core import as_float, as_positive
 from robustid.data import FrequencyResponse, TimeRecord, uniform_step
 from robustid.errors import InputError, Remedy
-from robustid.formats import axes, units
-from robustid.formats.lookup import Lookup, seconds
-from robustid.formats.names import axis_role
+from robustid.formats import units
+from robustid.formats.addresses import TIME_AXES
+from robustid.formats.role_lookup import Lookup, seconds
+from robustid.formats.role_names import axis_role
 
 _log = logging.getLogger("robustid")
 
@@ -226,7 +227,7 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRe
 
 def _realisations(lookup: Lookup, named: Sequence[str], names: dict[str, Any], options: dict[str, Any]) -> Any:
     """The records of arrays whose axes are named."""
-    arrays = {role: lookup.arranged(role, name, axes.TIME) for role, name in names.items()}
+    arrays = {role: lookup.arranged(role, name, TIME_AXES) for role, name in names.items()}
     if len({array.shape[:3] for array in arrays.values()}) != 1:
         shapes = ", ".join(f"{role} {array.shape[:3]}" for role, array in arrays.items())
         raise InputError(f"the signals differ in their numbers of realisations, periods and samples: {shapes}")

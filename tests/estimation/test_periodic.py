@@ -57,8 +57,8 @@ def test_noise_free_single_channel_is_exact():
     assert np.all(np.abs(frf.values - truth(model, frf.omega)) <= frf.bound)
     assert np.all(frf.bound < 1e-12)
     assert (frf.dt, str(frf.inputs[0])) == (DT, "force [N]")
-    assert frf.note == (
-        "confidence bound of the mean response, 95 % jointly, from one excitation, over 5 frequency points, scatter over 4 periods,"
+    assert frf.bound.words(frf.note) == (
+        "confidence bound of the mean response, 95 % jointly, from one excitation: 5 frequency points, scatter over 4 periods,"
         " pooled over up to 5 neighbouring spectral lines; no distortion above the noise on 26 unexcited spectral lines, 14 of"
         " them in the band"
     )
@@ -81,8 +81,8 @@ def test_further_realisations_are_averaged_and_need_no_second_period():
     records = [steady_record(model, np.column_stack([multisine(rng), multisine(rng)]), 1) for _ in range(8)]
     frf = estimate_frf(records)
     np.testing.assert_allclose(frf.values, truth(model, frf.omega), atol=1e-12)
-    assert frf.note.endswith(
-        "from 4 independent excitations, over 5 frequency points, scatter over 4 blocks of experiments (1 periods each), pooled"
+    assert frf.bound.words(frf.note).endswith(
+        "from 4 independent excitations: 5 frequency points, scatter over 4 blocks of experiments (1 periods each), pooled"
         " over up to 5 neighbouring spectral lines"
     )
 

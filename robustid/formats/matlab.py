@@ -1,7 +1,8 @@
-"""Variables of MATLAB v5 files: numbers, texts, and the names of objects that only MATLAB can read.
+"""Variables of MATLAB files, v5 and before: numbers, texts, and the names of objects that only MATLAB can read.
 
-A reader of our own, in Python and NumPy: `scipy.io.loadmat` ends the whole process (segmentation fault) at files with flipped
-bytes. The format is MathWorks' "MAT-File Format": elements of a type, a size and data, matrices made of elements.
+Readers of our own, in Python and NumPy: `scipy.io.loadmat` ends the whole process (segmentation fault) at files with flipped
+bytes. The formats are MathWorks' "MAT-File Format": of v5 elements of a type, a size and data, matrices made of elements; before
+it a plain list of matrices, each with a header of five whole numbers. Those of v7.3 are HDF5.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.errors import FileFormatError
 from robustid.formats.table import Table, check_growth, said
@@ -26,6 +28,10 @@ _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _OPAQUE = 1, 2, 3, 4, 5, 17
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _COMPLEX = 0x0800
 _LARGEST_SPARSE = 10**7  # entries, zeros counted
+_HEADER4 = struct.calcsize("<5i")
+_FORMATS4 = ("f8", "f4", "i4", "i2", "u2", "u1")  # by the third digit of the type
+_LONGEST_NAME4 = 4096
+_FULL4 = 0  # the last digit; 1: text, 2: sparse
 
 
 def read_matlab5(path: Path) -> Table:
@@ -48,9 +54,7 @@ def read_matlab5(path: Path) -> Table:
         OverflowError,
         RecursionError,
     ) as error:
-        raise FileFormatError(
-            f"{path.name} can't be read as a MATLAB file ({said(error)}); is it cut off, or another kind of file?"
-        ) from None
+        raise _broken(path, said(error)) from None
     return table
 
 
@@ -188,3 +192,48 @@ def _store(name: str, value: Any, table: Table) -> None:
         table.texts[name] = value
     elif isinstance(value, np.ndarray):
         (table.columns if value.size else table.empty)[name] = value
+
+
+# --- before v5 -------------------------------------------------------------------------------------------------------------------
+
+
+def read_matlab4(path: Path) -> Table:
+    """Full matrices of numbers; texts and sparse matrices are passed over."""
+    content, at = path.read_bytes(), 0
+    columns: dict[str, NDArray[np.generic] | FileFormatError] = {}
+    while at < len(content):
+        name, matrix, at = _matrix4(path, content, at)
+        if matrix is not None:
+            columns[name] = matrix
+    return Table(path, columns, how="MATLAB v4")
+
+
+def _matrix4(path: Path, content: bytes, at: int) -> tuple[str, NDArray[np.generic] | None, int]:
+    """Name and numbers (None: no full matrix) of the matrix that begins at a place, and the place behind it."""
+    if len(content) - at < _HEADER4:
+        raise _broken(path, "it ends within a header")
+    order = "<" if 0 <= struct.unpack_from("<i", content, at)[0] < 1000 else ">"
+    kind, rows, columns, imaginary, length = struct.unpack_from(f"{order}5i", content, at)
+    machine, rest = divmod(kind, 1000)
+    number, shape = divmod(rest, 10)
+    known = machine == (order == ">") and number < len(_FORMATS4) and shape < 3 and imaginary in (0, 1)
+    if not known or min(rows, columns) < 0 or not 0 < length <= _LONGEST_NAME4:
+        raise _broken(path, "a header is none of MATLAB's")
+    start = at + _HEADER4 + length
+    form = np.dtype(f"{order}{_FORMATS4[number]}")
+    count = rows * columns
+    end = start + count * form.itemsize * (1 + imaginary)
+    if end > len(content):
+        raise _broken(path, f"a matrix declares {rows} x {columns} numbers, more than the file holds")
+    name = content[at + _HEADER4 : start].split(b"\0")[0].decode("latin-1")
+    if shape != _FULL4:
+        return name, None, end
+    parts = np.frombuffer(content, form, count * (1 + imaginary), start).reshape(1 + imaginary, count)
+    values = parts[0] + 1j * parts[1] if imaginary else parts[0].astype(form.newbyteorder("="))
+    return name, values.reshape(rows, columns, order="F"), end
+
+
+def _broken(path: Path, why: str) -> FileFormatError:
+    return FileFormatError(
+        f"{path.name} can't be read as a MATLAB file ({why}); is it cut off, or another kind of file?"
+    )

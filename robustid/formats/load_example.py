@@ -12,7 +12,7 @@ import numpy as np
 from robustid.errors import Remedy
 from robustid.formats import units
 from robustid.formats.addresses import written
-from robustid.formats.names import NAMES, UNSURE, axis_role
+from robustid.formats.role_names import NAMES, UNSURE, axis_role
 from robustid.formats.table import NAMELESS, Table
 
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals

@@ -12,15 +12,15 @@ from typing import Any, NamedTuple, cast
 from robustid.core import as_positive, written_by
 from robustid.data import FrequencyResponse
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.formats.axes import parse
+from robustid.formats.addresses import axis_names
+from robustid.formats.assembly import as_frequency, as_time, frequency_axis, time_step
 from robustid.formats.excitation_files import excitation_of, is_excitation
-from robustid.formats.lookup import Lookup
+from robustid.formats.matlab_structures import from_structure
 from robustid.formats.model_files import is_model, model_of
-from robustid.formats.names import NAMES
 from robustid.formats.readers import read_table
-from robustid.formats.roles import as_frequency, as_time, frequency_axis, time_step
+from robustid.formats.role_lookup import Lookup
+from robustid.formats.role_names import NAMES
 from robustid.formats.saved import CLASSES, WRITERS, unpack
-from robustid.formats.structures import from_structure
 from robustid.formats.table import Table
 from robustid.formats.units import FREQUENCY, factor
 
@@ -134,7 +134,7 @@ def _assigned(table: Table, asked: _Asked, options: dict[str, Any]) -> Any:
     kind, frequency_unit = asked.kind, asked.frequency_unit
     if not asked.fields and (plain := from_structure(table, kind, frequency_unit)) is not table:
         table, frequency_unit = plain, None
-    named = None if asked.axes is None else parse(asked.axes)
+    named = None if asked.axes is None else axis_names(asked.axes)
     if named is not None and kind is None:
         kind = "frequency" if "frequency" in named else "time"
     lookup = Lookup(table, asked.fields, named, dt_known="dt" in options)

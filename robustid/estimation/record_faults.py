@@ -1,4 +1,4 @@
-"""Problems of records, in words: dead, stuck and clipped signals, periods, noise, drift, records unlike the others."""
+"""Faults of records: dead, stuck and clipped signals, periods, noise, drift, records unlike the others."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustid.core import Real, as_count
-from robustid.data import TimeRecord, as_records
-from robustid.estimation.drift import without_drift
-from robustid.estimation.feedback import feedback_problems
+from robustid.data import Fault, FaultKind, TimeRecord, as_records
+from robustid.estimation.feedback import feedback_faults
+from robustid.estimation.periodic import without_drift
 
 # A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
 # has 2.4 times as many in its top step as in the next.
@@ -22,11 +22,10 @@ _NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
 _DRIFTS = 0.05  # part of the rms of an output
 _INPUT_NOISE = 0.05  # of the input at the lines that carry it
 _CARRYING = 0.2  # of its largest line
-REMOVED = "is removed"  # ends the sentences about what no longer matters
 
 
-def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None) -> tuple[str, ...]:
-    """Faults of records, one sentence each, before anything is estimated from them.
+def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None) -> tuple[Fault, ...]:
+    """Faults of records, before anything is estimated from them.
 
     Of every record: signals that are constant, get stuck, or stay at their extreme value; input that repeats although nothing says
     with which period, or doesn't although something does; input that follows earlier outputs (a closed loop without reference, or
@@ -36,13 +35,13 @@ def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | 
     Parameters
     ----------
     record : TimeRecord or sequence of TimeRecord
-        Of a sequence, sentences begin with the number of the record, from 1.
+        Of a sequence, faults say the number of their record, from 1.
     period : int, optional
         Period in samples; left out, one is looked for.
 
     Returns
     -------
-    tuple of str
+    tuple of Fault
 
     Raises
     ------
@@ -53,18 +52,17 @@ def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | 
     --------
     >>> import numpy as np, robustid as rid
     >>> time = np.arange(200)
-    >>> rid.record_problems(rid.TimeRecord(0 * time, np.clip(np.sin(0.1 * time), -2, 0.8), dt=1.0))[0]
-    'input u is constant (0): it excites nothing'
+    >>> print(rid.record_faults(rid.TimeRecord(0 * time, np.clip(np.sin(0.1 * time), -2, 0.8), dt=1.0))[0])
+    input u is constant (0): it excites nothing
     >>> u = np.tile(np.random.default_rng(0).standard_normal(50), 4)
-    >>> print(*rid.record_problems(rid.TimeRecord(u, 2 * u, dt=1.0)))
+    >>> print(*rid.record_faults(rid.TimeRecord(u, 2 * u, dt=1.0)))
     the input repeats every 50 samples (4 periods), and nothing says so: give period = 50
     """
     records = as_records("record", record)
     period = None if period is None else as_count("period", period, least=2)
-    found: list[str] = []
-    for k, one in enumerate(records):
-        of = f"record {k + 1}: " if len(records) > 1 else ""
-        found += [of + words for words in _alone(one, [r.u for r in records], period)]
+    found: list[Fault] = []
+    for k, one in enumerate(records, start=len(records) > 1):
+        found += [fault._replace(record=k) for fault in _alone(one, [r.u for r in records], period)]
     same = all(one.u.shape == records[0].u.shape and one.y.shape == records[0].y.shape for one in records)
     if period is not None and same and all(_repeats_with(one, period) for one in records):
         found += _periodic(records, period)
@@ -73,30 +71,31 @@ def record_problems(record: TimeRecord | Sequence[TimeRecord], *, period: int | 
     return tuple(found)
 
 
-def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[str]:
-    found: list[str] = []
+def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[Fault]:
+    found: list[Fault] = []
     for j, channel in enumerate(record.inputs):
         signal = record.u[:, j]
         # One input at a time is an experiment too: others may rest in it.
         step = record.initial == "rest" and signal[0] != 0 and np.all(record.u == record.u[0])
         if not step and all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
-            found.append(f"input {channel.name} is constant ({signal[0]:.6g}): it excites nothing")
+            words = f"input {channel.name} is constant ({signal[0]:.6g}): it excites nothing"
+            found.append(Fault(FaultKind.CONSTANT, words, where=f"input {channel.name}", size=float(signal[0])))
     for signal, channel in zip(record.y.T, record.outputs, strict=True):
         if np.all(signal == signal[0]):
-            found.append(
-                f"output {channel.name} is constant ({signal[0]:.6g}): a sensor that is not connected, or saturated"
-            )
+            words = f"output {channel.name} is constant ({signal[0]:.6g}): a sensor that is not connected, or saturated"
+            found.append(Fault(FaultKind.CONSTANT, words, where=f"output {channel.name}", size=float(signal[0])))
     sides = [("output", record.y, record.outputs)]
     if record.reference is not None:  # then the input is measured; an input that is played may stay at its ends
         sides.append(("input", record.u, record.inputs))
     for side, signals, channels in sides:
         for signal, channel in zip(signals.T, channels, strict=True):
-            ends = _at_ends(signal[_first_change(record.u) :])  # at rest, a signal is at one value
-            found += [f"{side} {channel.name} {words}" for words in (*ends, *_stuck(signal, record.u))]
+            where = f"{side} {channel.name}"
+            found += _at_ends(signal[_first_change(record.u) :], where)  # at rest, a signal is at one value
+            found += _stuck(signal, record.u, where)
     repeating = _repeating(record, period)
     # A periodic input is like its own past: it is correlated with earlier outputs too.
     random = period is None and record.initial != "periodic" and not repeating
-    return found + repeating + (feedback_problems(record) if random else [])
+    return found + repeating + (feedback_faults(record) if random else [])
 
 
 def _first_change(u: Real) -> int:
@@ -104,10 +103,15 @@ def _first_change(u: Real) -> int:
     return max(int(np.argmax(np.any(u != u[0], axis=1))) - 1, 0)
 
 
-def _at_ends(signal: Real) -> list[str]:
+def _at_ends(signal: Real, where: str) -> list[Fault]:
     return [
-        f"is at its {word} value, {extreme:.6g}, in {count} of {signal.size} samples: it looks saturated, and no linear model"
-        " gives such samples"
+        Fault(
+            FaultKind.SATURATED,
+            f"{where} is at its {word} value, {extreme:.6g}, in {count} of {signal.size} samples: it looks saturated, and no"
+            " linear model gives such samples",
+            where=where,
+            size=count,
+        )
         for word, extreme in (("largest", signal.max()), ("smallest", signal.min()))
         if (count := _clipped(signal, extreme)) > 0
     ]
@@ -124,8 +128,8 @@ def _clipped(signal: Real, extreme: float) -> int:
     return count if count > _CLIPPED_RATIO * np.sum(signal == next_to) else 0
 
 
-def _stuck(signal: Real, u: Real) -> list[str]:
-    """Sentence on a stretch in which a signal keeps one value, between its ends, while the input moves."""
+def _stuck(signal: Real, u: Real, where: str) -> list[Fault]:
+    """Stretch in which a signal keeps one value, between its ends, while the input moves."""
     starts = np.flatnonzero(np.concatenate([[True], signal[1:] != signal[:-1]]))
     runs = np.diff(np.concatenate([starts, [signal.size]]))
     longest = int(np.argmax(runs))
@@ -135,11 +139,12 @@ def _stuck(signal: Real, u: Real) -> list[str]:
         return []
     if np.all(u[start : start + count] == u[start]):
         return []
-    return [f"keeps the value {signal[start]:.6g} for {count} samples from sample {start} on: it was stuck"]
+    words = f"{where} keeps the value {signal[start]:.6g} for {count} samples from sample {start} on: it was stuck"
+    return [Fault(FaultKind.STUCK, words, where=where, size=count)]
 
 
-def _repeating(record: TimeRecord, period: int | None) -> list[str]:
-    """Sentence on a period that isn't stated, or is wrong."""
+def _repeating(record: TimeRecord, period: int | None) -> list[Fault]:
+    """Period that isn't stated, or is wrong."""
     drive = record.u if record.reference is None else record.reference
     drive = drive - drive.mean(axis=0)
     power = float(np.mean(np.asarray(drive, dtype=float) ** 2))
@@ -151,17 +156,17 @@ def _repeating(record: TimeRecord, period: int | None) -> list[str]:
         apart = _apart(drive, period)
         right = found_period(record)
         hint = "" if right is None else f"; it repeats every {right} samples"
-        return [
-            f"the input differs by {100 * apart:.2g} % of its power from one period of {period} samples to the next{hint}"
-        ]
+        words = f"the input differs by {100 * apart:.2g} % of its power from one period of {period} samples to the next{hint}"
+        return [Fault(FaultKind.WRONG_PERIOD, words, where="input", size=apart)]
     right = found_period(record)
     if right is None:
         return []
     whole = len(drive) // right
     cut = "" if whole * right == len(drive) else f"; cut the record to {whole * right} samples"
-    return [
+    words = (
         f"the input repeats every {right} samples ({whole} periods), and nothing says so: give period = {right}{cut}"
-    ]
+    )
+    return [Fault(FaultKind.UNSTATED_PERIOD, words, where="input", size=right)]
 
 
 def _repeats_with(record: TimeRecord, period: int) -> bool:
@@ -205,31 +210,31 @@ def found_period(record: TimeRecord) -> int | None:
     return first + int(np.argmin(apart[first : max(dip, first + 1)]))
 
 
-def _periodic(records: list[TimeRecord], period: int) -> list[str]:
-    """Problems that whole periods show: drifts, noise unlike that of other records, noise of the input."""
+def _periodic(records: list[TimeRecord], period: int) -> list[Fault]:
+    """Faults that whole periods show: drifts, noise unlike that of other records, noise of the input."""
     periods = len(records[0].u) // period
     # Of the later half, where transients have died out.
     kept = slice(min(periods // 2, periods - 2) * period, periods * period)
     y, drift = without_drift(np.stack([r.y[kept] for r in records]), period)
     u, _ = without_drift(np.stack([r.u[kept] for r in records]), period)
     several = len(records) > 1
-    found: list[str] = []
+    found: list[Fault] = []
     size = drift / np.maximum(y.std(axis=1), np.finfo(float).tiny)
     for k, i in np.argwhere(size > _DRIFTS):
-        of = f"record {k + 1}: " if several else ""
-        found.append(
-            f"{of}output {records[0].outputs[i].name} drifts by {100 * size[k, i]:.2g} % of its rms; the drift over whole periods"
-            f" {REMOVED}"
-        )
+        where = f"output {records[0].outputs[i].name}"
+        words = f"{where} drifts by {100 * size[k, i]:.2g} % of its rms; the drift over whole periods is removed"
+        number = int(k) + 1 if several else 0
+        found.append(Fault(FaultKind.DRIFT, words, where=where, record=number, size=float(size[k, i])))
     noise = _scatter(y, period)
     if several:
         usual = np.median(noise, axis=0)
         for k, i in np.argwhere(noise > _NOISY * np.where(usual > 0, usual, np.inf)):
-            found.append(
-                f"record {k + 1}: output {records[0].outputs[i].name} differs from period to period"
-                f" {noise[k, i] / usual[i]:.2g} times as much as in the other records: something disturbed it; leave the record"
-                " out, or measure it again"
+            where, times = f"output {records[0].outputs[i].name}", float(noise[k, i] / usual[i])
+            words = (
+                f"{where} differs from period to period {times:.2g} times as much as in the other records: something disturbed"
+                " it; leave the record out, or measure it again"
             )
+            found.append(Fault(FaultKind.DISTURBED, words, where=where, record=int(k) + 1, size=times))
     return found + _input_noise(records, u, period)
 
 
@@ -239,11 +244,11 @@ def _scatter(signals: Real, period: int) -> Real:
     return np.sqrt(cut.var(axis=1, ddof=1).mean(axis=1))
 
 
-def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[str]:
+def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[Fault]:
     """Noise of a measured input at the lines that carry it: it makes the response too small."""
     spectra = np.fft.rfft(u.reshape(len(u), -1, period, u.shape[2]), axis=2)
     size, noise = np.abs(spectra.mean(axis=1)), spectra.std(axis=1, ddof=1)
-    found: list[str] = []
+    found: list[Fault] = []
     for j, channel in enumerate(records[0].inputs):
         level: Real = size[:, 1:, j]
         carrying = level >= _CARRYING * level.max()
@@ -253,17 +258,18 @@ def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[str]:
         share = float(np.sqrt(np.mean(own[carrying] ** 2) / np.mean(level[carrying] ** 2)))
         if share > _INPUT_NOISE:
             one = share**2 / (len(records[0].u) // period)
-            found.append(
+            words = (
                 f"input {channel.name} is measured with noise: {100 * share:.2g} % of its amplitude at the lines that carry it, in"
                 f" one period. The mean over the periods leaves a response about {100 * one:.2g} % too small; give a reference,"
                 " which has no noise"
             )
+            found.append(Fault(FaultKind.NOISY_INPUT, words, where=f"input {channel.name}", size=share))
     return found
 
 
-def _levels(records: list[TimeRecord]) -> list[str]:
+def _levels(records: list[TimeRecord]) -> list[Fault]:
     """Excitation or answer of a record unlike that of the others."""
-    found: list[str] = []
+    found: list[Fault] = []
     for side in ("input", "output"):
         signals = np.stack([(r.u if side == "input" else r.y).std(axis=0) for r in records])
         for i, level in enumerate(signals.T):
@@ -273,9 +279,8 @@ def _levels(records: list[TimeRecord]) -> list[str]:
             usual = float(np.median(level[there]))
             limit = _UNEQUAL if side == "input" else _NOISY
             for k in np.flatnonzero(there & ((level > limit * usual) | (level < usual / limit))):
-                name = (records[0].inputs if side == "input" else records[0].outputs)[i].name
-                found.append(
-                    f"record {k + 1}: {side} {name} has {level[k] / usual:.2g} times the rms of the other records: they are not the"
-                    " same experiment"
-                )
+                where = f"{side} {(records[0].inputs if side == 'input' else records[0].outputs)[i].name}"
+                times = float(level[k] / usual)
+                words = f"{where} has {times:.2g} times the rms of the other records: they are not the same experiment"
+                found.append(Fault(FaultKind.OTHER_LEVEL, words, where=where, record=int(k) + 1, size=times))
     return found

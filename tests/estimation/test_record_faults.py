@@ -1,11 +1,12 @@
-"""Faults of records in words: each fault alone, and none where there is none."""
+"""Faults of records: each fault alone, and none where there is none."""
 
 import numpy as np
 import pytest
 import scipy.signal
 
 import robustid as rid
-from robustid.estimation.problems import found_period
+from robustid.data import Fault
+from robustid.estimation.record_faults import found_period
 
 DT, PERIOD = 0.01, 100
 
@@ -18,8 +19,8 @@ def record(*, seed=0, periods=6, noise=0.01, input_noise=0.0, level=1.0, **optio
     return rid.TimeRecord(u + input_noise * rng.standard_normal(u.shape), y, dt=DT, **options)
 
 
-def problems(*records, period=PERIOD):
-    return rid.record_problems(records[0] if len(records) == 1 else records, period=period)
+def sentences(*records, period=PERIOD):
+    return tuple(map(str, rid.record_faults(records[0] if len(records) == 1 else records, period=period)))
 
 
 def changed(one, **signals):
@@ -27,14 +28,14 @@ def changed(one, **signals):
 
 
 def test_sound_records_have_none():
-    assert problems(record()) == ()
-    assert problems(*(record(seed=k) for k in range(5))) == ()
+    assert sentences(record()) == ()
+    assert sentences(*(record(seed=k) for k in range(5))) == ()
 
 
 def test_a_noisy_record_among_others_is_named():
     """Two of six differ between their periods ten times more than the others."""
     records = [record(seed=k, noise=0.1 if k in (1, 4) else 0.01) for k in range(6)]
-    found = problems(*records)
+    found = sentences(*records)
     assert len(found) == 2
     for words, number in zip(found, (2, 5), strict=True):
         assert words.startswith(f"record {number}: output y differs from period to period ")
@@ -42,11 +43,11 @@ def test_a_noisy_record_among_others_is_named():
 
 
 def test_noise_from_one_period_to_the_next_needs_two_periods():
-    assert problems(*(record(seed=k, periods=1, noise=0.1 if k == 1 else 0.01) for k in range(4)), period=PERIOD) == ()
+    assert sentences(*(record(seed=k, periods=1, noise=0.1 if k == 1 else 0.01) for k in range(4)), period=PERIOD) == ()
 
 
 def test_unequal_excitation_is_named():
-    found = problems(*(record(seed=k, level=0.4 if k == 2 else 1.0) for k in range(4)))
+    found = sentences(*(record(seed=k, level=0.4 if k == 2 else 1.0) for k in range(4)))
     assert found[0] == "record 3: input u has 0.4 times the rms of the other records: they are not the same experiment"
     assert found[1].startswith("record 3: output y has 0.4 times")
 
@@ -57,18 +58,18 @@ def test_one_input_at_a_time_is_no_fault():
         changed(one, u=np.column_stack([one.u, 0 * one.u])),
         changed(other, u=np.column_stack([0 * other.u, other.u])),
     ]
-    assert problems(*pair) == ()
+    assert sentences(*pair) == ()
 
 
 def test_drift_is_named():
     one = record()
-    (words,) = problems(changed(one, y=one.y + 2 * np.linspace(0, 1, len(one.y))[:, None]))
+    (words,) = sentences(changed(one, y=one.y + 2 * np.linspace(0, 1, len(one.y))[:, None]))
     assert words.startswith("output y drifts by ")
     assert words.endswith("% of its rms; the drift over whole periods is removed")
 
 
 def test_noise_of_the_input_is_named():
-    (words,) = problems(record(input_noise=0.3))
+    (words,) = sentences(record(input_noise=0.3))
     assert words.startswith("input u is measured with noise: ")
     assert "give a reference" in words
 
@@ -80,13 +81,13 @@ def test_noise_of_the_input_is_named():
 def test_a_period_is_found(periods, extra, said):
     one = record(periods=periods + 1, input_noise=0.05)
     cut = slice(0, periods * PERIOD + extra)
-    (words,) = problems(changed(one, u=one.u[cut], y=one.y[cut]), period=None)
+    (words,) = sentences(changed(one, u=one.u[cut], y=one.y[cut]), period=None)
     assert words.startswith(f"the input repeats every 100 samples {said}, and nothing says so: give period = 100")
     assert ("cut the record to" in words) == bool(extra)
 
 
 def test_a_wrong_period_is_named():
-    (words,) = problems(record(), period=120)
+    (words,) = sentences(record(), period=120)
     assert words.endswith("from one period of 120 samples to the next; it repeats every 100 samples")
 
 
@@ -107,7 +108,7 @@ def test_no_period_is_found_where_there_is_none(kind):
 def test_units_do_not_matter(power):
     one = record(input_noise=0.3, noise=0.2)
     scaled = changed(one, u=one.u * 2.0**power, y=one.y * 2.0**-power)
-    assert problems(scaled) == problems(one)
+    assert sentences(scaled) == sentences(one)
     assert found_period(scaled) == found_period(one) == PERIOD
 
 
@@ -115,18 +116,18 @@ def test_a_stuck_sensor_is_named():
     one = record()
     y = one.y.copy()
     y[200:260] = y[200]
-    (words,) = problems(changed(one, y=y), period=None)[:1]
+    (words,) = sentences(changed(one, y=y), period=None)[:1]
     assert words == f"output y keeps the value {y[200, 0]:.6g} for 60 samples from sample 200 on: it was stuck"
     still = one.u.copy()
     still[200:260] = still[200]
-    assert not any("stuck" in words for words in problems(changed(one, u=still, y=y), period=None))
+    assert not any("stuck" in words for words in sentences(changed(one, u=still, y=y), period=None))
 
 
 def test_a_measured_input_that_clips_is_named():
     one = record()
     u = np.clip(one.u, -0.7, 0.7)
-    assert problems(changed(one, u=u)) == ()  # as played
-    found = problems(changed(one, u=u, reference=one.u))
+    assert sentences(changed(one, u=u)) == ()  # as played
+    found = sentences(changed(one, u=u, reference=one.u))
     assert [words.split(",")[0] for words in found] == [
         "input u is at its largest value",
         "input u is at its smallest value",
@@ -136,23 +137,26 @@ def test_a_measured_input_that_clips_is_named():
 def test_faults_stand_in_the_response_and_are_kept(tmp_path, caplog):
     records = [record(seed=k, noise=0.1 if k == 1 else 0.01) for k in range(6)]
     frf = rid.estimate_frf(records, period=PERIOD)
-    assert len(frf.problems) == 1
-    assert frf.problems[0].startswith("record 2: output y differs from period to period")
-    assert frf.problems[0] in caplog.text
+    (fault,) = frf.faults
+    assert (fault.kind, fault.record, fault.where) == ("disturbed", 2, "output y")
+    assert 9 < fault.size < 11
+    assert str(fault).startswith("record 2: output y differs from period to period")
+    assert str(fault) in caplog.text
     for ending in (".npz", ".csv", ".mat"):
         rid.save(tmp_path / f"g{ending}", frf)
-        assert rid.load(tmp_path / f"g{ending}").problems == frf.problems
-    assert frf.entry().problems == frf.problems
-    with pytest.raises(rid.errors.InputTypeError, match="`problems` must be a sequence of sentences"):
-        rid.FrequencyResponse([1.0], [1.0], problems="dead")
+        assert rid.load(tmp_path / f"g{ending}").faults == frf.faults
+        assert isinstance(rid.load(tmp_path / f"g{ending}").faults[0], Fault)
+    assert frf.entry().faults == frf.faults
+    with pytest.raises(rid.errors.InputTypeError, match="`faults` must be a sequence of Fault"):
+        rid.FrequencyResponse([1.0], [1.0], faults="dead")
 
 
 def test_whatever_is_no_record_is_refused():
     for wrong in ("record", [], [1.0], None):
         with pytest.raises(rid.errors.InputTypeError, match="`record` must be a TimeRecord or a sequence of them"):
-            rid.record_problems(wrong)
+            rid.record_faults(wrong)
     with pytest.raises(rid.errors.InputError, match="`period` must be at least 2; got 1"):
-        rid.record_problems(record(), period=1)
+        rid.record_faults(record(), period=1)
 
 
 def test_sweeps_of_an_open_loop_are_no_feedback():
@@ -166,9 +170,9 @@ def test_sweeps_of_an_open_loop_are_no_feedback():
         first = scipy.signal.lfilter([0, 0.01, 0.02], [1, -1.9, 0.95], u @ [1, 0.5])
         second = scipy.signal.lfilter([0, 0.02], [1, -1.8, 0.9], u @ [0.3, 1])
         y = np.stack([first, second], axis=1) + 0.01 * rng.standard_normal((time.size, 2))
-        assert not [words for words in rid.record_problems(rid.TimeRecord(u, y, dt=1e-3)) if "follows" in words]
+        assert not [fault for fault in rid.record_faults(rid.TimeRecord(u, y, dt=1e-3)) if fault.kind == "feedback"]
 
 
 @pytest.mark.realdata
 def test_the_loop_of_the_cd_player_is_found():
-    assert any("follows earlier outputs" in words for words in rid.record_problems(rid.datasets.load("cdplayer")))
+    assert any("follows earlier outputs" in str(fault) for fault in rid.record_faults(rid.datasets.load("cdplayer")))

@@ -1,16 +1,15 @@
-"""Problems of measured responses, in words, before any class is assumed: phase, magnitude, frequency axis, scatter."""
+"""Faults of measured responses before any class is assumed: phase, magnitude, frequency axis, scatter."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
 from robustid.core import Complex, Real
-from robustid.data import FrequencyResponse, as_frequency_response
+from robustid.data import Fault, FaultKind, FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
-from robustid.estimation.corrections import correct
+from robustid.estimation.corrections import MISTAKES, correct
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.roughness import roughness
 
@@ -30,24 +29,16 @@ _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
 _OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
 _DECIBELS = 6.0  # by which a magnitude in decibels varies at least
 _OF_STABLE = {
-    "conjugate": "the phase has the wrong sign (the response is conjugated)",
-    "phase in radians": "the phase is in radians and was taken as degrees",
-    "magnitude linear": "the magnitude is a plain number and was taken as decibels",
-    "magnitude in dB": "the magnitude is in decibels and was taken as a plain number",
-    "exchange": "input and output are exchanged",
+    "conjugate": FaultKind.PHASE_SIGN,
+    "phase in radians": FaultKind.PHASE_UNIT,
+    "magnitude linear": FaultKind.MAGNITUDE_UNIT,
+    "magnitude in dB": FaultKind.MAGNITUDE_UNIT,
+    "exchange": FaultKind.EXCHANGED,
 }
 
 
-class Fault(NamedTuple):
-    """A probable fault of a response, what shows it, and its correction (see `correct`); "" where none can undo it."""
-
-    cause: str
-    evidence: str
-    correction: str
-
-
-def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
-    """Faults of a response that no class has to be assumed for, one sentence each, with the correction.
+def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
+    """Faults of a response that no class has to be assumed for, with the correction, the most telling first.
 
     A response of a stable plant is close to a stable rational function; that of its conjugate, of its inverse, or with a phase or a
     magnitude in another unit, is not. Frequencies of a DFT are whole multiples of 1/(N dt) Hz. What a smooth model leaves, if
@@ -59,7 +50,7 @@ def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str
+    tuple of Fault
         Empty where nothing is wrong, or fewer than 16 frequency points say nothing.
 
     Raises
@@ -72,22 +63,15 @@ def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
     >>> import numpy as np, robustid as rid
     >>> s = 1j * np.linspace(1, 20, 60)
     >>> G = 1 / (s**2 + 0.2 * s + 100)
-    >>> rid.response_problems(rid.FrequencyResponse(s.imag, G))
+    >>> rid.response_faults(rid.FrequencyResponse(s.imag, G))
     ()
     >>> wrong = rid.FrequencyResponse(s.imag, G.conj())
-    >>> rid.response_problems(wrong)[0].split(":")[0]
-    'the phase has the wrong sign (the response is conjugated)'
+    >>> (fault,) = rid.response_faults(wrong)
+    >>> fault.words, fault.correction
+    ('the phase has the wrong sign (the response is conjugated)', 'conjugate')
     """
-    return tuple(
-        f"{fault.cause}: {fault.evidence}" + (f' "{fault.correction}"' if fault.correction else "")
-        for fault in response_faults(as_frequency_response("frf", frf))
-    )
-
-
-def response_faults(frf: FrequencyResponse) -> list[Fault]:
-    """Parts of what `response_problems` says: the most telling first."""
-    found = [*_axis(frf), *_stable(frf)]
-    return found or _scattered(frf)
+    frf = as_frequency_response("frf", frf)
+    return tuple([*_axis(frf), *_stable(frf)] or _scattered(frf))
 
 
 def _axis(frf: FrequencyResponse) -> list[Fault]:
@@ -100,17 +84,14 @@ def _axis(frf: FrequencyResponse) -> list[Fault]:
     if not np.isfinite(step) or not _multiples(omega, step):
         return []
     found: list[Fault] = []
-    for correction, cause, of, other in (
-        ("frequency in Hz", "the frequencies are in Hz and were taken as rad/s", 1.0, "Hz"),
-        ("frequency in rad/s", "the frequencies are in rad/s and were taken as Hz", 4 * np.pi**2, "rad/s"),
-    ):
+    for correction, of, other in (("frequency in Hz", 1.0, "Hz"), ("frequency in rad/s", 4 * np.pi**2, "rad/s")):
         samples, given = of / (step * frf.dt), 2 * np.pi / (step * frf.dt)
         if _is_whole(samples) and not _is_whole(given) and (of > 1 or omega[-1] * frf.dt * 2 <= 1 + _WHOLE):
-            words = (
+            evidence = (
                 f"as numbers in {other} they are those of a DFT of {round(samples)} samples of {frf.dt:g} s; as they were taken, of"
-                f" {given:.6g}, which is none;"
+                f" {given:.6g}, which is none; they are right after the correction"
             )
-            found.append(Fault(cause, words + " they are right after the correction", correction))
+            found.append(Fault(FaultKind.FREQUENCY_UNIT, MISTAKES[correction], evidence, correction, size=given))
     return found
 
 
@@ -153,7 +134,7 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     if best is None:
         return []
     words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
-    return [Fault(_OF_STABLE[best], words, best)]
+    return [Fault(_OF_STABLE[best], MISTAKES[best], words, best, size=before)]
 
 
 def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
@@ -167,7 +148,7 @@ def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
         f"from one frequency point to the next it changes by {jump:.2g} rad, the magnitude by {100 * smooth:.2g} %. Read the file"
         " again with the phase as phase_deg"
     )
-    return [Fault("the phase is in degrees and was taken as radians", words, "")]
+    return [Fault(FaultKind.PHASE_UNIT, "the phase is in degrees and was taken as radians", words, size=jump)]
 
 
 def _scattered(frf: FrequencyResponse) -> list[Fault]:
@@ -189,7 +170,8 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
         f"around a smooth model the values scatter by {worst:.2g} times their bound (rms), unrelated from one frequency point to"
         " the next, so that it is noise; it is covered after the correction"
     )
-    return [Fault("the bounds are smaller than the noise of the response", words, f"bound times {factor:g}")]
+    said = "the bounds are smaller than the noise of the response"
+    return [Fault(FaultKind.SMALL_BOUND, said, words, f"bound times {factor:g}", size=worst)]
 
 
 def _representative(frf: FrequencyResponse, *, bounded: bool = False) -> FrequencyResponse:

@@ -33,7 +33,7 @@ def test_the_level_is_the_factor_times_the_largest_deviation_of_each_output():
     np.testing.assert_array_equal(record.bound, [[2, 4], [np.inf, np.inf], [2, 4]])
     np.testing.assert_allclose(record.y, np.tile([-1.0, 6.0], (3, 1)))
     assert record.bound.kind == "noise_floor"
-    assert record.note.startswith(
+    assert record.bound.words(record.note).startswith(
         "bound from the noise floor: 2 times the largest deviation in 4 samples without excitation"
     )
     own = record.with_bound(0.5, note="calibration")

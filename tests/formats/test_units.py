@@ -9,7 +9,7 @@ import pytest
 
 from robustid import load
 from robustid.errors import InputError
-from robustid.formats.names import axis_role
+from robustid.formats.role_names import axis_role
 
 pytestmark = pytest.mark.quick
 

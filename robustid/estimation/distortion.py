@@ -10,8 +10,8 @@ from robustid.core import Complex, Real
 from robustid.estimation.pooling import exceeds
 
 # Levels at excited lines over those of unexcited ones, where several realisations show both: in the band 0.5 to 1 in the median
-# over the lines (simulated hardening spring, dry friction, backlash; tests/data/test_detection.py), beside it 1 on the mirror,
-# 1.5 to 2 for spring and friction, 6 for backlash, which no factor for all would cover.
+# over the lines (simulated hardening spring, dry friction, backlash; tests/estimation/test_distortion.py), beside it 1 on the
+# mirror, 1.5 to 2 for spring and friction, 6 for backlash, which no factor for all would cover.
 INSIDE, BESIDE = 1.5, 2.0
 _SILENT = 0.1  # of the excited lines: what a line may hold and count as unexcited
 _SIGNIFICANT = 4.0  # standard deviations

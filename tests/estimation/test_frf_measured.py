@@ -56,7 +56,7 @@ def test_mirror():
     assert np.median(apart / gain) == pytest.approx(0.058, abs=0.002)
     # The standard deviation of that difference, pooled: the median of one alone is sqrt(log 2) of it.
     assert np.median(2**0.5 * frf.distortion / gain) == pytest.approx(0.058 / np.log(2) ** 0.5, abs=0.004)
-    assert "from 2 independent excitations" in frf.note
+    assert "from 2 independent excitations" in frf.bound.words(frf.note)
     assert "pooled over up to 20 neighbouring spectral lines" in frf.note
 
 

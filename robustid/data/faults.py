@@ -1,0 +1,94 @@
+"""Fault of measured data: its kind, where it is and how large, in words, and what undoes it."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any, NamedTuple
+
+from robustid.errors import InputTypeError
+
+
+class FaultKind(enum.StrEnum):
+    """Kind of a fault of records, of responses, or of the arrays of a file."""
+
+    CONSTANT = "constant"
+    SATURATED = "saturated"
+    STUCK = "stuck"
+    UNSTATED_PERIOD = "unstated period"
+    WRONG_PERIOD = "wrong period"
+    FEEDBACK = "feedback"
+    DRIFT = "drift"  # removed, where periods show it
+    DISTURBED = "disturbed"  # one record among others
+    NOISY_INPUT = "noisy input"
+    OTHER_LEVEL = "other level"  # than that of the other records
+    FREQUENCY_UNIT = "frequency unit"
+    PHASE_SIGN = "phase sign"
+    PHASE_UNIT = "phase unit"
+    MAGNITUDE_UNIT = "magnitude unit"
+    EXCHANGED = "exchanged"  # input and output
+    SMALL_BOUND = "small bound"
+    NOT_FINITE = "not finite"
+    TWO_SIDED = "two-sided"
+
+
+class Fault(NamedTuple):
+    """Probable fault of measured data; as text one sentence for people.
+
+    Attributes
+    ----------
+    kind : FaultKind
+    words : str
+        What is wrong.
+    evidence : str
+        What shows it; "" where the words do.
+    correction : str
+        What undoes it (see `correct`); "" where none of its corrections does.
+    where : str
+        The signals, such as ``"output y"``; "" for the whole.
+    record : int
+        Number of the record among several, from 1; 0 for all, or the only one.
+    size : float, optional
+        The number that the words state: samples, a share, or how many times too large or small.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> (fault,) = rid.record_faults(rid.TimeRecord([1.0, 0.0, 2.0], [3.0, 3.0, 3.0], dt=1.0))
+    >>> print(fault)
+    output y is constant (3): a sensor that is not connected, or saturated
+    >>> fault.kind == "constant", fault.where
+    (True, 'output y')
+    """
+
+    kind: FaultKind
+    words: str
+    evidence: str = ""
+    correction: str = ""
+    where: str = ""
+    record: int = 0
+    size: float | None = None
+
+    def __str__(self) -> str:
+        return self.said()
+
+    def said(self, by: str = "") -> str:
+        """Return the sentence, with what takes the correction before it, such as ", --frequency-correct"."""
+        of = f"record {self.record}: " if self.record else ""
+        evidence = f": {self.evidence}" if self.evidence else ""
+        return f"{of}{self.words}{evidence}" + (f'{by} "{self.correction}"' if self.correction else "")
+
+    @property
+    def undone(self) -> bool:
+        """True for what the estimate from the records has removed: it contradicts nothing any more."""
+        return self.kind is FaultKind.DRIFT
+
+
+def as_faults(name: str, value: Any) -> tuple[Fault, ...]:
+    """Faults, also as their parts, which files hold."""
+    try:
+        given: list[tuple[str, list[Any]]] = [(kind, parts) for kind, *parts in value]
+        if all(isinstance(text, str) for _, parts in given for text in parts[:4]):
+            return tuple(Fault(FaultKind(kind), *parts) for kind, parts in given)
+    except (TypeError, ValueError):
+        pass
+    raise InputTypeError(f"`{name}` must be a sequence of Fault; got {value!r}")
