@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ DOUBLED = (
     " says much between the samples holds the data."
 )
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
+_LARGE = 100.0  # times the largest response: one that holds whatever does not contradict itself
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 
 
@@ -56,7 +58,7 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         return run.changed("modes", hz=hz, damping=tuple(found.damping.tolist()), delay=0, **said)
     if not data.responses:
         say("looking for modes in the records")
-        return dataclasses.replace(run, modes=from_records(chosen, data.records))
+        return dataclasses.replace(run, modes=_from_records(chosen, data.records))
     say("looking for modes in the frequency response")
     found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
     box: dict[str, Any] = {}
@@ -78,7 +80,7 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
     return dataclasses.replace(run, modes=modes)
 
 
-def from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:
+def _from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:
     """The poles of the parametric part from records alone, by a fit of them."""
     rows, words = modes_of_records(records, chosen.count)
     return dataclasses.replace(
@@ -177,11 +179,11 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
 def placeholder(run: RunFile, data: Measured) -> Prior:
     """A prior of no meaning but its shape and scaling: as stated, or the sizes of the entries where the class isn't stated."""
     if run.prior.gain_bound is None and run.prior.scaling is None:
-        return default_prior((*data.responses, *data.records), run.prior.shape(data.dt))
+        return _default_prior((*data.responses, *data.records), run.prior.shape(data.dt))
     return any_prior(data.dt, run.prior.scaling, **run.prior.shape(data.dt))
 
 
-def default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> Prior:
+def _default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> Prior:
     """A prior of no meaning but its shape and scaling, the sizes of the entries of a MIMO response."""
     several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
     scaling = suggest_scaling(data) if several else None
@@ -215,37 +217,43 @@ def inflated(data: Any, run: RunFile) -> Any:
     return data.with_bound(dataclasses.replace(data.bound.inflated(factor), probability=None, dof=None), note)
 
 
-def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True) -> tuple[RunFile, MixedProblem]:
-    """Gain bound and decay rate; where only a class of anything at all fits, a reference class that is then refuted.
+def with_prior(
+    run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True, reference: bool = True
+) -> tuple[RunFile, MixedProblem]:
+    """Gain bound and decay rate; modes that the program chose are taken twice where they contradict the data, if `double`.
 
-    Where modes that the program chose contradict the data, each pair is taken twice, if `double` allows it.
+    Where only a class of anything at all fits, a `reference` class that is then refuted; else that class, or where none fits one so
+    large that it shows the contradiction of the data themselves.
     """
     if (stated := run.prior.stated(problem.dt)) is not None:
         problem = dataclasses.replace(problem, prior=stated)
         if run.prior.roll_off != AUTO:
             return run, problem
-        problem, words = with_roll_off(problem, say)
+        problem, words = _with_roll_off(problem, say)
         return _with_choice(run, problem.prior, Source.PROGRAM, words), problem
     say("looking for a prior")
     if (kind := run.prior.passive) is not None:
-        prior, words = chosen_decay(problem, kind, run.prior.slack, run.prior.without_decay("[prior] passive"))
+        prior, words = chosen_decay(problem, kind, run.prior.slack)
         return _with_choice(run, prior, Source.DATA, words), dataclasses.replace(problem, prior=prior)
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and chosen.source is Source.DATA
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
-    problem, found, doubled = suggested(problem, twice, say)
+    problem, found, doubled = _suggested(problem, twice, say)
     if doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
     prior, source, note = found.prior, Source.DATA, PRIOR_NOTE + found.reason
-    if prior is None or not says_something(problem, found):
+    if reference and not _says_something(problem, found):
         (prior, what), source = _reference(run, problem), Source.PROGRAM
         note += (
             f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
             f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
+    elif prior is None:
+        size, slowest = _LARGE * response_sizes(problem)[0], problem.prior.with_rate(float(found.decay_rates[0]))
+        prior, source = dataclasses.replace(slowest, gain_bound=size or 1.0), Source.PROGRAM
     problem = dataclasses.replace(problem, prior=prior)
     if run.prior.roll_off == AUTO:
-        problem, words = with_roll_off(problem, say)
+        problem, words = _with_roll_off(problem, say)
         note += f"\n{words}"
     return _with_choice(run, problem.prior, source, note, curve=found.table), problem
 
@@ -275,10 +283,9 @@ def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, Mix
     return found, dataclasses.replace(result.problem, prior=prior)
 
 
-def with_roll_off(problem: MixedProblem, say: Say | None = None) -> tuple[MixedProblem, str]:
+def _with_roll_off(problem: MixedProblem, say: Say) -> tuple[MixedProblem, str]:
     """The problem with the roll-off that its responses show, where they show one; and what was found."""
-    if say is not None:
-        say("looking for a roll-off")
+    say("looking for a roll-off")
     if not problem.frequency:
         return problem, "No roll-off: it is taken from a frequency response, and there is none."
     prior = suggest_roll_off(problem)
@@ -292,16 +299,16 @@ def with_roll_off(problem: MixedProblem, say: Say | None = None) -> tuple[MixedP
     return dataclasses.replace(problem, prior=prior), words
 
 
-def suggested(
-    problem: MixedProblem, twice: ParametricBasis | None, say: Say | None = None
+def _suggested(
+    problem: MixedProblem, twice: ParametricBasis | None, say: Say
 ) -> tuple[MixedProblem, PriorSuggestion, bool]:
     """The prior for a problem, with the basis `twice` where that is much better than one that says little: problem, prior, whether.
 
     A non-parametric part that may be larger than the typical response says little; much better is half the gain bound.
     """
-    progress = None if say is None else lambda done, count: say("looking for a prior", done, count)
+    progress = partial(say, "looking for a prior")
     found = suggest_prior(problem, progress=progress)
-    something = says_something(problem, found)
+    something = _says_something(problem, found)
     if twice is None or (something and _gain(found) <= found.safety * _typical_size(problem)):
         return problem, found, False
     wider = dataclasses.replace(problem, parametric=twice)
@@ -309,7 +316,7 @@ def suggested(
         other = suggest_prior(wider, progress=progress)
     except InputError:  # functions that the samples can't tell apart
         return problem, found, False
-    better = says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
+    better = _says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
     return (wider, other, True) if better else (problem, found, False)
 
 
@@ -324,6 +331,6 @@ def _typical_size(problem: MixedProblem) -> float:
     return float(np.median(sizes)) if sizes.size else float("inf")
 
 
-def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
+def _says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
     """Tell whether a suggested non-parametric part is not larger than every response."""
     return found.prior is not None and found.prior.gain_bound <= found.safety * response_sizes(problem)[0]

@@ -41,6 +41,10 @@ class Say(Protocol):
         """Say it."""
 
 
+def silent(text: str, done: int | None = None, count: int | None = None) -> None:
+    """No progress."""
+
+
 class Measured(NamedTuple):
     """Measured responses and records, with bounds, and responses of one kind that were kept out.
 

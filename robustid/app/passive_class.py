@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.advice import KautzSuggestion, possible_rates, suggest_kautz
 from robustid.app.options import Modes
-from robustid.app.prior_options import POSITIVE_REAL
+from robustid.app.prior_options import POSITIVE_REAL, PriorChoice
 from robustid.bases import ParametricBasis, passive_modes
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
@@ -43,16 +43,16 @@ def relaxations(frequency: Sequence[FrequencyResponse], kind: str, decay: float 
     return found if slow and np.any(found.damping == 1) else None
 
 
-def chosen_decay(problem: MixedProblem, kind: str, slack: float | None, missing: str) -> tuple[Prior, str]:
+def chosen_decay(problem: MixedProblem, kind: str, slack: float | None) -> tuple[Prior, str]:
     """The passive class beside the modes of a problem, with half the fastest decay at which the data are consistent, and words.
 
     Raises
     ------
     InputError
-        With the sentence `missing`, where there are no modes or no continuous time.
+        No modes, or no continuous time.
     """
     if kind != POSITIVE_REAL or problem.dt or problem.parametric is None:
-        raise InputError(missing)
+        raise InputError(PriorChoice.without_decay("`passive`", "`decay`"))
     rates = possible_rates(problem)
     fields = {"passive": kind, "slack": slack}
     low, high, margin, tried = -1, rates.size, np.inf, float(rates[0])

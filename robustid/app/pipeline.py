@@ -14,7 +14,7 @@ import numpy as np
 from robustid.app.checks import Option, options, refuse_unknown, too_large
 from robustid.app.choices import stated_modes
 from robustid.app.folder import RunFolder
-from robustid.app.measurements import Measured, Say, measured
+from robustid.app.measurements import Measured, Say, measured, silent
 from robustid.app.members import FamilyRun, run_members
 from robustid.app.prior_options import prior_keys
 from robustid.app.result import IdentifiedReduced
@@ -133,7 +133,7 @@ def identify_reduced(
     if prior is not None:
         content["prior"] = prior_keys(prior)
     asked = read_run_file(content, "identify_reduced", sources=False)
-    around = Surroundings(progress or _silent, executor=executor)
+    around = Surroundings(progress or silent, executor=executor)
     if not isinstance(data, MixedProblem):
         return from_data(asked, _as_measured(data), around)
     own = asked.modes
@@ -147,10 +147,6 @@ def identify_reduced(
     if named := [name for name, value in given.items() if value is not None]:
         raise InputError(f"`{named[0]}` is part of the problem already; change it there, or give the data alone")
     return from_problem(asked, data, around)
-
-
-def _silent(text: str, done: int | None = None, count: int | None = None) -> None:
-    """No progress."""
 
 
 def _as_measured(data: Any) -> Measured:
@@ -223,7 +219,7 @@ def run(
     >>> again.identification.margin == result.identification.margin
     True
     """
-    path, folder, say = Path(path), Path(folder), progress or _silent
+    path, folder, say = Path(path), Path(folder), progress or silent
     resume, force, static = (as_flag(*one) for one in (("resume", resume), ("force", force), ("static", static)))
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)

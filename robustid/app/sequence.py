@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from robustid.advice import content
 from robustid.app import choices, findings
 from robustid.app.fit_step import with_fit
 from robustid.app.folder import RunFolder
-from robustid.app.measurements import Measured, Say
+from robustid.app.measurements import Measured, Say, silent
 from robustid.app.options import Modes
 from robustid.app.prior_options import PriorChoice
 from robustid.app.proved import box_of_modes, proved_band, refined_band
@@ -53,7 +54,7 @@ _LARGER = 4  # times that a gain bound which the program chose is doubled
 class Surroundings:
     """Receiver of progress, folder of results, and workers."""
 
-    say: Say
+    say: Say = silent
     folder: RunFolder = dataclasses.field(default_factory=RunFolder)
     executor: Any = None
 
@@ -76,8 +77,13 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     return _decided(*posed(run, data, around), around)
 
 
-def posed(run: RunFile, data: Measured, around: Surroundings) -> tuple[RunFile, MixedProblem, Untouched]:
-    """The run file with every choice made, the problem that it poses about data, and what it keeps out of it."""
+def posed(
+    run: RunFile, data: Measured, around: Surroundings, *, reference: bool = True
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The run file with every choice made, the problem that it poses about data, and what it keeps out of it.
+
+    `reference` is what becomes of a class that says nothing; see `with_prior`.
+    """
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     placeholder = choices.placeholder(run, data)
     everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
@@ -94,7 +100,7 @@ def posed(run: RunFile, data: Measured, around: Surroundings) -> tuple[RunFile, 
     run = choices.with_inflation(run, problem, say)
     problem = _inflated(problem, run)
     folder.choices(run)
-    run, problem = choices.with_prior(run, problem, say)
+    run, problem = choices.with_prior(run, problem, say, reference=reference)
     folder.choices(run)
     left = [choices.inflated(frf, run) for frf in (out if kind == "lines" else unused)]
     records = data.excited if used else data.records
@@ -142,7 +148,9 @@ def _check(run: RunFile, problem: MixedProblem) -> None:
         raise InputError(
             f"[small_model] rigid_body must be {heads}, a mode for every signal on the side with fewer; got {bodies}"
         )
-    for place, stated in (("[modes] hz", run.modes.hz), ("[worst_case] at_hz", run.worst_case.at_hz)):
+    pairs = zip(run.modes.hz or (), run.modes.damping or (), strict=True)
+    oscillating = [hz for hz, damping in pairs if dt and hz * math.sqrt(1 - damping**2) > 0.5 / dt * (1 + 1e-9)]
+    for place, stated in (("[modes] hz", oscillating), ("[worst_case] at_hz", run.worst_case.at_hz)):
         if stated and dt and max(stated) > 0.5 / dt * (1 + 1e-9):
             raise InputError(
                 f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
@@ -239,9 +247,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
 def _proved(run: RunFile, result: Identification, around: Surroundings) -> Band | None:
     """The band that is proved at every frequency, kept as soon as it is there."""
     around.say("proving the error at every frequency")
-    modes = run.modes
-    box = box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
-    found = proved_band(result, box)
+    found = proved_band(result, box_of_modes(run.modes))
     if found is not None:
         around.folder.proved(found)
     return found

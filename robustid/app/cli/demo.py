@@ -11,7 +11,6 @@ from robustid.app.cli import outputs, terminal
 from robustid.app.cli.identify import finish, identified
 from robustid.app.cli.options import Static
 from robustid.app.cli.terminal import step
-from robustid.app.options import Identify
 
 _SIDES = 6  # of the polygons around the errors at each frequency
 
@@ -48,7 +47,7 @@ def demo(
     console = terminal.console()
     folder = outputs.new_folder(output)
     data = measurements(console, folder, seed)
-    result, box = identified(console, Identify(), frequency=[data.frequency], time=[data.time])
+    result, box = identified(console, [data.frequency], [data.time])
     page = folder / "report.html"
     hz = [0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50]
     with step(console, "bounding the error of the model"):

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.checks import AUTO, too_large
+from robustid.app.checks import too_large
 from robustid.app.cli import outputs, terminal
 from robustid.app.cli.options import First, Force, Output, Report, Static
 from robustid.app.cli.terminal import counted, say, shown, step
-from robustid.app.options import FrequencyPoints, General, Identify, Modes
+from robustid.app.options import FrequencyPoints, General, Identify, Modes, Withheld
 from robustid.app.prior_options import PriorChoice
 from robustid.app.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
@@ -81,19 +81,8 @@ def identify(
     ]
     lines, samples = (one.read(console) for one in asked)
     dt = (*lines, *samples)[0].dt
-    modes = _with_pairs(modes, mode, dt)
-    result, box = identified(
-        console,
-        how,
-        frequency=lines,
-        time=samples,
-        modes=modes,
-        prior=prior.stated(dt),
-        passive=prior.passive,
-        slack=prior.slack,
-        shape=prior.shape(dt),
-        roll_off=prior.roll_off == AUTO,
-    )
+    stated = {"modes": _with_pairs(modes, mode, dt), "prior": prior, "identify": how}
+    result, box = identified(console, lines, samples, **stated)
     if apply and not result.consistent:
         result = _applied(console, how, result)
     finish(console, result, output, report, reduce=reduce, static=static, box=box)
@@ -144,21 +133,24 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
     return hz, damping
 
 
-def identified(console: Any, how: Identify, **data: Any) -> tuple[Any, Any]:
-    """Return the identification of data, as `propose` takes them, with the choices that were made, and the box of its poles."""
-    from robustid.app.proposal import propose
+def identified(console: Any, frequency: list[Any], time: list[Any], **stated: Any) -> tuple[Any, Any]:
+    """Return the identification of data as the sections of a run file state it, with all choices, and the box of its poles."""
+    from robustid.app.measurements import Measured
+    from robustid.app.proved import box_of_modes
+    from robustid.app.run_file import RunFile
+    from robustid.app.sequence import Surroundings, posed
     from robustid.identification import identify as solve
 
     with too_large(
         "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples"
     ):
         with step(console, "choosing modes and prior from the data"):
-            proposal = propose(**data)
-        problem = proposal.problem
+            asked = RunFile(withheld=Withheld(every=0), **stated)
+            run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), Surroundings(), reference=False)
         words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
         with shown(console, words) as show:
-            result = solve(problem, **how.arguments, progress=counted(show, words))
-    return dataclasses.replace(result, choices=result.choices | proposal.choices), proposal.box
+            result = solve(problem, **run.identify.arguments, progress=counted(show, words))
+    return dataclasses.replace(result, choices=result.choices | run.choices), box_of_modes(run.modes)
 
 
 def finish(

@@ -18,7 +18,12 @@ from robustid.app.options import PARTS
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
 _WORDS = {name: name for name in (*FLAGS, "order", "scaling")}
 _WORDS |= {"folder": "--output", "resume": "--resume", "force": "--force", "executor": "--workers"}
-_WORDS |= {"frequency_unit": "unit", "period": "period in [estimate]", "omega": "at_hz in [worst_case]"}
+_WORDS |= {
+    "passive": "[prior] passive",
+    "frequency_unit": "unit",
+    "period": "period in [estimate]",
+    "omega": "at_hz in [worst_case]",
+}
 
 
 def _show_keys(wanted: bool) -> None:

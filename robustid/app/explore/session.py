@@ -142,13 +142,12 @@ class Session(Frozen):
             Numbers that make no class.
         """
         data = without_points(self.data, choice.left_out_hz)
-        _, problem, left = posed(self.stated(choice), data, Surroundings(_silent))
+        _, problem, left = posed(self.stated(choice), data, Surroundings())
         return problem, [*left.points, *(left.withheld if left.kind == "lines" and not left.points else [])]
 
     def box(self, choice: Choice) -> Box | None:
         """The pole-uncertainty box of the modes, where they are those that the data gave; None where they are moved by hand."""
-        modes = self.stated(choice).modes
-        return box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
+        return box_of_modes(self.stated(choice).modes)
 
     def left_out(self, choice: Choice) -> list[FrequencyResponse]:
         """The frequency points that a choice leaves out."""
@@ -206,7 +205,3 @@ def toggled(left_out_hz: Sequence[float], brushed_hz: Sequence[float]) -> tuple[
     """
     before, brushed = set(left_out_hz), set(brushed_hz)
     return tuple(sorted(before - brushed if brushed <= before else before | brushed))
-
-
-def _silent(text: str, done: int | None = None, count: int | None = None) -> None:
-    """No progress."""
