@@ -22,7 +22,7 @@ from robustid.data import (
     record_problems,
     response_problems,
 )
-from robustid.data.io import contents
+from robustid.data.io import contents, read_table
 from robustid.errors import FileFormatError, InputError, InputTypeError
 
 _EVEN = 1e-6  # part of a step
@@ -126,11 +126,12 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     >>> found.suspicions[0]
     'gain has negative values: a magnitude in decibels'
     """
-    found = contents(path)
+    table = read_table(path, options.get("decimal"))
+    found = contents(table)
     rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
     odd = [words for item in found.items if item.values is not None for words in _odd(item)]
     try:
-        data = load(path, **options)
+        data = load(table, **options)
     except (InputError, InputTypeError, FileFormatError) as error:
         tried = error.remedy if "fields" in error.remedy else {}
         return Look(

@@ -15,6 +15,7 @@ from robustid.app.folder import RunFolder
 from robustid.app.measurements import Measured, measured
 from robustid.app.options import Modes
 from robustid.app.prior_options import prior_keys
+from robustid.app.reading import Tables
 from robustid.app.run_file import RunFile
 from robustid.app.sequence import Surroundings, Untouched, kept_out
 from robustid.app.sources import MemberChoice
@@ -112,9 +113,10 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
     asks for, in a class that holds those of all.
     """
     data: dict[str, Measured] = {}
+    tables = Tables()  # a record of the noise floor may be of all
     for member in run.members:
         around.say(f"member {member.name}")
-        stated, data[member.name] = measured(run.of_member(member.name), place, around.say)
+        stated, data[member.name] = measured(run.of_member(member.name), place, around.say, tables)
         run = run.with_member(member.name, stated)
     run = _with_own_poles(_with_modes(run, data, folder, around), data, around)
     problems: dict[str, MixedProblem] = {}

@@ -6,7 +6,7 @@ from robustid.data.corrections import correct
 from robustid.data.error_sets import bound_ratio, stacked, tilted
 from robustid.data.estimate.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.data.estimate.delay import Delay, DelayedModel, estimate_delay, with_delay
-from robustid.data.estimate.frf import estimate_frf
+from robustid.data.estimate.frf import estimate_frf, first_response
 from robustid.data.estimate.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.data.estimate.pole_fit import PoleFit
 from robustid.data.excitation import Excitation, multisine
@@ -52,6 +52,7 @@ __all__ = [
     "estimate_bound",
     "estimate_delay",
     "estimate_frf",
+    "first_response",
     "flexible_structure",
     "found_period",
     "load_excitation",

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 
 from robustid.core import Real, StateMatrices, balancing, lengths, points_of
-from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
+from robustid.data import FrequencyResponse, TimeRecord, first_response
 from robustid.errors import InputError
 from robustid.mfd.householder import triangle
 from robustid.mfd.state_fit import reflected
@@ -47,7 +47,7 @@ def _responses(
     responses = [] if frf is None else [frf]
     longest = max(len(record.u) for record in records)
     with contextlib.suppress(InputError):  # too short, or inputs that don't tell the entries apart
-        responses.append(estimate_frf([record for record in records if len(record.u) == longest]))
+        responses.append(first_response([record for record in records if len(record.u) == longest]))
     for response in responses:
         response = response.select(~np.any(response.missing, axis=(1, 2)))
         if not response.omega.size:

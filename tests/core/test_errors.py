@@ -7,7 +7,7 @@ import pytest
 
 from robustid.app.checks import too_large
 from robustid.app.cli.terminal import in_words
-from robustid.app.reading_words import in_options, in_run_file
+from robustid.app.reading import in_options, in_run_file
 from robustid.errors import (
     DatasetNotFoundError,
     FileFormatError,

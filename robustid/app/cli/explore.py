@@ -35,17 +35,26 @@ def explore(
     """
     from robustid.app.explore.server import serve
     from robustid.app.explore.session import Session
+    from robustid.app.reading import Tables
 
     console = terminal.console()
-    run, folder, title = _asked(console, file, responses, general)
+    tables = Tables()
+    run, folder, title = _asked(console, file, responses, general, tables)
     with in_words({"entry": "--entry", "port": "--port"}):
         with shown(console, "choosing what is not stated") as show:
-            session = Session.of(run, folder, lambda text, done=None, count=None: show(text) if done is None else None)
+
+            def said(text: str, done: int | None = None, count: int | None = None) -> None:
+                if done is None:
+                    show(text)
+
+            session = Session.of(run, folder, said, tables)
         serve(session, title, port, lambda address: _opened(console, address, browser))
     say(console, "closed")
 
 
-def _asked(console: Any, file: Path | None, source: ResponseSource, general: General) -> tuple[Any, Path, str]:
+def _asked(
+    console: Any, file: Path | None, source: ResponseSource, general: General, tables: Any
+) -> tuple[Any, Path, str]:
     """The run file of a file, the folder that its names are seen from, and the title of the page."""
     from robustid.app.cli.reading import Files
     from robustid.app.options import Withheld
@@ -64,13 +73,12 @@ def _asked(console: Any, file: Path | None, source: ResponseSource, general: Gen
         folder = _demo(console)
         frequency, record = ResponseSource(file="frequency.csv"), RecordSource(file="step.csv", use="samples")
         return RunFile(frequency=(frequency,), record=(record,)), folder, "robustid demo"
-    if origin(file, "frequency", source.fields, source.decimal).kind == "time":
+    if origin(tables.of(file, source.decimal), "frequency", source.fields).kind == "time":
         raise InputError(
             f"{file} holds time data: make a response of it with robustid frf, or a run file with robustid new, and explore that"
         )
-    Files(paths=[file], source=source, entry=general.entry, bounded=True).read(
-        console
-    )  # says what is wrong, in options
+    # Says what is wrong, in options.
+    Files(paths=[file], source=source, entry=general.entry, bounded=True, tables=tables).read(console)
     run = RunFile(
         frequency=(dataclasses.replace(source, file=file.name),),
         entry=general.entry,

@@ -13,6 +13,7 @@ import numpy as np
 from robustid.app.measurements import Measured, Say, measured, without_points
 from robustid.app.options import Fit
 from robustid.app.proved import Box, box_of_modes
+from robustid.app.reading import Tables
 from robustid.app.run_file import RunFile
 from robustid.app.sequence import Surroundings, posed
 from robustid.core import Frozen
@@ -66,7 +67,7 @@ class Session(Frozen):
     folder: Path
 
     @classmethod
-    def of(cls, run: RunFile, folder: Path, say: Say) -> Session:
+    def of(cls, run: RunFile, folder: Path, say: Say, tables: Tables | None = None) -> Session:
         """Read the data of a run file, and make the choices that it leaves open.
 
         Raises
@@ -81,7 +82,7 @@ class Session(Frozen):
         if run.prior.passive is not None:
             raise InputError("explore moves modes and a gain bound, which a passive class has not: leave passive out")
         left_out = run.frequency_points.leave_out_hz
-        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, say)
+        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, say, tables)
         if not data.responses:
             raise InputError(
                 "explore needs a frequency response: a [[frequency]], or a [[record]] that is used for one"

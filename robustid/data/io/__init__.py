@@ -5,7 +5,9 @@ from robustid.data.io.files import Origin, origin, read_file, read_said
 from robustid.data.io.model_files import load_model, save_model
 from robustid.data.io.names import FREQUENCY, NAMES, TIME
 from robustid.data.io.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
+from robustid.data.io.readers import read_table
 from robustid.data.io.saved import WRITERS, flat_fields, from_fields
+from robustid.data.io.table import Table
 
 __all__ = [
     "FREQUENCY",
@@ -15,6 +17,7 @@ __all__ = [
     "Contents",
     "Item",
     "Origin",
+    "Table",
     "contents",
     "flat_fields",
     "from_fields",
@@ -23,6 +26,7 @@ __all__ = [
     "origin",
     "read_file",
     "read_said",
+    "read_table",
     "save_model",
     "scattering_model",
     "scattering_of",
