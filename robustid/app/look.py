@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.files import load
+from robustid.app.load_save import load
 from robustid.core import Frozen, Real
 from robustid.data import (
     FrequencyResponse,

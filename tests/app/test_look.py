@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import robustid as rid
 from robustid.app.cli.main import app
 from robustid.app.look import run_file_text
-from robustid.app.run_file import read_run_file
+from robustid.app.run.run_file import read_run_file
 from robustid.data.io import readers
 from robustid.errors import InputError
 from support.command_line import words as command

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.prior_options import PriorChoice, prior_keys
+from robustid.app.run.class_settings import PriorChoice, prior_keys
 from support.networks import battery
 from support.posed import proposed
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.options import Modes
-from robustid.app.prior_options import PriorChoice
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.settings import Modes
 from support.posed import proposed
 
 pytestmark = pytest.mark.quick

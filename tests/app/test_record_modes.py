@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 import robustid as rid
 from robustid.advice import possible_rates
 from robustid.app.cli.main import app
-from robustid.app.measurements import _detrended
-from robustid.app.prior_options import PriorChoice
-from robustid.app.record_modes import modes_of_records
-from robustid.app.sources import RecordSource
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.measurements import _detrended
+from robustid.app.run.modes import modes_of_records
+from robustid.app.run.sources import RecordSource
 from robustid.core import responses, simulate
 from support.posed import proposed
 

@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 
 import robustid as rid
 from robustid.app.cli.main import app
-from robustid.app.options import Modes
-from robustid.app.prior_options import PriorChoice
-from robustid.app.run_file import RunFile, read_run_file
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.run_file import RunFile, read_run_file
+from robustid.app.run.settings import Modes
 from support.posed import proposed
 
 

@@ -1,9 +1,9 @@
 """Problems that the program poses about data."""
 
-from robustid.app.measurements import Measured
-from robustid.app.options import Withheld
-from robustid.app.run_file import RunFile
-from robustid.app.sequence import Surroundings, posed
+from robustid.app.run.measurements import Measured
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.sequence import Surroundings, posed
+from robustid.app.run.settings import Withheld
 
 
 def proposed(frequency=(), time=(), **sections):

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.measurements import Measured, Say, measured, without_points
-from robustid.app.options import Fit
-from robustid.app.proved import Box, box_of_modes
-from robustid.app.reading import Tables
-from robustid.app.run_file import RunFile
-from robustid.app.sequence import Surroundings, posed
+from robustid.app.run.measurements import Measured, Say, measured, without_points
+from robustid.app.run.proved_band import Box, box_of_modes
+from robustid.app.run.reading import Tables
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.sequence import Surroundings, posed
+from robustid.app.run.settings import Fit
 from robustid.core import Frozen
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError

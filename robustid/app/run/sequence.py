@@ -10,16 +10,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.advice import content
-from robustid.app import choices, findings
-from robustid.app.fit_step import with_fit
-from robustid.app.folder import RunFolder
-from robustid.app.measurements import Measured, Say, silent
-from robustid.app.options import Modes
-from robustid.app.prior_options import PriorChoice
-from robustid.app.proved import box_of_modes, proved_band, refined_band
-from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import RunFile
-from robustid.app.withheld import compared, looked_at, split_points
+from robustid.app.run import findings
+from robustid.app.run.class_choice import (
+    chosen_points,
+    inflated,
+    inflated_problem,
+    placeholder,
+    with_inflation,
+    with_larger_gain,
+    with_prior,
+)
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.kept_out import compared, looked_at, split_points
+from robustid.app.run.measurements import Measured, Say, silent
+from robustid.app.run.modes import basis_of, with_fit, with_modes
+from robustid.app.run.proved_band import box_of_modes, proved_band, refined_band
+from robustid.app.run.results import IdentifiedReduced
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import RunFolder
+from robustid.app.run.settings import Modes
 from robustid.core import Progress, Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
@@ -85,29 +94,33 @@ def posed(
     `reference` is what becomes of a class that says nothing; see `with_prior`.
     """
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
-    placeholder = choices.placeholder(run, data)
-    everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
-    dt, say, folder = everything.dt, around.say, around.folder
-    _check(run, everything)
+    say, folder = around.say, around.folder
+    _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
     folder.responses(data.responses)
-    run = choices.with_modes(with_fit(run, data, say, folder), data, say)
-    parts = [choices.chosen_points(run, frf) for frf in data.responses]
-    basis = choices.basis_of(run.modes, dt, run.prior.passive)
-    used = [points for points, _ in parts]
-    unused = [left for _, left in parts if left is not None]
-    run, used, out, kind = kept_out(run, data, used, unused)
-    problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
-    run = choices.with_inflation(run, problem, say)
-    problem = _inflated(problem, run)
+    run = with_modes(with_fit(run, data, say, folder), data, say)
+    run, problem, left = without_class(run, data, run.modes)
+    run = with_inflation(run, problem, say)
+    problem = inflated_problem(problem, run)
     folder.choices(run)
-    run, problem = choices.with_prior(run, problem, say, reference=reference)
+    run, problem = with_prior(run, problem, say, reference=reference)
     folder.choices(run)
-    left = [choices.inflated(frf, run) for frf in (out if kind == "lines" else unused)]
+    return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
+
+
+def without_class(run: RunFile, data: Measured, modes: Modes) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The problem that data and modes pose, with a prior of no meaning, and the data that it keeps out."""
+    prior = placeholder(run, data)
+    dt = MixedProblem(frequency=data.responses, time=data.records, prior=prior).dt
+    parts = [chosen_points(run, frf) for frf in data.responses]
+    unused = [rest for _, rest in parts if rest is not None]
+    run, used, out, kind = _kept_out(run, data, [points for points, _ in parts], unused)
+    basis = basis_of(modes, dt, run.prior.passive)
+    problem = MixedProblem(frequency=used, time=data.records, prior=prior, parametric=basis)
     records = data.excited if used else data.records
-    return run, problem, Untouched(left, out, kind, used, records)
+    return run, problem, Untouched(out if kind == "lines" else unused, out, kind, used, records)
 
 
-def kept_out(
+def _kept_out(
     run: RunFile, data: Measured, used: list[FrequencyResponse], unused: list[FrequencyResponse]
 ) -> tuple[RunFile, list[FrequencyResponse], list[FrequencyResponse], str]:
     """Withheld data that test the result: records or periods, frequency points that are not used, or one of so many."""
@@ -131,10 +144,10 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
         modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
     )
     _check(run, problem)
-    run = choices.with_inflation(run, problem, around.say)
+    run = with_inflation(run, problem, around.say)
     return _decided(
         run,
-        _inflated(problem, run),
+        inflated_problem(problem, run),
         Untouched([], [], "lines", problem.frequency, () if problem.frequency else problem.time),
         around,
     )
@@ -155,11 +168,6 @@ def _check(run: RunFile, problem: MixedProblem) -> None:
             raise InputError(
                 f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
             )
-
-
-def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
-    wide = {kind: tuple(choices.inflated(d, run) for d in getattr(problem, kind)) for kind in ("frequency", "time")}
-    return dataclasses.replace(problem, **wide)
 
 
 class Untouched(NamedTuple):
@@ -184,7 +192,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     """Consistency, the small model, its error, and what can be said of them."""
     refuted, result = _refuted(problem, around), _identified(run, problem, around)
     for _ in range(_LARGER):
-        if (larger := choices.with_larger_gain(run, result)) is None:
+        if (larger := with_larger_gain(run, result)) is None:
             break
         run, problem = larger
         around.folder.choices(run)

@@ -6,8 +6,8 @@ import shlex
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from robustid.app.sources import RecordSource, ResponseSource
-from robustid.app.toml import write_toml
+from robustid.app.run.sources import RecordSource, ResponseSource
+from robustid.app.run.toml import write_toml
 from robustid.data import BOUND_SOURCES, FrequencyResponse, TimeRecord, correct, datasets, default_bound
 from robustid.data.io import NAMES, Table, read_said, read_table
 from robustid.errors import InputError, Remedy

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
-from robustid.app.checks import (
+from robustid.app.run.checks import (
     either,
     key,
     listed,

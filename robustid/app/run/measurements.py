@@ -10,10 +10,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from robustid.app.reading import RUN_FILE, Tables, in_run_file, read_source
-from robustid.app.run_file import RunFile
-from robustid.app.sources import RecordSource
-from robustid.app.withheld import Split, split
+from robustid.app.run.kept_out import Split, split
+from robustid.app.run.reading import RUN_FILE, Tables, in_run_file, read_source
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.sources import RecordSource
 from robustid.core import Source, digest
 from robustid.data import (
     FrequencyResponse,

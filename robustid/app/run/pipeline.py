@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.checks import Option, options, refuse_unknown, too_large
-from robustid.app.choices import stated_modes
-from robustid.app.folder import RunFolder
-from robustid.app.measurements import Measured, Say, measured, silent
-from robustid.app.members import FamilyRun, run_members
-from robustid.app.prior_options import prior_keys
-from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import SECTIONS, RunFile, read_run_file
-from robustid.app.sequence import Surroundings, from_data, from_problem
+from robustid.app.run.checks import Option, options, refuse_unknown, too_large
+from robustid.app.run.class_settings import prior_keys
+from robustid.app.run.measurements import Measured, Say, measured, silent
+from robustid.app.run.members import run_members
+from robustid.app.run.modes import stated_modes
+from robustid.app.run.results import FamilyRun, IdentifiedReduced
+from robustid.app.run.run_file import SECTIONS, RunFile, read_run_file
+from robustid.app.run.run_folder import RunFolder
+from robustid.app.run.sequence import Surroundings, from_data, from_problem
 from robustid.core import as_flag, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.options import Modes
+from robustid.app.run.settings import Modes
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles, band, has_box
 from robustid.identification import Identification, MixedProblem
 

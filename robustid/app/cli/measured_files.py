@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.checks import options
-from robustid.app.cli.terminal import say, warn
-from robustid.app.reading import Tables, in_options, option_words, read_source
-from robustid.app.sources import RecordSource, ResponseSource
+from robustid.app.cli.screen import say, warn
+from robustid.app.run.checks import options
+from robustid.app.run.reading import Tables, in_options, option_words, read_source
+from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.data import BOUND_SOURCES, FrequencyResponse, TimeRecord, record_problems, response_faults
 from robustid.data.io import Origin, origin
 from robustid.errors import FileFormatError, InputError, InputTypeError
