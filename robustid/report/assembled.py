@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.fitting import MatrixFraction
 from robustid.guarantees import WorstCaseError
 from robustid.identification import Identification
-from robustid.mfd import MatrixFraction
 from robustid.reduction import Reduction
 from robustid.report.charts import Chart, in_rows, lighter, side_by_side
 from robustid.report.identified import siso

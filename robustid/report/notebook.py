@@ -7,9 +7,9 @@ from html import escape
 from typing import Any
 
 from robustid.data import FrequencyResponse, TimeRecord
+from robustid.fitting import MatrixFraction
 from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.mfd import MatrixFraction
 from robustid.report.document import Verdict
 from robustid.report.sections.glance import BETWEEN, BOUND, glance
 from robustid.report.sections.identification import identification_verdict, margin_interval

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.errors import InputError
+from robustid.fitting import continuous
 from robustid.identification import check_model
-from robustid.mfd import continuous
 from robustid.report.words import HZ, number
 
 if TYPE_CHECKING:

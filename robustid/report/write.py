@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from robustid.core import as_flag, atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
+from robustid.fitting import MatrixFraction
 from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
-from robustid.mfd import MatrixFraction
 from robustid.report import html, terminal
 from robustid.report.document import Document, Verdict
 from robustid.report.sections.claims import kind_of, refuse_foreign
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
     from robustid.advice import Content, Sensitivity
     from robustid.data import TimeRecord
+    from robustid.fitting import OrderSweep
     from robustid.guarantees import Band, Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
-    from robustid.mfd import OrderSweep
     from robustid.reduction import ModelWorth, Reduction
 
 

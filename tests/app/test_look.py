@@ -11,8 +11,8 @@ import robustid as rid
 from robustid.app.cli.main import app
 from robustid.app.look import run_file_text
 from robustid.app.run.run_file import read_run_file
-from robustid.data.io import readers
 from robustid.errors import InputError
+from robustid.formats import readers
 from support.command_line import words as command
 
 

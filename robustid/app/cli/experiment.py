@@ -152,8 +152,9 @@ def frf(
     Exit codes: 0 written, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
-    from robustid.data import estimate_frf, save
-    from robustid.data.io import WRITERS
+    from robustid.data import save
+    from robustid.estimation import estimate_frf
+    from robustid.formats import WRITERS
     from robustid.report import render_report, render_summary
 
     written_files.check_ending(output, tuple(WRITERS))
@@ -186,7 +187,7 @@ def _periods(lines: str | None, period: int | None, method: str | None, record: 
     """Samples of a period, and numbers of lines."""
     if lines is None or re.fullmatch(r"[\d:, ]+", lines):
         return period, None if lines is None else _numbers(lines, len(record.u))
-    from robustid.data import load_excitation
+    from robustid.formats import load_excitation
 
     if not Path(lines).exists():
         raise InputError(

@@ -62,7 +62,7 @@ def _asked(
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_file import RunFile, read_run_file
     from robustid.app.run.settings import Withheld
-    from robustid.data.io import origin
+    from robustid.formats import origin
 
     if file is not None and file.suffix == ".toml":
         if source != ResponseSource():

@@ -14,9 +14,10 @@ from robustid.app.cli.screen import say, warn
 from robustid.app.run.checks import options
 from robustid.app.run.reading import Tables, in_options, option_words, read_source
 from robustid.app.run.sources import RecordSource, ResponseSource
-from robustid.data import BOUND_SOURCES, FrequencyResponse, TimeRecord, record_problems, response_faults
-from robustid.data.io import Origin, origin
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.estimation import BOUND_SOURCES, record_problems, response_faults
+from robustid.formats import Origin, origin
 
 _SHARED = ("--dt", "--rate", "--axes", "--decimal")  # by files of both kinds
 _NOTE = "given on the command line"

@@ -14,9 +14,10 @@ import numpy as np
 
 from robustid.app.exports import c_header, matlab, roots, universal
 from robustid.core import Complex, atomic_write
-from robustid.data import DelayedModel, FrequencyResponse
-from robustid.data.io import save_model
+from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.estimation import DelayedModel
+from robustid.formats import save_model
 from robustid.guarantees import UncertaintyWeight, WorstCaseError
 from robustid.identification import Identification
 

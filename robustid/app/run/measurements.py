@@ -15,17 +15,9 @@ from robustid.app.run.reading import RUN_FILE, Tables, in_run_file, read_source
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.sources import RecordSource
 from robustid.core import Source, digest
-from robustid.data import (
-    FrequencyResponse,
-    TimeRecord,
-    bounds_from_noise_floor,
-    decimate,
-    detrend,
-    estimate_delay,
-    estimate_frf,
-    response_problems,
-)
+from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.estimation import bounds_from_noise_floor, estimate_delay, estimate_frf, response_problems
 
 _SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
 

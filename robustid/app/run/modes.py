@@ -21,8 +21,7 @@ from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, s
 from robustid.core import Budget, Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import validate
-from robustid.mfd import (
+from robustid.fitting import (
     MatrixFraction,
     ModeRow,
     RecordFit,
@@ -32,6 +31,7 @@ from robustid.mfd import (
     mode_table,
     suggest_order,
 )
+from robustid.identification import validate
 
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side

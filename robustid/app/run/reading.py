@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.app.run.toml import write_toml
-from robustid.data import BOUND_SOURCES, FrequencyResponse, TimeRecord, correct, datasets, default_bound
-from robustid.data.io import NAMES, Table, read_said, read_table
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, Remedy
+from robustid.estimation import BOUND_SOURCES, correct, default_bound
+from robustid.formats import NAMES, Table, datasets, read_said, read_table
 
 _KEYS = {"frequency_unit": "unit"}
 RUN_FILE = {name: f"{name} = ..." for name in ("bound", "averages")}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.data import FrequencyResponse
-from robustid.mfd import FitStatus, MatrixFraction, ModeRow, OrderSweep
+from robustid.fitting import FitStatus, MatrixFraction, ModeRow, OrderSweep
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
 from robustid.report.document import (

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.mfd import continuous
+from robustid.fitting import continuous
 from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, stacked
 from robustid.report.curves import (
     cells_per_entry,

@@ -8,8 +8,8 @@ import numpy as np
 
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.errors import InputError
+from robustid.fitting import continuous
 from robustid.identification import check_model
-from robustid.mfd import continuous
 from robustid.report.charts import Axis, Chart, Layer, frequency_axis, phase_axis, side_by_side, stacked
 from robustid.report.curves import low_quantile, magnitude_range, phase_curves, resolved, with_gaps
 from robustid.report.style import NOMINAL

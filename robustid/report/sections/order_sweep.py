@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.errors import InputTypeError
-from robustid.mfd import OrderSweep
+from robustid.fitting import OrderSweep
 from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, order_axis
 from robustid.report.curves import rounded, span_of, thinned
 from robustid.report.document import Block, Drawing, Heading, Text

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.data import Bound, Caveat, FrequencyResponse, TimeRecord
-from robustid.data.estimate import joint_radius
+from robustid.data import Bound, Caveat, FrequencyResponse, TimeRecord, joint_radius
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
 from robustid.report.document import (

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.data import FrequencyResponse, TimeRecord, as_records
-from robustid.data.estimate import variances
+from robustid.data import FrequencyResponse, TimeRecord, as_records, variances
 from robustid.errors import InputError, InputTypeError
 
 _SAME_STEP = 1e-6
