@@ -130,10 +130,10 @@ STEP = 0.5  # CPU s of a step of explore
 def session_of(problem, box, folder):
     """The page of one entry: its lines, its modes with the box of their poles, its class."""
     from robustid.app.explore.session import Session
-    from robustid.app.options import Modes, Withheld
-    from robustid.app.prior_options import PriorChoice
-    from robustid.app.run_file import RunFile
-    from robustid.app.sources import ResponseSource
+    from robustid.app.run.class_settings import PriorChoice
+    from robustid.app.run.run_file import RunFile
+    from robustid.app.run.settings import Modes, Withheld
+    from robustid.app.run.sources import ResponseSource
 
     rid.save(Path(folder) / "frf.npz", problem.frequency[0])
     poles = np.log(problem.parametric.poles) / problem.dt

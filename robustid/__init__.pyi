@@ -13,13 +13,13 @@ from .advice import suggest_next as suggest_next
 from .advice import suggest_prior as suggest_prior
 from .advice import suggest_roll_off as suggest_roll_off
 from .advice import suggest_scaling as suggest_scaling
-from .app.files import load as load
-from .app.files import save as save
+from .app.load_save import load as load
+from .app.load_save import save as save
 from .app.look import look as look
 
 # The whole way, reports and figures
-from .app.pipeline import identify_reduced as identify_reduced
-from .app.pipeline import run as run
+from .app.run.pipeline import identify_reduced as identify_reduced
+from .app.run.pipeline import run as run
 
 # The class, the question and its answer
 from .bases import integrators as integrators

@@ -22,7 +22,7 @@ GIVEN = ["--frequency", "frf.csv", "--time", "step.csv", "--mode", "9:0.1", "--m
 GIVEN += ["--gain", "0.2", "--decay-rate", "1.1", "--no-reduce"]
 
 
-_SLOW = re.compile(r"(?m)^[^:\n]+: \d+ of \d+.*\n")  # progress, said where there is time for it
+_SLOW = re.compile(r"(?m)^[^:\n]+(?:: [^:\n]+)?: \d+ of \d+.*\n")  # progress, said where there is time for it
 
 
 def called(folder, *commands):

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.files import load
+from robustid.app.load_save import load
 from robustid.core import Frozen, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import estimate_bound, record_faults, response_faults
-from robustid.formats import contents
+from robustid.formats import contents, read_table
 
 _EVEN = 1e-6  # part of a step
 _FEW = 8  # rows of a spectrum
@@ -121,11 +121,12 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     >>> print(found.faults[0])
     gain has negative values: a magnitude in decibels
     """
-    found = contents(path)
+    table = read_table(path, options.get("decimal"))
+    found = contents(table)
     rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
     odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
     try:
-        data = load(path, **options)
+        data = load(table, **options)
     except (InputError, InputTypeError, FileFormatError) as error:
         tried = error.remedy if "fields" in error.remedy else {}
         return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), arguments=tried)

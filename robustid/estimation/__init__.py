@@ -3,7 +3,7 @@
 from robustid.estimation.corrections import MISTAKES, correct
 from robustid.estimation.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.estimation.delay import Delay, DelayedModel, estimate_delay, with_delay
-from robustid.estimation.frf import estimate_frf
+from robustid.estimation.frf import estimate_frf, first_response
 from robustid.estimation.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.record_faults import record_faults
@@ -22,6 +22,7 @@ __all__ = [
     "estimate_bound",
     "estimate_delay",
     "estimate_frf",
+    "first_response",
     "record_faults",
     "response_faults",
     "with_delay",

@@ -124,20 +124,38 @@ def estimate_frf(
     probability = as_probability(probability)
     records = checked_records(record)
     _refuse_dead(records)
-    if method is None:
-        steady = all(r.initial == "periodic" for r in records)
-        method = "periodic" if period is not None or steady else "local"
+    method = method or _usual(records, period)
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
     faults = record_faults(records, period=_period(records, method, period))
     for fault in faults:
         _log.warning("%s", fault)
-    estimate = periodic(records, period, lines) if method == "periodic" else _other(method)(records, lines)
-    return dataclasses.replace(_finished(records[0], estimate, probability, about), faults=faults)
+    found = _finished(records[0], _estimated(records, method, period, lines), probability, about)
+    return dataclasses.replace(found, faults=faults)
 
 
-def _other(method: str) -> Any:
-    return local if method == "local" else welch
+def first_response(records: Sequence[TimeRecord]) -> FrequencyResponse:
+    """The response of records for a first model, by the usual method: nothing is said of their faults, which the user knows.
+
+    Raises
+    ------
+    InputError
+        As `estimate_frf`.
+    """
+    checked = checked_records(records)
+    _refuse_dead(checked)
+    return _finished(checked[0], _estimated(checked, _usual(checked, None), None, None), 0.95, "mean")
+
+
+def _usual(records: Sequence[TimeRecord], period: int | None) -> str:
+    """The method where none is stated."""
+    return "periodic" if period is not None or all(r.initial == "periodic" for r in records) else "local"
+
+
+def _estimated(records: list[TimeRecord], method: str, period: int | None, lines: Any) -> Estimate:
+    if method == "periodic":
+        return periodic(records, period, lines)
+    return (local if method == "local" else welch)(records, lines)
 
 
 def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: str) -> FrequencyResponse:

@@ -6,8 +6,10 @@ from robustid.formats.excitation_files import load_excitation
 from robustid.formats.measurement_files import Origin, origin, read_file, read_said
 from robustid.formats.model_files import load_model, save_model
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
+from robustid.formats.readers import read_table
 from robustid.formats.role_names import FREQUENCY, NAMES, TIME
 from robustid.formats.saved import WRITERS
+from robustid.formats.table import Table
 from robustid.formats.universal import write_universal
 
 __all__ = [
@@ -18,6 +20,7 @@ __all__ = [
     "Contents",
     "Item",
     "Origin",
+    "Table",
     "contents",
     "datasets",
     "is_network",
@@ -26,6 +29,7 @@ __all__ = [
     "origin",
     "read_file",
     "read_said",
+    "read_table",
     "save_model",
     "scattering_model",
     "scattering_of",

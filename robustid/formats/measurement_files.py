@@ -155,7 +155,7 @@ class Origin(NamedTuple):
 
 
 def origin(
-    path: str | os.PathLike[str], kind: str, fields: Mapping[str, Any] | None, decimal: str | None = None
+    path: str | os.PathLike[str] | Table, kind: str, fields: Mapping[str, Any] | None, decimal: str | None = None
 ) -> Origin:
     """The `Origin` of a file, whatever `dt` and unit `read_file` is given."""
     table = read_table(path, decimal)

@@ -31,8 +31,10 @@ _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 def read_table(path: Any, decimal: str | None = None) -> Table:
     """Read a file, its format recognised by its first bytes; by its name only where these don't say.
 
-    `decimal` is the decimal mark of a text, where its numbers don't say it.
+    `decimal` is the decimal mark of a text, where its numbers don't say it. A table that was read before is given back.
     """
+    if isinstance(path, Table):
+        return path
     if not isinstance(path, str | os.PathLike):
         if (table := table_of(path)) is None:
             raise InputTypeError(

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import robustid as rid
-from robustid.app import sequence
+from robustid.app.run import sequence
 from support import command_line
 
 

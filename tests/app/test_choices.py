@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app import choices, sequence
-from robustid.app.run_file import RunFile
+from robustid.app.run import class_choice, modes, sequence
+from robustid.app.run.run_file import RunFile
 from robustid.core import Source
 from support.bounds import rebound
 from support.matrix_lines import measured
@@ -202,7 +202,7 @@ def test_wider_bounds_keep_their_shape_and_what_they_are_about():
         rebound(frf, kind="tolerance", probability=0.95, dof=8.0, excitations=2),
         frf.with_bound(rid.Bound(joint="matrix", ellipsoid=root @ root.conj().swapaxes(1, 2))),
     ):
-        wide = choices.inflated(data, run)
+        wide = class_choice.inflated(data, run)
         assert wide.bound.of_kind == data.bound.of_kind | {"probability": None, "dof": None}
         assert (wide.bound.joint, wide.bound.about) == (data.bound.joint, data.bound.about)
         np.testing.assert_allclose(wide.ratio(error), data.ratio(error) / 3, rtol=1e-9)
@@ -233,14 +233,14 @@ def test_modes_are_those_of_a_fit_its_poles_at_one_integrators():
     values = 5 / s**2 + 40 / (s**2 + 2 * 0.02 * 40 * s + 1600)
     frf = rid.FrequencyResponse(s.imag, values, bound=1e-3 * np.abs(values))
     fit = rid.fit_mfd(frf, order=4, rigid_body=rid.RigidBody(1))
-    found = choices.stated_modes(fit)
+    found = modes.stated_modes(fit)
     assert found["integrators"] == 2
     assert found["hz"] == pytest.approx([40 / (2 * np.pi)], rel=1e-3)
-    assert choices.stated_modes(rid.mode_table(fit)) == found
-    assert choices.stated_modes([(9, 0.1)]) == {"hz": [9.0], "damping": [0.1]}
+    assert modes.stated_modes(rid.mode_table(fit)) == found
+    assert modes.stated_modes([(9, 0.1)]) == {"hz": [9.0], "damping": [0.1]}
     for wrong, words in ((3.0, "pairs"), ([3.0], "pairs"), ("9:0.1", "pairs")):
         with pytest.raises(rid.errors.InputTypeError, match=words):
-            choices.stated_modes(wrong)
+            modes.stated_modes(wrong)
 
 
 def test_integrators_and_real_poles_are_stated_in_keyword_and_run_file():
@@ -262,14 +262,14 @@ def test_a_chosen_gain_bound_that_all_samples_contradict_a_little_is_doubled():
     problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=0.5, decay_rate=1.1))
     result = rid.identify(problem)
     assert 1 < result.margin < 1.5
-    stated = RunFile(prior=choices.PriorChoice.of(problem.prior))
-    assert choices.with_larger_gain(stated, result) is None
+    stated = RunFile(prior=class_choice.PriorChoice.of(problem.prior))
+    assert class_choice.with_larger_gain(stated, result) is None
     chosen = stated.changed("prior", source=Source.DATA, note="0.5 at decay rate 1.1")
-    run, wider = choices.with_larger_gain(chosen, result)
+    run, wider = class_choice.with_larger_gain(chosen, result)
     assert wider.prior == rid.Prior(gain_bound=1.0, decay_rate=1.1)
     assert run.prior.stated(1.0) == wider.prior
     assert "All samples together contradict K = 0.5" in run.prior.note
     assert rid.identify(wider).consistent
-    assert choices.with_larger_gain(run, rid.identify(wider)) is None
+    assert class_choice.with_larger_gain(run, rid.identify(wider)) is None
     reference = chosen.changed("prior", source=Source.PROGRAM)
-    assert choices.with_larger_gain(reference, result) is None
+    assert class_choice.with_larger_gain(reference, result) is None

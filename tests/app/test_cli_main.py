@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.app.cli.main import COMMANDS, main
-from robustid.app.cli.outputs import new_folder
+from robustid.app.cli.written_files import new_folder
 from support.command_line import COMMAND, SHORT
 
 pytestmark = pytest.mark.quick

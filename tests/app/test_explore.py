@@ -17,7 +17,7 @@ from robustid.app.explore.callbacks import write_run_file
 from robustid.app.explore.quantities import choice_of, quantities
 from robustid.app.explore.session import Session
 from robustid.app.explore.worker import Worker, look
-from robustid.app.run_file import read_run_file
+from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.guarantees import growing_error
 from robustid.report import live_figure, live_words, look_figure, look_words

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app import findings
+from robustid.app.run import findings
 from robustid.identification import model_residuals
 from support.bounds import rebound
 from support.matrix_lines import measured

@@ -5,11 +5,14 @@ import re
 import numpy as np
 import pytest
 import scipy.io
+from typer.testing import CliRunner
 
 import robustid as rid
+from robustid.app.cli.main import app
 from robustid.app.look import run_file_text
-from robustid.app.run_file import read_run_file
+from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
+from robustid.formats import readers
 from support.command_line import words as command
 
 
@@ -123,3 +126,14 @@ def test_a_file_that_may_be_both_begins_as_the_response_that_its_fields_name(tmp
     assert "[[record]]" not in text
     assert '"values" = "Hf_chan_2"' in text
     assert re.search(r'^# bound = "5%".*without it: one is taken from the data', text, re.M)
+
+
+@pytest.mark.parametrize("name", ["look", "identify"])
+def test_a_file_is_parsed_once(name, tmp_path, monkeypatch):
+    rid.save(tmp_path / "frf.csv", rid.flexible_structure(lines=6).frequency)
+    parsed, reader = [], readers._reader
+    monkeypatch.setattr(readers, "_reader", lambda path, *rest: parsed.append(path.name) or reader(path, *rest))
+    monkeypatch.chdir(tmp_path)
+    given = ["--frequency", "frf.csv", "--mode", "none", "--gain", "1", "--decay-rate", "1.1", "--no-reduce"]
+    assert CliRunner().invoke(app, ["look", "frf.csv"] if name == "look" else [name, *given]).exit_code in (0, 3)
+    assert parsed == ["frf.csv"]

@@ -5,8 +5,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from robustid.app.measurements import measured
-from robustid.app.run_file import read_run_file
+from robustid.app.run.measurements import measured
+from robustid.app.run.run_file import read_run_file
 from robustid.errors import RobustIdError
 
 pytestmark = pytest.mark.quick

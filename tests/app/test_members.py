@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app import members
-from robustid.app.run_file import read_run_file
+from robustid.app.run import members
+from robustid.app.run.run_file import read_run_file
 from support.families import DT, LINES, measured
 
 GAINS = {"weak": 0.8, "strong": 1.3}

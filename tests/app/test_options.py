@@ -6,11 +6,11 @@ import json
 import pytest
 
 import robustid as rid
-from robustid.app.checks import options
-from robustid.app.cli.excite import excite
+from robustid.app.cli.experiment import excite
 from robustid.app.cli.fit import fit
 from robustid.app.cli.reduce import reduce
-from robustid.app.options import PARTS, Fit, Identify, Modes, WorstCase
+from robustid.app.run.checks import options
+from robustid.app.run.settings import PARTS, Fit, Identify, Modes, WorstCase
 
 pytestmark = pytest.mark.quick
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.prior_options import PriorChoice, prior_keys
-from robustid.app.proposal import propose
+from robustid.app.run.class_settings import PriorChoice, prior_keys
 from support.networks import battery
+from support.posed import proposed
 
 
 def write(path, values, omega):
@@ -68,7 +68,7 @@ def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
     assert np.median(frf.bound.radius[:, 0, 0] / np.abs(truth)) < 0.03
     other = 2 * np.pi * (np.array([3000.0]) if seed == 0 else np.geomspace(0.005, 5000, 7))
     for passive in (None, "positive real"):
-        result = rid.identify(propose(frequency=[frf], passive=passive).problem)
+        result = rid.identify(proposed([frf], prior=PriorChoice(passive=passive))[0])
         assert result.consistent, passive
         assert result.problem.prior.passive == (passive or "")
         band = rid.worst_case_error(result, omega=other, directions=4).upper[:, 0, 0]
@@ -100,10 +100,10 @@ def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
 def test_a_decay_is_not_chosen_without_real_poles(tmp_path):
     omega = np.linspace(5, 60, 10)
     frf = rid.FrequencyResponse(omega, 1 / (1j * omega + 20), bound=1e-3)
-    with pytest.raises(rid.InputError, match="without --decay"):
-        propose(frequency=[frf], passive="positive real")
+    with pytest.raises(rid.InputError, match="`passive` is given without `decay`"):
+        proposed([frf], prior=PriorChoice(passive="positive real"))
     with pytest.raises(rid.InputError, match="the smallest real part"):
-        propose(frequency=[frf], passive="bounded real")
+        proposed([frf], prior=PriorChoice(passive="bounded real"))
 
 
 def test_a_point_at_zero_frequency_is_one_of_those_over_decades():

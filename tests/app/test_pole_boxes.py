@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app import findings
-from robustid.app.options import Modes
+from robustid.app.run import findings
+from robustid.app.run.settings import Modes
 from support.command_line import words
 
 OMEGA, DAMPING = np.array([40.0, 70.0]), np.array([0.02, 0.03])

@@ -8,11 +8,12 @@ from typer.testing import CliRunner
 import robustid as rid
 from robustid.advice import possible_rates
 from robustid.app.cli.main import app
-from robustid.app.measurements import _detrended
-from robustid.app.proposal import propose
-from robustid.app.record_modes import modes_of_records
-from robustid.app.sources import RecordSource
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.measurements import _detrended
+from robustid.app.run.modes import modes_of_records
+from robustid.app.run.sources import RecordSource
 from robustid.core import responses, simulate
+from support.posed import proposed
 
 DATA = rid.flexible_structure(lines=5, samples=150)
 SHORT = rid.flexible_structure(lines=5, samples=60)
@@ -55,7 +56,8 @@ def test_modes_are_as_many_as_asked_for_and_none_where_nothing_is_known():
     assert rows == ()
     assert words == "No parametric part: the records have too few samples for a fit."
     short = rid.TimeRecord(np.eye(1, 6)[0], 0.5 ** np.arange(6.0), dt=1.0, bound=1e-3)
-    assert propose(time=[short], prior=rid.BoundedReal(decay_rate=1.1)).problem.parametric is None
+    problem, _ = proposed(time=[short], prior=PriorChoice(passive="bounded real", decay_rate=1.1))
+    assert problem.parametric is None
 
 
 def test_poles_that_a_record_cannot_tell_are_left_out():

@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 import robustid as rid
 from robustid.app.cli.main import app
-from robustid.app.options import Modes
-from robustid.app.prior_options import PriorChoice
-from robustid.app.proposal import propose
-from robustid.app.run_file import RunFile, read_run_file
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.run_file import RunFile, read_run_file
+from robustid.app.run.settings import Modes
+from support.posed import proposed
 
 
 def test_a_run_file_states_the_roll_off_in_hz():
@@ -103,7 +103,7 @@ def test_the_roll_off_stays_when_the_program_chooses_the_rest():
     omega = np.linspace(2.0, 60.0, 12)
     frf = rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 20) ** 2, bound=0.02)
     asked = PriorChoice(roll_off=2, corner_hz=3.2)
-    found = propose(frequency=[frf], shape=asked.shape(None)).problem.prior
+    found = proposed([frf], prior=asked)[0].prior
     assert (found.roll_off, found.corner) == (2, pytest.approx(2 * np.pi * 3.2))
     assert rid.identify(rid.MixedProblem(frequency=frf, prior=found)).consistent
 
@@ -114,11 +114,10 @@ def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     omega = np.linspace(1.0, 60.0, 15)
     frf = rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.002)
-    found = propose(
-        frequency=[frf], modes=Modes(hz=(), damping=()), prior=rid.Prior(gain_bound=1.0, decay=4.0), roll_off=True
-    )
-    assert found.problem.prior.roll_off == 2
-    assert "falls as frequency^-2" in found.choices["roll_off"].reason
+    asked = PriorChoice(gain_bound=1.0, decay=4.0, roll_off="auto")
+    problem, chosen = proposed([frf], modes=Modes(hz=(), damping=()), prior=asked)
+    assert problem.prior.roll_off == 2
+    assert "falls as frequency^-2" in chosen["prior"].reason
     rid.save("frf.npz", frf)
     with open("run.toml", "w") as file:
         file.write('[[frequency]]\nfile = "frf.npz"\n[modes]\nhz = []\ndamping = []\n')

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robustid as rid
-from robustid.app import choices
-from robustid.app.run_file import RunFile, read_run_file
-from robustid.app.toml import write_toml
+from robustid.app.run import class_choice
+from robustid.app.run.run_file import RunFile, read_run_file
+from robustid.app.run.toml import write_toml
 from robustid.core import Source
 from support.run_files import CLASS, DATA, ask
 
@@ -165,7 +165,7 @@ def test_misuse_is_one_sentence_before_anything_is_computed(folder, run, monkeyp
     def computed(*_, **__):
         raise AssertionError("computed")
 
-    monkeypatch.setattr("robustid.app.pipeline.from_data", computed)
+    monkeypatch.setattr("robustid.app.run.pipeline.from_data", computed)
     step = rid.load("step.csv")
     rid.save("bare.csv", dataclasses.replace(step, bound=None))
     change, words = MISUSE[name]
@@ -184,7 +184,7 @@ def test_misuse_is_one_sentence_before_anything_is_computed(folder, run, monkeyp
     "change", [{"modes": {"hz": [60.0], "damping": [0.1]}}, {"worst_case": {"at_hz": [60.0]}, "modes": CLASS["modes"]}]
 )
 def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatch, change):
-    monkeypatch.setattr(choices, "suggest_prior", None)
+    monkeypatch.setattr(class_choice, "suggest_prior", None)
     with pytest.raises(rid.InputError, match="60 Hz, above the Nyquist frequency of 50 Hz"):
         rid.run(ask(folder, DATA, change), "out")
 

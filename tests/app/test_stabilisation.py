@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.cli.stabilisation import Stabilisation
+from robustid.app.cli.fit import Stabilisation
 
 pytestmark = pytest.mark.quick
 

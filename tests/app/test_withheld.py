@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.options import Withheld
-from robustid.app.run_file import RunFile
-from robustid.app.sources import Estimate
-from robustid.app.withheld import looked_at, split, split_points
+from robustid.app.run.kept_out import looked_at, split, split_points
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.settings import Withheld
+from robustid.app.run.sources import Estimate
 from robustid.core import ZPlane
 from support.families import DT, truth
 

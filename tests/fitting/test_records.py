@@ -314,3 +314,11 @@ class TestMeasured:
             assert np.all(own >= rid.validate(other, second).fit)
         if name == "hairdryer":
             assert own[0] > 0.868
+
+
+def test_a_fit_says_nothing_of_what_the_user_knows_of_the_records(caplog):
+    u = np.tile(np.random.default_rng(0).standard_normal(50), 4)
+    record = rid.TimeRecord(u, 0.5 * u, dt=DT)
+    assert "repeats every 50 samples" in rid.record_problems(record)[0]
+    rid.fit_records(record, order=1, feedthrough=True)
+    assert caplog.text == ""

@@ -176,7 +176,7 @@ def test_measured_files_lead_to_the_arguments_that_read_them(name):
 
 def test_sentences_are_written_for_the_one_who_reads_them(tmp_path):
     """The line of a refusal as options of the command line, and as keys of a run file."""
-    from robustid.app.reading_words import in_options, in_run_file
+    from robustid.app.run.reading import in_options, in_run_file
     from robustid.errors import InputError
 
     matlab5(tmp_path / "rig.mat", {"rig": LONG[:, :2, 0, 0]})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.proposal import propose
+from support.posed import proposed
 
 DT = 0.01
 
@@ -19,7 +19,7 @@ def band(seed, fine=True, hz=(5.0, 17.67), cells=8, **size):
     """The program's own poles and prior; (data, band, what the truth is away from the model, size of the model)."""
     data = structure(seed, fine, **size)
     suggested = rid.suggest_kautz(data.frequency)
-    result = rid.identify(propose(frequency=[data.frequency], time=[data.time]).problem)
+    result = rid.identify(proposed([data.frequency], [data.time])[0])
     found = rid.worst_case_over_poles(
         result,
         suggested.omega_interval,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.findings import band_words
+from robustid.app.run.findings import band_words
 from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import render_report, stands_on
 from robustid.report.sections.proved_band import band_chart

@@ -11,7 +11,7 @@ from pathlib import Path
 import robustid as rid
 from robustid.app.explore.server import Server
 from robustid.app.explore.session import Session
-from robustid.app.run_file import read_run_file
+from robustid.app.run.run_file import read_run_file
 
 CLASS = "[modes]\nhz = [{hz}, 17.67]\ndamping = [0.1, 0.004]\n[prior]\ngain_bound = 0.2\ndecay_rate = 1.1\n"
 DATA = """[[frequency]]

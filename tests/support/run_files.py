@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from robustid.app.toml import write_toml
+from robustid.app.run.toml import write_toml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = {"frequency": [{"file": "frf.csv"}], "record": [{"file": "step.csv", "use": "samples"}]}

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, Output, Report, Static, words_of
-from robustid.app.cli.terminal import counted, in_words, say, shown, step
-from robustid.app.options import WorstCase
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Force, Output, Report, Static, words_of
+from robustid.app.cli.screen import counting, in_words, resumable, say, step
+from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
 
 _WORTH_PROCESSES = 10.0  # seconds of work from which their start is worth while
@@ -62,29 +60,30 @@ def bounds(
     Exit codes: 0 every certificate holds, 1 not, 2 misuse (inconsistent data too: there is nothing to bound), 70 an error of the
     program, 130 interrupted.
     """
-    from robustid.app.files import load_result
-    from robustid.app.proved import proved_band, refined_band
+    from robustid.app.load_save import load_result
+    from robustid.app.run.proved_band import proved_band, refined_band
     from robustid.report import render_summary, write_report
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")
     if controller and not how.circle:
         raise InputError("--controller needs the bound between the frequencies too: add --circle")
-    written, written_poles = outputs.result_files(output), outputs.result_files(_beside(output))
-    outputs.check_static(report, static)
-    both = [*written, *(written_poles if how.over_poles else ()), *outputs.result_files(_beside(output, "-band"))]
-    outputs.check_outputs([*both, report], [*outputs.sources(source), *(controller or [])], force)
-    console = terminal.console()
+    written, written_poles = written_files.result_files(output), written_files.result_files(_beside(output))
+    written_files.check_static(report, static)
+    both = [*written, *(written_poles if how.over_poles else ()), *written_files.result_files(_beside(output, "-band"))]
+    written_files.check_outputs([*both, report], [*written_files.sources(source), *(controller or [])], force)
+    console = screen.console()
     loops = {path.stem: _controller(path) for path in controller or []}
     identification = load_result(source, "identification")
     asked: Any = _spaced(identification, points) if points else omega
     spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
     words = words_of(bounds, executor="--workers", identification="the identification")
+    found_again = f"finished frequencies are in {resume}: the same command goes on from there"
     with step(console, "proving the error at every frequency"):
         proved = proved_band(identification, _box(identification.problem), identification.model)
     if proved is not None:
         say(console, proved.summary())
-    with in_words(words), _resumable(console, resume):
+    with in_words(words), resumable(console, found_again, lambda: resume is not None):
         error = _bounded(console, identification, asked, how, spread, proved)
     certified, band = _certified(console, error), None
     error.save(output)
@@ -97,10 +96,10 @@ def bounds(
     if proved is not None:
         _say_refined(console, proved)
         proved.save(_beside(output, "-band"))
-        written = [*written, *outputs.result_files(_beside(output, "-band"))]
-    terminal.say_written(console, *written)
+        written = [*written, *written_files.result_files(_beside(output, "-band"))]
+    screen.say_written(console, *written)
     if how.over_poles:
-        with in_words(words), _resumable(console, resume):
+        with in_words(words), resumable(console, found_again, lambda: resume is not None):
             band = _over_poles(console, error, spread | {"time_limit": how.time_limit, "known": proved})
         if band is None:
             say(console, _GIVEN)
@@ -113,23 +112,23 @@ def bounds(
             if proved is not None:
                 _say_refined(console, proved)
                 proved.save(_beside(output, "-band"))
-            terminal.say_written(console, *written_poles)
+            screen.say_written(console, *written_poles)
     if report is not None:
         with step(console, "drawing the report"):
             shown_too: dict[str, Any] = {"stability": margins} if margins else {}
             write_report(
                 identification, report, static=static, worst_case=error, over_poles=band, band=proved, **shown_too
             )
-        terminal.say_written(console, report)
-    terminal.repeat_warnings(console, identification)
+        screen.say_written(console, report)
+    screen.repeat_warnings(console, identification)
     if not certified:
-        terminal.warn(console, "a certificate does not hold: robustid verify names it")
+        screen.warn(console, "a certificate does not hold: robustid verify names it")
     raise typer.Exit(0 if certified else 1)
 
 
 def _controller(path: Path) -> Any:
     """The controller that a file holds."""
-    from robustid.app.files import load
+    from robustid.app.load_save import load
 
     if not path.is_file():
         raise InputError(f"--controller {path}: there is no such file")
@@ -138,19 +137,8 @@ def _controller(path: Path) -> Any:
 
 def _beside(output: Path, ending: str = "-poles") -> Path:
     """NAME-poles, for the worst case over poles; NAME-band, for the band that is proved at every frequency."""
-    base = outputs.result_files(output)[0].with_suffix("")
+    base = written_files.result_files(output)[0].with_suffix("")
     return base.with_name(base.name + ending)
-
-
-@contextlib.contextmanager
-def _resumable(console: Any, resume: Path | None) -> Iterator[None]:
-    """Say on Ctrl-C where what is finished can be found."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if resume is not None:
-            terminal.warn(console, f"finished frequencies are in {resume}: the same command goes on from there")
-        raise
 
 
 def _say_refined(console: Any, band: Any) -> None:
@@ -163,14 +151,13 @@ def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spre
     """The bounds at the frequencies, and between them where asked."""
     from robustid.guarantees import worst_case_error
 
-    with shown(console, _BOUNDING) as show:
-        asked = {name: getattr(how, name) for name in ("directions", "rtol", "time_limit")}
-        asked["progress"] = counted(show, _BOUNDING)
-        error = worst_case_error(identification, omega=omega, known=known, **asked, **spread)
+    with counting(console, _BOUNDING) as progress:
+        asked: dict[str, Any] = {name: getattr(how, name) for name in ("directions", "rtol", "time_limit")}
+        error = worst_case_error(identification, omega=omega, known=known, progress=progress, **asked, **spread)
     if how.circle:
-        with shown(console, _BETWEEN) as show:
+        with counting(console, _BETWEEN) as progress:
             error = error.completed(executor=spread["executor"])
-            error.on_circle(how.rtol, progress=counted(show, _BETWEEN), **spread)
+            error.on_circle(how.rtol, progress=progress, **spread)
     return error
 
 
@@ -186,14 +173,14 @@ def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
     found = _suggested(error.identification.problem)
     if found is None:
         return None
-    with shown(console, _BOXES) as show:
+    with counting(console, _BOXES) as progress:
         return worst_case_over_poles(
             error.identification,
             found.omega_interval,
             found.damping_interval,
             delay=found.delay,
             omega=error.omega,
-            progress=counted(show, _BOXES),
+            progress=progress,
             **spread,
         )
 

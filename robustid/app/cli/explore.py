@@ -1,4 +1,4 @@
-"""robustid explore: one live page."""
+"""robustid explore: one live page; robustid demo: the whole way on a simulated structure."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import only
-from robustid.app.cli.terminal import in_words, say, shown
-from robustid.app.options import General
-from robustid.app.sources import RecordSource, ResponseSource
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Static, only
+from robustid.app.cli.identify import finish, identified
+from robustid.app.cli.screen import in_words, say, shown, step
+from robustid.app.run.settings import General
+from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
+
+_SIDES = 6  # of the polygons around the errors of the demo at each frequency
 
 
 def explore(
@@ -35,21 +38,30 @@ def explore(
     """
     from robustid.app.explore.server import serve
     from robustid.app.explore.session import Session
+    from robustid.app.run.reading import Tables
 
-    console = terminal.console()
-    run, folder, title = _asked(console, file, responses, general)
+    console = screen.console()
+    tables = Tables()
+    run, folder, title = _asked(console, file, responses, general, tables)
     with in_words({"entry": "--entry", "port": "--port"}):
         with shown(console, "choosing what is not stated") as show:
-            session = Session.of(run, folder, lambda text, done=None, count=None: show(text) if done is None else None)
+
+            def said(text: str, done: int | None = None, count: int | None = None) -> None:
+                if done is None:
+                    show(text)
+
+            session = Session.of(run, folder, said, tables)
         serve(session, title, port, lambda address: _opened(console, address, browser))
     say(console, "closed")
 
 
-def _asked(console: Any, file: Path | None, source: ResponseSource, general: General) -> tuple[Any, Path, str]:
+def _asked(
+    console: Any, file: Path | None, source: ResponseSource, general: General, tables: Any
+) -> tuple[Any, Path, str]:
     """The run file of a file, the folder that its names are seen from, and the title of the page."""
-    from robustid.app.cli.reading import Files
-    from robustid.app.options import Withheld
-    from robustid.app.run_file import RunFile, read_run_file
+    from robustid.app.cli.measured_files import Files
+    from robustid.app.run.run_file import RunFile, read_run_file
+    from robustid.app.run.settings import Withheld
     from robustid.formats import origin
 
     if file is not None and file.suffix == ".toml":
@@ -64,13 +76,12 @@ def _asked(console: Any, file: Path | None, source: ResponseSource, general: Gen
         folder = _demo(console)
         frequency, record = ResponseSource(file="frequency.csv"), RecordSource(file="step.csv", use="samples")
         return RunFile(frequency=(frequency,), record=(record,)), folder, "robustid demo"
-    if origin(file, "frequency", source.fields, source.decimal).kind == "time":
+    if origin(tables.of(file, source.decimal), "frequency", source.fields).kind == "time":
         raise InputError(
             f"{file} holds time data: make a response of it with robustid frf, or a run file with robustid new, and explore that"
         )
-    Files(paths=[file], source=source, entry=general.entry, bounded=True).read(
-        console
-    )  # says what is wrong, in options
+    # Says what is wrong, in options.
+    Files(paths=[file], source=source, entry=general.entry, bounded=True, tables=tables).read(console)
     run = RunFile(
         frequency=(dataclasses.replace(source, file=file.name),),
         entry=general.entry,
@@ -81,10 +92,8 @@ def _asked(console: Any, file: Path | None, source: ResponseSource, general: Gen
 
 def _demo(console: Any) -> Path:
     """The measurements of the demo, in a new folder."""
-    from robustid.app.cli.demo import measurements
-
-    folder = outputs.new_folder(Path("robustid-demo"))
-    measurements(console, folder)
+    folder = written_files.new_folder(Path("robustid-demo"))
+    _measurements(console, folder)
     return folder
 
 
@@ -96,3 +105,56 @@ def _opened(console: Any, address: str, browser: bool) -> None:
     if browser and not webbrowser.open(address):
         say(console, "no browser was found: open that address in one on this machine")
     say(console, "Ctrl-C ends it")
+
+
+def _measurements(console: Any, folder: Path, seed: int = 0) -> Any:
+    """Write the measurements of the demo into a folder; what they are of."""
+    import numpy as np
+
+    from robustid.data import flexible_structure, save
+
+    data = flexible_structure(seed=seed, extra_hz=list(np.linspace(17.2, 18.1, 10)))
+    for name, item in (("frequency.csv", data.frequency), ("step.csv", data.time)):
+        save(folder / name, item)
+    screen.say(console, f"measurements written: {folder / 'frequency.csv'}, {folder / 'step.csv'}")
+    return data
+
+
+def demo(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for the results; if it exists, the next free name.")
+    ] = Path("robustid-demo"),
+    static: Static = False,
+    seed: Annotated[int, typer.Option(min=0, help="Noise of the simulated measurements.")] = 0,
+) -> None:
+    """Identify a simulated mass-beam structure, from measurements to a report. About ten seconds.
+
+    Frequency points from 1 to 21 Hz and a step response, noise bounded by 0.03; modes at 9 Hz (well damped) and 17.67 Hz
+    (damping ratio 0.004). The program finds the modes and the prior by itself.
+    """
+    import numpy as np
+
+    from robustid.guarantees import worst_case_error
+
+    console = screen.console()
+    folder = written_files.new_folder(output)
+    data = _measurements(console, folder, seed)
+    result, box = identified(console, [data.frequency], [data.time])
+    page = folder / "report.html"
+    hz = [0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50]
+    with step(console, "bounding the error of the model"):
+        error = worst_case_error(result, omega=2 * np.pi * np.array(hz), directions=_SIDES)
+    error.save(folder / "bounds")
+    finish(
+        console,
+        result,
+        folder / "result",
+        page,
+        reduce=True,
+        static=static,
+        box=box,
+        title="robustid demo",
+        worst_case=error,
+    )
+    screen.say(console, f"\nNext: open {page} in a browser.")
+    raise typer.Exit(screen.EXIT[result.status])

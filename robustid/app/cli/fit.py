@@ -1,23 +1,25 @@
-"""robustid fit: a matrix fraction from a file with a frequency response."""
+"""robustid fit: a matrix fraction from a file with a frequency response, and its stabilisation diagram."""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
+import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, Report, Static, only, words_of
-from robustid.app.cli.stabilisation import Stabilisation
-from robustid.app.cli.terminal import in_words, shown, step, warn
-from robustid.app.options import Fit, FrequencyPoints
-from robustid.app.sources import ResponseSource
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Force, Report, Static, only, words_of
+from robustid.app.cli.screen import in_words, shown, step, warn
+from robustid.app.run.settings import Fit, FrequencyPoints
+from robustid.app.run.sources import ResponseSource
 from robustid.errors import InputError
+
+_WIDTH = 56  # characters of the frequency axis
+_MARKS = {"stable": "o", "frequency": "+", "damping": ".", "new": "."}
+_STRONGER = ".+o"  # of two marks in one place the later one stays
 
 
 def fit(
@@ -63,15 +65,16 @@ def fit(
 
     Exit codes: 0 converged and verified, 1 not, 2 misuse, 70 an error of the program, 130 interrupted.
     """
-    from robustid.app.cli.reading import Files
+    from robustid.app.cli.measured_files import Files
     from robustid.fitting import RollOff
+    from robustid.formats import save_model
     from robustid.report import render_report, render_summary, verdict
 
     wanted, model_file = _order(order), _model_file(output)
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
-    outputs.check_static(report, static)
-    outputs.check_outputs([model_file, report], [source], force)
-    console = terminal.console()
+    written_files.check_static(report, static)
+    written_files.check_outputs([model_file, report], [source], force)
+    console = screen.console()
     (frf,) = asked_files.read(console)
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method}
     asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
@@ -83,14 +86,16 @@ def fit(
         asked |= _weight(source, frf, relative)
         sweep: Any = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, wanted or sweep.suggested, asked)
-    page = (
-        "" if report is None else _drawn(console, functools.partial(render_report, static=static), result, frf, sweep)
-    )
-    _write(result, model_file, report, page)
+    page = None
+    if report is not None:
+        with step(console, "drawing the report"):
+            page = render_report(result, static=static, data=frf, order_sweep=sweep)
+    save_model(result.model, model_file)
+    written_files.write_page(report, page)
     if sweep is not None:
-        terminal.say(console, sweep.summary())
+        screen.say(console, sweep.summary())
     console.print(render_summary(result, data=frf))
-    terminal.say_written(console, model_file, report)
+    screen.say_written(console, model_file, report)
     raise typer.Exit(0 if verdict(result).key == "consistent" else 1)
 
 
@@ -150,7 +155,7 @@ def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
             show(f"fitting a range of orders: {done} of {count}")
 
         def grown(sweep: Any) -> None:
-            terminal.say(console, *diagram.lines(sweep))
+            screen.say(console, *diagram.lines(sweep))
 
         sweep = suggest_order(frf, executor=pool, progress=progress, grown=grown, **asked)
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
@@ -158,17 +163,47 @@ def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
     return sweep
 
 
-def _drawn(console: Any, render: Callable[..., str], result: Any, frf: Any, sweep: Any) -> str:
-    with step(console, "drawing the report"):
-        return render(result, data=frf, order_sweep=sweep)
+class Stabilisation:
+    """Lines of a stabilisation diagram over a logarithmic frequency axis, each given once.
 
+    Parameters
+    ----------
+    omega : (F,) array
+        Frequency points of the data, rad/s; those at 0 have no place.
+    """
 
-def _write(result: Any, model_file: Path, report: Path | None, page: str) -> None:
-    """Everything is computed by now."""
-    from robustid.core import atomic_write
-    from robustid.formats import save_model
+    def __init__(self, omega: Any) -> None:
+        known = omega[omega > 0]
+        self.low, self.high = float(known.min()), float(known.max())
+        self.told: set[int] = set()
 
-    save_model(result.model, model_file)
-    if report is not None:
-        with atomic_write(report) as file:
-            file.write(page)
+    def lines(self, sweep: Any) -> list[str]:
+        """Lines of the orders that are new, below the axis at first, and what the sweep suggests so far."""
+        new = [order for order in sweep.fits if order not in self.told]
+        out = [] if self.told else self._axis()
+        self.told.update(new)
+        withheld = dict(zip(sweep.orders.tolist(), sweep.withheld.tolist(), strict=True))
+        for order in new:
+            error = f"  withheld {100 * withheld[order]:.3g} %" if math.isfinite(withheld[order]) else ""
+            out.append(f"{order:5d} |{self._marks(sweep, order)}|{error}")
+        return [*out, f"so far order {sweep.suggested} {sweep.reason}"]
+
+    def _axis(self) -> list[str]:
+        ends = [f"{omega / (2 * math.pi):.4g} Hz" for omega in (self.low, self.high)]
+        return [
+            "poles by order: o as in the order before, + only the frequency, . new",
+            f"order  {ends[0]}{ends[1]:>{_WIDTH - len(ends[0])}}",
+        ]
+
+    def _marks(self, sweep: Any, order: int) -> str:
+        """The poles of an order, each at its natural frequency; those beside the band at its ends."""
+        marks = [" "] * _WIDTH
+        span = math.log(self.high / self.low) or 1.0
+        for row in sweep.stabilisation:
+            if row.order == order and row.frequency > 0:
+                part = min(max(math.log(row.frequency / self.low) / span, 0.0), 1.0)
+                place = round(part * (_WIDTH - 1))
+                mark = _MARKS[row.kind]
+                if marks[place] == " " or _STRONGER.index(mark) > _STRONGER.index(marks[place]):
+                    marks[place] = mark
+        return "".join(marks)

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.checks import AUTO, too_large
-from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import First, Force, Output, Report, Static
-from robustid.app.cli.terminal import counted, say, shown, step
-from robustid.app.options import FrequencyPoints, General, Identify, Modes
-from robustid.app.prior_options import PriorChoice
-from robustid.app.sources import RecordSource, ResponseSource
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import First, Force, Output, Report, Static
+from robustid.app.cli.screen import counting, say, step
+from robustid.app.run.checks import too_large
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.settings import FrequencyPoints, General, Identify, Modes, Withheld
+from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
 
 _HELPS = "what would help: units, signs, other modes, other priors"
@@ -65,39 +65,28 @@ def identify(
     Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
     70 an error of the program, 130 interrupted.
     """
-    from robustid.app.cli.reading import Files
+    from robustid.app.cli.measured_files import Files
 
     paths = [*(frequency or []), *(time or [])]
     if not paths:
         raise InputError("--frequency and --time are both missing; give at least one file")
     flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay", "passive": "--passive"}
     prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner", "weight": "--weight"})
-    outputs.check_static(report, static)
-    outputs.check_outputs([*outputs.result_files(output), report], paths, force)
-    console, entry = terminal.console(), general.entry
+    written_files.check_static(report, static)
+    written_files.check_outputs([*written_files.result_files(output), report], paths, force)
+    console, entry = screen.console(), general.entry
     asked = [
         Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True),
         Files(paths=time or [], source=records, entry=entry, first=first, bounded=True),
     ]
     lines, samples = (one.read(console) for one in asked)
     dt = (*lines, *samples)[0].dt
-    modes = _with_pairs(modes, mode, dt)
-    result, box = identified(
-        console,
-        how,
-        frequency=lines,
-        time=samples,
-        modes=modes,
-        prior=prior.stated(dt),
-        passive=prior.passive,
-        slack=prior.slack,
-        shape=prior.shape(dt),
-        roll_off=prior.roll_off == AUTO,
-    )
+    stated = {"modes": _with_pairs(modes, mode, dt), "prior": prior, "identify": how}
+    result, box = identified(console, lines, samples, **stated)
     if apply and not result.consistent:
         result = _applied(console, how, result)
     finish(console, result, output, report, reduce=reduce, static=static, box=box)
-    raise typer.Exit(terminal.EXIT[result.status])
+    raise typer.Exit(screen.EXIT[result.status])
 
 
 def _applied(console: Any, how: Identify, result: Any) -> Any:
@@ -106,8 +95,8 @@ def _applied(console: Any, how: Identify, result: Any) -> Any:
     from robustid.core import Choice, Source
     from robustid.identification import identify as solve
 
-    with shown(console, _HELPS) as show:
-        cause = next(iter(diagnose(result, progress=counted(show, _HELPS)).causes), None)
+    with counting(console, _HELPS) as progress:
+        cause = next(iter(diagnose(result, progress=progress).causes), None)
     if cause is None or not cause.solves:
         say(console, "nothing is applied: no change that was tried makes the data consistent")
         return result
@@ -144,21 +133,24 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
     return hz, damping
 
 
-def identified(console: Any, how: Identify, **data: Any) -> tuple[Any, Any]:
-    """Return the identification of data, as `propose` takes them, with the choices that were made, and the box of its poles."""
-    from robustid.app.proposal import propose
+def identified(console: Any, frequency: list[Any], time: list[Any], **stated: Any) -> tuple[Any, Any]:
+    """Return the identification of data as the sections of a run file state it, with all choices, and the box of its poles."""
+    from robustid.app.run.measurements import Measured
+    from robustid.app.run.proved_band import box_of_modes
+    from robustid.app.run.run_file import RunFile
+    from robustid.app.run.sequence import Surroundings, posed
     from robustid.identification import identify as solve
 
     with too_large(
         "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples"
     ):
         with step(console, "choosing modes and prior from the data"):
-            proposal = propose(**data)
-        problem = proposal.problem
+            asked = RunFile(withheld=Withheld(every=0), **stated)
+            run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), Surroundings(), reference=False)
         words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
-        with shown(console, words) as show:
-            result = solve(problem, **how.arguments, progress=counted(show, words))
-    return dataclasses.replace(result, choices=result.choices | proposal.choices), proposal.box
+        with counting(console, words) as progress:
+            result = solve(problem, **run.identify.arguments, progress=progress)
+    return dataclasses.replace(result, choices=result.choices | run.choices), box_of_modes(run.modes)
 
 
 def finish(
@@ -174,21 +166,19 @@ def finish(
 ) -> None:
     """Compute and render everything; only then write, and show what was found."""
     from robustid.advice import diagnose
-    from robustid.app.proved import proved_band, refined_band
-    from robustid.core import atomic_write
+    from robustid.app.run.proved_band import proved_band, refined_band
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_report, render_summary
 
-    reduction, diagnosis, page = None, "", ""
+    reduction, diagnosis, page = None, "", None
     with step(console, "proving the error at every frequency"):
         band = proved_band(result, box)
     if reduce:
-        words = "searching for the smallest order"
-        with shown(console, words) as show:
-            reduction = reduce_within_bounds(result, band=band, progress=counted(show, words))
+        with counting(console, "searching for the smallest order") as progress:
+            reduction = reduce_within_bounds(result, band=band, progress=progress)
     if not result.consistent:
-        with shown(console, _HELPS) as show:
-            diagnosis = diagnose(result, progress=counted(show, _HELPS)).summary()
+        with counting(console, _HELPS) as progress:
+            diagnosis = diagnose(result, progress=progress).summary()
     if band is not None:
         band = band.with_model(result.model if reduction is None else reduction.model)
         band = refined_band(band, shown_too.get("worst_case"))
@@ -198,13 +188,11 @@ def finish(
         )
     summary = render_summary(result, reduction)
     result.save(output)
-    if report is not None:
-        with atomic_write(report) as file:
-            file.write(page)
+    written_files.write_page(report, page)
     console.print(summary)
     if band is not None:
         say(console, band.summary())
     if diagnosis:
-        console.print("\n" + terminal.plain(diagnosis), highlight=False)  # wrapped at words
-    terminal.say_written(console, *outputs.result_files(output), report)
-    terminal.repeat_warnings(console, result)
+        console.print("\n" + screen.plain(diagnosis), highlight=False)  # wrapped at words
+    screen.say_written(console, *written_files.result_files(output), report)
+    screen.repeat_warnings(console, result)

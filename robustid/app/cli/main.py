@@ -12,26 +12,26 @@ import typer
 from typer.core import TyperGroup
 
 from robustid._version import __version__
-from robustid.app.cli.options import FLAGS, opened
-from robustid.app.cli.terminal import console, plain
+from robustid.app.cli.command_options import FLAGS, opened
+from robustid.app.cli.screen import console, plain
 from robustid.errors import RobustIdError, SolverError
 
-COMMANDS = (
-    "demo",
-    "explore",
-    "identify",
-    "run",
-    "excite",
-    "frf",
-    "fit",
-    "bounds",
-    "verify",
-    "reduce",
-    "report",
-    "export",
-    "look",
-    "new",
-)
+COMMANDS = {  # in the order of the list, with the file of each
+    "demo": "explore",
+    "explore": "explore",
+    "identify": "identify",
+    "run": "run",
+    "excite": "experiment",
+    "frf": "experiment",
+    "fit": "fit",
+    "bounds": "bounds",
+    "verify": "verify",
+    "reduce": "reduce",
+    "report": "report",
+    "export": "report",
+    "look": "new",
+    "new": "new",
+}
 MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}
@@ -39,7 +39,7 @@ _INTERRUPTED = "interrupted before the results were written"
 
 
 def _command(name: str) -> Callable[..., None]:
-    return getattr(importlib.import_module(f"robustid.app.cli.{name}"), name)
+    return getattr(importlib.import_module(f"robustid.app.cli.{COMMANDS[name]}"), name)
 
 
 class Commands(TyperGroup):

@@ -1,4 +1,4 @@
-"""robustid new: a commented run file made from a look into files."""
+"""robustid look: what is in files; robustid new: a commented run file made from such looks."""
 
 from __future__ import annotations
 
@@ -7,8 +7,20 @@ from typing import Annotated
 
 import typer
 
-from robustid.app.cli import outputs, terminal
-from robustid.app.cli.terminal import say
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.screen import say
+
+
+def look(files: Annotated[list[Path], typer.Argument(help="Files of any kind that robustid reads.")]) -> None:
+    """Show what is in files: names, shapes, ranges, what looks odd, and the lines to go on with.
+
+    [bold]Example[/bold]: robustid look bench.mat
+    """
+    from robustid.app.look import look as looked
+
+    console = screen.console()
+    for path in files:
+        say(console, looked(path).summary())
 
 
 def new(
@@ -24,12 +36,12 @@ def new(
     from robustid.app.look import look, run_file_text
     from robustid.core import atomic_write
 
-    outputs.check_outputs([output], files, False)
-    console = terminal.console()
+    written_files.check_outputs([output], files, False)
+    console = screen.console()
     text = run_file_text([look(path) for path in files], output.parent)
     with atomic_write(output) as file:
         file.write(text)
-    terminal.say_written(console, output)
+    screen.say_written(console, output)
     edits = [line.strip() for line in text.splitlines() if "EDIT" in line and not line.startswith("#")]
     edits += [line.strip() for line in text.splitlines() if line.startswith("# Check these lines")]
     say(console, *(f"edit first: {line}" for line in edits))

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.checks import low_high
-from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, words_of
-from robustid.app.cli.terminal import counted, in_words, shown, step
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Force, words_of
+from robustid.app.cli.screen import counting, in_words, step
+from robustid.app.run.checks import low_high
 
 
 def reduce(
@@ -62,16 +62,16 @@ def reduce(
     Exit codes: 0 reduced, or nothing to reduce; 1 the smaller model is unstable (it is written all the same); 2 misuse, 70 an
     error of the program, 130 interrupted.
     """
-    from robustid.app.files import save
+    from robustid.app.load_save import save
     from robustid.formats import load_model
     from robustid.reduction import ReductionStatus
 
-    outputs.check_ending(output, (".npz", ".mat", ".m", ".json", ".h", ".sos", ".zpk"))
+    written_files.check_ending(output, (".npz", ".mat", ".m", ".json", ".h", ".sos", ".zpk"))
     limits: dict[str, Any] = {"band_hz": None if band is None else low_high("--band", band), "horizon": horizon}
-    outputs.check_outputs([output], [*outputs.sources(source), *([weight] if weight else [])], force)
+    written_files.check_outputs([output], [*written_files.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
         limits["weight"] = load_model(weight)
-    console = terminal.console()
+    console = screen.console()
     identification = _load_identification(source)
     asked = {"order": order, "tol": tol, "match": "static gain" if static_gain else None, **limits}
     if identification is not None and all(value is None for value in asked.values()):
@@ -85,7 +85,7 @@ def reduce(
         if identification is not None:
             _say_margin(console, identification, reduction)
     save(output, reduction.model)
-    terminal.say_written(console, output)
+    screen.say_written(console, output)
     raise typer.Exit(1 if reduction.status is ReductionStatus.UNSTABLE else 0)
 
 
@@ -93,13 +93,13 @@ def _within_bounds(console: Any, identification: Any, time_limit: float | None) 
     from robustid.reduction import reduce_within_bounds
 
     words = "searching for the smallest order"
-    with shown(console, words) as show:
-        reduction = reduce_within_bounds(identification, time_limit=time_limit, progress=counted(show, words))
+    with counting(console, words) as progress:
+        reduction = reduce_within_bounds(identification, time_limit=time_limit, progress=progress)
     for tried, margin in reduction.tried:
-        terminal.say(console, f"order {tried:3d}: {margin:.4g} of what is allowed")
-    terminal.say(console, f"order {reduction.order}: {reduction.status.value}")
+        screen.say(console, f"order {tried:3d}: {margin:.4g} of what is allowed")
+    screen.say(console, f"order {reduction.order}: {reduction.status.value}")
     if reduction.stopped:
-        terminal.warn(console, reduction.stopped)
+        screen.warn(console, reduction.stopped)
     return reduction
 
 
@@ -110,15 +110,15 @@ def _truncated(console: Any, model: Any, asked: dict[str, Any]) -> Any:
 
     with step(console, f"truncating {model.nstates} states"):
         reduction = balanced_truncation(model, **asked)
-    terminal.say(console, f"order {reduction.order} of {model.nstates}: {reduction.status.value}")
+    screen.say(console, f"order {reduction.order} of {model.nstates}: {reduction.status.value}")
     if np.isfinite(reduction.bound):
-        terminal.say(console, f"error at most {reduction.bound:.6g}, in units of the response")
+        screen.say(console, f"error at most {reduction.bound:.6g}, in units of the response")
     if reduction.status not in (ReductionStatus.UNREDUCED, ReductionStatus.UNSTABLE):
         with step(console, "largest error over all frequencies"):
             error = hinf_error(model, reduction.model)
         # Between the stable parts: the unstable ones are kept as they are.
         where = "at infinite frequency" if np.isinf(error.omega) else f"at {error.omega / (2 * np.pi):.4g} Hz"
-        terminal.say(console, f"largest error over all frequencies: {error.value:.6g}, {where}")
+        screen.say(console, f"largest error over all frequencies: {error.value:.6g}, {where}")
     return reduction
 
 
@@ -127,12 +127,12 @@ def _say_margin(console: Any, identification: Any, reduction: Any) -> None:
 
     margin = largest_ratio(identification.problem, reduction.model)
     verdict = "all samples inside" if margin <= 1 else "outside somewhere"
-    terminal.say(console, f"largest |residual|/bound {margin:.4g}: {verdict}")
+    screen.say(console, f"largest |residual|/bound {margin:.4g}: {verdict}")
 
 
 def _load_identification(path: Path) -> Any:
     """The saved identification at `path`; None where the file is a plain model."""
-    from robustid.app.files import load_result
+    from robustid.app.load_save import load_result
     from robustid.core import paths
 
     return load_result(path, "identification") if paths(path)[1].exists() else None

@@ -1,4 +1,4 @@
-"""robustid report: the page of a saved identification, with what was guaranteed of it."""
+"""robustid report: the page of a saved identification; robustid export: a file for another program."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import outputs, terminal
-from robustid.app.cli.options import Force, Static
-from robustid.app.cli.terminal import step
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Force, Static
+from robustid.app.cli.screen import step
 from robustid.errors import InputError
 
 
@@ -39,14 +39,14 @@ def report(
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
     from robustid.advice import diagnose
-    from robustid.app.files import load_result
+    from robustid.app.load_save import load_result
     from robustid.errors import Status
     from robustid.reduction import reduce_within_bounds
     from robustid.report import render_summary, write_report
 
-    inputs = [path for name in (source, *(bounds or [])) for path in outputs.sources(name)]
-    outputs.check_outputs([output], inputs, force)
-    console = terminal.console()
+    inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
+    written_files.check_outputs([output], inputs, force)
+    console = screen.console()
     result = load_result(source, "identification")
     shown = _bounds(bounds or [], result)
     reduction = None
@@ -63,14 +63,14 @@ def report(
     with step(console, "verifying every certificate"):
         write_report(result, output, reduction=reduction, title=title, static=static, **shown)
     console.print(render_summary(result, reduction))
-    terminal.say_written(console, output)
-    terminal.repeat_warnings(console, result)
-    raise typer.Exit(terminal.EXIT[result.status])
+    screen.say_written(console, output)
+    screen.repeat_warnings(console, result)
+    raise typer.Exit(screen.EXIT[result.status])
 
 
 def _bounds(paths: list[Path], result: Any) -> dict[str, Any]:
     """The bounds that were saved of the identification, by the argument of `write_report` that takes it."""
-    from robustid.app.files import load_result
+    from robustid.app.load_save import load_result
     from robustid.guarantees import WorstCaseOverPoles
     from robustid.report import same
 
@@ -98,3 +98,37 @@ def _sensitivity(console: Any, problem: Any) -> Any:
 
     with step(console, "bounding the error under other assumptions"):
         return sensitivity(problem)
+
+
+def export(
+    source: Annotated[
+        Path, typer.Argument(help="A saved result (NAME, NAME.npz or NAME.json), a model or measurements.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Of a model: .m, .mat, .npz, .json, .h (C), .sos, .zpk, or .csv (poles); of a response .csv, .mat, .npz, .uff or"
+            " .s2p; of bounds .csv; of an identification its model, or with .csv its verdict.",
+        ),
+    ],
+    force: Force = False,
+) -> None:
+    """Write a model, a response or a table for another program: MATLAB, C, JSON, filters, universal files, CSV.
+
+    [bold]Example[/bold]: robustid export small.mat -o filter.h
+    """
+    from robustid.app.load_save import load, save
+
+    written_files.check_outputs([output], written_files.sources(source), force)
+    console = screen.console()
+    thing: Any = load(source)
+    if output.suffix.lower() != ".csv" and type(thing).__name__ in (
+        "Identification",
+        "MatrixFraction",
+        "WorstCaseError",
+    ):
+        thing = thing.model
+    save(output, thing)
+    screen.say_written(console, output)

@@ -9,16 +9,21 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.checks import options
-from robustid.app.cli import terminal
-from robustid.app.cli.options import FLAGS, Static
-from robustid.app.cli.terminal import counted, in_words, shown
-from robustid.app.options import PARTS
+from robustid.app.cli import screen
+from robustid.app.cli.command_options import FLAGS, Static
+from robustid.app.cli.screen import counted, in_words, resumable, shown
+from robustid.app.run.checks import options
+from robustid.app.run.settings import PARTS
 
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
 _WORDS = {name: name for name in (*FLAGS, "order", "scaling")}
 _WORDS |= {"folder": "--output", "resume": "--resume", "force": "--force", "executor": "--workers"}
-_WORDS |= {"frequency_unit": "unit", "period": "period in [estimate]", "omega": "at_hz in [worst_case]"}
+_WORDS |= {
+    "passive": "[prior] passive",
+    "frequency_unit": "unit",
+    "period": "period in [estimate]",
+    "omega": "at_hz in [worst_case]",
+}
 
 
 def _show_keys(wanted: bool) -> None:
@@ -27,14 +32,14 @@ def _show_keys(wanted: bool) -> None:
         return
     from rich.table import Table
 
-    console = terminal.console()
+    console = screen.console()
     for place, kind in PARTS.items():
-        terminal.say(console, f"\n{place}  # {(kind.__doc__ or '').splitlines()[0]}".replace("\n  #", "#"))
+        screen.say(console, f"\n{place}  # {(kind.__doc__ or '').splitlines()[0]}".replace("\n  #", "#"))
         table = Table.grid(padding=(0, 2))
         for field, option in options(kind):
             unit = f" In {option.unit}." if option.unit else ""
             default = "" if field.default is None else f" Default {json.dumps(field.default)}."
-            table.add_row(f"  {field.name}", terminal.plain(option.sentence + unit + default))
+            table.add_row(f"  {field.name}", screen.plain(option.sentence + unit + default))
         console.print(table, highlight=False)
     raise typer.Exit
 
@@ -94,43 +99,39 @@ def run(
     Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof) or contradicted by withheld data, 1 undecided or not
     solved, 2 misuse, 70 an error of the program, 130 interrupted.
     """
-    from robustid.app import pipeline
-    from robustid.app.result import IdentifiedReduced
+    from robustid.app.run import pipeline
+    from robustid.app.run.results import IdentifiedReduced
+    from robustid.app.run.run_folder import RUN_FILE
     from robustid.errors import Status
     from robustid.report import render_summary
 
     folder = output or Path(config.stem)
-    console = terminal.console()
-    try:
-        with in_words(_WORDS), shown(console, f"reading {config}") as show:
-            result = pipeline.run(
-                config,
-                folder,
-                resume=resume,
-                force=force,
-                static=static,
-                executor=None if workers in (None, 1) else workers,
-                progress=_told(show),
-            )
-    except KeyboardInterrupt:
-        if (folder / "run.toml").exists():
-            terminal.warn(
-                console, f"what is finished is in {folder}: the same command with --resume goes on from there"
-            )
-        raise
+    console = screen.console()
+    found_again = f"what is finished is in {folder}: the same command with --resume goes on from there"
+    interrupted = resumable(console, found_again, (folder / RUN_FILE).exists)
+    with interrupted, in_words(_WORDS), shown(console, f"reading {config}") as show:
+        result = pipeline.run(
+            config,
+            folder,
+            resume=resume,
+            force=force,
+            static=static,
+            executor=None if workers in (None, 1) else workers,
+            progress=_told(show),
+        )
     if isinstance(result, IdentifiedReduced):
         console.print(render_summary(result.identification, result.reduction))
         status, identifications = result.identification.status, [result.identification]
     else:
         status, identifications = result.status, list(result.identifications.values())
         if result.family is not None:
-            terminal.say(console, result.family.summary())
+            screen.say(console, result.family.summary())
     for finding in result.findings:
-        terminal.say(console, "\n" + finding)
-    terminal.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
+        screen.say(console, "\n" + finding)
+    screen.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
     for one in identifications:
-        terminal.repeat_warnings(console, one)
-    raise typer.Exit(terminal.EXIT[Status.INCONSISTENT if result.contradicted else status])
+        screen.repeat_warnings(console, one)
+    raise typer.Exit(screen.EXIT[Status.INCONSISTENT if result.contradicted else status])
 
 
 def _told(show: Callable[[str], None]) -> Callable[..., None]:

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from robustid.app.cli import terminal
+from robustid.app.cli import screen
 from robustid.app.cli.bounds import circle_words
-from robustid.app.cli.terminal import counted, in_words, say, shown, step
+from robustid.app.cli.screen import counting, in_words, say, step
 
 _ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
 
@@ -28,10 +28,10 @@ def verify(
     Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
     130 interrupted.
     """
-    from robustid.app.files import load_result
+    from robustid.app.load_save import load_result
     from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 
-    console = terminal.console()
+    console = screen.console()
     with in_words({"exact": "--exact"}):
         result = load_result(source, "identification", "worst-case error", "band over poles", "band")
         failed: list[str] = []
@@ -47,7 +47,7 @@ def verify(
     assumed = [] if isinstance(result, Band) else [_ASSUMED]  # a band says its own
     say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", *assumed)
     for name in failed:
-        console.print(f"[red]FAILED[/red]     {terminal.plain(name)}", highlight=False, soft_wrap=True)
+        console.print(f"[red]FAILED[/red]     {screen.plain(name)}", highlight=False, soft_wrap=True)
     console.print("[red]not verified[/red]" if failed else "[green]verified[/green]", highlight=False)
     raise typer.Exit(1 if failed else 0)
 
@@ -124,8 +124,7 @@ def _claim_failures(console: Any, result: Any, exact: bool) -> list[str]:
     """Evaluate every certificate, count those that hold, name the others."""
     total = result.claim_count
     failed, words = [], "evaluating certificates"
-    with shown(console, words) as show:
-        progress = counted(show, words)
+    with counting(console, words) as progress:
         for done, claim in enumerate(result.claims(), start=1):
             failed += [] if claim.verify(exact) else [claim.name]
             progress(done, total)

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.measurements import Measured, Say, measured, without_points
-from robustid.app.options import Fit
-from robustid.app.proved import Box, box_of_modes
-from robustid.app.run_file import RunFile
-from robustid.app.sequence import Surroundings, posed
+from robustid.app.run.measurements import Measured, Say, measured, without_points
+from robustid.app.run.proved_band import Box, box_of_modes
+from robustid.app.run.reading import Tables
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.sequence import Surroundings, posed
+from robustid.app.run.settings import Fit
 from robustid.core import Frozen
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
@@ -66,7 +67,7 @@ class Session(Frozen):
     folder: Path
 
     @classmethod
-    def of(cls, run: RunFile, folder: Path, say: Say) -> Session:
+    def of(cls, run: RunFile, folder: Path, say: Say, tables: Tables | None = None) -> Session:
         """Read the data of a run file, and make the choices that it leaves open.
 
         Raises
@@ -81,7 +82,7 @@ class Session(Frozen):
         if run.prior.passive is not None:
             raise InputError("explore moves modes and a gain bound, which a passive class has not: leave passive out")
         left_out = run.frequency_points.leave_out_hz
-        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, say)
+        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, say, tables)
         if not data.responses:
             raise InputError(
                 "explore needs a frequency response: a [[frequency]], or a [[record]] that is used for one"
@@ -142,13 +143,12 @@ class Session(Frozen):
             Numbers that make no class.
         """
         data = without_points(self.data, choice.left_out_hz)
-        _, problem, left = posed(self.stated(choice), data, Surroundings(_silent))
+        _, problem, left = posed(self.stated(choice), data, Surroundings())
         return problem, [*left.points, *(left.withheld if left.kind == "lines" and not left.points else [])]
 
     def box(self, choice: Choice) -> Box | None:
         """The pole-uncertainty box of the modes, where they are those that the data gave; None where they are moved by hand."""
-        modes = self.stated(choice).modes
-        return box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
+        return box_of_modes(self.stated(choice).modes)
 
     def left_out(self, choice: Choice) -> list[FrequencyResponse]:
         """The frequency points that a choice leaves out."""
@@ -206,7 +206,3 @@ def toggled(left_out_hz: Sequence[float], brushed_hz: Sequence[float]) -> tuple[
     """
     before, brushed = set(left_out_hz), set(brushed_hz)
     return tuple(sorted(before - brushed if brushed <= before else before | brushed))
-
-
-def _silent(text: str, done: int | None = None, count: int | None = None) -> None:
-    """No progress."""

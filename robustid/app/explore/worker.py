@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robustid.app.explore.session import Choice, Session
-from robustid.app.proved import band_at_once
+from robustid.app.run.proved_band import band_at_once
 from robustid.core import Real, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import RobustIdError

@@ -1,5 +1,5 @@
 """Files for other programs: MATLAB, C, filters of control rooms, JSON, tables, universal files."""
 
-from robustid.app.exports.write import exported
+from robustid.app.exports.by_ending import exported
 
 __all__ = ["exported"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.proved import refined_band
+from robustid.app.run.proved_band import refined_band
 from robustid.errors import FileFormatError, InputTypeError
 from support.edge_bands import edge_plant
 from support.forging import forge

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from robustid.advice import content
-from robustid.app import choices, findings
-from robustid.app.fit_step import with_fit
-from robustid.app.folder import RunFolder
-from robustid.app.measurements import Measured, Say
-from robustid.app.options import Modes
-from robustid.app.prior_options import PriorChoice
-from robustid.app.proved import box_of_modes, proved_band, refined_band
-from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import RunFile
-from robustid.app.withheld import compared, looked_at, split_points
+from robustid.app.run import findings
+from robustid.app.run.class_choice import (
+    chosen_points,
+    inflated,
+    inflated_problem,
+    placeholder,
+    with_inflation,
+    with_larger_gain,
+    with_prior,
+)
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.kept_out import compared, looked_at, split_points
+from robustid.app.run.measurements import Measured, Say, silent
+from robustid.app.run.modes import basis_of, with_fit, with_modes
+from robustid.app.run.proved_band import box_of_modes, proved_band, refined_band
+from robustid.app.run.results import IdentifiedReduced
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import RunFolder
+from robustid.app.run.settings import Modes
 from robustid.core import Progress, Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
@@ -53,7 +63,7 @@ _LARGER = 4  # times that a gain bound which the program chose is doubled
 class Surroundings:
     """Receiver of progress, folder of results, and workers."""
 
-    say: Say
+    say: Say = silent
     folder: RunFolder = dataclasses.field(default_factory=RunFolder)
     executor: Any = None
 
@@ -76,32 +86,41 @@ def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedR
     return _decided(*posed(run, data, around), around)
 
 
-def posed(run: RunFile, data: Measured, around: Surroundings) -> tuple[RunFile, MixedProblem, Untouched]:
-    """The run file with every choice made, the problem that it poses about data, and what it keeps out of it."""
+def posed(
+    run: RunFile, data: Measured, around: Surroundings, *, reference: bool = True
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The run file with every choice made, the problem that it poses about data, and what it keeps out of it.
+
+    `reference` is what becomes of a class that says nothing; see `with_prior`.
+    """
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
-    placeholder = choices.placeholder(run, data)
-    everything = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder)
-    dt, say, folder = everything.dt, around.say, around.folder
-    _check(run, everything)
+    say, folder = around.say, around.folder
+    _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
     folder.responses(data.responses)
-    run = choices.with_modes(with_fit(run, data, say, folder), data, say)
-    parts = [choices.chosen_points(run, frf) for frf in data.responses]
-    basis = choices.basis_of(run.modes, dt, run.prior.passive)
-    used = [points for points, _ in parts]
-    unused = [left for _, left in parts if left is not None]
-    run, used, out, kind = kept_out(run, data, used, unused)
-    problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
-    run = choices.with_inflation(run, problem, say)
-    problem = _inflated(problem, run)
+    run = with_modes(with_fit(run, data, say, folder), data, say)
+    run, problem, left = without_class(run, data, run.modes)
+    run = with_inflation(run, problem, say)
+    problem = inflated_problem(problem, run)
     folder.choices(run)
-    run, problem = choices.with_prior(run, problem, say)
+    run, problem = with_prior(run, problem, say, reference=reference)
     folder.choices(run)
-    left = [choices.inflated(frf, run) for frf in (out if kind == "lines" else unused)]
+    return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
+
+
+def without_class(run: RunFile, data: Measured, modes: Modes) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The problem that data and modes pose, with a prior of no meaning, and the data that it keeps out."""
+    prior = placeholder(run, data)
+    dt = MixedProblem(frequency=data.responses, time=data.records, prior=prior).dt
+    parts = [chosen_points(run, frf) for frf in data.responses]
+    unused = [rest for _, rest in parts if rest is not None]
+    run, used, out, kind = _kept_out(run, data, [points for points, _ in parts], unused)
+    basis = basis_of(modes, dt, run.prior.passive)
+    problem = MixedProblem(frequency=used, time=data.records, prior=prior, parametric=basis)
     records = data.excited if used else data.records
-    return run, problem, Untouched(left, out, kind, used, records)
+    return run, problem, Untouched(out if kind == "lines" else unused, out, kind, used, records)
 
 
-def kept_out(
+def _kept_out(
     run: RunFile, data: Measured, used: list[FrequencyResponse], unused: list[FrequencyResponse]
 ) -> tuple[RunFile, list[FrequencyResponse], list[FrequencyResponse], str]:
     """Withheld data that test the result: records or periods, frequency points that are not used, or one of so many."""
@@ -125,10 +144,10 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
         modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
     )
     _check(run, problem)
-    run = choices.with_inflation(run, problem, around.say)
+    run = with_inflation(run, problem, around.say)
     return _decided(
         run,
-        _inflated(problem, run),
+        inflated_problem(problem, run),
         Untouched([], [], "lines", problem.frequency, () if problem.frequency else problem.time),
         around,
     )
@@ -142,16 +161,13 @@ def _check(run: RunFile, problem: MixedProblem) -> None:
         raise InputError(
             f"[small_model] rigid_body must be {heads}, a mode for every signal on the side with fewer; got {bodies}"
         )
-    for place, stated in (("[modes] hz", run.modes.hz), ("[worst_case] at_hz", run.worst_case.at_hz)):
+    pairs = zip(run.modes.hz or (), run.modes.damping or (), strict=True)
+    oscillating = [hz for hz, damping in pairs if dt and hz * math.sqrt(1 - damping**2) > 0.5 / dt * (1 + 1e-9)]
+    for place, stated in (("[modes] hz", oscillating), ("[worst_case] at_hz", run.worst_case.at_hz)):
         if stated and dt and max(stated) > 0.5 / dt * (1 + 1e-9):
             raise InputError(
                 f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
             )
-
-
-def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
-    wide = {kind: tuple(choices.inflated(d, run) for d in getattr(problem, kind)) for kind in ("frequency", "time")}
-    return dataclasses.replace(problem, **wide)
 
 
 class Untouched(NamedTuple):
@@ -176,7 +192,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
     """Consistency, the small model, its error, and what can be said of them."""
     refuted, result = _refuted(problem, around), _identified(run, problem, around)
     for _ in range(_LARGER):
-        if (larger := choices.with_larger_gain(run, result)) is None:
+        if (larger := with_larger_gain(run, result)) is None:
             break
         run, problem = larger
         around.folder.choices(run)
@@ -239,9 +255,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
 def _proved(run: RunFile, result: Identification, around: Surroundings) -> Band | None:
     """The band that is proved at every frequency, kept as soon as it is there."""
     around.say("proving the error at every frequency")
-    modes = run.modes
-    box = box_of_modes(modes.hz, modes.damping, modes.hz_interval, modes.damping_interval)
-    found = proved_band(result, box)
+    found = proved_band(result, box_of_modes(run.modes))
     if found is not None:
         around.folder.proved(found)
     return found

@@ -86,6 +86,24 @@ def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], Non
 
 
 @contextlib.contextmanager
+def counting(out: Any, words: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a long step; receiver of its progress."""
+    with shown(out, words) as show:
+        yield counted(show, words)
+
+
+@contextlib.contextmanager
+def resumable(out: Any, words: str, there: Callable[[], bool]) -> Iterator[None]:
+    """Say on Ctrl-C how an unfinished computation goes on, where something of it is there."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if there():
+            warn(out, words)
+        raise
+
+
+@contextlib.contextmanager
 def in_words(words: dict[str, str]) -> Iterator[None]:
     """Name options, and files, in place of Python's arguments."""
     try:

@@ -52,6 +52,15 @@ def check_static(report: Path | None, static: bool) -> None:
         raise InputError("--static says how the report is written; give --report FILE.html too")
 
 
+def write_page(report: Path | None, page: str | None) -> None:
+    """Write the page, after everything was computed and drawn; nothing without one."""
+    from robustid.core import atomic_write
+
+    if report is not None and page is not None:
+        with atomic_write(report) as file:
+            file.write(page)
+
+
 def new_folder(wanted: Path) -> Path:
     """Create the folder, or the next free of its name with -2, -3, …"""
     folder, k = wanted, 1

@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.checks import options
-from robustid.app.cli.terminal import say, warn
-from robustid.app.noise_bounds import with_bound
-from robustid.app.reading_words import in_options, option_words
-from robustid.app.sources import RecordSource, ResponseSource, reading
+from robustid.app.cli.screen import say, warn
+from robustid.app.run.checks import options
+from robustid.app.run.reading import Tables, in_options, option_words, read_source
+from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import correct, record_faults, response_faults
-from robustid.formats import Origin, origin, read_file
+from robustid.estimation import BOUND_SOURCES, record_faults, response_faults
+from robustid.formats import Origin, origin
 
 _SHARED = ("--dt", "--rate", "--axes", "--decimal")  # by files of both kinds
 _NOTE = "given on the command line"
@@ -50,7 +49,7 @@ class Files:
     band_hz: tuple[float, float] | None = None
     first: int | None = None
     bounded: bool = False
-    _taken_from: dict[Path, str] = dataclasses.field(default_factory=dict[Path, str], init=False, repr=False)
+    tables: Tables = dataclasses.field(default_factory=Tables, repr=False)
 
     def __post_init__(self) -> None:
         stated = {option.flag: getattr(self.source, field.name) for field, option in options(self.source)}
@@ -65,7 +64,7 @@ class Files:
     @property
     def kind(self) -> str:
         """Frequency or time."""
-        return "frequency" if isinstance(self.source, ResponseSource) else "time"
+        return self.source.kind
 
     def read(self, out: Any) -> list[Any]:
         """The measurements, one line said about each."""
@@ -82,22 +81,21 @@ class Files:
         """The measurements of a file: several records where its axes have realisations."""
         how, unit = self.source, getattr(self.source, "unit", None)
         with _named(path, self.kind):
-            found = origin(path, self.kind, how.fields, how.decimal)
+            found = origin(self.tables.of(path, how.decimal), self.kind, how.fields)
             if found.kind not in (None, self.kind):
                 other = "use it from Python" if found.kind == "tangential" else f"use --{found.kind} {path}"
                 wanted = {"frequency": "a frequency response", "time": "a time record"}[self.kind]
                 needed = other if self.bounded else f"{wanted} is needed"
                 raise InputError(f"{path.name} holds {found.kind} data; {needed}", place=path.name)
-            several: Any = read_file(path, kind=self.kind, **reading(how))
-            read = [self._taken(data, path) for data in (several if isinstance(several, list) else [several])]
+            own = dataclasses.replace(how, file=path.name)
+            source = read_source(own, path.parent, self.tables, bounded=self.bounded)
+            read = [self._taken(data, path) for data in source.data]
         words, data = read[0]
         count = f"{len(read)} realisations, each " if len(read) > 1 else ""
         say(out, f"read {path}: {count}{_described(data, words)}{_unit_words(found, unit)}; {found.how}")
-        if note := self._taken_from.get(path):
-            warn(
-                out,
-                f"{path.name} states no error bound, so it is taken from the data: {note}; --{self.kind}-bound states it",
-            )
+        if source.bound != how.bound:
+            taken = f"it is taken from the data: {source.data[-1].bound.words(source.data[-1].note)}; --{self.kind}-bound states it"
+            warn(out, f"{path.name} states no error bound, so {taken}")
         for fault in self._faults([data for _, data in read]):
             warn(out, f"{path.name}: {fault}")
         if found.unit_known and unit is not None and getattr(how, "step", None) is None:
@@ -113,20 +111,10 @@ class Files:
 
     def _taken(self, data: Any, path: Path) -> tuple[str, Any]:
         """The part that is asked for, with its bound, and what it is in words."""
-        data = correct(data, *(self.source.correct or ()))
-        if self.bounded:
-            data = self._with_bound(path, data)
+        if self.bounded and self.source.bound is not None and self.source.bound not in BOUND_SOURCES:
+            data = data.with_bound(data.bound, note=_NOTE)
         words, data = self._entry_of(data, path)
         return words, self._part_of(data)
-
-    def _with_bound(self, path: Path, data: Any) -> Any:
-        """The data with the bound that is given, or the one that they show themselves."""
-        bounded, stated = with_bound(data, self.source)
-        if stated.bound != self.source.bound:
-            self._taken_from[path] = bounded.bound.words(bounded.note)
-        elif self.source.bound is not None and bounded is data:
-            return data.with_bound(data.bound, note=_NOTE)
-        return bounded
 
     def _faults(self, data: Sequence[Any]) -> list[str]:
         """Faults that the data show, before any class is assumed."""

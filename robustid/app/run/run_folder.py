@@ -6,9 +6,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from robustid.app.files import load_result
-from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import RunFile, read_run_file
+from robustid.app.load_save import load_result
+from robustid.app.run.results import IdentifiedReduced
+from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.core import Source, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status

@@ -12,8 +12,8 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from robustid.app.checks import Option, options
-from robustid.app.options import PARTS
+from robustid.app.run.checks import Option, options
+from robustid.app.run.settings import PARTS
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="Where results go: NAME.npz and NAME.json.")]
 Report = Annotated[Path | None, typer.Option("--report", help="Write the HTML report here.")]

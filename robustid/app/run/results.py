@@ -1,4 +1,4 @@
-"""The result of a run."""
+"""The results of a run: of one plant, or of the members of a family."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import os
 from typing import TYPE_CHECKING
 
 from robustid.advice import Content
-from robustid.app.run_file import RunFile
+from robustid.app.run.run_file import RunFile
 from robustid.core import Choice, Frozen
-from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles
+from robustid.errors import Status
+from robustid.guarantees import Band, Coverage, Family, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, Reduction
 
@@ -107,4 +108,73 @@ class IdentifiedReduced(Frozen):
             worth=self.worth,
             run_file=self.run_file.text(),
             band=self.band,
+        )
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class FamilyRun(Frozen):
+    """Everything that was found on the way from the measurements of several plants to their family.
+
+    Attributes
+    ----------
+    identifications : dict of str to Identification
+        Of every member.
+    family : Family or None
+        None where the data of a member refute the class.
+    withheld : dict of str to Coverage
+        What the data of a member that were kept out say of the band of the family.
+    findings : tuple of str
+    run_file : RunFile
+    """
+
+    identifications: dict[str, Identification]
+    family: Family | None
+    withheld: dict[str, Coverage]
+    findings: tuple[str, ...]
+    run_file: RunFile
+
+    @property
+    def consistent(self) -> bool:
+        """True if the data of every member are consistent with the one class."""
+        return self.family is not None
+
+    @property
+    def contradicted(self) -> bool:
+        """True if withheld data of a member lie outside the band by more than their own bounds."""
+        return any(found.contradicted for found in self.withheld.values())
+
+    @property
+    def status(self) -> Status:
+        """The worst finding about a member."""
+        order = Status.CONSISTENT, Status.UNDECIDED, Status.INCONSISTENT, Status.FAILED
+        return max((i.status for i in self.identifications.values()), key=order.index)
+
+    @property
+    def model(self) -> control.StateSpace | None:
+        """The nominal of the family."""
+        return None if self.family is None else self.family.model
+
+    def __repr__(self) -> str:
+        said = "inconsistent" if self.family is None else "contradicted by withheld data" * self.contradicted
+        return f"<FamilyRun: {len(self.identifications)} members{', ' * bool(said)}{said}>"
+
+    def summary(self) -> str:
+        """The findings, then the family, in plain text."""
+        return "\n".join([*self.findings, *([] if self.family is None else ["", self.family.summary()])])
+
+    def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
+        """Write the page of the family, with the run file in it; nothing where there is none."""
+        from robustid.report import write_report
+
+        if self.family is None:
+            return
+        worst = max(self.withheld.values(), key=lambda found: found.largest, default=None)
+        write_report(
+            self.family,
+            path,
+            title=title or self.run_file.title,
+            static=static,
+            findings=self.findings,
+            withheld=worst,
+            run_file=self.run_file.text(),
         )

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from robustid._version import __version__
-from robustid.app.checks import AUTO, options, refuse_unknown, section
-from robustid.app.options import (
+from robustid.app.run.checks import AUTO, options, refuse_unknown, section
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.settings import (
     Delay,
     Fit,
     FrequencyPoints,
@@ -21,9 +22,8 @@ from robustid.app.options import (
     Withheld,
     WorstCase,
 )
-from robustid.app.prior_options import PriorChoice
-from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
-from robustid.app.toml import read_toml, write_toml
+from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
+from robustid.app.run.toml import read_toml, write_toml
 from robustid.core import Choice, Frozen, Source, digest
 from robustid.errors import InputError, InputTypeError
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
-from robustid.app.checks import (
+from robustid.app.run.checks import (
     either,
     key,
     listed,
@@ -160,6 +160,13 @@ class RecordSource:
     member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
     digest: str | None = key(text(), help=_DIGEST)
 
+    kind: ClassVar = "time"
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The keyword arguments of `robustid.load`."""
+        return _arguments(self) | {"initial": self.initial}
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResponseSource:
@@ -199,15 +206,20 @@ class ResponseSource:
     member: str | None = key(text(), help="Name of the member that this was measured of, where there are [[members]].")
     digest: str | None = key(text(), help=_DIGEST)
 
+    kind: ClassVar = "frequency"
 
-def reading(source: RecordSource | ResponseSource) -> dict[str, Any]:
-    """Arguments of `load` that a source states."""
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The keyword arguments of `robustid.load`."""
+        return _arguments(self) | {"frequency_unit": self.unit, "start": self.start, "step": self.step}
+
+
+def _arguments(source: RecordSource | ResponseSource) -> dict[str, Any]:
+    """Arguments for both kinds; a word for a bound asks for one that is taken from the data."""
     given = {name: getattr(source, name) for name in _READ}
-    if given["bound"] in (*_OF_RESPONSE, *_OF_RECORD):
-        given["bound"] = None
-    if isinstance(source, RecordSource):
-        return given | {"initial": source.initial}
-    return given | {"frequency_unit": source.unit, "start": source.start, "step": source.step}
+    return given | {
+        "bound": None if isinstance(source.bound, str) and not source.bound.strip().endswith("%") else source.bound
+    }
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from robustid.app.checks import Option, options, refuse_unknown, too_large
-from robustid.app.choices import stated_modes
-from robustid.app.folder import RunFolder
-from robustid.app.measurements import Measured, Say, measured
-from robustid.app.members import FamilyRun, run_members
-from robustid.app.prior_options import prior_keys
-from robustid.app.result import IdentifiedReduced
-from robustid.app.run_file import SECTIONS, RunFile, read_run_file
-from robustid.app.sequence import Surroundings, from_data, from_problem
+from robustid.app.run.checks import Option, options, refuse_unknown, too_large
+from robustid.app.run.class_settings import prior_keys
+from robustid.app.run.measurements import Measured, Say, measured, silent
+from robustid.app.run.members import run_members
+from robustid.app.run.modes import stated_modes
+from robustid.app.run.results import FamilyRun, IdentifiedReduced
+from robustid.app.run.run_file import SECTIONS, RunFile, read_run_file
+from robustid.app.run.run_folder import RunFolder
+from robustid.app.run.sequence import Surroundings, from_data, from_problem
 from robustid.core import as_flag, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
@@ -133,7 +133,7 @@ def identify_reduced(
     if prior is not None:
         content["prior"] = prior_keys(prior)
     asked = read_run_file(content, "identify_reduced", sources=False)
-    around = Surroundings(progress or _silent, executor=executor)
+    around = Surroundings(progress or silent, executor=executor)
     if not isinstance(data, MixedProblem):
         return from_data(asked, _as_measured(data), around)
     own = asked.modes
@@ -147,10 +147,6 @@ def identify_reduced(
     if named := [name for name, value in given.items() if value is not None]:
         raise InputError(f"`{named[0]}` is part of the problem already; change it there, or give the data alone")
     return from_problem(asked, data, around)
-
-
-def _silent(text: str, done: int | None = None, count: int | None = None) -> None:
-    """No progress."""
 
 
 def _as_measured(data: Any) -> Measured:
@@ -223,7 +219,7 @@ def run(
     >>> again.identification.margin == result.identification.margin
     True
     """
-    path, folder, say = Path(path), Path(folder), progress or _silent
+    path, folder, say = Path(path), Path(folder), progress or silent
     resume, force, static = (as_flag(*one) for one in (("resume", resume), ("force", force), ("static", static)))
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)

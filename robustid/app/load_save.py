@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from robustid import core
-from robustid.app.networks import is_network, save_network
+from robustid.app.exports.network_files import is_network, save_network
 from robustid.errors import InputError
 
 

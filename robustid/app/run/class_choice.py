@@ -1,9 +1,10 @@
-"""The choices of a run: each is read from the run file, or made from the data and written there."""
+"""The choices of a run beside its modes: frequency points, bounds and class; as stated, or made from the data and written down."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,133 +15,29 @@ from robustid.advice import (
     entry_sizes,
     possible_rates,
     response_sizes,
-    suggest_kautz,
     suggest_prior,
     suggest_roll_off,
     suggest_scaling,
 )
-from robustid.app.checks import AUTO
-from robustid.app.measurements import Measured, Say
-from robustid.app.options import Modes
-from robustid.app.passive_class import chosen_decay, passive_basis, relaxations
-from robustid.app.prior_options import PriorChoice
-from robustid.app.record_modes import modes_of_records
-from robustid.app.run_file import MODES_NOTE, PRIOR_NOTE, RECORD_MODES_NOTE, RunFile
-from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
+from robustid.app.run.checks import AUTO
+from robustid.app.run.class_settings import POSITIVE_REAL, PriorChoice
+from robustid.app.run.measurements import Measured, Say
+from robustid.app.run.modes import basis_of
+from robustid.app.run.run_file import PRIOR_NOTE, RunFile
+from robustid.bases import ParametricBasis
 from robustid.core import Source
-from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import InputError, InputTypeError, Status
-from robustid.fitting import MatrixFraction, ModeRow, RecordFit, mode_table
-from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError, Status
+from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify, prior_from
 
 DOUBLED = (
     "Each pair is taken twice (repeat = 2, terms k a^k, which absorb small errors of the poles): with single pairs no class that"
     " says much between the samples holds the data."
 )
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
+_LARGE = 100.0  # times the largest response: one that holds whatever does not contradict itself
 SPARE = 1.1  # beyond the smallest inflation of the bounds
-
-
-def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
-    """The poles of the parametric part, from the response where they aren't stated."""
-    if run.modes.hz is not None:
-        return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
-    chosen = run.modes
-    if (kind := run.prior.passive) is not None:
-        found = relaxations(data.responses, kind, run.prior.decay)
-        if found is None:
-            note = "No parametric part: a passive class is about the whole plant."
-            return run.changed("modes", hz=(), damping=(), delay=1, source=Source.PROGRAM, note=note)
-        hz = tuple((found.omega / (2 * np.pi)).tolist())
-        said = {"source": Source.DATA, "note": MODES_NOTE + found.summary()}
-        return run.changed("modes", hz=hz, damping=tuple(found.damping.tolist()), delay=0, **said)
-    if not data.responses:
-        say("looking for modes in the records")
-        return dataclasses.replace(run, modes=from_records(chosen, data.records))
-    say("looking for modes in the frequency response")
-    found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
-    box: dict[str, Any] = {}
-    if found.omega.size:
-        box = {
-            "hz_interval": _pairs(found.omega_interval / (2 * np.pi)),
-            "damping_interval": _pairs(found.damping_interval),
-        }
-    modes = Modes(
-        hz=tuple((found.omega / (2 * np.pi)).tolist()),
-        damping=tuple(found.damping.tolist()),
-        repeat=chosen.repeat,
-        integrators=chosen.integrators,
-        delay=found.delay,
-        source=Source.DATA,
-        note=MODES_NOTE + found.summary(),
-        **box,
-    )
-    return dataclasses.replace(run, modes=modes)
-
-
-def from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:
-    """The poles of the parametric part from records alone, by a fit of them."""
-    rows, words = modes_of_records(records, chosen.count)
-    return dataclasses.replace(
-        chosen,
-        hz=tuple(row.hz for row in rows),
-        damping=tuple(row.damping for row in rows),
-        count=None,
-        delay=1 if chosen.delay is None else chosen.delay,
-        source=Source.DATA if rows else Source.PROGRAM,
-        note=RECORD_MODES_NOTE + words if rows else words,
-    )
-
-
-def _pairs(intervals: np.ndarray) -> tuple:
-    return tuple(tuple(pair) for pair in intervals.tolist())
-
-
-def basis_of(modes: Modes, dt: float, passive: str | None = None) -> ParametricBasis | None:
-    """The Kautz pairs and integrators that the run file states, or the modes beside a passive class; None for none."""
-    if passive and (modes.hz or modes.integrators):
-        return passive_basis(modes, dt, passive)
-    parts = [integrators(modes.integrators, dt=dt)] if modes.integrators else []
-    if modes.hz:
-        omega = 2 * np.pi * np.array(modes.hz)
-        parts.append(kautz(omega, np.array(modes.damping), dt=dt, repeat=modes.repeat, delay=modes.delay or 0))
-    return stack_bases(parts) if parts else None
-
-
-def stated_modes(modes: Any) -> dict[str, Any]:
-    """Keys of the section [modes] for the argument `modes`: pairs (Hz, damping), a fit, or rows of its mode table.
-
-    The poles at z = 1 of a fit become integrators.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        Something else; more than two integrators.
-    """
-    if isinstance(modes, MatrixFraction | RecordFit):
-        modes = mode_table(modes if isinstance(modes, MatrixFraction) else modes.model)
-    if not isinstance(modes, Sequence) or isinstance(modes, str):
-        raise InputTypeError(
-            f"`modes` must be pairs (Hz, damping), a fit, or its mode table; got {type(modes).__name__}"
-        )
-    if not any(isinstance(row, ModeRow) for row in modes):
-        pairs = [_pair(row) for row in modes]
-        return {"hz": [hz for hz, _ in pairs], "damping": [damping for _, damping in pairs]}
-    rows = [row for row in modes if isinstance(row, ModeRow)]
-    rigid = sum(row.count for row in rows if row.rigid)
-    rows = [row for row in rows if not row.rigid]
-    if bad := [row for row in rows if not 0 < row.damping <= 1 or not row.hz > 0]:
-        raise InputError(f"`modes`: the fit has a pole that is not damped, at {bad[0].hz:.5g} Hz; leave its row out")
-    found: dict[str, Any] = {"hz": [row.hz for row in rows], "damping": [row.damping for row in rows]}
-    return found | ({"integrators": rigid} if rigid else {})
-
-
-def _pair(row: Any) -> tuple[float, float]:
-    try:
-        hz, damping = (float(number) for number in row)
-    except (TypeError, ValueError):
-        raise InputTypeError(f"`modes` must hold pairs (Hz, damping); got {row!r}") from None
-    return hz, damping
+_HALF = 0.5  # of the fastest decay that the data allow
 
 
 def chosen_points(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyResponse, FrequencyResponse | None]:
@@ -177,11 +74,11 @@ def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
 def placeholder(run: RunFile, data: Measured) -> Prior:
     """A prior of no meaning but its shape and scaling: as stated, or the sizes of the entries where the class isn't stated."""
     if run.prior.gain_bound is None and run.prior.scaling is None:
-        return default_prior((*data.responses, *data.records), run.prior.shape(data.dt))
+        return _default_prior((*data.responses, *data.records), run.prior.shape(data.dt))
     return any_prior(data.dt, run.prior.scaling, **run.prior.shape(data.dt))
 
 
-def default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> Prior:
+def _default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> Prior:
     """A prior of no meaning but its shape and scaling, the sizes of the entries of a MIMO response."""
     several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
     scaling = suggest_scaling(data) if several else None
@@ -215,37 +112,49 @@ def inflated(data: Any, run: RunFile) -> Any:
     return data.with_bound(dataclasses.replace(data.bound.inflated(factor), probability=None, dof=None), note)
 
 
-def with_prior(run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True) -> tuple[RunFile, MixedProblem]:
-    """Gain bound and decay rate; where only a class of anything at all fits, a reference class that is then refuted.
+def inflated_problem(problem: MixedProblem, run: RunFile) -> MixedProblem:
+    """The problem with the bounds of all its data multiplied."""
+    wide = {kind: tuple(inflated(d, run) for d in getattr(problem, kind)) for kind in ("frequency", "time")}
+    return dataclasses.replace(problem, **wide)
 
-    Where modes that the program chose contradict the data, each pair is taken twice, if `double` allows it.
+
+def with_prior(
+    run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True, reference: bool = True
+) -> tuple[RunFile, MixedProblem]:
+    """Gain bound and decay rate; modes that the program chose are taken twice where they contradict the data, if `double`.
+
+    Where only a class of anything at all fits, a `reference` class that is then refuted; else that class, or where none fits one so
+    large that it shows the contradiction of the data themselves.
     """
     if (stated := run.prior.stated(problem.dt)) is not None:
         problem = dataclasses.replace(problem, prior=stated)
         if run.prior.roll_off != AUTO:
             return run, problem
-        problem, words = with_roll_off(problem, say)
+        problem, words = _with_roll_off(problem, say)
         return _with_choice(run, problem.prior, Source.PROGRAM, words), problem
     say("looking for a prior")
     if (kind := run.prior.passive) is not None:
-        prior, words = chosen_decay(problem, kind, run.prior.slack, run.prior.without_decay("[prior] passive"))
+        prior, words = _chosen_decay(problem, kind, run.prior.slack)
         return _with_choice(run, prior, Source.DATA, words), dataclasses.replace(problem, prior=prior)
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and chosen.source is Source.DATA
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
-    problem, found, doubled = suggested(problem, twice, say)
+    problem, found, doubled = _suggested(problem, twice, say)
     if doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
     prior, source, note = found.prior, Source.DATA, PRIOR_NOTE + found.reason
-    if prior is None or not says_something(problem, found):
+    if reference and not _says_something(problem, found):
         (prior, what), source = _reference(run, problem), Source.PROGRAM
         note += (
             f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
             f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
+    elif prior is None:
+        size, slowest = _LARGE * response_sizes(problem)[0], problem.prior.with_rate(float(found.decay_rates[0]))
+        prior, source = dataclasses.replace(slowest, gain_bound=size or 1.0), Source.PROGRAM
     problem = dataclasses.replace(problem, prior=prior)
     if run.prior.roll_off == AUTO:
-        problem, words = with_roll_off(problem, say)
+        problem, words = _with_roll_off(problem, say)
         note += f"\n{words}"
     return _with_choice(run, problem.prior, source, note, curve=found.table), problem
 
@@ -275,10 +184,9 @@ def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, Mix
     return found, dataclasses.replace(result.problem, prior=prior)
 
 
-def with_roll_off(problem: MixedProblem, say: Say | None = None) -> tuple[MixedProblem, str]:
+def _with_roll_off(problem: MixedProblem, say: Say) -> tuple[MixedProblem, str]:
     """The problem with the roll-off that its responses show, where they show one; and what was found."""
-    if say is not None:
-        say("looking for a roll-off")
+    say("looking for a roll-off")
     if not problem.frequency:
         return problem, "No roll-off: it is taken from a frequency response, and there is none."
     prior = suggest_roll_off(problem)
@@ -292,16 +200,16 @@ def with_roll_off(problem: MixedProblem, say: Say | None = None) -> tuple[MixedP
     return dataclasses.replace(problem, prior=prior), words
 
 
-def suggested(
-    problem: MixedProblem, twice: ParametricBasis | None, say: Say | None = None
+def _suggested(
+    problem: MixedProblem, twice: ParametricBasis | None, say: Say
 ) -> tuple[MixedProblem, PriorSuggestion, bool]:
     """The prior for a problem, with the basis `twice` where that is much better than one that says little: problem, prior, whether.
 
     A non-parametric part that may be larger than the typical response says little; much better is half the gain bound.
     """
-    progress = None if say is None else lambda done, count: say("looking for a prior", done, count)
+    progress = partial(say, "looking for a prior")
     found = suggest_prior(problem, progress=progress)
-    something = says_something(problem, found)
+    something = _says_something(problem, found)
     if twice is None or (something and _gain(found) <= found.safety * _typical_size(problem)):
         return problem, found, False
     wider = dataclasses.replace(problem, parametric=twice)
@@ -309,7 +217,7 @@ def suggested(
         other = suggest_prior(wider, progress=progress)
     except InputError:  # functions that the samples can't tell apart
         return problem, found, False
-    better = says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
+    better = _says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
     return (wider, other, True) if better else (problem, found, False)
 
 
@@ -324,6 +232,40 @@ def _typical_size(problem: MixedProblem) -> float:
     return float(np.median(sizes)) if sizes.size else float("inf")
 
 
-def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
+def _says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
     """Tell whether a suggested non-parametric part is not larger than every response."""
     return found.prior is not None and found.prior.gain_bound <= found.safety * response_sizes(problem)[0]
+
+
+def _chosen_decay(problem: MixedProblem, kind: str, slack: float | None) -> tuple[Prior, str]:
+    """The passive class beside the modes of a problem, with half the fastest decay at which the data are consistent, and words.
+
+    Raises
+    ------
+    InputError
+        No modes, or no continuous time.
+    """
+    if kind != POSITIVE_REAL or problem.dt or problem.parametric is None:
+        raise InputError(PriorChoice.without_decay("`passive`", "`decay`"))
+    rates = possible_rates(problem)
+    fields = {"passive": kind, "slack": slack}
+    low, high, margin, tried = -1, rates.size, np.inf, float(rates[0])
+    while high - low > 1:  # the slower the decay, the larger the class: consistent at low, not at high
+        middle = (low + high) // 2
+        prior = prior_from({**fields, "decay": float(rates[middle])})
+        found = float(identify(dataclasses.replace(problem, prior=prior)).margin)
+        if found <= 1:
+            low = middle
+        else:
+            high = middle
+        if found <= 1 or high == 0:
+            margin, tried = found, float(rates[middle])
+    decay = float(f"{_HALF * tried:.3g}")
+    words = f"Decay of what the modes leave to the {kind} class: {decay:g} 1/s, half of {tried:.5g} 1/s, "
+    words += (
+        f"the fastest of those tried at which the data are consistent (margin {margin:.3g}). An assumption: data can refute it,"
+        " never prove it"
+        if margin <= 1
+        else f"the slowest that is tried; the data contradict it (margin {margin:.4g})"
+    )
+    return prior_from({**fields, "decay": decay}), words

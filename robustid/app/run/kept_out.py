@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.app.checks import AUTO
-from robustid.app.run_file import RunFile
+from robustid.app.run.checks import AUTO
+from robustid.app.run.run_file import RunFile
 from robustid.core import Plane, Real
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from robustid.app.checks import (
+from robustid.app.run.checks import (
     AUTO,
     auto_or,
     either,
@@ -24,8 +24,8 @@ from robustid.app.checks import (
     text,
     whole,
 )
-from robustid.app.prior_options import PriorChoice
-from robustid.app.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.errors import InputError
 
 _positive, _frequencies = number(above=0), number(least=0)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from robustid.app.run.settings import Modes
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles, band, has_box
 from robustid.identification import Identification, MixedProblem
 
@@ -17,14 +18,15 @@ _KNOTS, _KNOTS_OF_BOX = (
 )  # of a band at once; over a box each takes longer, and the band is wider than between them
 
 
-def box_of_modes(hz: Any, damping: Any, hz_interval: Any, damping_interval: Any) -> Box | None:
+def box_of_modes(modes: Modes) -> Box | None:
     """The box that data leave to modes, by rising frequency; None where there is none. Real poles (damping 1) have none."""
-    if not len(hz or ()) or hz_interval is None or damping_interval is None:
+    if not modes.hz or modes.damping is None or modes.hz_interval is None or modes.damping_interval is None:
         return None
-    order = [k for k in np.argsort(hz).tolist() if damping[k] < 1]
+    order = [k for k in np.argsort(modes.hz).tolist() if modes.damping[k] < 1]
     if not order:
         return None
-    return 2 * np.pi * np.asarray(hz_interval, dtype=float)[order], np.asarray(damping_interval, dtype=float)[order]
+    hz, damping = (np.asarray(ends, dtype=float)[order] for ends in (modes.hz_interval, modes.damping_interval))
+    return 2 * np.pi * hz, damping
 
 
 def proved_band(result: Identification, box: Box | None, model: Any = None) -> Band | None:

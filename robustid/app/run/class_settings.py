@@ -8,7 +8,19 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from robustid.app.checks import AUTO, Check, auto_or, explained, hz_levels, key, listed, number, several, text, whole
+from robustid.app.run.checks import (
+    AUTO,
+    Check,
+    auto_or,
+    explained,
+    hz_levels,
+    key,
+    listed,
+    number,
+    several,
+    text,
+    whole,
+)
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:

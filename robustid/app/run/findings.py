@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from robustid.advice import diagnose
-from robustid.app.choices import SPARE
-from robustid.app.measurements import Say
-from robustid.app.options import Modes
-from robustid.app.run_file import RunFile
+from robustid.app.run.class_choice import SPARE
+from robustid.app.run.measurements import Say
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.settings import Modes
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage

@@ -10,16 +10,14 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from robustid.app.noise_bounds import with_bound
-from robustid.app.reading_words import RUN_FILE, in_run_file
-from robustid.app.run_file import RunFile
-from robustid.app.sources import RecordSource, reading
-from robustid.app.withheld import Split, split
+from robustid.app.run.kept_out import Split, split
+from robustid.app.run.reading import RUN_FILE, Tables, in_run_file, read_source
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.sources import RecordSource
 from robustid.core import Source, digest
 from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import bounds_from_noise_floor, correct, estimate_delay, estimate_frf, response_faults
-from robustid.formats import datasets, read_said
+from robustid.estimation import bounds_from_noise_floor, estimate_delay, estimate_frf, response_faults
 
 _SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
 
@@ -29,6 +27,10 @@ class Say(Protocol):
 
     def __call__(self, text: str, done: int | None = None, count: int | None = None) -> None:
         """Say it."""
+
+
+def silent(text: str, done: int | None = None, count: int | None = None) -> None:
+    """No progress."""
 
 
 class Measured(NamedTuple):
@@ -58,13 +60,14 @@ class Measured(NamedTuple):
         return self._replace(responses=tuple(map(change, self.responses)), withheld=tuple(map(change, self.withheld)))
 
 
-def measured(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, Measured]:
+def measured(run: RunFile, folder: Path, say: Say, tables: Tables | None = None) -> tuple[RunFile, Measured]:
     """All data of a run file, read from `folder`, and the run file with what was read and chosen."""
+    tables = tables or Tables()
     for source in (*run.record, *run.frequency):
         if source.file is not None and not (folder / source.file).is_file():
             raise InputError(f"there is no file {folder / source.file}; names are seen from the folder of the run file")
-    run, records = _records(run, folder, say)
-    run, read = _responses(run, folder, say)
+    run, records = _records(run, folder, say, tables)
+    run, read = _responses(run, folder, say, tables)
     run = _with_method(run, records)
     run, data = _bounded(run, records)
     data = data._replace(responses=(*data.responses, *read))
@@ -112,7 +115,9 @@ def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
     return rest
 
 
-def _records(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[tuple[str, list[TimeRecord]]]]:
+def _records(
+    run: RunFile, folder: Path, say: Say, tables: Tables
+) -> tuple[RunFile, list[tuple[str, list[TimeRecord]]]]:
     """The records, prepared, with what each is used for."""
     sources, records = [], []
     quiet = all(source.use != "noise_floor" for source in run.record)
@@ -120,40 +125,37 @@ def _records(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[tuple[
         name = source.file or source.dataset
         place = f"[[record]] {k}, {name}"
         with _said_of(place):
-            raw, how = _read_record(source, folder)
-            stated, corrected = source, [correct(record, *(source.correct or ())) for record in raw]
-            if source.use == "samples" and (quiet or source.bound is not None):
-                bounded = [with_bound(record, source) for record in corrected]
-                corrected, stated = [record for record, _ in bounded], bounded[0][1]
-            made = [_prepared(record, source) for record in corrected]
+            bounded = source.use == "samples" and (quiet or source.bound is not None)
+            found = read_source(source, folder, tables, bounded=bounded)
+            raw, made = found.raw, [_prepared(record, source) for record in found.data]
         say(
-            f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}; {how}"
+            f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}; {found.how}"
         )
-        _say_bound(say, name, source, stated, made)
+        _say_bound(say, name, source.bound, found.bound, made[0])
+        stated = dataclasses.replace(source, bound=found.bound)
         sources.append(_with_digest(_with_past(stated, raw[0]), raw, place))
         records.append((source.use, made))
     return dataclasses.replace(run, record=tuple(sources)), records
 
 
-def _responses(run: RunFile, folder: Path, say: Say) -> tuple[RunFile, list[FrequencyResponse]]:
+def _responses(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[RunFile, list[FrequencyResponse]]:
     """The responses that were measured elsewhere."""
     sources, responses = [], []
     for k, source in enumerate(run.frequency, start=1):
         place = f"[[frequency]] {k}, {source.file}"
         with _said_of(place):
-            frf, how = read_said(folder / str(source.file), kind="frequency", **reading(source))
-            frf = correct(frf, *(source.correct or ()))
-            bounded, stated = with_bound(frf, source)
-        say(f"read {source.file}: {frf.omega.size} frequency points; {how}")
-        sources.append(_with_digest(stated, [frf], place))
-        for fault in response_faults(frf):
+            found = read_source(source, folder, tables, bounded=True)
+            frf = found.data[0]
+        say(f"read {source.file}: {frf.omega.size} frequency points; {found.how}")
+        sources.append(_with_digest(dataclasses.replace(source, bound=found.bound), found.corrected, place))
+        for fault in response_faults(found.corrected[0]):
             say(f"{source.file}: {fault}")
         if frf.dt is None:
             say(
                 f"{source.file} has no sample time: it is taken as a response of continuous time (dt = ... says otherwise)"
             )
-        _say_bound(say, str(source.file), source, stated, [bounded])
-        responses.append(bounded)
+        _say_bound(say, str(source.file), source.bound, found.bound, frf)
+        responses.append(frf)
     return dataclasses.replace(run, frequency=tuple(sources)), responses
 
 
@@ -164,19 +166,6 @@ def _said_of(place: str) -> Iterator[None]:
         yield
     except (InputError, InputTypeError, FileFormatError) as error:
         raise type(error)(f"{place}: {error.said(RUN_FILE, in_run_file)}") from None
-
-
-def _read_record(source: RecordSource, folder: Path) -> tuple[list[TimeRecord], str]:
-    """The records of a source, and as what its file was read."""
-    options = {name: value for name, value in reading(source).items() if value is not None}
-    if source.file is not None:
-        found, how = read_said(folder / source.file, kind="time", **options)
-        return found if isinstance(found, list) else [found], how
-    found: Any = datasets.load(str(source.dataset), **options)
-    found = found if isinstance(found, list) else [found]
-    if not all(isinstance(record, TimeRecord) for record in found):
-        raise InputError("this data set is a model, not a record")
-    return found, "published data set"
 
 
 def _with_digest(source: Any, data: Sequence[Any], place: str) -> Any:
@@ -239,10 +228,10 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
     return dataclasses.replace(record, y=record.y @ w, bound=bound, outputs=[output])
 
 
-def _say_bound(say: Say, name: str | None, source: Any, stated: Any, data: Sequence[Any]) -> None:
+def _say_bound(say: Say, name: str | None, stated: Any, taken: Any, data: FrequencyResponse | TimeRecord) -> None:
     """Say what a bound was taken from that nobody stated."""
-    if stated.bound != source.bound:
-        say(f"{name} states no error bound, so it is taken from the data: {data[0].bound.words(data[0].note)}")
+    if taken != stated:
+        say(f"{name} states no error bound, so it is taken from the data: {data.bound.words(data.note)}")
 
 
 def _with_method(run: RunFile, records: list) -> RunFile:

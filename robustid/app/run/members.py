@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.app import choices, findings
-from robustid.app.fit_step import with_fit
-from robustid.app.folder import RunFolder
-from robustid.app.measurements import Measured, measured
-from robustid.app.options import Modes
-from robustid.app.prior_options import prior_keys
-from robustid.app.run_file import RunFile
-from robustid.app.sequence import Surroundings, Untouched, kept_out
-from robustid.app.sources import MemberChoice
-from robustid.app.withheld import compared, looked_at
-from robustid.core import Frozen, Source
-from robustid.errors import InconsistentDataError, InputError, Status
-from robustid.guarantees import Coverage, Family, Member, family, frequencies_of
+from robustid.app.run import findings
+from robustid.app.run.class_choice import inflated_problem, with_inflation, with_prior
+from robustid.app.run.class_settings import prior_keys
+from robustid.app.run.kept_out import compared, looked_at
+from robustid.app.run.measurements import Measured, measured
+from robustid.app.run.modes import with_fit, with_modes
+from robustid.app.run.reading import Tables
+from robustid.app.run.results import FamilyRun
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import RunFolder
+from robustid.app.run.sequence import Surroundings, Untouched, without_class
+from robustid.app.run.settings import Modes
+from robustid.app.run.sources import MemberChoice
+from robustid.core import Source
+from robustid.errors import InconsistentDataError, InputError
+from robustid.guarantees import Member, family, frequencies_of
 from robustid.identification import Identification, MixedProblem, Prior, identify
 
 if TYPE_CHECKING:
-    import control
+    pass
 
 _AS_STATED = (
     "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
@@ -33,75 +35,6 @@ _AS_STATED = (
 )
 _NO_BOX = {"damping": None, "hz_interval": None, "damping_interval": None}
 POLES = ("hz", *_NO_BOX)  # keys that say which poles a plant has
-
-
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class FamilyRun(Frozen):
-    """Everything that was found on the way from the measurements of several plants to their family.
-
-    Attributes
-    ----------
-    identifications : dict of str to Identification
-        Of every member.
-    family : Family or None
-        None where the data of a member refute the class.
-    withheld : dict of str to Coverage
-        What the data of a member that were kept out say of the band of the family.
-    findings : tuple of str
-    run_file : RunFile
-    """
-
-    identifications: dict[str, Identification]
-    family: Family | None
-    withheld: dict[str, Coverage]
-    findings: tuple[str, ...]
-    run_file: RunFile
-
-    @property
-    def consistent(self) -> bool:
-        """True if the data of every member are consistent with the one class."""
-        return self.family is not None
-
-    @property
-    def contradicted(self) -> bool:
-        """True if withheld data of a member lie outside the band by more than their own bounds."""
-        return any(found.contradicted for found in self.withheld.values())
-
-    @property
-    def status(self) -> Status:
-        """The worst finding about a member."""
-        order = Status.CONSISTENT, Status.UNDECIDED, Status.INCONSISTENT, Status.FAILED
-        return max((i.status for i in self.identifications.values()), key=order.index)
-
-    @property
-    def model(self) -> control.StateSpace | None:
-        """The nominal of the family."""
-        return None if self.family is None else self.family.model
-
-    def __repr__(self) -> str:
-        said = "inconsistent" if self.family is None else "contradicted by withheld data" * self.contradicted
-        return f"<FamilyRun: {len(self.identifications)} members{', ' * bool(said)}{said}>"
-
-    def summary(self) -> str:
-        """The findings, then the family, in plain text."""
-        return "\n".join([*self.findings, *([] if self.family is None else ["", self.family.summary()])])
-
-    def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
-        """Write the page of the family, with the run file in it; nothing where there is none."""
-        from robustid.report import write_report
-
-        if self.family is None:
-            return
-        worst = max(self.withheld.values(), key=lambda found: found.largest, default=None)
-        write_report(
-            self.family,
-            path,
-            title=title or self.run_file.title,
-            static=static,
-            findings=self.findings,
-            withheld=worst,
-            run_file=self.run_file.text(),
-        )
 
 
 def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundings) -> FamilyRun:
@@ -112,17 +45,18 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
     asks for, in a class that holds those of all.
     """
     data: dict[str, Measured] = {}
+    tables = Tables()  # a record of the noise floor may be of all
     for member in run.members:
         around.say(f"member {member.name}")
-        stated, data[member.name] = measured(run.of_member(member.name), place, around.say)
+        stated, data[member.name] = measured(run.of_member(member.name), place, around.say, tables)
         run = run.with_member(member.name, stated)
     run = _with_own_poles(_with_modes(run, data, folder, around), data, around)
     problems: dict[str, MixedProblem] = {}
     left: dict[str, Untouched] = {}
     for name, mine in data.items():
-        run, problems[name], left[name] = _problem(run, name, mine)
+        run, problems[name], left[name] = without_class(run, mine, _modes_of(run, name))
     run = _one_inflation(run, problems, around)
-    problems = {name: _inflated(problem, run) for name, problem in problems.items()}
+    problems = {name: inflated_problem(problem, run) for name, problem in problems.items()}
     run, prior = _one_prior(run, problems, around)
     folder.choices(run)
     found: dict[str, Identification] = {}
@@ -143,7 +77,7 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
 def _with_modes(run: RunFile, data: dict[str, Measured], folder: RunFolder, around: Surroundings) -> RunFile:
     """The poles of the parametric part, from the first member where they aren't stated, which their note says then."""
     name, first = next(iter(data.items()))
-    found = choices.with_modes(with_fit(run, first, around.say, folder), first, around.say)
+    found = with_modes(with_fit(run, first, around.say, folder), first, around.say)
     if run.modes.hz is not None or not found.modes.hz:
         return found
     return found.changed("modes", note=f"{found.modes.note}\nOf {name}, the first of the members.")
@@ -165,9 +99,7 @@ def _with_own_poles(run: RunFile, data: dict[str, Measured], around: Surrounding
                 run.modes, hz=None, count=len(run.modes.hz), source=None, note=None, **_NO_BOX
             )
             try:
-                modes = choices.with_modes(
-                    run.changed("modes", **vars(open_modes)), data[member.name], around.say
-                ).modes
+                modes = with_modes(run.changed("modes", **vars(open_modes)), data[member.name], around.say).modes
             except InputError as error:
                 raise InputError(f"modes of member {member.name!r}: {error}") from None
             own = dataclasses.replace(member, **{name: getattr(modes, name) for name in POLES})
@@ -189,32 +121,15 @@ def _modes_of(run: RunFile, name: str) -> Modes:
     return dataclasses.replace(run.modes, **{pole: getattr(own, pole) for pole in POLES})
 
 
-def _problem(run: RunFile, name: str, data: Measured) -> tuple[RunFile, MixedProblem, Untouched]:
-    """The run, the problem of a member with a prior of no meaning, and the data that were kept out."""
-    placeholder = choices.placeholder(run, data)
-    parts = [choices.chosen_points(run, frf) for frf in data.responses]
-    unused = [rest for _, rest in parts if rest is not None]
-    run, used, out, kind = kept_out(run, data, [points for points, _ in parts], unused)
-    dt = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder).dt
-    basis = choices.basis_of(_modes_of(run, name), dt, run.prior.passive)
-    problem = MixedProblem(frequency=used, time=data.records, prior=placeholder, parametric=basis)
-    return run, problem, Untouched([], out, kind, used)
-
-
 def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:
     """The largest factor on the bounds that a member needs."""
-    asked = [choices.with_inflation(run, problem, around.say) for problem in problems.values()]
+    asked = [with_inflation(run, problem, around.say) for problem in problems.values()]
     return max(asked, key=lambda one: float(one.identify.inflate))
-
-
-def _inflated(problem: MixedProblem, run: RunFile) -> MixedProblem:
-    wide = {kind: tuple(choices.inflated(d, run) for d in getattr(problem, kind)) for kind in ("frequency", "time")}
-    return dataclasses.replace(problem, **wide)
 
 
 def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> tuple[RunFile, Prior]:
     """The smallest class that holds those that every member asks for."""
-    found = [choices.with_prior(run, problem, around.say, double=False) for problem in problems.values()]
+    found = [with_prior(run, problem, around.say, double=False) for problem in problems.values()]
     asked = [(one, problem.prior) for one, problem in found]
     if run.prior.is_stated:
         return asked[0]

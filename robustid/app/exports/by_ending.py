@@ -1,0 +1,126 @@
+"""One way out: the ending of a file and the thing that is saved choose the writer; JSON and tables are written here."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustid.app.exports import c_header, matlab, roots
+from robustid.core import Complex, atomic_write
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.estimation import DelayedModel
+from robustid.formats import save_model, write_universal
+from robustid.guarantees import UncertaintyWeight, WorstCaseError
+from robustid.identification import Identification
+
+
+def _json_text(model: Any, name: str) -> str:
+    """Return A, B, C, D, dt (0: continuous), the names of the signals; numbers with all their digits."""
+    found: dict[str, Any] = {"name": name, "dt": float(model.dt or 0)}
+    found |= {part: np.asarray(getattr(model, part), dtype=float).tolist() for part in "ABCD"}
+    found |= {"inputs": list(model.input_labels), "outputs": list(model.output_labels)}
+    return json.dumps(found, indent=1) + "\n"
+
+
+def _pole_table(model: Any, name: str) -> str:
+    """Return the poles of a model: in Hz with damping ratio, and as complex numbers."""
+    found: Complex = np.array(model.poles(), dtype=complex)
+    with np.errstate(divide="ignore"):
+        s: Complex = np.log(found) / model.dt if model.dt else found
+    size = np.abs(s)
+    damping = -s.real / np.where(size > 0, size, 1)
+    order = np.lexsort((found.imag, size))
+    rows = [(size[k] / (2 * np.pi), damping[k], found[k].real, found[k].imag) for k in order]
+    return _csv(("frequency [Hz]", "damping ratio", "real", "imag"), rows)
+
+
+def _bound_table(error: Any, name: str) -> str:
+    """Return the model and the bounds of its error at every frequency, a row for each entry."""
+    upper, lower = error.upper, error.lower
+    nominal = error.nominal.reshape(upper.shape)
+    problem = error.identification.problem
+    rows: list[tuple[Any, ...]] = []
+    for k, i, j in np.ndindex(upper.shape):
+        value = nominal[k, i, j]
+        of = error.omega[k] / (2 * np.pi), str(problem.outputs[i]), str(problem.inputs[j])
+        rows.append((*of, value.real, value.imag, upper[k, i, j], lower[k, i, j]))
+    heads = ("frequency [Hz]", "output", "input", "real", "imag", "guaranteed error", "reached error")
+    return _csv(heads, rows)
+
+
+def _verdict_table(identification: Any, name: str) -> str:
+    """Return status, margin, order, class and checks."""
+    prior = identification.problem.prior
+    rows = [
+        ("status", identification.status.value),
+        ("margin, proved from below", identification.margin_lower),
+        ("margin, reached", identification.margin),
+        ("order of the model", identification.order),
+        ("gain bound K", prior.gain_bound),
+        ("decay rate rho" if identification.problem.dt else "decay alpha [1/s]", prior.rate),
+        ("samples", identification.problem.samples),
+    ]
+    rows += [(f"check: {one.name}", "holds" if one.holds else "fails") for one in identification.verification.checks]
+    return _csv(("what", "value"), rows)
+
+
+def _csv(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(heads)
+    for row in rows:
+        writer.writerow([f"{cell:.17g}" if isinstance(cell, float) else cell for cell in row])
+    return out.getvalue()
+
+
+Writer = Callable[[Any, str], str]
+_OF_MODELS: dict[str, Writer] = {
+    ".m": matlab.script,
+    ".json": _json_text,
+    ".h": c_header.header,
+    ".sos": roots.sections_text,
+    ".zpk": roots.roots_text,
+    ".csv": _pole_table,
+}
+_OF_RESULTS: tuple[tuple[type, dict[str, Writer]], ...] = (
+    (WorstCaseError, {".csv": _bound_table}),
+    (Identification, {".csv": _verdict_table}),
+    (UncertaintyWeight, {".m": matlab.uncertain_script}),
+)
+_OF_RESPONSES = (".uff", ".unv", ".uf")
+
+
+def exported(path: str | os.PathLike[str], thing: Any) -> bool:
+    """Write a thing for another program, whole or not at all; False where that isn't what the ending of the file means."""
+    import control
+
+    path = Path(path)
+    ending = path.suffix.lower()
+    if isinstance(thing, FrequencyResponse) and ending in _OF_RESPONSES:
+        write_universal(path, thing)
+        return True
+    writers = next((own for kind, own in _OF_RESULTS if isinstance(thing, kind)), None)
+    if isinstance(thing, DelayedModel):  # its delay is in the states of the model
+        thing = thing.model
+    if isinstance(thing, control.StateSpace):
+        writers = _OF_MODELS
+        if ending in (".npz", ".mat"):
+            save_model(thing, path)
+            return True
+    if writers is None or ending not in writers:
+        if isinstance(thing, control.StateSpace | UncertaintyWeight):
+            known = [*([".npz", ".mat"] if writers is _OF_MODELS else []), *(writers or {})]
+            raise InputError(f"`path` must end in {', '.join(known)} for a {type(thing).__name__}; got {path.name}")
+        return False
+    text = writers[ending](thing, path.stem)
+    with atomic_write(path) as file:
+        file.write(text)
+    return True

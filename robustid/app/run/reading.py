@@ -1,0 +1,105 @@
+"""One source of data: its file parsed once, its mistakes undone, its bound; and remedies in the words of those who asked."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from robustid.app.run.sources import RecordSource, ResponseSource
+from robustid.app.run.toml import write_toml
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import InputError, Remedy
+from robustid.estimation import BOUND_SOURCES, correct, default_bound
+from robustid.formats import NAMES, Table, datasets, read_said, read_table
+
+_KEYS = {"frequency_unit": "unit"}
+RUN_FILE = {name: f"{name} = ..." for name in ("bound", "averages")}
+
+
+class Tables:
+    """Files that were parsed: each once, however often something in it is asked for."""
+
+    def __init__(self) -> None:
+        self._parsed: dict[tuple[Path, str | None], Table] = {}
+
+    def of(self, path: Path, decimal: str | None = None) -> Table:
+        """The arrays of a file."""
+        if (path, decimal) not in self._parsed:
+            self._parsed[path, decimal] = read_table(path, decimal)
+        return self._parsed[path, decimal]
+
+
+class Read(NamedTuple):
+    """Data as a file has them, without its mistakes, and with bounds; what these are or are taken from, and how it was read."""
+
+    raw: list[Any]
+    corrected: list[Any]
+    data: list[Any]
+    bound: float | str | None
+    how: str
+
+
+def read_source(source: RecordSource | ResponseSource, folder: Path, tables: Tables, *, bounded: bool) -> Read:
+    """The data of a source, several records where its axes have realisations; with a bound, where one is asked for.
+
+    That is the one that the source states or asks to be taken from the data; else the one that the data state, or show.
+    """
+    options = source.arguments
+    if isinstance(source, RecordSource) and source.file is None:
+        given = {name: value for name, value in options.items() if value is not None}
+        found, how = datasets.load(str(source.dataset), **given), "published data set"
+    else:
+        table = tables.of(folder / str(source.file), source.decimal)
+        found, how = read_said(table, kind=source.kind, **options)
+    raw: list[Any] = found if isinstance(found, list) else [found]
+    if not all(isinstance(one, FrequencyResponse if source.kind == "frequency" else TimeRecord) for one in raw):
+        raise InputError("this data set is a model, not a record")
+    corrected = [correct(one, *(source.correct or ())) for one in raw]
+    if not bounded:
+        return Read(raw, corrected, corrected, source.bound, how)
+    data = [_with_bound(one, source) for one in corrected]
+    return Read(raw, corrected, [one for one, _ in data], data[0][1], how)
+
+
+def _with_bound(data: Any, source: RecordSource | ResponseSource) -> tuple[Any, float | str | None]:
+    word = source.bound if source.bound in BOUND_SOURCES else None
+    if data.bound is not None and word is None:
+        return data, source.bound
+    return default_bound(data, word, averages=getattr(source, "averages", None))
+
+
+def in_run_file(remedy: Remedy) -> str:
+    """A remedy as lines of a run file."""
+    keys = {_KEYS.get(name, name): value for name, value in remedy.arguments.items()}
+    lines = (write_toml({"x": {name: value}}).split("\n")[1] for name, value in keys.items())
+    return remedy.words or f"`{'; '.join(lines)}`"
+
+
+def in_options(remedy: Remedy, kind: str) -> str:
+    """A remedy as options for a file of this kind."""
+    if remedy.words:
+        return remedy.words
+    words: list[str] = []
+    for name, value in remedy.arguments.items():
+        if name == "fields":
+            several = {role: names if isinstance(names, list) else [names] for role, names in value.items()}
+            pairs = [f"{role}={one}" for role, names in several.items() for one in names]
+            words += [f"--{kind}-field {shlex.quote(pair)}" for pair in pairs]
+        else:
+            words.append(f"{option_words(kind)[name]} {shlex.quote(str(value))}")
+    return " ".join(words)
+
+
+def option_words(kind: str) -> dict[str, str]:
+    """Options for a file of this kind, by the arguments of `load` and `default_bound` as sentences have them."""
+    field = f"--{kind}-field"
+    return {
+        **{name: f"--{name}" for name in ("dt", "rate", "axes", "decimal", "averages")},
+        **{name: f"--frequency-{name}" for name in ("start", "step")},
+        **{f"fields[{role!r}]": f"{field} {role}" for role in NAMES},
+        **{f"fields={{{role!r}: ...}}": f"{field} {role}=NAME" for role in NAMES},
+        "frequency_unit": "--frequency-unit",
+        "bound": f"--{kind}-bound",
+        "fields": f"{field} ROLE=NAME",
+    }
