@@ -1,17 +1,51 @@
-"""Charts, prepared once for two renderers: `with_matplotlib` and `with_plotly` draw a `Chart` and compute nothing."""
+"""Charts, prepared once for two renderers, and their looks; `with_matplotlib` and `with_plotly` draw them and compute nothing."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from robustid.report.curves import cells_per_entry, log_axis, phase_tick, rounded, thinned
-from robustid.report.style import FINE
 from robustid.report.words import HZ
 
+# Okabe and Ito's palette: told apart with every kind of colour blindness, and by their grey when printed.
+DATA = "#222222"
+FAINT = "#8a8a8a"
+NOMINAL = "#0072B2"
+ALERT = "#D55E00"
+FURTHER = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+# Colour is never the only difference: models also differ by their dashes and markers.
+DASHES = ("dash", "dashdot", "dot")
+MARKERS = ("square-open", "diamond-open", "triangle-up-open")
+BAND = FURTHER[3]  # of a guaranteed range
+REACHED = "reached by consistent systems"
+FINE = 0.45  # size of a curve or marker that must not hide what is around it
+MATPLOTLIB: dict[Any, Any] = {
+    "font.size": 9.5,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titlecolor": "#444444",
+    "axes.edgecolor": "#8a8a8a",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+    "legend.frameon": False,
+}
 _SMALLER = 0.6  # size of curves and markers in small figures
+
+
+def further(index: int) -> tuple[str, str, str]:
+    """Colour, dash and marker of the further model number `index`."""
+    return FURTHER[index % len(FURTHER)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -166,3 +200,38 @@ def _light(layer: Layer, log: bool, cells: int) -> Layer:
     return dataclasses.replace(
         layer, size=size, **{name: rounded(array[kept]) for name, array in arrays.items() if array is not None}
     )
+
+
+def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
+    """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps.
+
+    Between them the offsets are interpolated in the logarithm. One of NaN is a phase that can be anything: half a turn to both
+    sides, up to the next frequencies.
+    """
+    if not at.size:
+        return []
+    inside = (curve.x >= at[0]) & (curve.x <= at[-1])
+    x, y = curve.x[inside], curve.y[inside]
+    known = np.interp(np.log(x), np.log(at), np.isnan(offsets[:, 0])) == 0
+    low, high = (
+        np.maximum(y + np.where(known, _between(x, at, end), any_phase), bottom)
+        for end, any_phase in zip(offsets.T, (-180.0, 180.0), strict=True)
+    )
+    pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
+    kept = [piece[np.isfinite(y[piece])] for piece in pieces]
+    return [Layer(name=name, x=x[k], y=y[k], colour=BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
+
+
+def _between(x: np.ndarray, at: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Offsets between the frequencies: straight on logarithmic axes, as errors are drawn; linear where the sign changes."""
+    sign = np.sign(offset[0])
+    if sign and np.all(sign * offset > 0):
+        return sign * np.exp(np.interp(np.log(x), np.log(at), np.log(np.abs(offset))))
+    return np.interp(np.log(x), np.log(at), np.nan_to_num(offset))
+
+
+def error_range(layers: list[Layer]) -> tuple[float, float] | None:
+    """Range of an axis of errors; None where there are none."""
+    values = np.concatenate([layer.y for layer in layers])
+    values = values[np.isfinite(values) & (values > 0)]
+    return (0.6 * float(values.min()), 1.6 * float(values.max())) if values.size else None

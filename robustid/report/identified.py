@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from robustid.core import Complex
+from robustid.core import Complex, describe, digest
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, MixedProblem, Residual, check_model
-from robustid.report.charts import Axis
+from robustid.report.charts import NOMINAL, Axis, further
 from robustid.report.curves import resolved
-from robustid.report.style import NOMINAL, further
 from robustid.report.words import HZ, matrix_unit_label, units
 
 if TYPE_CHECKING:
@@ -205,3 +205,30 @@ def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.n
     s: Complex = problem.plane.exponents(poles[np.abs(poles) > 0]) if problem.dt else poles
     light = s[np.abs(s.real) < 4 * step * s.imag]
     return resolved(every, light, _AROUND, low, high)
+
+
+def checked(name: str, value: Any, kind: type, function: str, identification: Identification) -> None:
+    """Refuse an argument that isn't of its kind, or isn't about this identification or a copy of it (loaded, say)."""
+    if not isinstance(value, kind):
+        raise InputTypeError(f"`{name}` must be a {kind.__name__}, from {function}(); got {type(value).__name__}")
+    if not same(value.identification, identification):
+        raise InputError(
+            f"`{name}` is about another identification than the one reported; give {name}.identification, or compute"
+            f" {function}(identification)"
+        )
+
+
+def same(one: Identification, other: Identification) -> bool:
+    """Return whether both are one result, as two that were loaded from its files are."""
+    if one is other:
+        return True
+    (first, numbers), (second, others) = describe(one), describe(other)
+    return first["problem_digest"] == second["problem_digest"] and digest(numbers) == digest(others)
+
+
+def bounded_model(bounded: WorstCaseError | WorstCaseOverPoles) -> tuple[str, Any, bool]:
+    """Name and model that the errors are measured from, and whether it is the nominal one (or a copy of it)."""
+    name, own = shown_models(bounded.identification)[0][:2]
+    if all(np.array_equal(getattr(bounded.model, part), getattr(own, part)) for part in "ABCD"):
+        return name, own, True
+    return f"model, order {bounded.model.nstates}", bounded.model, False

@@ -13,15 +13,12 @@ from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import Band, SampleCheck, WorstCaseError
 from robustid.identification import Identification
-from robustid.report.charts import Layer, Panel
+from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, NOMINAL, Layer, Panel
+from robustid.report.frequency import entry_chart, frequency_charts
+from robustid.report.guarantee import guarantee_sentence, worst_case_charts
+from robustid.report.identification import identification_verdict, margin_interval
 from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
-from robustid.report.sections.frequency import entry_chart, frequency_charts
-from robustid.report.sections.guarantee import sentence
-from robustid.report.sections.guarantee_charts import BAND, worst_case_charts
-from robustid.report.sections.identification import identification_verdict, margin_interval
-from robustid.report.sections.proved_band import drawn_band, with_band
-from robustid.report.sections.proved_band import sentence as band_sentence
-from robustid.report.style import ALERT, FAINT, FURTHER, NOMINAL
+from robustid.report.proved_band import band_sentence, drawn_band, with_band
 from robustid.report.with_plotly import plotly_figure
 from robustid.report.words import HZ, number, percent
 
@@ -128,7 +125,7 @@ def live_words(
         return said.key, words, f"These samples carry the proof: {'; '.join(parts)}."
     if band is not None:
         return said.key, words, _band_words(identification, band)
-    return said.key, words, "" if error is None else sentence(error)
+    return said.key, words, "" if error is None else guarantee_sentence(error)
 
 
 def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, str]:

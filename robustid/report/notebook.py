@@ -11,8 +11,8 @@ from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
 from robustid.report.document import Verdict
-from robustid.report.sections.glance import BETWEEN, BOUND, glance
-from robustid.report.sections.identification import identification_verdict, margin_interval
+from robustid.report.first_screen import BETWEEN, BOUND, glance
+from robustid.report.identification import identification_verdict, margin_interval
 from robustid.report.write import verdict
 
 _LINES = 18  # of a summary

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robustid.report.charts import Axis, Chart, Layer, Panel
+from robustid.report.charts import NOMINAL, Axis, Chart, Layer, Panel
 from robustid.report.curves import between_gaps
-from robustid.report.style import NOMINAL
 
 _PLOT, _SQUARE, _SMALL = 240, 480, 150  # pixels: height of one panel, of a square figure, of one panel among many
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.core import as_flag, atomic_write
@@ -14,19 +14,13 @@ from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
 from robustid.report import html, terminal
 from robustid.report.document import Document, Verdict
-from robustid.report.sections.claims import kind_of, refuse_foreign
-from robustid.report.sections.family import family_page
-from robustid.report.sections.fit import fit_page, fit_summary, fit_verdict
-from robustid.report.sections.fit_view import FitView
-from robustid.report.sections.identification import (
-    identification_page,
-    identification_summary,
-    identification_verdict,
-)
-from robustid.report.sections.response import response_page, response_summary, response_verdict
-from robustid.report.sections.response_view import ResponseView
-from robustid.report.sections.stability import stability_summary
-from robustid.report.sections.weights import weights_summary
+from robustid.report.family import family_page
+from robustid.report.fit import fit_page, fit_summary, fit_verdict
+from robustid.report.fit_view import FitView
+from robustid.report.identification import identification_page, identification_summary, identification_verdict
+from robustid.report.response import response_page, response_summary, response_verdict
+from robustid.report.response_charts import ResponseView
+from robustid.report.stability import stability_summary, weights_summary
 
 if TYPE_CHECKING:
     import control
@@ -253,3 +247,20 @@ def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verd
     if isinstance(result, FrequencyResponse):
         return response_verdict(ResponseView(result))
     return identification_verdict(result)
+
+
+def kind_of(name: str, value: Any, kinds: Iterable[type]) -> type:
+    """Return the kind that an argument is of; refuse one of no kind."""
+    for kind in kinds:
+        if isinstance(value, kind):
+            return kind
+    *names, last = (kind.__name__ for kind in kinds)
+    wanted = f"{', '.join(names)} or {last}" if names else last
+    raise InputTypeError(f"`{name}` must be of class {wanted}; got {type(value).__name__}")
+
+
+def refuse_foreign(result: Any, given: Iterable[str], belonging: Iterable[str]) -> None:
+    """Refuse what doesn't belong to this kind of result."""
+    for name in given:
+        if name not in belonging:
+            raise InputTypeError(f"`{name}` doesn't belong to a {type(result).__name__}; leave it out")

@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.report.charts import lighter
-from robustid.report.sections.frequency import frequency_charts
+from robustid.report.frequency import frequency_charts
 
 pytestmark = pytest.mark.quick
 

@@ -11,35 +11,21 @@ from robustid.errors import Status
 from robustid.guarantees import Band
 from robustid.identification import Identification
 from robustid.report import words
-from robustid.report.document import Block, Column, Document, Facts, Heading, Table, Text, Verdict
+from robustid.report.assumptions import CAUTION, assumptions, assumptions_section, chosen, experiments, shared_words
+from robustid.report.document import Block, Code, Column, Document, Facts, Heading, Table, Text, Verdict, checks_table
+from robustid.report.first_screen import glance
+from robustid.report.frequency import frequency_section
+from robustid.report.guarantee import guarantee_section
 from robustid.report.identified import further_models, siso, unit
-from robustid.report.sections.assumptions import (
-    CAUTION,
-    assumptions,
-    assumptions_section,
-    chosen,
-    experiments,
-    shared_words,
-)
-from robustid.report.sections.claims import checks_table
-from robustid.report.sections.content import content_section, content_verdict
-from robustid.report.sections.frequency import frequency_section
-from robustid.report.sections.glance import glance
-from robustid.report.sections.guarantee import guarantee_section
-from robustid.report.sections.matrices import matrices_section
-from robustid.report.sections.pole_box import pole_box_section
-from robustid.report.sections.poles import modes_table, poles_section, slowest_poles
-from robustid.report.sections.proved_band import proved_band_section
-from robustid.report.sections.reduction import order_section, reduction_words
-from robustid.report.sections.residuals import active_section, active_table, residual_section
-from robustid.report.sections.run import diagnosis_section, findings_section, run_file_section
-from robustid.report.sections.sensitivity import sensitivity_section
-from robustid.report.sections.stability import stability_section
-from robustid.report.sections.time import time_section
-from robustid.report.sections.tube import tube_section
-from robustid.report.sections.weights import weights_section
-from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
-from robustid.report.sections.worth import worth_section, worth_verdict
+from robustid.report.pole_box import pole_box_section
+from robustid.report.poles import modes_table, poles_section, slowest_poles
+from robustid.report.proved_band import proved_band_section
+from robustid.report.residuals import active_section, active_table, residual_section
+from robustid.report.sensitivity import content_section, content_verdict, sensitivity_section
+from robustid.report.small_model import matrices_section, order_section, reduction_words, worth_section, worth_verdict
+from robustid.report.stability import stability_section, weights_section
+from robustid.report.time_response import time_section, tube_section
+from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.words import number
 
 if TYPE_CHECKING:
@@ -48,9 +34,10 @@ if TYPE_CHECKING:
     from robustid.advice import Content, Sensitivity
     from robustid.guarantees import Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
     from robustid.reduction import ModelWorth, Reduction
-    from robustid.report.sections.stability import Margins
+    from robustid.report.stability import Margins
 
 _MOST_EXPERIMENTS = 6  # at the terminal
+_AGAIN = "robustid run FILE -o FOLDER"
 
 
 def identification_page(
@@ -307,3 +294,27 @@ def _foot(identification: Identification) -> list[Text]:
         ),
         Text(f"Time: {timing}."),
     ]
+
+
+def findings_section(findings: Sequence[str]) -> list[Block]:
+    """Build the section of the findings; those with line breaks keep them."""
+    if not findings:
+        return []
+    return [Heading("What was found"), *(Code(words) if "\n" in words else Text(words) for words in findings)]
+
+
+def diagnosis_section(diagnosis: str | None) -> list[Block]:
+    """Build the section of what would make the data consistent."""
+    return [Heading("What would help"), Code(diagnosis)] if diagnosis else []
+
+
+def run_file_section(run_file: str | None) -> list[Block]:
+    """Build the section of the run file."""
+    if run_file is None:
+        return []
+    words = (
+        "Every choice of this result stands in the run file below, those of the program with their reason (note). Saved as a"
+        f" file, {_AGAIN} makes the same again; names of data in it are seen from the folder of the results. Any line can be"
+        " changed."
+    )
+    return [Heading("How this was made"), Text(words, code=("note", _AGAIN)), Code(run_file, id="run-file")]

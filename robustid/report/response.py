@@ -8,6 +8,7 @@ import numpy as np
 
 from robustid.data import Bound, Caveat, FrequencyResponse, TimeRecord
 from robustid.data.estimate import joint_radius
+from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
 from robustid.report.document import (
@@ -23,9 +24,7 @@ from robustid.report.document import (
     Text,
     Verdict,
 )
-from robustid.report.sections.assumptions import bound_source
-from robustid.report.sections.response_charts import entry_charts, overview_charts, spectrum_charts
-from robustid.report.sections.response_view import ResponseView
+from robustid.report.response_charts import ResponseView, entry_charts, overview_charts, spectrum_charts
 from robustid.report.words import drawn_words, number, percent, plural, title
 
 _LOW_COHERENCE, _FEW_DOF = 0.8, 10

@@ -12,8 +12,24 @@ from robustid.core import describe
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, behind, lighter, named, side_by_side
+from robustid.report.assumptions import CAUTION
+from robustid.report.charts import (
+    ALERT,
+    BAND,
+    FINE,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    behind,
+    error_range,
+    lighter,
+    named,
+    side_by_side,
+)
 from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict
+from robustid.report.frequency import LARGEST, entry_chart, frequency_charts, sigma_chart
 from robustid.report.identified import (
     Posed,
     Shown,
@@ -25,10 +41,6 @@ from robustid.report.identified import (
     siso,
     transfer,
 )
-from robustid.report.sections.assumptions import CAUTION
-from robustid.report.sections.frequency import LARGEST, entry_chart, frequency_charts, sigma_chart
-from robustid.report.sections.guarantee_charts import BAND, error_range
-from robustid.report.style import ALERT, FINE, NOMINAL
 from robustid.report.words import HZ, at_most, number
 
 _TINY = np.finfo(float).tiny
@@ -46,10 +58,10 @@ def proved_band_section(
     words = stands_on(band, error)
     return [
         Heading("What is guaranteed at every frequency"),
-        Text(sentence(identification, band), id="band-sentence"),
+        Text(band_sentence(identification, band), id="band-sentence"),
         *([Text(words, id="band-stands-on")] if words else []),
-        verdict(band, holds),
-        Facts(rows(identification, band)),
+        band_verdict(band, holds),
+        Facts(band_rows(identification, band)),
         Drawing(band_chart(identification, band)),
     ]
 
@@ -78,7 +90,7 @@ def poles_words(band: Band) -> str:
     return f"with the pole{'s' * (count > 1)} of {count} mode{'s' * (count > 1)} anywhere in their uncertainty box"
 
 
-def sentence(identification: Posed, band: Band) -> str:
+def band_sentence(identification: Posed, band: Band) -> str:
     """The guarantee in plain words; of a problem that was not identified its band takes that place."""
     upper, known = band.sigma_upper, band.bounded
     start = about(identification)
@@ -118,7 +130,7 @@ def _size(band: Band) -> np.ndarray:
     return np.linalg.norm(band.nominal, 2, axis=(1, 2))
 
 
-def verdict(band: Band, holds: bool) -> Verdict:
+def band_verdict(band: Band, holds: bool) -> Verdict:
     """Verdict on the sums, which are evaluated again, and on the polygons, which were."""
     count, polygons = sum(one.angles.size for one in band.bands), band.polygons
     further = "" if polygons is None else f" and {polygons.claim_count} certificates of semidefinite programs"
@@ -131,7 +143,7 @@ def verdict(band: Band, holds: bool) -> Verdict:
     return Verdict("failed", "Not proved", "The proofs do not give what is stated.", id="band-certificates")
 
 
-def rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
+def band_rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
     """Facts: on what the band stands, between the frequencies and in its assumptions."""
     found = [
         (

@@ -11,12 +11,12 @@ from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
+from robustid.report.frequency import frequency_charts, sigma_chart
+from robustid.report.guarantee import at_resonance, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
 from robustid.report.identified import Models, about, in_unit, sample_words, siso
-from robustid.report.sections import guarantee, pole_box, proved_band
-from robustid.report.sections.frequency import frequency_charts, sigma_chart
-from robustid.report.sections.guarantee_charts import worst_case_charts, worst_case_sigma_chart
-from robustid.report.sections.proved_band import band_chart
-from robustid.report.sections.time import time_chart
+from robustid.report.pole_box import box_sentence
+from robustid.report.proved_band import band_chart, band_sentence, stands_on
+from robustid.report.time_response import time_chart
 from robustid.report.words import HZ, at_most, number
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def glance(
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     if isinstance(bound, Band) and words:
-        words = f"{words} {proved_band.stands_on(bound, worst_case)}".rstrip()
+        words = f"{words} {stands_on(bound, worst_case)}".rstrip()
     return Glance(
         numbers=[
             *_numbers(identification, reduction, None if contradicted else bound),
@@ -73,8 +73,8 @@ def glance(
 def _sentence(identification: Identification, bound: Any) -> str:
     """The guarantee in words; what is drawn between frequencies where it isn't proved there."""
     if isinstance(bound, Band):
-        return proved_band.sentence(identification, bound)
-    return (guarantee.sentence(bound) if isinstance(bound, WorstCaseError) else pole_box.sentence(bound)) + BETWEEN
+        return band_sentence(identification, bound)
+    return (guarantee_sentence(bound) if isinstance(bound, WorstCaseError) else box_sentence(bound)) + BETWEEN
 
 
 def _numbers(identification: Identification, reduction: Reduction | None, bound: Any) -> list[tuple[str, str]]:
@@ -85,7 +85,7 @@ def _numbers(identification: Identification, reduction: Reduction | None, bound:
     if bound is not None:
         known = bound.bounded if isinstance(bound, Band) else np.isfinite(bound.sigma_upper)
         largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
-        where, share = guarantee.at_resonance(bound)
+        where, share = at_resonance(bound)
         found += [
             (f"guaranteed error, order {bound.model.nstates}", f"≤ {largest}"),
             (where, f"≤ {at_most(100 * share, 2)} %"),

@@ -6,8 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from robustid.mfd import continuous
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, stacked
+from robustid.data import FrequencyResponse
+from robustid.mfd import MatrixFraction, continuous
+from robustid.report.charts import (
+    ALERT,
+    DATA,
+    FAINT,
+    FURTHER,
+    MARKERS,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    frequency_axis,
+    phase_axis,
+    side_by_side,
+    stacked,
+)
 from robustid.report.curves import (
     cells_per_entry,
     log_axis,
@@ -22,8 +38,7 @@ from robustid.report.curves import (
     thinned,
     with_gaps,
 )
-from robustid.report.sections.fit_view import FitView
-from robustid.report.style import ALERT, DATA, FAINT, FURTHER, MARKERS, NOMINAL
+from robustid.report.fit_view import FitView
 from robustid.report.words import HZ, number, unit_label
 
 EPSILON = float(np.finfo(float).eps)
@@ -228,3 +243,19 @@ def with_deviation(value: float, deviation: float) -> str:
     if not 0 <= decimals <= 9:
         return f"{number(value, 6)} ± {number(deviation, 2)}"
     return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
+
+
+def fit_bode(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
+    """Every entry of a fit, outputs below each other."""
+    view = FitView(fit, data)
+    return side_by_side("fit", response_charts(view), view.nu)
+
+
+def fit_poles(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
+    """Poles of a fit and their damping."""
+    return fit_pole_chart(FitView(fit, data))
+
+
+def fit_convergence(fit: MatrixFraction) -> Chart:
+    """Cost and condition number after every iteration of a fit."""
+    return convergence_chart(FitView(fit))

@@ -9,13 +9,23 @@ import numpy as np
 
 from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
-from robustid.report.document import Block, Column, Drawing, Facts, Heading, Table, Text, Verdict
-from robustid.report.identified import about, in_unit, sigma_unit, siso, transfer
-from robustid.report.sections.claims import certificates, checked
-from robustid.report.sections.frequency import LARGEST, frequency_charts, sigma_chart
-from robustid.report.sections.guarantee_charts import BAND, band_around, bounded_model, error_range
-from robustid.report.style import ALERT, FAINT, FURTHER
+from robustid.report.charts import (
+    ALERT,
+    BAND,
+    FAINT,
+    FURTHER,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    band_around,
+    behind,
+    error_range,
+    named,
+)
+from robustid.report.document import Block, Column, Drawing, Facts, Heading, Table, Text, Verdict, certificates
+from robustid.report.frequency import LARGEST, frequency_charts, sigma_chart
+from robustid.report.identified import about, bounded_model, checked, in_unit, sigma_unit, siso, transfer
 from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
 
 BOX = FURTHER[2]
@@ -34,13 +44,13 @@ def pole_box_section(
         words += " No singular value is farther from that of the model than the largest one of the difference."
     return [
         Heading("Guarantee over a pole-uncertainty box"),
-        Text(sentence(band), id="box-sentence"),
-        verdict(band, holds),
-        Facts(rows(band, error)),
+        Text(box_sentence(band), id="box-sentence"),
+        box_verdict(band, holds),
+        Facts(box_rows(band, error)),
         Heading("The pole-uncertainty box", 3),
         box_table(band),
         Text("f is the natural frequency. Left: the smallest box around the cells that are not refuted.", "soft"),
-        *([] if single else [Heading("Every entry", 3), entry_table(band)]),
+        *([] if single else [Heading("Every entry", 3), box_entries(band)]),
         Heading(f"{'Response' if single else 'Largest singular value'} with its guaranteed ranges", 3),
         Text(words, "soft"),
         Drawing(pole_box_chart(band, error)),
@@ -141,7 +151,7 @@ def _next(band: WorstCaseOverPoles) -> str:
     return f"{number(band.next_line / HZ, 5)} Hz"
 
 
-def sentence(band: WorstCaseOverPoles) -> str:
+def box_sentence(band: WorstCaseOverPoles) -> str:
     """The guarantee in plain words."""
     upper = band.sigma_upper
     known = np.isfinite(upper)
@@ -163,7 +173,7 @@ def sentence(band: WorstCaseOverPoles) -> str:
     ).rstrip()
 
 
-def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
+def box_rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
     """The fixed poles, the cells, what to measure next and what is assumed, with their words."""
     out = []
     if (fixed := _beside(band, error)) is not None:
@@ -191,7 +201,7 @@ def _entries(band: WorstCaseOverPoles) -> str:
     return "" if siso(band.identification) else f" in every entry{part}"
 
 
-def verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
+def box_verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
     """Verdict on the cells, which must cover the box, and on the certificates, which must support their bounds now."""
     if band.covered:
         return certificates(band.claim_count, band.verify() if holds is None else holds, "box-certificates")
@@ -199,7 +209,7 @@ def verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
     return Verdict("failed", "Not proved", sentence, id="box-certificates")
 
 
-def entry_table(band: WorstCaseOverPoles) -> Table:
+def box_entries(band: WorstCaseOverPoles) -> Table:
     """Largest guaranteed error of every entry, and where it is possible."""
     problem, rows = band.identification.problem, []
     for i, j in np.ndindex(*band.upper.shape[1:]):

@@ -20,12 +20,12 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
+    checks_table,
 )
-from robustid.report.sections.claims import checks_table
-from robustid.report.sections.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
-from robustid.report.sections.fit_view import FitView
-from robustid.report.sections.matrices import matrices_section
-from robustid.report.sections.order_sweep import order_sweep_section
+from robustid.report.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
+from robustid.report.fit_view import FitView
+from robustid.report.order_sweep import order_sweep_section
+from robustid.report.small_model import matrices_section
 from robustid.report.words import HZ, drawn_words, number, title
 
 _WORDS = {

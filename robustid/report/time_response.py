@@ -1,4 +1,4 @@
-"""The time response of an identification: records against the models, and their answers to a step and a pulse."""
+"""An identification in time: records, answers to a step and a pulse, and the guaranteed range of a response."""
 
 from __future__ import annotations
 
@@ -9,12 +9,38 @@ import numpy as np
 import scipy.linalg
 
 from robustid.core import simulate
+from robustid.guarantees import ResponseTube
 from robustid.identification import Identification, Residual, model_residuals
-from robustid.report.charts import Axis, Chart, Layer, Panel, lighter
-from robustid.report.document import Block, Drawing, Grid, Heading, Text
-from robustid.report.identified import Models, Shown, numbered, shown_models, siso, started, transfer
-from robustid.report.style import DATA, FAINT
-from robustid.report.words import number, unit_label
+from robustid.report.charts import (
+    BAND,
+    DATA,
+    FAINT,
+    FINE,
+    MARKERS,
+    NOMINAL,
+    REACHED,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    in_rows,
+    lighter,
+    side_by_side,
+)
+from robustid.report.document import Block, Drawing, Facts, Grid, Heading, Text, certificates
+from robustid.report.identified import (
+    Models,
+    Shown,
+    about,
+    checked,
+    in_unit,
+    numbered,
+    shown_models,
+    siso,
+    started,
+    transfer,
+)
+from robustid.report.words import at_least, at_most, number, unit_label
 
 _Answers = tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]
 _PERIODS, _INSTANTS = 60, 1201  # of the fastest oscillation that are drawn, and samples of the curves
@@ -159,3 +185,137 @@ def _record_panel(identification: Identification, shown: list[Shown], residuals:
     if np.any(bound > record.bound.radius[used, output] * (1 + 1e-12)):
         title += ", intervals widened by what the unknown past can add"
     return Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(record.outputs[output])), layers=tuple(layers))
+
+
+def identified_time(identification: Identification, models: Models = None) -> Chart:
+    """The records, then the step and pulse responses."""
+    chart, columns = time_chart(identification, models), len(identification.problem.inputs)
+    if siso(identification):
+        return chart
+    answers = side_by_side("answers", lighter(answer_charts(identification, models)), columns)
+    return in_rows(chart, columns, answers.panels)
+
+
+def tube_section(identification: Identification, tube: ResponseTube) -> list[Block]:
+    """Build the section of the response in time, with its certificates."""
+    checked("tube", tube, ResponseTube, "response_tube", identification)
+    count = len(tube.certificates) + len(tube.parameters.certificates)
+    return [
+        Heading("Guaranteed response in time"),
+        Text(tube_sentence(tube), id="tube-sentence"),
+        certificates(count, tube.verify(), "tube-certificates"),
+        Facts(tube_rows(tube)),
+        Drawing(tube_chart(tube), titled=True),
+        Text(
+            "The range is proved at the samples with triangles, which consistent systems reach; between them it is interpolated"
+            " for the eye. Records from zero initial conditions are shown if their input is this one, or a multiple of it.",
+            "soft",
+        ),
+    ]
+
+
+def tube_chart(tube: ResponseTube) -> Chart:
+    """The response of the model inside the range of every consistent system, and the samples measured with this input.
+
+    Between the samples that were bounded the distance of each end from the model is interpolated.
+    """
+    problem = tube.identification.problem
+    output, input_ = problem.outputs[tube.entry[0]], problem.inputs[tube.entry[1]]
+    t, y = problem.dt * np.arange(tube.u.size), tube.response
+    inside = slice(tube.samples[0], tube.samples[-1] + 1)
+    low, high = (y[inside] + np.interp(t[inside], tube.times, end - tube.nominal) for end in (tube.lower, tube.upper))
+    hover = tuple(
+        f"{number(at, 6)} s: {number(a)} … {number(b)}"
+        for at, a, b in zip(tube.times, tube.lower, tube.upper, strict=True)
+    )
+    name = f"guaranteed range ({tube.samples.size} samples)"
+    layers = (
+        Layer(name=name, x=t[inside], y=y[inside], colour=BAND, low=low, high=high, fill=True),
+        Layer(name=f"model, order {tube.model.nstates}", x=t, y=y, colour=NOMINAL, dash="solid", size=FINE),
+        *_measured(tube),
+        Layer(
+            name=REACHED,
+            x=np.tile(tube.times, 2),
+            y=tube.attained.T.ravel(),
+            colour=DATA,
+            marker=MARKERS[2],
+            size=0.6,
+            hover=2 * hover,
+        ),
+    )
+    panel = Panel(
+        title=answer_titles(input_).get(tube.input, f"Response to the given {input_.name}"),
+        x=Axis(label="time [s]"),
+        y=Axis(label=str(output)),
+        layers=layers,
+    )
+    return Chart(name="tube", panels=(panel,))
+
+
+def _measured(tube: ResponseTube) -> list[Layer]:
+    """Samples of the records from zero initial conditions whose input is that of the tube, or a multiple: the plant is linear."""
+    layers = []
+    for number_, record in enumerate(tube.identification.problem.time):
+        count = min(tube.u.size, record.u.shape[0])
+        output, input_ = tube.entry
+        u, known = record.u[:count, input_], tube.u[:count]
+        scale = float(u @ known / (known @ known)) if np.any(known) else 0.0
+        used = record.bound.used[:count, output]
+        if (
+            np.any(np.delete(record.u[:count], input_, axis=1))
+            or record.initial != "rest"
+            or not scale
+            or not used.any()
+            or not np.allclose(u, scale * known, atol=0, rtol=1e-9)
+        ):
+            continue
+        y, bound = record.y[:count, output][used] / scale, record.bound.radius[:count, output][used] / abs(scale)
+        name = f"record {number_ + 1} with its intervals" + (f", divided by {number(scale)}" if scale != 1 else "")
+        style = {"colour": DATA, "marker": "circle", "size": 0.6}
+        layers.append(Layer(name=name, x=record.time[:count][used], y=y, low=y - bound, high=y + bound, **style))
+    return layers
+
+
+def tube_sentence(tube: ResponseTube) -> str:
+    """The guarantee in plain words."""
+    problem = tube.identification.problem
+    input_ = problem.inputs[tube.entry[1]]
+    amount = f"1 {input_.unit}".rstrip()
+    signals = {
+        "step": f"a step of {input_.name} by {amount}",
+        "impulse": f"a pulse of {input_.name}, {amount} for one sample,",
+    }
+    worst = int(np.argmax(tube.error_upper))
+    within, reached = at_most(tube.error_upper[worst]), at_least(tube.error_lower[worst])
+    where = "at every sample" if tube.complete else f"at {tube.samples.size} of the {tube.u.size} samples"
+    return (
+        f"{about(tube.identification)}From zero initial conditions, every plant that agrees with the data and the assumptions"
+        " answers"
+        f" {signals.get(tube.input, 'the given ' + input_.name)} within {_with_unit(within, tube)} of the model, {where} until"
+        f" {number(problem.dt * (tube.u.size - 1))} s. The largest error is possible at {number(tube.times[worst])} s; one of"
+        f" {_with_unit(reached, tube)} is reached there."
+    )
+
+
+def tube_rows(tube: ResponseTube) -> list[tuple[str, str]]:
+    """Peaks over the horizon, and what lies after it, with their words."""
+    peak, error = (_with_unit(at_most(value), tube) for value in (tube.peak, tube.error_peak))
+    out = [
+        (
+            "Peak",
+            f"The modulus of the response stays below {peak}, that of its error below {error}, over the whole horizon.",
+        )
+    ]
+    if tube.input == "impulse":
+        gain = in_unit(at_most(tube.error_l1), tube.identification)
+        words = (
+            f"The sum of the error’s moduli is at most {gain}: the peak-to-peak gain of plant minus model."
+            if np.isfinite(tube.error_l1)
+            else "No bound: the coefficient of an integrator is uncertain."
+        )
+        out.append(("Over all time", words))
+    return out
+
+
+def _with_unit(text: str, tube: ResponseTube) -> str:
+    return f"{text} {tube.identification.problem.outputs[tube.entry[0]].unit}".rstrip()

@@ -8,7 +8,8 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, lighter, phase_axis, stacked
+from robustid.report.assumptions import shared_words
+from robustid.report.charts import DATA, FAINT, Axis, Chart, Layer, Panel, lighter, phase_axis, side_by_side, stacked
 from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
 from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import (
@@ -24,8 +25,6 @@ from robustid.report.identified import (
     siso,
     transfer,
 )
-from robustid.report.sections.assumptions import shared_words
-from robustid.report.style import DATA, FAINT
 from robustid.report.words import HZ, number, unit_label
 
 LARGEST = "σmax of the "
@@ -206,3 +205,12 @@ def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     known = np.isfinite(radius).all(axis=(1, 2))
     sigma, reach = (np.linalg.norm(part[known], 2, axis=(1, 2)) for part in (values, radius))
     return problem.plane.omega(problem.angles[known]), sigma, reach
+
+
+def identified_bode(identification: Identification, models: Models = None) -> Chart:
+    """Every entry with its samples and models; of a MIMO problem the singular values below."""
+    found = frequency_charts(identification, models)
+    if siso(identification):
+        return found[0]
+    sigma = sigma_chart(identification, models).panels
+    return side_by_side("frequency", lighter(found), len(identification.problem.inputs), sigma)

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.identification import Identification, Residual, model_residuals
-from robustid.report.charts import Axis, Chart, Layer, Panel, lighter
+from robustid.report.assumptions import shared_words
+from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, in_rows, lighter
 from robustid.report.document import Block, Column, Drawing, Grid, Heading, Share, Table, Text
 from robustid.report.identified import Models, Shown, band, hertz, shown_models, siso, transfer, where
-from robustid.report.sections.assumptions import shared_words
-from robustid.report.style import ALERT, DATA, NOMINAL
 from robustid.report.words import HZ, number
 
 _TOUCHES = 0.99  # of the limit: the sample is marked
@@ -198,3 +197,9 @@ def _marked(at: np.ndarray, ratio: np.ndarray, limit: float) -> list[Layer]:
         for mask, name, marker, size in groups
         if np.any(mask)
     ]
+
+
+def identified_residuals(identification: Identification, models: Models = None) -> Chart:
+    """The residuals, a row for every output where entries have panels of their own."""
+    chart = residual_chart(identification, models)
+    return in_rows(chart, len(identification.problem.inputs)) if chart.grid else chart

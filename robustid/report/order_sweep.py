@@ -6,10 +6,21 @@ import numpy as np
 
 from robustid.errors import InputTypeError
 from robustid.mfd import OrderSweep
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, order_axis
+from robustid.report.charts import (
+    ALERT,
+    DATA,
+    FAINT,
+    FURTHER,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    frequency_axis,
+    order_axis,
+)
 from robustid.report.curves import rounded, span_of, thinned
 from robustid.report.document import Block, Drawing, Heading, Text
-from robustid.report.style import ALERT, DATA, FAINT, FURTHER, NOMINAL
 from robustid.report.words import HZ
 
 _KINDS = (

@@ -9,7 +9,22 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.guarantees import Family, WorstCaseOverPoles
-from robustid.report.charts import Axis, Chart, Layer, Panel, first_panel, frequency_axis, side_by_side
+from robustid.report.charts import (
+    ALERT,
+    DASHES,
+    DATA,
+    FAINT,
+    FURTHER,
+    MARKERS,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    first_panel,
+    frequency_axis,
+    side_by_side,
+)
 from robustid.report.curves import magnitude_range
 from robustid.report.document import (
     Block,
@@ -23,12 +38,11 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
+    certificates,
 )
+from robustid.report.identification import findings_section, run_file_section
 from robustid.report.identified import transfer
-from robustid.report.sections.claims import certificates
-from robustid.report.sections.run import findings_section, run_file_section
-from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
-from robustid.report.style import ALERT, DASHES, DATA, FAINT, FURTHER, MARKERS, NOMINAL
+from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.words import HZ, at_frequencies, at_most, number, percent
 from robustid.report.words import title as heading
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from robustid.guarantees import Coverage
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict
-from robustid.report.style import ALERT, DATA, FAINT, MARKERS
 from robustid.report.words import HZ, number, percent
 
 CONTRADICTED = "What follows from the class and the data that were used: no guarantee, withheld data contradict it"
