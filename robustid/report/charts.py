@@ -48,7 +48,7 @@ def further(index: int) -> tuple[str, str, str]:
     return FURTHER[index % len(FURTHER)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Axis:
     """One axis: label with unit, scale, and range (None: as the data want)."""
 
@@ -65,7 +65,7 @@ class Axis:
         return self.range[1] < 30 * self.range[0] or (self.range[0] >= 1e-4 and self.range[1] <= 1e5)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Layer:
     """A curve (`dash`), samples (`marker`), or both; `low` and `high` are the ends of the bars, or of an area (`fill`)."""
 
@@ -82,26 +82,26 @@ class Layer:
     fill: bool = False
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Panel:
     """One pair of axes."""
 
     title: str
     x: Axis
     y: Axis
-    layers: tuple[Layer, ...]
+    layers: Sequence[Layer]
     square: bool = False
 
 
-BLANK = Panel(title="", x=Axis(label=""), y=Axis(label=""), layers=())  # a place that stays empty
+BLANK = Panel("", Axis(""), Axis(""), ())  # a place that stays empty
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Chart:
     """One figure: panels below each other on one x axis (`linked`), or each with its own; `grid`: one of many low ones."""
 
     name: str
-    panels: tuple[Panel, ...]
+    panels: Sequence[Panel]
     linked: bool = False
     columns: int = 1
     grid: bool = False
@@ -112,36 +112,29 @@ def frequency_axis(omega: np.ndarray) -> Axis:
     log = log_axis(omega)
     low, high = float(omega[omega > 0].min(initial=omega.max())) / HZ, float(omega.max()) / HZ
     if not high:
-        return Axis(label="frequency [Hz]")
+        return Axis("frequency [Hz]")
     if log:
         at_zero = " (0 Hz has no place on it)" if omega.min() == 0 else ""
-        return Axis(label=f"frequency [Hz]{at_zero}", log=True, range=(low / 1.05, high * 1.05))
-    return Axis(label="frequency [Hz]", range=(float(omega.min()) / HZ - 0.02 * high, 1.02 * high))
+        return Axis(f"frequency [Hz]{at_zero}", log=True, range=(low / 1.05, high * 1.05))
+    return Axis("frequency [Hz]", range=(float(omega.min()) / HZ - 0.02 * high, 1.02 * high))
 
 
 def phase_axis(span: tuple[float, float], label: str = "phase [°]", tick: float | None = None) -> Axis:
     """Axis of a phase in degrees."""
-    return Axis(label=label, range=span, tick=tick or phase_tick(span))
+    return Axis(label, range=span, tick=tick or phase_tick(span))
 
 
 def order_axis(low: float, high: float, beyond: float) -> Axis:
     """Axis of whole numbers, at most some fifteen ticks."""
-    return Axis(label="order [–]", range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
+    return Axis("order [–]", range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
 
 
 def stacked(
-    name: str,
-    x: Axis,
-    drawn: Sequence[tuple[Axis, Sequence[Layer]]],
-    titles: Sequence[str],
-    *,
-    grid: bool = False,
+    name: str, x: Axis, drawn: Sequence[tuple[Axis, Sequence[Layer]]], titles: Sequence[str], *, grid: bool = False
 ) -> Chart:
     """Chart of panels below each other on one x axis: each with its y axis, its layers and its title."""
-    panels = (
-        Panel(title=title, x=x, y=y, layers=tuple(layers)) for (y, layers), title in zip(drawn, titles, strict=True)
-    )
-    return Chart(name=name, panels=tuple(panels), linked=True, grid=grid)
+    panels = [Panel(title, x, y, layers) for (y, layers), title in zip(drawn, titles, strict=True)]
+    return Chart(name, panels, linked=True, grid=grid)
 
 
 def named(panel: Panel, name: str) -> Layer:
@@ -161,12 +154,12 @@ def side_by_side(name: str, charts: Sequence[Chart], columns: int, *further: Seq
     panels = [panel for row in rows for parts in zip(*(chart.panels for chart in row), strict=True) for panel in parts]
     for group in further:
         panels += [*group, *[BLANK] * (-len(group) % columns)]
-    return Chart(name=name, panels=tuple(panels), linked=True, columns=columns, grid=True)
+    return Chart(name, panels, linked=True, columns=columns, grid=True)
 
 
 def first_panel(chart: Chart) -> Chart:
     """Keep the first panel of a chart, for the first screen of a page."""
-    return Chart(name="first", panels=chart.panels[:1], linked=True)
+    return Chart("first", chart.panels[:1], linked=True)
 
 
 def in_rows(chart: Chart, columns: int, *groups: Sequence[Panel]) -> Chart:
@@ -219,7 +212,7 @@ def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bo
     )
     pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
     kept = [piece[np.isfinite(y[piece])] for piece in pieces]
-    return [Layer(name=name, x=x[k], y=y[k], colour=BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
+    return [Layer(name, x[k], y[k], BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
 
 
 def _between(x: np.ndarray, at: np.ndarray, offset: np.ndarray) -> np.ndarray:

@@ -7,20 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.errors import Status
-from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Band, WorstCaseError
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import at_resonance, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
-from robustid.report.identified import Models, about, in_unit, sample_words, siso
+from robustid.report.identified import Parts, about, further_models, in_unit, sample_words, siso
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
 from robustid.report.time_response import time_chart
 from robustid.report.words import HZ, at_most, number
 
 if TYPE_CHECKING:
-    from robustid.guarantees import Coverage
     from robustid.reduction import Reduction
 
 _FIT = {"frequency": "fit of the response", "time": "fit of the records"}
@@ -33,19 +32,10 @@ _UNBOUNDED = (
 )
 
 
-def glance(
-    identification: Identification,
-    margin: str,
-    *,
-    reduction: Reduction | None = None,
-    models: Models = None,
-    worst_case: WorstCaseError | None = None,
-    over_poles: WorstCaseOverPoles | None = None,
-    band: Band | None = None,
-    withheld: Coverage | None = None,
-    advice: str = "",
-) -> Glance:
+def glance(identification: Identification, margin: str, parts: Parts, advice: str = "") -> Glance:
     """Return numbers, words, plot and next steps; `advice`: sentences of what would make inconsistent data consistent."""
+    reduction, band, withheld = parts.get("reduction"), parts.get("band"), parts.get("withheld")
+    worst_case, over_poles = parts.get("worst_case"), parts.get("over_poles")
     bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case
     if band is not None and band.bounded.any():
         bound = band
@@ -63,9 +53,7 @@ def glance(
             *[("margin: factor on all bounds", margin)] * (identification.status is not Status.CONSISTENT),
         ],
         words=words,
-        chart=first_panel(band_chart(identification, band))
-        if band is not None
-        else _chart(identification, models, worst_case),
+        chart=_chart(identification, parts),
         next=_next(identification, worst_case, band, contradicted, advice),
     )
 
@@ -97,16 +85,17 @@ def _numbers(identification: Identification, reduction: Reduction | None, bound:
     return found
 
 
-def _chart(identification: Identification, models: Models, error: WorstCaseError | None) -> Chart | None:
+def _chart(identification: Identification, parts: Parts) -> Chart:
     """The magnitude with its guaranteed range; of a matrix the singular values; of records alone the first of them."""
-    if error is not None:
-        whole = worst_case_charts(error)[0] if siso(identification) else worst_case_sigma_chart(error)
+    models, single = further_models(parts.get("reduction"), parts.get("models")), siso(identification)
+    if (band := parts.get("band")) is not None:
+        whole = band_chart(identification, band)
+    elif (error := parts.get("worst_case")) is not None:
+        whole = worst_case_charts(error)[0] if single else worst_case_sigma_chart(error)
     elif not identification.problem.frequency:
         whole = time_chart(identification, models)
     else:
-        whole = (
-            frequency_charts(identification, models)[0] if siso(identification) else sigma_chart(identification, models)
-        )
+        whole = frequency_charts(identification, models)[0] if single else sigma_chart(identification, models)
     return first_panel(whole)
 
 

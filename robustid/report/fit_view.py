@@ -12,14 +12,7 @@ from robustid.core import Signal, StateMatrices, as_signals, points_of, response
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Check
-from robustid.mfd import (
-    FitCovariance,
-    FitStatus,
-    MatrixFraction,
-    ModeRow,
-    fit_covariance,
-    mode_table,
-)
+from robustid.mfd import FitCovariance, FitStatus, MatrixFraction, ModeRow, fit_covariance, mode_table
 
 # The realisation reproduces the fraction to 1e-8 at the worst point of noisy 4 x 4 data of order 40.
 _SAME_MODEL = 1e-8

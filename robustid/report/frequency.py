@@ -118,7 +118,7 @@ def entry_chart(
         turn_axis = phase_axis(span, f"phase [°] of\n{output.name} / {input_.name}", tick=90.0)
     else:  # the name stands above
         titles, label, turn_axis = (title, ""), f"magnitude{unit_label(output.unit, input_.unit)}", phase_axis(span)
-    size_axis = Axis(label=label, log=True, range=reach)
+    size_axis = Axis(label, log=True, range=reach)
     chart = "frequency" if siso(identification) else f"entry-{entry[0]}-{entry[1]}"
     drawn = (size_axis, magnitude), (turn_axis, phase)
     return stacked(chart, axis, drawn, titles, grid=not siso(identification))
@@ -148,7 +148,7 @@ def _add_samples(
         return
     name = style["name"].replace("data with their bounds", "bounds of the data")
     layers[:0] = [
-        Layer(name=name, x=style["x"], y=y, colour=DATA, low=low, high=high, fill=True),
+        Layer(name, style["x"], y, DATA, low=low, high=high, fill=True),
         Layer(y=y, size=0.4, **style | {"name": style["name"].replace(" with their bounds", "")}),
     ]
 
@@ -168,11 +168,9 @@ def sigma_chart(identification: Identification, models: Models = None, omega: np
     ends = shown_band(identification, omega)
     at, values = responses([one.model for one in shown], problem, ends, omega)
     sizes = [np.linalg.svd(value, compute_uv=False) for value in values]
-    layers = [
-        Layer(name="further singular values", x=at / HZ, y=size, colour=FAINT, dash="solid") for size in sizes[0].T[1:]
-    ]
+    layers = [Layer("further singular values", at / HZ, size, FAINT, dash="solid") for size in sizes[0].T[1:]]
     for one, size in zip(shown, sizes, strict=True):
-        layers.append(Layer(name=LARGEST + one.name, x=at / HZ, y=size[:, 0], colour=one.colour, dash=one.dash))
+        layers.append(Layer(LARGEST + one.name, at / HZ, size[:, 0], one.colour, dash=one.dash))
     points, sigma, radius = measured_sigma(problem)
     top = max(float(size.max()) for size in (*sizes, sigma + radius) if size.size)
     low = min(float(size.min()) for size in (sizes[0][:, 0], sigma[sigma > 0]) if size.size)
@@ -183,10 +181,10 @@ def sigma_chart(identification: Identification, models: Models = None, omega: np
         )
         bars: dict[str, Any] = {"low": np.maximum(sigma - radius, reach[0]), "high": sigma + radius, "hover": hover}
         x, y = np.maximum(points, ends[0]) / HZ, np.maximum(sigma, reach[0])
-        layers.append(Layer(name="σmax of the data", x=x, y=y, colour=DATA, marker="circle", **bars))
-    y_axis = Axis(label=f"singular value{sigma_unit(identification)}", log=True, range=reach)
-    panel = Panel(title="Singular values", x=hertz(problem, *ends), y=y_axis, layers=tuple(layers))
-    return Chart(name="sigma", panels=(panel,), linked=True)
+        layers.append(Layer("σmax of the data", x, y, DATA, marker="circle", **bars))
+    y_axis = Axis(f"singular value{sigma_unit(identification)}", log=True, range=reach)
+    panel = Panel("Singular values", hertz(problem, *ends), y_axis, layers)
+    return Chart("sigma", (panel,), linked=True)
 
 
 def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

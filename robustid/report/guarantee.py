@@ -305,7 +305,7 @@ def _with_range(error: WorstCaseError, chart: Chart, entry: tuple[int, int], nam
         _error_panel(error, magnitude.x, entry),
     )
     chart_name = "guarantee" if single else f"guarantee-{entry[0]}-{entry[1]}"
-    return Chart(name=chart_name, panels=panels, linked=True, grid=not single)
+    return Chart(chart_name, panels, linked=True, grid=not single)
 
 
 def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
@@ -321,7 +321,7 @@ def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
     areas = band_around(words, named(panel, LARGEST + name), error.omega[proved] / HZ, offsets, bottom)
     span = bottom, max(top, *(1.2 * float(area.high.max()) for area in areas if area.high is not None))
     errors = _error_panel(error, panel.x, None)
-    return Chart(name="guarantee-sigma", panels=(behind(panel, areas, span), errors), linked=True)
+    return Chart("guarantee-sigma", (behind(panel, areas, span), errors), linked=True)
 
 
 def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
@@ -358,11 +358,11 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
         edges = np.clip(np.repeat(circle.edges, 2)[1:-1] / HZ, left, right)
         own = entry is not None and not siso(identification)
         bounds = np.repeat(circle.entries[place] if own else circle.bound, 2)
-        layers.append(Layer(name="guaranteed between them too", x=edges, y=bounds, colour=FAINT, dash="solid"))
+        layers.append(Layer("guaranteed between them too", edges, bounds, FAINT, dash="solid"))
     name = "guaranteed error"
-    layers.append(Layer(name=name, x=at, y=upper, colour=ALERT, dash="dash", marker="circle", hover=hover))
+    layers.append(Layer(name, at, upper, ALERT, dash="dash", marker="circle", hover=hover))
     reached = np.where(lower > 0, lower, np.nan)
-    layers.append(Layer(name=REACHED, x=at, y=reached, colour=DATA, marker=MARKERS[2], hover=hover))
+    layers.append(Layer(REACHED, at, reached, DATA, marker=MARKERS[2], hover=hover))
     span = error_range(layers)  # none where nothing is uncertain
     title = "Error of the model: the farthest consistent system"
     title += ", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""
@@ -372,9 +372,4 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     elif not siso(identification):  # the name stands above
         output, input_ = identification.problem.outputs[entry[0]], identification.problem.inputs[entry[1]]
         title, label = "", f"error{unit_label(output.unit, input_.unit)}"
-    return Panel(
-        title=title,
-        x=x,
-        y=Axis(label=label, log=True, range=span),
-        layers=tuple(layers),
-    )
+    return Panel(title, x, Axis(label, log=True, range=span), layers)

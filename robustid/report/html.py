@@ -141,7 +141,7 @@ def _plotly() -> str:
 
 def pictures(figures: Sequence[Figure]) -> dict[str, str]:
     """Draw figures as PNG data addresses by their id, as fine as fits into `MOST_BYTES`; the first is always fine."""
-    drawn = [draw(Chart(name=one.id, panels=one.panels, linked=True, grid=one.small)) for one in figures]
+    drawn = [draw(Chart(one.id, one.panels, linked=True, grid=one.small)) for one in figures]
     found: dict[str, str] = {}
     for dpi in _FINENESS:
         for figure, picture in zip(figures, drawn, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ from robustid.report.document import Block, Code, Column, Document, Facts, Headi
 from robustid.report.first_screen import glance
 from robustid.report.frequency import frequency_section
 from robustid.report.guarantee import guarantee_section
-from robustid.report.identified import further_models, siso, unit
+from robustid.report.identified import Parts, further_models, siso, unit
 from robustid.report.pole_box import pole_box_section
 from robustid.report.poles import modes_table, poles_section, slowest_poles
 from robustid.report.proved_band import proved_band_section
@@ -29,96 +29,74 @@ from robustid.report.withheld_data import not_guaranteed, withheld_section, with
 from robustid.report.words import number
 
 if TYPE_CHECKING:
-    import control
-
-    from robustid.advice import Content, Sensitivity
-    from robustid.guarantees import Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
-    from robustid.reduction import ModelWorth, Reduction
-    from robustid.report.stability import Margins
+    from robustid.reduction import Reduction
 
 _MOST_EXPERIMENTS = 6  # at the terminal
 _AGAIN = "robustid run FILE -o FOLDER"
 
 
-def identification_page(
-    identification: Identification,
-    *,
-    title: str | None = None,
-    reduction: Reduction | None = None,
-    models: Mapping[str, control.StateSpace] | None = None,
-    worst_case: WorstCaseError | None = None,
-    tube: ResponseTube | None = None,
-    over_poles: WorstCaseOverPoles | None = None,
-    stability: Margins | None = None,
-    weights: StructuredWeight | Sequence[StructuredWeight] | None = None,
-    sensitivity: Sensitivity | None = None,
-    findings: Sequence[str] = (),
-    withheld: Coverage | None = None,
-    content: Content | None = None,
-    worth: ModelWorth | None = None,
-    diagnosis: str | None = None,
-    run_file: str | None = None,
-    band: Band | None = None,
-) -> Document:
+def identification_page(identification: Identification, title: str | None, parts: Parts) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
-    polygons = band.polygons if isinstance(band, Band) else None
-    holds = polygons is None or polygons.verify()  # once for the page: they may be those of another section too
-    guaranteed: list[Block] = [] if band is None else proved_band_section(identification, band, worst_case, holds)
-    if worst_case is not None:
-        guaranteed += guarantee_section(identification, worst_case, holds if worst_case is polygons else None)
-    if over_poles is not None:
-        known = holds if over_poles is polygons else None
-        guaranteed += pole_box_section(identification, over_poles, worst_case, known)
-    if stability is not None:
-        guaranteed += stability_section(identification, stability)
-    if weights is not None:
-        guaranteed += weights_section(identification, weights)
-    if tube is not None:
-        guaranteed += tube_section(identification, tube)
-    if sensitivity is not None:
-        guaranteed += sensitivity_section(identification, sensitivity)
-    problem, shown = identification.problem, further_models(reduction, models)
+    problem, withheld, findings = identification.problem, parts.get("withheld"), parts.get("findings", ())
+    reduction, diagnosis = parts.get("reduction"), parts.get("diagnosis")
+    shown = further_models(reduction, parts.get("models"))
     return Document(
         title or words.title("Identification", problem.outputs, problem.inputs),
-        head=[*_verdicts(identification, reduction, withheld, content, worth), *_warnings(identification)],
+        head=[*_verdicts(identification, parts), *_warnings(identification)],
         body=[
             *findings_section(findings),
-            *diagnosis_section(diagnosis),
+            *([Heading("What would help"), Code(diagnosis)] if diagnosis else []),
             *withheld_section(withheld),
             Heading("Consistency margin"),
             Facts([("Proven interval", margin_interval(identification))]),
             Text(margin_words(identification)),
             *assumptions_section(identification),
-            *content_section(content),
-            *not_guaranteed(guaranteed, withheld),
+            *content_section(parts.get("content")),
+            *not_guaranteed(_guaranteed(identification, parts), withheld),
             *frequency_section(identification, shown),
             *time_section(identification, shown),
             *residual_section(identification, shown),
             *active_section(identification, refuted(identification)),
             *order_section(identification, reduction),
-            *worth_section(worth),
+            *worth_section(parts.get("worth")),
             *poles_section(identification, shown),
             *_matrices(identification, reduction),
             Heading("Verification"),
             Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
             checks_table(identification.verification.checks),
             *_parameters_section(identification),
-            *run_file_section(run_file),
+            *run_file_section(parts.get("run_file")),
         ],
         foot=_foot(identification),
+        # Of a run the diagnosis stands among its findings, the only one of several lines.
         glance=glance(
             identification,
             margin_interval(identification),
-            reduction=reduction,
-            models=shown,
-            worst_case=worst_case,
-            over_poles=over_poles,
-            band=band,
-            withheld=withheld,
-            # Of a run the diagnosis stands among its findings, the only one of several lines.
-            advice=diagnosis or next((words for words in findings if "\n" in words), ""),
+            parts,
+            diagnosis or next((words for words in findings if "\n" in words), ""),
         ),
     )
+
+
+def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
+    """Sections of the guarantees; the polygons of a band, which may be those of another section, are verified once."""
+    band, error, over_poles = parts.get("band"), parts.get("worst_case"), parts.get("over_poles")
+    polygons = band.polygons if isinstance(band, Band) else None
+    holds = polygons is None or polygons.verify()
+    found = [] if band is None else proved_band_section(identification, band, error, holds)
+    if error is not None:
+        found += guarantee_section(identification, error, holds if error is polygons else None)
+    if over_poles is not None:
+        found += pole_box_section(identification, over_poles, error, holds if over_poles is polygons else None)
+    if (stability := parts.get("stability")) is not None:
+        found += stability_section(identification, stability)
+    if (weights := parts.get("weights")) is not None:
+        found += weights_section(identification, weights)
+    if (tube := parts.get("tube")) is not None:
+        found += tube_section(identification, tube)
+    if (sensitivity := parts.get("sensitivity")) is not None:
+        found += sensitivity_section(identification, sensitivity)
+    return found
 
 
 def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:
@@ -128,18 +106,13 @@ def _matrices(identification: Identification, reduction: Reduction | None) -> li
     return matrices_section(name, model, identification.problem.dt)
 
 
-def _verdicts(
-    identification: Identification,
-    reduction: Reduction | None,
-    withheld: Coverage | None,
-    content: Content | None,
-    worth: ModelWorth | None,
-) -> list[Verdict]:
+def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     """The verdict on the class, after those that deprive it of its worth: contradicted by withheld data, nothing between points.
 
     The others follow.
     """
-    own = identification_verdict(identification, reduction)
+    withheld, content, worth = parts.get("withheld"), parts.get("content"), parts.get("worth")
+    own = identification_verdict(identification, parts.get("reduction"))
     others = [withheld_verdict(withheld)] if withheld is not None else []
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
@@ -301,11 +274,6 @@ def findings_section(findings: Sequence[str]) -> list[Block]:
     if not findings:
         return []
     return [Heading("What was found"), *(Code(words) if "\n" in words else Text(words) for words in findings)]
-
-
-def diagnosis_section(diagnosis: str | None) -> list[Block]:
-    """Build the section of what would make the data consistent."""
-    return [Heading("What would help"), Code(diagnosis)] if diagnosis else []
 
 
 def run_file_section(run_file: str | None) -> list[Block]:

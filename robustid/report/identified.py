@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict
 
 import numpy as np
 
@@ -17,13 +17,42 @@ from robustid.report.curves import resolved
 from robustid.report.words import HZ, matrix_unit_label, units
 
 if TYPE_CHECKING:
-    from robustid.reduction import Reduction
+    import control
+
+    from robustid.advice import Content, Sensitivity
+    from robustid.data import TimeRecord
+    from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
+    from robustid.mfd import OrderSweep
+    from robustid.reduction import ModelWorth, Reduction
 
 Models = Mapping[str, Any] | None
 DIRECTIONS = "combinations of outputs / combinations of inputs"
 _GRID = 800  # points of a response, evenly spaced in log frequency
 _AROUND = np.linspace(-1.55, 1.55, 61)  # phases across a light resonance
 _NOWHERE = np.zeros(0)
+
+
+class Parts(TypedDict, total=False):
+    """Everything that can stand beside a result on its page, under the names that `write_report` describes; None: nothing."""
+
+    reduction: Reduction | None
+    models: Mapping[str, control.StateSpace] | None
+    worst_case: WorstCaseError | None
+    tube: ResponseTube | None
+    over_poles: WorstCaseOverPoles | None
+    stability: RobustStabilityMargin | Mapping[str, RobustStabilityMargin] | None
+    weights: StructuredWeight | Sequence[StructuredWeight] | None
+    sensitivity: Sensitivity | None
+    data: FrequencyResponse | None
+    order_sweep: OrderSweep | None
+    records: TimeRecord | Sequence[TimeRecord] | None
+    findings: Sequence[str]
+    withheld: Coverage | None
+    content: Content | None
+    worth: ModelWorth | None
+    diagnosis: str | None
+    run_file: str | None
+    band: Band | None
 
 
 class Posed(Protocol):
@@ -185,7 +214,7 @@ def hertz(problem: Any, low: float, high: float) -> Axis:
     """The frequency axis; a logarithmic one has no 0, so that samples there are put at its left end and this is said."""
     at_zero = bool(problem.angles.size) and problem.angles[0] == 0
     note = " (samples at 0 Hz are drawn at the left end)" if at_zero else ""
-    return Axis(label=f"frequency [Hz]{note}", log=True, range=(low / HZ, high / HZ))
+    return Axis(f"frequency [Hz]{note}", log=True, range=(low / HZ, high / HZ))
 
 
 def responses(

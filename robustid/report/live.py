@@ -78,10 +78,7 @@ def look_figure(
 
 
 def _figure(
-    about: Posed,
-    panels: Sequence[Panel],
-    left_out: Sequence[FrequencyResponse],
-    withheld: Sequence[FrequencyResponse],
+    about: Posed, panels: Sequence[Panel], left_out: Sequence[FrequencyResponse], withheld: Sequence[FrequencyResponse]
 ) -> dict[str, Any]:
     """Panels with the points that are not used, as plotly draws them."""
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4)
@@ -158,7 +155,7 @@ def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below
     name = f"guaranteed range ({error.omega.size} frequencies, poles as stated)"
     middle = np.clip(np.abs(error.nominal[proved]), low, high)
     at = error.omega[proved] / HZ
-    bars = Layer(name=name, x=at, y=middle, colour=FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)
+    bars = Layer(name, at, middle, FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)
     points = tuple(dataclasses.replace(layer, dash="") if layer.colour == ALERT else layer for layer in below.layers)
     first = dataclasses.replace(plain[0], layers=(bars, *plain[0].layers))
     return first, plain[1], dataclasses.replace(below, layers=points)
@@ -166,10 +163,7 @@ def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below
 
 def _points(responses: Sequence[FrequencyResponse], name: str, marker: str, size: float) -> list[Layer]:
     """Magnitudes of points that are not used."""
-    return [
-        Layer(name=name, x=frf.freq_hz, y=np.abs(frf.values[:, 0, 0]), colour=FAINT, marker=marker, size=size)
-        for frf in responses
-    ]
+    return [Layer(name, frf.freq_hz, np.abs(frf.values[:, 0, 0]), FAINT, marker=marker, size=size) for frf in responses]
 
 
 def _with_active(identification: Identification, first: Panel, *others: Panel) -> tuple[Panel, ...]:
@@ -189,4 +183,4 @@ def _with_active(identification: Identification, first: Panel, *others: Panel) -
 
 
 def _ring(name: str, omega: np.ndarray, values: np.ndarray) -> Layer:
-    return Layer(name=name, x=omega / HZ, y=np.abs(values), colour=ALERT, marker="circle-open", size=2.2)
+    return Layer(name, omega / HZ, np.abs(values), ALERT, marker="circle-open", size=2.2)

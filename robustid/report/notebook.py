@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import Any
+from typing import Any, Unpack
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
@@ -13,6 +13,7 @@ from robustid.mfd import MatrixFraction
 from robustid.report.document import Verdict
 from robustid.report.first_screen import BETWEEN, BOUND, glance
 from robustid.report.identification import identification_verdict, margin_interval
+from robustid.report.identified import Parts
 from robustid.report.write import verdict
 
 _LINES = 18  # of a summary
@@ -43,10 +44,9 @@ def head(result: Any) -> str | None:
     return _text(type(result).__name__, str(summary())) if callable(summary) else None
 
 
-def _identified(identification: Identification, **parts: Any) -> str:
-    given = {name: value for name, value in parts.items() if value is not None}
-    shown = glance(identification, margin_interval(identification), **given)
-    said = identification_verdict(identification, given.get("reduction"))
+def _identified(identification: Identification, **parts: Unpack[Parts]) -> str:
+    shown = glance(identification, margin_interval(identification), parts)
+    said = identification_verdict(identification, parts.get("reduction"))
     steps = [text.text.replace(BOUND, "rid.worst_case_error(result)") for text in shown.next]
     words = shown.words.removesuffix(BETWEEN)
     return _html(said, shown.numbers, [words] * bool(words), steps)

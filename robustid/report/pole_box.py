@@ -81,7 +81,7 @@ def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None
     if fixed is not None:
         areas += _area(f"the fixed poles ({fixed.omega.size} frequencies)", BAND, curve, band, fixed, span)
     panels = (dataclasses.replace(behind(magnitude, areas, span), x=x), _errors(band, fixed, x))
-    return Chart(name="over_poles", panels=panels, linked=True)
+    return Chart("over_poles", panels, linked=True)
 
 
 def _beside(band: WorstCaseOverPoles, error: WorstCaseError | None) -> WorstCaseError | None:
@@ -133,18 +133,16 @@ def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> 
     for name, omega, upper, colour, dash, marker in shown:
         hover = tuple(f"{number(w / HZ, 6)} Hz: at most {number(high)}" for w, high in zip(omega, upper, strict=True))
         y = np.where(np.isfinite(upper) & (upper > 0), upper, np.nan)
-        layers.append(
-            Layer(name=name, x=np.maximum(omega / HZ, left), y=y, colour=colour, dash=dash, marker=marker, hover=hover)
-        )
+        layers.append(Layer(name, np.maximum(omega / HZ, left), y, colour, dash=dash, marker=marker, hover=hover))
     span = error_range(layers) or (0.1, 1.0)
     at = np.full(2, max(band.next_line / HZ, left))
-    layers.append(Layer(name=f"measure next: {_next(band)}", x=at, y=np.array(span), colour=FAINT, dash="dot"))
+    layers.append(Layer(f"measure next: {_next(band)}", at, np.array(span), FAINT, dash="dot"))
     label = f"error |F − model| of\n{transfer(band.identification)}"
     if not siso(band.identification):
         label = f"σmax(F − model)\n{sigma_unit(band.identification).strip()}".strip()
-    y_axis = Axis(label=label, log=True, range=span)
+    y_axis = Axis(label, log=True, range=span)
     title = "Guaranteed error of the model" + (", 0 Hz drawn at the left end" if np.any(shown[0][1] == 0) else "")
-    return Panel(title=title, x=x, y=y_axis, layers=tuple(layers))
+    return Panel(title, x, y_axis, layers)
 
 
 def _next(band: WorstCaseOverPoles) -> str:

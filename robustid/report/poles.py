@@ -238,14 +238,14 @@ def _edges(identification: Identification) -> Iterator[Layer]:
     prior = identification.prior
     if not identification.problem.dt:
         height = np.array([-1.0, 1.0]) * 1.1 * max(np.abs(identification.model.poles()).max(initial=0.0), prior.decay)
-        yield Layer(name="imaginary axis: Re s = 0", x=np.zeros(2), y=height, colour=DATA, dash="solid")
+        yield Layer("imaginary axis: Re s = 0", np.zeros(2), height, DATA, dash="solid")
         name = f"Re s = −α = −{number(prior.decay)} 1/s"
-        yield Layer(name=name, x=np.full(2, -prior.decay), y=height, colour=FAINT, dash="dash")
+        yield Layer(name, np.full(2, -prior.decay), height, FAINT, dash="dash")
         return
     turn, rho = np.linspace(0, 2 * np.pi, 361), prior.decay_rate
     circles = (("unit circle: |z| = 1", 1.0, DATA, "solid"), (f"|z| = 1/ρ = {number(1 / rho)}", 1 / rho, FAINT, "dash"))
     for name, radius, colour, dash in circles:
-        yield Layer(name=name, x=radius * np.cos(turn), y=radius * np.sin(turn), colour=colour, dash=dash)
+        yield Layer(name, radius * np.cos(turn), radius * np.sin(turn), colour, dash=dash)
 
 
 def pole_chart(identification: Identification, models: Models = None) -> Chart:
@@ -270,20 +270,20 @@ def pole_chart(identification: Identification, models: Models = None) -> Chart:
     ratios = np.concatenate([layer.y for layer in damping])
     panels = (
         Panel(
-            title=f"Poles in the {letter[0]}-plane",
-            x=Axis(label=f"real part of {letter}", range=span if discrete else None),
-            y=Axis(label=f"imaginary part of {letter}", range=span),
-            layers=tuple(plane),
+            f"Poles in the {letter[0]}-plane",
+            Axis(f"real part of {letter}", range=span if discrete else None),
+            Axis(f"imaginary part of {letter}", range=span),
+            plane,
             square=discrete,
         ),
         Panel(
-            title="Damping of the oscillating poles",
-            x=Axis(label="natural frequency [Hz]", log=True, range=(every.min() * 0.9, every.max() * 1.1)),
-            y=Axis(label="damping ratio [–]", log=True, range=(min(0.5 * ratios.min(initial=1.0), 0.05), 2.0)),
-            layers=tuple(damping),
+            "Damping of the oscillating poles",
+            Axis("natural frequency [Hz]", log=True, range=(every.min() * 0.9, every.max() * 1.1)),
+            Axis("damping ratio [–]", log=True, range=(min(0.5 * ratios.min(initial=1.0), 0.05), 2.0)),
+            damping,
         ),
     )
-    return Chart(name="poles", panels=panels, columns=2)
+    return Chart("poles", panels, columns=2)
 
 
 def _pole_words(row: PoleRow) -> str:

@@ -205,25 +205,25 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     middle, half = _sizes(*band.at(x * HZ))
     ends = np.maximum(middle - half, bottom), np.maximum(middle + half, bottom)
     ends = ends[0], np.minimum(ends[1], _ENDLESS * max(float(y.max(initial=0.0)), _TINY))
-    area = Layer(name="proved range, at every frequency", x=x, y=y, colour=BAND, low=ends[0], high=ends[1], fill=True)
+    area = Layer("proved range, at every frequency", x, y, BAND, low=ends[0], high=ends[1], fill=True)
     top = (panel.y.range or (0.0, 1.0))[1]
     known = (middle + half)[np.isfinite(half) & ~np.isin(x, x[half > np.abs(y).max(initial=0.0)])]
     span = bottom, max(top, min(1.2 * float(known.max(initial=0.0)), _TALL * top))
     error = norm_of_bounds(sums.error_at(x * HZ))
     error = np.where(np.isfinite(error), error, np.nan)
     hover = tuple(f"{number(f, 6)} Hz: at most {number(e)}" for f, e in zip(x, error, strict=True))
-    line = Layer(name="proved error", x=x, y=error, colour=ALERT, dash="solid", hover=hover)
+    line = Layer("proved error", x, error, ALERT, dash="solid", hover=hover)
     bars, dots = _refined(band, bottom)
     label = f"error |F − model| of\n{transfer(identification)}"
     if not siso(identification):
         label = f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()
     errors = Panel(
-        title="Error of the model: no consistent system is farther",
-        x=panel.x,
-        y=Axis(label=label, log=True, range=error_range([line, *dots])),
-        layers=(line, *dots),
+        "Error of the model: no consistent system is farther",
+        panel.x,
+        Axis(label, log=True, range=error_range([line, *dots])),
+        (line, *dots),
     )
-    return Chart(name="proved-band", panels=(behind(panel, [area, *bars], span), errors), linked=True)
+    return Chart("proved-band", (behind(panel, [area, *bars], span), errors), linked=True)
 
 
 @functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
@@ -249,15 +249,15 @@ def with_band(band: Band, panels: Sequence[Panel], entry: tuple[int, int] = (0, 
     ends = np.maximum(np.abs(centre) - radius, bottom), np.minimum(np.abs(centre) + radius, _TALL * top)
     poles = _poles(band)
     name, x = f"proved band{poles}", omega / HZ
-    area = Layer(name=name, x=x, y=np.clip(np.abs(centre), *ends), colour=BAND, low=ends[0], high=ends[1], fill=True)
+    area = Layer(name, x, np.clip(np.abs(centre), *ends), BAND, low=ends[0], high=ends[1], fill=True)
     high = ends[1][np.isfinite(radius)].max(initial=0.0)
     first = behind(magnitude, [area], (bottom, max(top, 1.2 * float(high))))
     about = "proved error" if band.model is not None else "radius of the band"
-    line = Layer(name=about + poles, x=x, y=np.where(np.isfinite(error), error, np.nan), colour=BAND, dash="solid")
+    line = Layer(about + poles, x, np.where(np.isfinite(error), error, np.nan), BAND, dash="solid")
     layers = (line, *(() if below is None else below.layers))
-    axis = Axis(label="", log=True, range=error_range(list(layers)))
+    axis = Axis("", log=True, range=error_range(list(layers)))
     title = "Error: no consistent system is farther" if below is None else below.title
-    return first, phase, Panel(title=title, x=magnitude.x, y=axis, layers=layers)
+    return first, phase, Panel(title, magnitude.x, axis, layers)
 
 
 def _poles(band: Band) -> str:
@@ -302,5 +302,5 @@ def _refined(band: Band, bottom: float) -> tuple[list[Layer], list[Layer]]:
     words = f"narrowed by a semidefinite program ({x.size} frequencies)"
     ends = np.maximum(size - upper, middle - half), np.minimum(size + upper, middle + half)
     ends = tuple(np.maximum(end, bottom) for end in ends)
-    bars = Layer(name=words, x=x, y=size, colour=ALERT, marker="circle", low=ends[0], high=ends[1], size=FINE)
-    return [bars], [Layer(name=words, x=x, y=upper, colour=ALERT, marker="circle", hover=hover)]
+    bars = Layer(words, x, size, ALERT, marker="circle", low=ends[0], high=ends[1], size=FINE)
+    return [bars], [Layer(words, x, upper, ALERT, marker="circle", hover=hover)]

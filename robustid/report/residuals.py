@@ -121,7 +121,7 @@ def residual_chart(identification: Identification, models: Models = None) -> Cha
         for group, label in _grouped(identification, parts[0]):
             part = [[residuals[k] for k in group] for residuals in parts]
             panels.append(_panel(identification, kind, label, part, shown, (smallest, largest)))
-    return Chart(name="residuals", panels=tuple(panels), grid=not siso(identification))
+    return Chart("residuals", panels, grid=not siso(identification))
 
 
 def _grouped(identification: Identification, residuals: list[Residual]) -> list[tuple[list[int], str]]:
@@ -158,25 +158,25 @@ def _panel(
         hover = tuple(f"{number(a, 6)}: {number(r)} of the bound" for a, r in zip(at, true, strict=True))
         nominal = one.colour == NOMINAL
         bars = {"low": np.full(at.size, floor), "high": ratio} if nominal else {}
-        layers.append(Layer(name=one.name, x=at, y=ratio, colour=one.colour, marker=one.marker, hover=hover, **bars))
+        layers.append(Layer(one.name, at, ratio, one.colour, marker=one.marker, hover=hover, **bars))
         if nominal:
             layers += _marked(at, ratio, max(1.0, margin))
     ends = np.array(x.range)
-    layers.append(Layer(name="limit: residual = bound", x=ends, y=np.ones(2), colour=DATA, dash="solid"))
+    layers.append(Layer("limit: residual = bound", ends, np.ones(2), DATA, dash="solid"))
     # A margin of almost 0 would be a line on the axis.
     if margin > max(floor, 1e-3):
         name = f"smallest reachable: {number(margin)}"
-        layers.append(Layer(name=name, x=ends, y=np.full(2, margin), colour=ALERT, dash="dash"))
+        layers.append(Layer(name, ends, np.full(2, margin), ALERT, dash="dash"))
     reach = (floor, 2 * largest) if log else (0.0, 1.12 * max(largest, 1.0))
-    y = Axis(label="|residual| / bound", log=log, range=reach)
-    return Panel(title=label, x=x, y=y, layers=tuple(layers))
+    y = Axis("|residual| / bound", log=log, range=reach)
+    return Panel(label, x, y, layers)
 
 
 def _axis(identification: Identification, kind: str, residuals: list[Residual]) -> tuple[Axis, float]:
     """The axis over the samples, and its lower end in rad/s (0 for time)."""
     last = max(float(r.axis.max()) for r in residuals)
     if kind == "time":
-        return Axis(label="time [s]", range=(-0.02 * last, 1.02 * last)), 0.0
+        return Axis("time [s]", range=(-0.02 * last, 1.02 * last)), 0.0
     low, high = band(identification.problem)
     if last > 0:
         first = min(float(r.axis.min(where=r.axis > 0, initial=last)) for r in residuals)
@@ -193,7 +193,7 @@ def _marked(at: np.ndarray, ratio: np.ndarray, limit: float) -> list[Layer]:
         (outside, "outside its bound", "circle-open", 2.0),
     )
     return [
-        Layer(name=name, x=at[mask], y=ratio[mask], colour=ALERT, marker=marker, size=size)
+        Layer(name, at[mask], ratio[mask], ALERT, marker=marker, size=size)
         for mask, name, marker, size in groups
         if np.any(mask)
     ]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from robustid.data import Bound, Caveat, FrequencyResponse, TimeRecord
+from robustid.data import Bound, Caveat, FrequencyResponse
 from robustid.data.estimate import joint_radius
 from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
@@ -24,6 +22,7 @@ from robustid.report.document import (
     Text,
     Verdict,
 )
+from robustid.report.identified import Parts
 from robustid.report.response_charts import ResponseView, entry_charts, overview_charts, spectrum_charts
 from robustid.report.words import drawn_words, number, percent, plural, title
 
@@ -44,14 +43,9 @@ _COMMAND = "robustid identify --frequency FILE --report report.html"
 _MOST_ENTRIES = 16  # at the terminal
 
 
-def response_page(
-    frf: FrequencyResponse,
-    *,
-    records: TimeRecord | Sequence[TimeRecord] | None = None,
-    title: str | None = None,
-) -> Document:
+def response_page(frf: FrequencyResponse, title: str | None, parts: Parts) -> Document:
     """Build the page of a measured frequency response."""
-    view = ResponseView(frf, records)
+    view = ResponseView(frf, parts.get("records"))
     several, points, spectra = view.ny * view.nu > 1, frf.omega.size, spectrum_charts(view)
     of_each = " of every entry; outputs below each other, inputs beside each other" if several else ""
     entries = entry_charts(view)

@@ -213,7 +213,7 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
     used = ~frf.missing[:, i, j]
     if not used.any():
         titles = f"{view.entry(i, j)}: not measured", ""
-        return stacked(f"entry-{i}-{j}", axis, [(Axis(label=""), ())] * 2, titles)
+        return stacked(f"entry-{i}-{j}", axis, [(Axis(""), ())] * 2, titles)
     omega, size, silent = frf.omega[used], view.size[used, i, j], view.silent[used, i, j]
     radius = None if view.radius is None else view.radius[used, i, j]
     levels = {name: level[used, i, j] for name, level in view.levels.items()}
@@ -228,10 +228,10 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
         ends = {"low": np.where(silent, span[0], angle - turn), "high": np.where(silent, span[1], angle + turn)}
         jump = np.isnan(with_gaps(angle[kept])) & ~silent[kept] & ~silent[np.roll(kept, 1)]
         phase.append(_band(x, angle, {name: np.clip(end, *span) for name, end in ends.items()}, kept, jump))
-        magnitude.append(Layer(name="bound", x=x, y=_shown(radius[kept]), colour=NOMINAL, dash="dash", size=0.5))
+        magnitude.append(Layer("bound", x, _shown(radius[kept]), NOMINAL, dash="dash", size=0.5))
     for name, level in levels.items():
         colour, dash = _LOOKS[name]
-        magnitude.append(Layer(name=name, x=x, y=_shown(level[kept]), colour=colour, dash=dash))
+        magnitude.append(Layer(name, x, _shown(level[kept]), colour, dash=dash))
     marker = "circle" if kept.size <= _FEW else ""
     curve: dict[str, Any] = {"name": "response", "x": x, "colour": DATA, "dash": "solid", "marker": marker, "size": 0.5}
     sure = np.where(silent, np.nan, 1.0)
@@ -248,13 +248,13 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
         magnitude.append(Layer(x=x[part], y=_shown(size[kept][part]), **lost))
         phase.append(Layer(x=x[part], y=rounded(angle[kept][part]), **lost))
     unit = unit_label(frf.outputs[i].unit, frf.inputs[j].unit)
-    y = Axis(label=f"magnitude{unit}", log=True, range=low_high)
+    y = Axis(f"magnitude{unit}", log=True, range=low_high)
     return stacked(f"entry-{i}-{j}", axis, ((y, magnitude), (phase_axis(span), phase)), (view.entry(i, j), ""))
 
 
 def _band(x: np.ndarray, y: np.ndarray, ends: dict[str, np.ndarray], kept: np.ndarray, gap: Any = False) -> Layer:
     drawn: dict[str, Any] = {name: rounded(np.where(gap, np.nan, end[kept])) for name, end in ends.items()}
-    return Layer(name="response ± bound", x=x, y=rounded(y[kept]), colour=_BAND, fill=True, **drawn)
+    return Layer("response ± bound", x, rounded(y[kept]), _BAND, fill=True, **drawn)
 
 
 def _shown(values: np.ndarray) -> np.ndarray:
@@ -288,15 +288,15 @@ def singular_chart(view: ResponseView) -> Chart:
     x, layers = rounded(omega[kept] / HZ), []
     for k, (colour, dash) in enumerate(_cycle(values.shape[1])):
         name = "largest singular value" if k == 0 else f"singular value {k + 1}"
-        layers.append(Layer(name=name, x=x, y=_shown(values[kept, k]), colour=colour, dash=dash, size=0.6))
+        layers.append(Layer(name, x, _shown(values[kept, k]), colour, dash=dash, size=0.6))
     bound = view.singular_bound
     if bound is not None:
-        layers.append(Layer(name="bound of the singular values", x=x, y=_shown(bound[kept]), colour=FAINT, dash="dash"))
+        layers.append(Layer("bound of the singular values", x, _shown(bound[kept]), FAINT, dash="dash"))
     span = _range(values.ravel(), [] if bound is None else [bound])
     unit = matrix_unit_label(view.frf.outputs, view.frf.inputs)
-    y = Axis(label=f"singular value{unit}", log=True, range=span)
-    panel = Panel(title="Singular values (CMIF)", x=axis, y=y, layers=tuple(layers))
-    return Chart(name="singular", panels=(panel,), linked=True)
+    y = Axis(f"singular value{unit}", log=True, range=span)
+    panel = Panel("Singular values (CMIF)", axis, y, layers)
+    return Chart("singular", (panel,), linked=True)
 
 
 def _cycle(count: int) -> list[tuple[str, str]]:
@@ -313,16 +313,13 @@ def coherence_chart(view: ResponseView) -> Chart:
         kept = _thinned(omega, axis, [coherence[:, i]], cells_per_entry(view.ny))
         x, y = rounded(omega[kept] / HZ), rounded(coherence[kept, i])
         name = f"coherence of {view.frf.outputs[i].name}"
-        layers.append(Layer(name=name, x=x, y=y, colour=colour, dash=dash, size=0.6))
+        layers.append(Layer(name, x, y, colour, dash=dash, size=0.6))
     least = float(coherence.min())
     low = 0.0 if least < 0.5 else 0.5 if least < 0.9 else 0.9
     panel = Panel(
-        title="Coherence",
-        x=axis,
-        y=Axis(label="coherence [–]", range=(low - 0.02 * (1 - low), 1 + 0.03 * (1 - low))),
-        layers=tuple(layers),
+        "Coherence", axis, Axis("coherence [–]", range=(low - 0.02 * (1 - low), 1 + 0.03 * (1 - low))), layers
     )
-    return Chart(name="coherence", panels=(panel,), linked=True)
+    return Chart("coherence", (panel,), linked=True)
 
 
 def spectrum_charts(view: ResponseView) -> list[Chart]:
@@ -352,11 +349,11 @@ def _spectrum(view: ResponseView, axis: Axis, name: str, side: str, index: int, 
         if freq.size:
             kept = thinned(position(freq, axis.log), [amplitude], cells)
             style: dict[str, Any] = {"colour": colour, "dash": dash, "marker": marker, "size": 0.6}
-            layers.append(Layer(name=title, x=rounded(freq[kept]), y=_shown(amplitude[kept]), **style))
+            layers.append(Layer(title, rounded(freq[kept]), _shown(amplitude[kept]), **style))
     span = _range(found.amplitude[inside], [])
-    y = Axis(label=f"amplitude{f' [{signal.unit}]' if signal.unit else ''}", log=True, range=span)
-    panel = Panel(title=f"{name} {signal}", x=axis, y=y, layers=tuple(layers))
-    return Chart(name=f"{name}-{index}", panels=(panel,), linked=True)
+    y = Axis(f"amplitude{f' [{signal.unit}]' if signal.unit else ''}", log=True, range=span)
+    panel = Panel(f"{name} {signal}", axis, y, layers)
+    return Chart(f"{name}-{index}", (panel,), linked=True)
 
 
 def response_bode(frf: FrequencyResponse, records: Any = None) -> Chart:

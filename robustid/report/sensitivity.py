@@ -59,7 +59,7 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
     """Median and largest half-width over each assumption, one panel an assumption, one scale for all."""
     rows = table.variations
     largest = max((row.worst for row in rows if np.isfinite(row.worst)), default=1.0)
-    y = Axis(label="half-width / response [%]", range=(0.0, 112 * largest))
+    y = Axis("half-width / response [%]", range=(0.0, 112 * largest))
     axes = {
         "gain": ("gain bound K", unit(identification) or "–"),
         "decay": ("decay rate ρ", "–") if identification.problem.dt else ("decay α", "1/s"),
@@ -74,9 +74,9 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
             continue
         x = np.array([getattr(row, _KINDS[kind]) for row in found], dtype=float)
         room = 0.12 * np.ptp(x)
-        axis = Axis(label=f"{name} [{of}]", range=(float(x.min() - room), float(x.max() + room)))
-        panels.append(Panel(title=name, x=axis, y=y, layers=_layers(found, x)))
-    return Chart(name="sensitivity", panels=tuple(panels))
+        axis = Axis(f"{name} [{of}]", range=(float(x.min() - room), float(x.max() + room)))
+        panels.append(Panel(name, axis, y, _layers(found, x)))
+    return Chart("sensitivity", panels)
 
 
 def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
@@ -89,8 +89,8 @@ def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
     for part, name, style in looks:
         y = 100 * np.array([getattr(row, part) for row in rows])
         hover = tuple(f"{row.what}: {number(v, 3)} %" for row, v in zip(rows, y, strict=True))
-        curves.append(Layer(name=name, x=x, y=y, hover=hover, **style))
-        rings.append(Layer(name="as stated", x=x[stated], y=y[stated], colour=DATA, marker="circle-open", size=2.0))
+        curves.append(Layer(name, x, y, hover=hover, **style))
+        rings.append(Layer("as stated", x[stated], y[stated], DATA, marker="circle-open", size=2.0))
     return (*curves, *rings)
 
 
@@ -168,22 +168,16 @@ def content_chart(found: Content) -> Chart:
     )
     wide = bool(np.any(ratios > 1)) and bool(found.signs)
     layers = (
-        Layer(name="on the points", x=hz, y=found.on, colour=DATA, marker="circle", hover=hover),
+        Layer("on the points", hz, found.on, DATA, marker="circle", hover=hover),
         Layer(
-            name="between them",
-            x=hz,
-            y=found.between,
-            colour=ALERT if wide else NOMINAL,
-            marker="diamond-open",
-            hover=hover,
-            size=1.6,
+            "between them", hz, found.between, ALERT if wide else NOMINAL, marker="diamond-open", hover=hover, size=1.6
         ),
     )
     span = span_of(np.concatenate([found.on, found.between]), 2) or (1e-3, 1.0)
     panel = Panel(
-        title="Width of the set of consistent values",
-        x=frequency_axis(found.omega),
-        y=Axis(label="half-width / |response| [–]", log=True, range=span),
-        layers=layers,
+        "Width of the set of consistent values",
+        frequency_axis(found.omega),
+        Axis("half-width / |response| [–]", log=True, range=span),
+        layers,
     )
-    return Chart(name="content", panels=(panel,))
+    return Chart("content", (panel,))

@@ -72,7 +72,7 @@ def margin_chart(reduction: Reduction) -> Chart:
     shown = np.maximum(margins, _FLOOR)
     within, chosen = margins <= 1, orders == reduction.order
     words = tuple(f"order {k:.0f}: {m:.4g}" for k, m in reduction.tried)
-    layers = [Layer(name="smallest found", x=orders, y=shown, colour=FAINT, dash="solid")]
+    layers = [Layer("smallest found", orders, shown, FAINT, dash="solid")]
     groups = (
         (within & ~chosen, "within", NOMINAL, "circle-open"),
         (~within & ~chosen, "beyond the bounds", FAINT, "circle-open"),
@@ -81,17 +81,17 @@ def margin_chart(reduction: Reduction) -> Chart:
     for mask, name, colour, marker in groups:
         if np.any(mask):
             hover = tuple(np.array(words)[mask])
-            layers.append(Layer(name=name, x=orders[mask], y=shown[mask], colour=colour, marker=marker, hover=hover))
+            layers.append(Layer(name, orders[mask], shown[mask], colour, marker=marker, hover=hover))
     x = order_axis(float(orders.min()), float(orders.max()), 0.5)
-    layers.append(Layer(name="bound", x=np.array(x.range), y=np.ones(2), colour=ALERT, dash="dash"))
+    layers.append(Layer("bound", np.array(x.range), np.ones(2), ALERT, dash="dash"))
     span = min(0.5, float(shown.min()) / 2), max(2.0, 2 * float(shown.max()))
     panel = Panel(
-        title="Best model of every order: at the samples, and where nothing was measured",
-        x=x,
-        y=Axis(label="largest |error| / allowed [–]", log=True, range=span),
-        layers=tuple(layers),
+        "Best model of every order: at the samples, and where nothing was measured",
+        x,
+        Axis("largest |error| / allowed [–]", log=True, range=span),
+        layers,
     )
-    return Chart(name="margins", panels=(panel,))
+    return Chart("margins", (panel,))
 
 
 def hankel_chart(identification: Identification, reduction: Any = None) -> Chart:
@@ -116,7 +116,7 @@ def hankel_chart(identification: Identification, reduction: Any = None) -> Chart
         groups = [(np.ones(index.size, bool), "of the nominal model", NOMINAL, "circle")]
     y = np.maximum(values, floor)
     layers = [
-        Layer(name=name, x=index[mask].astype(float), y=y[mask], colour=colour, marker=marker)
+        Layer(name, index[mask].astype(float), y[mask], colour, marker=marker)
         for mask, name, colour, marker in groups
         if np.any(mask)
     ]
@@ -124,14 +124,14 @@ def hankel_chart(identification: Identification, reduction: Any = None) -> Chart
     if reduction is not None:
         place = np.full(2, shown.order - held + 0.5)
         name = f"chosen order {shown.order}"
-        layers.append(Layer(name=name, x=place, y=np.array(span), colour=ALERT, dash="dash"))
+        layers.append(Layer(name, place, np.array(span), ALERT, dash="dash"))
     title = "Hankel singular values"
     if held:
         title += f" of the stable part ({held} state{'s' * (held > 1)} on the stability boundary always kept)"
-    x, what = Axis(label="number [–]", range=(0.0, index.size + 1.0)), unit(identification)
+    x, what = Axis("number [–]", range=(0.0, index.size + 1.0)), unit(identification)
     name = f"\n{transfer(identification)}" if siso(identification) else f" [{what}]" if what else ""
-    y_axis = Axis(label=f"Hankel singular value{name}", log=True, range=span)
-    return Chart(name="hankel", panels=(Panel(title=title, x=x, y=y_axis, layers=tuple(layers)),))
+    y_axis = Axis(f"Hankel singular value{name}", log=True, range=span)
+    return Chart("hankel", (Panel(title, x, y_axis, layers),))
 
 
 def tried_orders(reduction: Reduction) -> Chart:
@@ -174,28 +174,24 @@ def worth_chart(found: ModelWorth) -> Chart:
     if found.reduction.order != found.smallest:
         name = f"smallest inside the bounds, order {found.smallest}"
         points.append((float(found.smallest), found.smallest_misfit, name, ALERT))
-    layers = [
-        Layer(name="best fits", x=found.orders, y=found.misfits, colour=FAINT, dash="solid", marker="circle-open")
-    ]
+    layers = [Layer("best fits", found.orders, found.misfits, FAINT, dash="solid", marker="circle-open")]
     layers += [
-        Layer(name=name, x=np.array([order]), y=np.array([misfit]), colour=colour, marker="diamond", size=1.5)
+        Layer(name, np.array([order]), np.array([misfit]), colour, marker="diamond", size=1.5)
         for order, misfit, name, colour in points
     ]
     span = span_of(np.concatenate([layer.y for layer in layers]), 2) or (0.1, 1.0)
     name = f"order {found.carried}, which the data carry"
-    layers.append(Layer(name=name, x=np.full(2, float(found.carried)), y=np.array(span), colour=DATA, dash="dot"))
+    layers.append(Layer(name, np.full(2, float(found.carried)), np.array(span), DATA, dash="dot"))
     orders = np.append(found.orders, [point[0] for point in points])
     x = order_axis(float(orders.min()), float(orders.max()), 0.7)
-    panels = [Panel(title="Misfit", x=x, y=Axis(label="misfit [–]", log=True, range=span), layers=tuple(layers))]
+    panels = [Panel("Misfit", x, Axis("misfit [–]", log=True, range=span), layers)]
     judged = np.isfinite(found.withheld)
     if np.any(judged):
         error = 100 * found.withheld[judged]
-        curve = Layer(
-            name="best fits", x=found.orders[judged], y=error, colour=FAINT, dash="solid", marker="circle-open"
-        )
-        y = Axis(label="error [% of the response]", log=True, range=span_of(error, 2) or (1.0, 100.0))
-        panels.append(Panel(title="Best fits at points that were kept out of them", x=x, y=y, layers=(curve,)))
-    return Chart(name="worth", panels=tuple(panels))
+        curve = Layer("best fits", found.orders[judged], error, FAINT, dash="solid", marker="circle-open")
+        y = Axis("error [% of the response]", log=True, range=span_of(error, 2) or (1.0, 100.0))
+        panels.append(Panel("Best fits at points that were kept out of them", x, y, (curve,)))
+    return Chart("worth", panels)
 
 
 def matrices_section(name: str, model: Any, dt: float) -> list[Block]:
@@ -238,7 +234,7 @@ def model_chart(model: Any) -> Chart:
 def _entry(system: Any, i: int, j: int, omega: np.ndarray, values: np.ndarray) -> Chart:
     size, ((angle,), span) = np.abs(values), phase_curves([values])
     axis, name = frequency_axis(omega), f"model, order {system.nstates}"
-    magnitude = Axis(label="magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))
-    drawn = [Layer(name=name, x=omega / HZ, y=y, colour=NOMINAL, dash="solid") for y in (size, with_gaps(angle))]
+    magnitude = Axis("magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))
+    drawn = [Layer(name, omega / HZ, y, NOMINAL, dash="solid") for y in (size, with_gaps(angle))]
     title = f"{system.output_labels[i]} / {system.input_labels[j]}"
     return stacked(f"entry-{i}-{j}", axis, ((magnitude, drawn[:1]), (phase_axis(span), drawn[1:])), (title, ""))

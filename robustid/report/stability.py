@@ -152,12 +152,12 @@ def stability_chart(margins: Margins) -> Chart:
     for k, (name, one) in enumerate(found.items()):
         colour, dash = (NOMINAL, "solid") if k == 0 else further(k - 1)[:2]
         hz, sizes = np.clip(np.repeat(one.edges, 2)[1:-1] / HZ, low, high), np.repeat(positive(_upper(one)), 2)
-        layers.append(Layer(name=name or "upper bound", x=hz, y=sizes, colour=colour, dash=dash))
+        layers.append(Layer(name or "upper bound", hz, sizes, colour, dash=dash))
     layers += [_mark(one, low, high) for one in found.values() if np.isfinite(one.margin)]
-    layers.append(Layer(name="limit", x=np.array([low, high]), y=np.ones(2), colour=ALERT, dash="dot"))
-    y = Axis(label="upper bound [–]", log=True, range=span_of(np.concatenate([layer.y for layer in layers]), 1.5))
+    layers.append(Layer("limit", np.array([low, high]), np.ones(2), ALERT, dash="dot"))
+    y = Axis("upper bound [–]", log=True, range=span_of(np.concatenate([layer.y for layer in layers]), 1.5))
     title = "Upper bound of the structured singular value"
-    return Chart(name="stability", panels=(Panel(title=title, x=axis, y=y, layers=tuple(layers)),))
+    return Chart("stability", (Panel(title, axis, y, layers),))
 
 
 def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
@@ -165,7 +165,7 @@ def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
     hz, largest = margin.frequency / HZ, 1 / margin.margin
     words = f"{number(hz, 6)} Hz: at most {at_most(largest)}, margin {at_least(margin.margin)}"
     place = np.array([min(max(hz, left), right)]), np.array([largest])
-    return Layer(name="largest", x=place[0], y=place[1], colour=DATA, marker="diamond", hover=(words,))
+    return Layer("largest", place[0], place[1], DATA, marker="diamond", hover=(words,))
 
 
 def _upper(margin: RobustStabilityMargin) -> Real:
@@ -273,15 +273,13 @@ def weights_chart(
         model: Any = weight.weights[k].model
         sizes = np.abs(responses(model, HZ * hz * model.dt)[:, 0, 0])
         layers = (
-            Layer(
-                name="bound of the error", x=steps, y=np.repeat(weight.bound[:, i, j], 2), colour=ALERT, dash="solid"
-            ),
-            Layer(name="|weight|", x=hz, y=sizes, colour=NOMINAL, dash="solid"),
+            Layer("bound of the error", steps, np.repeat(weight.bound[:, i, j], 2), ALERT, dash="solid"),
+            Layer("|weight|", hz, sizes, NOMINAL, dash="solid"),
         )
         title = _block(weight.structure, i, j, outputs, inputs)
-        y = Axis(label="size of the error", log=True, range=span_of(np.concatenate([one.y for one in layers]), 1.5))
-        panels.append(Panel(title=title, x=axis, y=y, layers=layers))
-    return Chart(name="weights", panels=tuple(panels), linked=True, columns=q, grid=p * q > 1)
+        y = Axis("size of the error", log=True, range=span_of(np.concatenate([one.y for one in layers]), 1.5))
+        panels.append(Panel(title, axis, y, layers))
+    return Chart("weights", panels, linked=True, columns=q, grid=p * q > 1)
 
 
 def _block(structure: str, i: int, j: int, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> str:
@@ -296,7 +294,7 @@ def _names(identification: Identification) -> tuple[list[str], list[str]]:
 
 
 def _renamed(chart: Chart) -> Chart:
-    return Chart(name="structures", panels=chart.panels)
+    return Chart("structures", chart.panels)
 
 
 def as_weights(weights: Any) -> tuple[StructuredWeight, ...]:

@@ -81,7 +81,7 @@ def time_chart(identification: Identification, models: Models = None) -> Chart:
     ]
     if siso(identification):
         panels += answer_panels(identification, shown, 0, 0)
-    return Chart(name="time", panels=tuple(panels), grid=not siso(identification))
+    return Chart("time", panels, grid=not siso(identification))
 
 
 def answer_charts(identification: Identification, models: Models = None) -> list[Chart]:
@@ -91,10 +91,10 @@ def answer_charts(identification: Identification, models: Models = None) -> list
         label = unit_label(problem.outputs[i].unit, problem.inputs[j].unit)
         step, pulse = answer_panels(identification, shown, i, j)
         panels = (
-            dataclasses.replace(step, title=transfer(identification, i, j), y=Axis(label=f"step{label}")),
-            dataclasses.replace(pulse, title="", y=Axis(label=f"pulse{label}")),
+            dataclasses.replace(step, title=transfer(identification, i, j), y=Axis(f"step{label}")),
+            dataclasses.replace(pulse, title="", y=Axis(f"pulse{label}")),
         )
-        charts.append(Chart(name=f"answer-{i}-{j}", panels=panels, linked=True, grid=True))
+        charts.append(Chart(f"answer-{i}-{j}", panels, linked=True, grid=True))
     return charts
 
 
@@ -117,11 +117,8 @@ def answer_panels(identification: Identification, shown: list[Shown], output: in
     answer = _sampled_answers if problem.dt else _continuous_answers
     t, steps, pulses = answer(identification, [one.model for one in shown], output, input_)
     for title, answers in zip(titles, (steps, pulses), strict=True):
-        layers = tuple(
-            Layer(name=one.name, x=t, y=y, colour=one.colour, dash=one.dash)
-            for one, y in zip(shown, answers, strict=True)
-        )
-        panels.append(Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=effect), layers=layers))
+        layers = tuple(Layer(one.name, t, y, one.colour, dash=one.dash) for one, y in zip(shown, answers, strict=True))
+        panels.append(Panel(title, Axis("time [s]"), Axis(effect), layers))
     return panels
 
 
@@ -170,7 +167,7 @@ def _record_panel(identification: Identification, shown: list[Shown], residuals:
     used = record.bound.used[:, output]
     t, y, bound = record.time[used], record.y[used, output], residuals[0].bound
     layers = [
-        Layer(name=one.name, x=t, y=y - residual.error, colour=one.colour, dash=one.dash)
+        Layer(one.name, t, y - residual.error, one.colour, dash=one.dash)
         for one, residual in zip(shown, residuals, strict=True)
     ]
     if not np.all(used):
@@ -178,13 +175,13 @@ def _record_panel(identification: Identification, shown: list[Shown], residuals:
         layers.append(Layer(x=record.time[~used], y=record.y[~used, output], **style))
     hover = tuple(f"{number(a, 6)} s: {number(b, 6)} ± {number(c)}" for a, b, c in zip(t, y, bound, strict=True))
     bars = {"low": y - bound, "high": y + bound, "hover": hover}
-    layers.append(Layer(name="data with their bounds", x=t, y=y, colour=DATA, marker="circle", **bars))
+    layers.append(Layer("data with their bounds", t, y, DATA, marker="circle", **bars))
     title = f"{numbered('Record', index, len(problem.time))} {started(record)}"
     if not siso(identification):
         title += f": {record.outputs[output].name}"
     if np.any(bound > record.bound.radius[used, output] * (1 + 1e-12)):
         title += ", intervals widened by what the unknown past can add"
-    return Panel(title=title, x=Axis(label="time [s]"), y=Axis(label=str(record.outputs[output])), layers=tuple(layers))
+    return Panel(title, Axis("time [s]"), Axis(str(record.outputs[output])), layers)
 
 
 def identified_time(identification: Identification, models: Models = None) -> Chart:
@@ -230,26 +227,20 @@ def tube_chart(tube: ResponseTube) -> Chart:
     )
     name = f"guaranteed range ({tube.samples.size} samples)"
     layers = (
-        Layer(name=name, x=t[inside], y=y[inside], colour=BAND, low=low, high=high, fill=True),
-        Layer(name=f"model, order {tube.model.nstates}", x=t, y=y, colour=NOMINAL, dash="solid", size=FINE),
+        Layer(name, t[inside], y[inside], BAND, low=low, high=high, fill=True),
+        Layer(f"model, order {tube.model.nstates}", t, y, NOMINAL, dash="solid", size=FINE),
         *_measured(tube),
         Layer(
-            name=REACHED,
-            x=np.tile(tube.times, 2),
-            y=tube.attained.T.ravel(),
-            colour=DATA,
-            marker=MARKERS[2],
-            size=0.6,
-            hover=2 * hover,
+            REACHED, np.tile(tube.times, 2), tube.attained.T.ravel(), DATA, marker=MARKERS[2], size=0.6, hover=2 * hover
         ),
     )
     panel = Panel(
-        title=answer_titles(input_).get(tube.input, f"Response to the given {input_.name}"),
-        x=Axis(label="time [s]"),
-        y=Axis(label=str(output)),
-        layers=layers,
+        answer_titles(input_).get(tube.input, f"Response to the given {input_.name}"),
+        Axis("time [s]"),
+        Axis(str(output)),
+        layers,
     )
-    return Chart(name="tube", panels=(panel,))
+    return Chart("tube", (panel,))
 
 
 def _measured(tube: ResponseTube) -> list[Layer]:
@@ -272,7 +263,7 @@ def _measured(tube: ResponseTube) -> list[Layer]:
         y, bound = record.y[:count, output][used] / scale, record.bound.radius[:count, output][used] / abs(scale)
         name = f"record {number_ + 1} with its intervals" + (f", divided by {number(scale)}" if scale != 1 else "")
         style = {"colour": DATA, "marker": "circle", "size": 0.6}
-        layers.append(Layer(name=name, x=record.time[:count][used], y=y, low=y - bound, high=y + bound, **style))
+        layers.append(Layer(name, record.time[:count][used], y, low=y - bound, high=y + bound, **style))
     return layers
 
 

@@ -41,7 +41,7 @@ def nyquist_chart(error: WorstCaseError) -> Chart:
     panels = []
     for entry in np.ndindex(error.upper.shape[1:]):
         panels += _nyquist_panels(error, entry, name, response[:, *entry])
-    return Chart(name="nyquist", panels=tuple(panels), columns=2)
+    return Chart("nyquist", panels, columns=2)
 
 
 def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, response: np.ndarray) -> list[Panel]:
@@ -72,7 +72,7 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
 
 
 def _plane(name: str, values: np.ndarray, colour: str, **style: Any) -> Layer:
-    return Layer(name=name, x=np.real(values), y=np.imag(values), colour=colour, **style)
+    return Layer(name, np.real(values), np.imag(values), colour, **style)
 
 
 def _outline(values: ValueSet) -> np.ndarray:
@@ -103,7 +103,5 @@ def _square(title: str, what: str, layers: list[Layer]) -> Panel:
     lows, highs = (np.array([limit(values) for values in axes]) for limit in (np.nanmin, np.nanmax))
     half = 0.54 * float((highs - lows).max()) or 1.0
     spans = [(float(middle - half), float(middle + half)) for middle in (lows + highs) / 2]
-    x, y = (
-        Axis(label=f"{part} part\n{what}", range=span) for part, span in zip(("real", "imaginary"), spans, strict=True)
-    )
-    return Panel(title=title, x=x, y=y, layers=tuple(layers), square=True)
+    x, y = (Axis(f"{part} part\n{what}", range=span) for part, span in zip(("real", "imaginary"), spans, strict=True))
+    return Panel(title, x, y, layers, square=True)

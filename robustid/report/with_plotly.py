@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ _PLOT, _SQUARE, _SMALL = 240, 480, 150  # pixels: height of one panel, of a squa
 class Figure:
     """One plotly figure: its id in the page, its description, its height."""
 
-    def __init__(self, id: str, panels: tuple[Panel, ...], *, square: bool = False, small: bool = False) -> None:
+    def __init__(self, id: str, panels: Sequence[Panel], *, square: bool = False, small: bool = False) -> None:
         self.id = id
         self.height = _SQUARE if square else 150 + _PLOT * len(panels)
         if small:
@@ -45,7 +46,7 @@ def figures(chart: Chart, *, small: bool = False) -> list[Figure]:
     return [Figure(f"{chart.name}-{k}", part, square=square, small=small) for k, part in enumerate(parts)]
 
 
-def plotly_figure(panels: tuple[Panel, ...], height: int) -> dict[str, Any]:
+def plotly_figure(panels: Sequence[Panel], height: int) -> dict[str, Any]:
     """Describe panels below each other on one x axis as plotly does: data and layout."""
     layout: dict[str, Any] = {
         "height": height,

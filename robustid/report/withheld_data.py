@@ -81,20 +81,10 @@ def withheld_chart(found: Coverage) -> Chart:
                 bars: dict[str, Any] = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
                 said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
                 layers.append(
-                    Layer(
-                        name=words,
-                        x=found.omega[mask] / HZ,
-                        y=size[mask],
-                        colour=colour,
-                        marker=marker,
-                        hover=said,
-                        **bars,
-                    )
+                    Layer(words, found.omega[mask] / HZ, size[mask], colour, marker=marker, hover=said, **bars)
                 )
     x = frequency_axis(found.omega)
     ends = np.array(x.range if x.range else (0.0, 1.0))
-    layers.append(Layer(name="edge of the band", x=ends, y=np.ones(2), colour=FAINT, dash="dash"))
-    panel = Panel(
-        title="Withheld data in the band", x=x, y=Axis(label="|value − model| / half-width"), layers=tuple(layers)
-    )
-    return Chart(name="withheld", panels=(panel,))
+    layers.append(Layer("edge of the band", ends, np.ones(2), FAINT, dash="dash"))
+    panel = Panel("Withheld data in the band", x, Axis("|value − model| / half-width"), layers)
+    return Chart("withheld", (panel,))

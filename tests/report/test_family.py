@@ -89,7 +89,7 @@ def test_modes_are_paired_with_their_nearest():
 
 
 def test_contradiction_stands_first_on_the_page(two, outside):
-    document = family_page(two, withheld=outside)
+    document = family_page(two, None, {"withheld": outside})
     verdicts = [block for block in document.head if isinstance(block, Verdict)]
     assert [one.key for one in verdicts] == ["inconsistent", "consistent"]
     assert "no guarantee for the machine" in verdicts[0].sentence
