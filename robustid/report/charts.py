@@ -67,7 +67,10 @@ class Axis:
 
 @dataclasses.dataclass(frozen=True)
 class Layer:
-    """A curve (`dash`), samples (`marker`), or both; `low` and `high` are the ends of the bars, or of an area (`fill`)."""
+    """A curve (`dash`), samples (`marker`), or both; `low` and `high` are the ends of the bars, or of an area (`fill`).
+
+    The points of a `choice` can be chosen in a live figure, by their abscissae.
+    """
 
     name: str
     x: np.ndarray
@@ -80,6 +83,7 @@ class Layer:
     hover: tuple[str, ...] = ()
     size: float = 1.0
     fill: bool = False
+    choice: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

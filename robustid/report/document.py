@@ -235,13 +235,20 @@ def checks_table(checks: Sequence[Check]) -> Table:
     return Table(columns, rows, marks=[bool(check.holds) for check in checks], title="Verification")
 
 
+def of_numbers(*heads: str) -> list[Column]:
+    """Columns of numbers under these heads."""
+    return [Column(head, "n") for head in heads]
+
+
+def proved(holds: bool, sentence: str, otherwise: str, id: str) -> Verdict:
+    """Verdict on claims that were evaluated again for a page."""
+    return Verdict(*(("consistent", "Proved", sentence) if holds else ("failed", "Not proved", otherwise)), id=id)
+
+
 def certificates(count: int, hold: bool, id: str) -> Verdict:
-    """Number of the certificates, and whether each supports its bound now."""
-    if hold:
-        sentence = (
-            f"All {count} certificates were evaluated again for this page, without a solver: each supports its bound."
-        )
-        return Verdict("consistent", "Proved", sentence, id=id)
-    sentence = f"Not all of the {count} certificates support their bounds, evaluated again for this page."
-    sentence += " Don’t rely on these numbers."
-    return Verdict("failed", "Not proved", sentence, id=id)
+    """Verdict on certificates, which support their bounds now or don't."""
+    sentence = (
+        f"All {count} certificates were evaluated again for this page, without a solver: each supports its bound."
+    )
+    otherwise = f"Not all of the {count} certificates support their bounds, evaluated again for this page."
+    return proved(hold, sentence, f"{otherwise} Don’t rely on these numbers.", id)

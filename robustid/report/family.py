@@ -42,7 +42,7 @@ from robustid.report.document import (
 from robustid.report.identification import findings_section, run_file_section
 from robustid.report.identified import Parts, transfer
 from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
-from robustid.report.words import HZ, at_frequencies, at_most, number, percent
+from robustid.report.words import HZ, at_frequencies, at_hz, at_most, number, percent
 from robustid.report.words import title as heading
 
 _CURVE = 800  # frequencies of the curve of the nominal
@@ -230,7 +230,7 @@ def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve
         bars: dict[str, Any] = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
         sizes.append(Layer(member.name, hz, middle, size=0.5, **bars, **style))
         own = error.upper[place][proved]
-        said = tuple(f"{number(w, 6)} Hz: at most {number(e)}" for w, e in zip(hz, own, strict=True))
+        said = at_hz(hz, "at most {}", own)
         errors.append(Layer(f"{member.name}: error", hz, own, dash=DASHES[k % len(DASHES)], hover=said, **style))
     radius = family.centres.radius[place][proved]
     errors.append(Layer("smallest disc that holds all", hz, radius, FAINT, dash="solid"))

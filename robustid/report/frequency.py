@@ -16,6 +16,7 @@ from robustid.report.identified import (
     Models,
     Posed,
     Shown,
+    bounded_model,
     hertz,
     numbered,
     responses,
@@ -25,7 +26,7 @@ from robustid.report.identified import (
     siso,
     transfer,
 )
-from robustid.report.words import HZ, number, unit_label
+from robustid.report.words import HZ, at_hz, unit_label
 
 LARGEST = "σmax of the "
 _MANY = 300  # points, above which their bars run into one another
@@ -103,12 +104,9 @@ def entry_chart(
         size, angle = np.abs(value), np.degrees(np.angle(value))
         turn = np.where(bound >= size, 180.0, half_angle(size, bound))  # the disc holds 0: any phase
         angle = next_to(angle, phases[0][np.searchsorted(omega, at).clip(0, omega.size - 1)])
-        hover = tuple(
-            f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}, {number(p)}°"
-            for w, a, b, p in zip(at, size, bound, angle, strict=True)
-        )
+        hover = at_hz(at / HZ, "{} ± {}, {}°", size, bound, angle)
         x = np.maximum(at, band[0]) / HZ
-        style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover}
+        style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover, "choice": True}
         ends = np.maximum(size - bound, reach[0]), size + bound
         _add_samples(magnitude, np.maximum(size, reach[0]), ends, style)
         _add_samples(phase, angle, (angle - turn, angle + turn), style)
@@ -176,15 +174,21 @@ def sigma_chart(identification: Identification, models: Models = None, omega: np
     low = min(float(size.min()) for size in (sizes[0][:, 0], sigma[sigma > 0]) if size.size)
     reach = magnitude_range(top, [low, 2 * low_quantile(sizes[0])])
     if points.size:
-        hover = tuple(
-            f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}" for w, a, b in zip(points, sigma, radius, strict=True)
-        )
+        hover = at_hz(points / HZ, "{} ± {}", sigma, radius)
         bars: dict[str, Any] = {"low": np.maximum(sigma - radius, reach[0]), "high": sigma + radius, "hover": hover}
         x, y = np.maximum(points, ends[0]) / HZ, np.maximum(sigma, reach[0])
         layers.append(Layer("σmax of the data", x, y, DATA, marker="circle", **bars))
     y_axis = Axis(f"singular value{sigma_unit(identification)}", log=True, range=reach)
     panel = Panel("Singular values", hertz(problem, *ends), y_axis, layers)
     return Chart("sigma", (panel,), linked=True)
+
+
+def size_panel(identification: Identification, model: Any, omega: np.ndarray) -> tuple[str, Panel]:
+    """Name of the curve of `model` and the panel that holds it: magnitude of a SISO response, largest singular value of others."""
+    name, further = bounded_model(identification, model)
+    if siso(identification):
+        return name, frequency_charts(identification, further, omega)[0].panels[0]
+    return LARGEST + name, sigma_chart(identification, further, omega).panels[0]
 
 
 def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -32,15 +32,16 @@ from robustid.report.identified import (
     about,
     bounded_model,
     checked,
+    error_label,
     in_unit,
+    model_size,
     sample_words,
-    sigma_unit,
     siso,
     transfer,
     unit,
 )
 from robustid.report.value_sets import nyquist_chart
-from robustid.report.words import HZ, at_frequencies, at_least, at_most, number, unit_label
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number, unit_label
 
 _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
@@ -92,27 +93,23 @@ def guarantee_section(identification: Identification, error: WorstCaseError, hol
 def guarantee_sentence(error: WorstCaseError) -> str:
     """The guarantee in plain words."""
     upper, omega, alone = error.sigma_upper, error.omega, siso(error.identification)
-    relative = upper / np.maximum(_response(error), _TINY)
+    relative = upper / np.maximum(model_size(error), _TINY)
     norm = "" if alone else " (largest singular value of the difference)"
+    model = bounded_model(error.identification, error.model)[0]
     worst = ""
     if omega.size > 1:
         worst = f" The largest error is possible at {number(omega[np.argmax(upper)] / HZ, 5)} Hz;"
     return (
         f"{about(error.identification)}Every plant that agrees with the data and the assumptions has a response within"
-        f" {in_unit(at_most(upper.max()), error.identification)} of the {bounded_model(error)[0]}{norm},"
+        f" {in_unit(at_most(upper.max()), error.identification)} of the {model}{norm},"
         f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median over the frequencies is"
         f" {at_most(100 * float(np.median(relative)))} % of the response."
     )
 
 
-def _response(error: WorstCaseError | WorstCaseOverPoles | Band) -> np.ndarray:
-    """Size of the response of the model, (F,): its largest singular value."""
-    return np.linalg.norm(error.nominal.reshape(error.upper.shape), 2, axis=(1, 2))
-
-
 def at_resonance(error: WorstCaseError | WorstCaseOverPoles | Band) -> tuple[str, float]:
     """Say where the response is largest among the frequencies that are bounded, and the error there as a share of it."""
-    size, upper = _response(error), error.sigma_upper
+    size, upper = model_size(error), error.sigma_upper
     known = error.bounded if isinstance(error, Band) else np.isfinite(upper)
     place = int(np.argmax(np.where(known, size, -1.0)))
     inside = 0 < place < size.size - 1
@@ -207,7 +204,7 @@ def _worst_words(alone: bool) -> str:
 
 def worst_table(error: WorstCaseError) -> Table:
     """The frequencies with the largest guaranteed errors, largest first."""
-    size = dict(zip(error.omega.tolist(), _response(error).tolist(), strict=True))
+    size = dict(zip(error.omega.tolist(), model_size(error).tolist(), strict=True))
     label = _bracketed(error.identification)
     columns = [
         Column("f [Hz]", "n"),
@@ -281,8 +278,8 @@ def worst_case_charts(error: WorstCaseError) -> list[Chart]:
 
     Between the frequencies the distance of each end of a range from the model is interpolated: nothing is proved there.
     """
-    name, model, own = bounded_model(error)
-    drawn = frequency_charts(error.identification, None if own else {name: model}, error.omega)
+    name, further = bounded_model(error.identification, error.model)
+    drawn = frequency_charts(error.identification, further, error.omega)
     entries = np.ndindex(error.upper.shape[1:])
     return [_with_range(error, chart, entry, name) for chart, entry in zip(drawn, entries, strict=True)]
 
@@ -310,8 +307,8 @@ def _with_range(error: WorstCaseError, chart: Chart, entry: tuple[int, int], nam
 
 def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
     """Singular values with the guaranteed range of the largest one, and that of F - model, guaranteed and reached."""
-    name, model, own = bounded_model(error)
-    sigma = sigma_chart(error.identification, None if own else {name: model}, error.omega)
+    name, further = bounded_model(error.identification, error.model)
+    sigma = sigma_chart(error.identification, further, error.omega)
     (panel,) = sigma.panels
     proved = error.omega > 0
     # No singular value moves by more than the largest one of what is added.
@@ -348,10 +345,7 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     left = x.range[0] if x.range else 0.0
     at = np.maximum(error.omega / HZ, left)
     upper, lower = (error.sigma_upper, error.sigma_lower) if entry is None else (error.upper[place], error.lower[place])
-    hover = tuple(
-        f"{number(w / HZ, 6)} Hz: at most {number(high)}, reached {number(low)}"
-        for w, high, low in zip(error.omega, upper, lower, strict=True)
-    )
+    hover = at_hz(error.omega / HZ, "at most {}, reached {}", upper, lower)
     layers = []
     if (circle := error.known_circle) is not None:  # what has been computed; nothing is computed here
         right = x.range[1] if x.range else np.inf
@@ -366,10 +360,8 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     span = error_range(layers)  # none where nothing is uncertain
     title = "Error of the model: the farthest consistent system"
     title += ", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""
-    label = f"error |F − model| of\n{transfer(identification)}"
-    if entry is None:
-        label = f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()
-    elif not siso(identification):  # the name stands above
+    label = error_label(identification)
+    if entry is not None and not siso(identification):  # the name stands above
         output, input_ = identification.problem.outputs[entry[0]], identification.problem.inputs[entry[1]]
         title, label = "", f"error{unit_label(output.unit, input_.unit)}"
     return Panel(title, x, Axis(label, log=True, range=span), layers)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from robustid.reduction import ModelWorth, Reduction
 
 Models = Mapping[str, Any] | None
+Bounded = WorstCaseError | WorstCaseOverPoles
 DIRECTIONS = "combinations of outputs / combinations of inputs"
 _GRID = 800  # points of a response, evenly spaced in log frequency
 _AROUND = np.linspace(-1.55, 1.55, 61)  # phases across a light resonance
@@ -90,7 +91,7 @@ def mixed(identification: Identification) -> bool:
     return len(units(identification.problem.outputs, identification.problem.inputs)) > 1
 
 
-def sigma_unit(identification: Identification) -> str:
+def sigma_unit(identification: Posed) -> str:
     """Unit of singular values, in brackets."""
     return matrix_unit_label(identification.problem.outputs, identification.problem.inputs)
 
@@ -255,9 +256,22 @@ def same(one: Identification, other: Identification) -> bool:
     return first["problem_digest"] == second["problem_digest"] and digest(numbers) == digest(others)
 
 
-def bounded_model(bounded: WorstCaseError | WorstCaseOverPoles) -> tuple[str, Any, bool]:
-    """Name and model that the errors are measured from, and whether it is the nominal one (or a copy of it)."""
-    name, own = shown_models(bounded.identification)[0][:2]
-    if all(np.array_equal(getattr(bounded.model, part), getattr(own, part)) for part in "ABCD"):
-        return name, own, True
-    return f"model, order {bounded.model.nstates}", bounded.model, False
+def bounded_model(identification: Identification, model: Any) -> tuple[str, dict[str, Any]]:
+    """Name of the model that errors are measured from, and the model under it where it is not the nominal one or its copy."""
+    name, own = shown_models(identification)[0][:2]
+    if all(np.array_equal(getattr(model, part), getattr(own, part)) for part in "ABCD"):
+        return name, {}
+    name = f"model, order {model.nstates}"
+    return name, {name: model}
+
+
+def model_size(bounded: Bounded | Band) -> np.ndarray:
+    """Size of the response of the model that is bounded, (F,): its largest singular value."""
+    return np.linalg.norm(bounded.nominal.reshape(bounded.upper.shape), 2, axis=(1, 2))
+
+
+def error_label(identification: Posed) -> str:
+    """Label of an axis of errors, of matrices their largest singular value."""
+    if siso(identification):
+        return f"error |F − model| of\n{transfer(identification)}"
+    return f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()

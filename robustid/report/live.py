@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,8 +28,7 @@ _ACTIVE = "active constraints"
 _CONTRADICTED = "contradicted by the others"
 _SHARE, _MOST = 0.05, 5  # of the proof, and of the samples that are named
 _HEIGHT = 760  # pixels
-_DOMAINS = {2: ([0.3, 1.0], [0.0, 0.25]), 3: ([0.48, 1.0], [0.26, 0.44], [0.0, 0.22])}  # of the panels, by their number
-_TALL = 30.0  # times the range of the magnitude: where an area ends that has no end
+_DOMAINS = {2: ((0.3, 1.0), (0.0, 0.25)), 3: ((0.48, 1.0), (0.26, 0.44), (0.0, 0.22))}  # of the panels, by their number
 
 
 def live_figure(
@@ -73,34 +72,26 @@ def look_figure(
         return _figure(check, with_band(band, panels), left_out, withheld)
     worst = int(np.argmax(check.ratio))
     ring = _ring(_CONTRADICTED, check.omega[[worst]], check.values[[worst]])
-    first = dataclasses.replace(panels[0], layers=(*panels[0].layers, ring))
+    first = replace(panels[0], layers=(*panels[0].layers, ring))
     return _figure(check, (first, *panels[1:]), left_out, withheld)
 
 
 def _figure(
-    about: Posed, panels: Sequence[Panel], left_out: Sequence[FrequencyResponse], withheld: Sequence[FrequencyResponse]
+    about: Posed,
+    panels: Sequence[Panel],
+    left_out: Sequence[FrequencyResponse],
+    withheld: Sequence[FrequencyResponse],
 ) -> dict[str, Any]:
     """Panels with the points that are not used, as plotly draws them."""
-    under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4)
-    first = dataclasses.replace(panels[0], layers=(*under, *panels[0].layers, *over))
-    labels = f"magnitude{_in(about)}", "phase [°]", f"error{_in(about)}"
-    drawn = [_labelled(*one) for one in zip((first, *panels[1:]), labels, strict=False)]
-    figure = plotly_figure(tuple(drawn), _HEIGHT)
-    figure["layout"]["legend"]["font"] = {"size": 12}
-    for name, domain in zip(("yaxis", "yaxis2", "yaxis3"), _DOMAINS[len(drawn)], strict=False):
-        figure["layout"][name]["domain"] = domain
-    for trace in figure["data"]:
-        if "markers" in trace.get("mode", "") and trace["name"].startswith(("data", LEFT_OUT)):
-            trace["customdata"] = trace["x"]
-    return figure
-
-
-def _in(about: Posed) -> str:
-    return f" [{unit(about)}]" if unit(about) else ""
-
-
-def _labelled(panel: Panel, label: str) -> Panel:
-    return dataclasses.replace(panel, y=dataclasses.replace(panel.y, label=label))
+    under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4, choice=True)
+    first = replace(panels[0], layers=(*under, *panels[0].layers, *over))
+    what = f" [{unit(about)}]" if unit(about) else ""
+    labels = f"magnitude{what}", "phase [°]", f"error{what}"
+    drawn = [
+        replace(panel, y=replace(panel.y, label=label))
+        for panel, label in zip((first, *panels[1:]), labels, strict=False)
+    ]
+    return plotly_figure(drawn, _HEIGHT, domains=_DOMAINS[len(drawn)])
 
 
 @functools.lru_cache(maxsize=2)
@@ -147,8 +138,7 @@ def _sample(kind: str, index: int, at: float) -> str:
 def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below: Panel) -> tuple[Panel, Panel, Panel]:
     """The panels with bars at the frequencies that are bounded, in place of areas and lines between them."""
     plain = [
-        dataclasses.replace(one, layers=tuple(layer for layer in one.layers if layer.colour != BAND))
-        for one in (magnitude, phase)
+        replace(one, layers=tuple(layer for layer in one.layers if layer.colour != BAND)) for one in (magnitude, phase)
     ]
     proved = error.omega > 0  # a logarithmic axis has no 0
     low, high = np.maximum(error.magnitude[proved].T, (magnitude.y.range or (0.0, 1.0))[0])
@@ -156,14 +146,19 @@ def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below
     middle = np.clip(np.abs(error.nominal[proved]), low, high)
     at = error.omega[proved] / HZ
     bars = Layer(name, at, middle, FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)
-    points = tuple(dataclasses.replace(layer, dash="") if layer.colour == ALERT else layer for layer in below.layers)
-    first = dataclasses.replace(plain[0], layers=(bars, *plain[0].layers))
-    return first, plain[1], dataclasses.replace(below, layers=points)
+    points = tuple(replace(layer, dash="") if layer.colour == ALERT else layer for layer in below.layers)
+    first = replace(plain[0], layers=(bars, *plain[0].layers))
+    return first, plain[1], replace(below, layers=points)
 
 
-def _points(responses: Sequence[FrequencyResponse], name: str, marker: str, size: float) -> list[Layer]:
+def _points(
+    responses: Sequence[FrequencyResponse], name: str, marker: str, size: float, choice: bool = False
+) -> list[Layer]:
     """Magnitudes of points that are not used."""
-    return [Layer(name, frf.freq_hz, np.abs(frf.values[:, 0, 0]), FAINT, marker=marker, size=size) for frf in responses]
+    return [
+        Layer(name, frf.freq_hz, np.abs(frf.values[:, 0, 0]), FAINT, marker=marker, size=size, choice=choice)
+        for frf in responses
+    ]
 
 
 def _with_active(identification: Identification, first: Panel, *others: Panel) -> tuple[Panel, ...]:
@@ -179,7 +174,7 @@ def _with_active(identification: Identification, first: Panel, *others: Panel) -
             continue
         kept = frf.select(np.isin(frf.omega, places))
         layers.append(_ring(_ACTIVE, kept.omega, kept.values[:, 0, 0]))
-    return dataclasses.replace(first, layers=(*first.layers, *layers)), *others
+    return replace(first, layers=(*first.layers, *layers)), *others
 
 
 def _ring(name: str, omega: np.ndarray, values: np.ndarray) -> Layer:

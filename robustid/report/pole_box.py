@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -23,10 +22,30 @@ from robustid.report.charts import (
     error_range,
     named,
 )
-from robustid.report.document import Block, Column, Drawing, Facts, Heading, Table, Text, Verdict, certificates
-from robustid.report.frequency import LARGEST, frequency_charts, sigma_chart
-from robustid.report.identified import about, bounded_model, checked, in_unit, sigma_unit, siso, transfer
-from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
+from robustid.report.document import (
+    Block,
+    Column,
+    Drawing,
+    Facts,
+    Heading,
+    Table,
+    Text,
+    Verdict,
+    certificates,
+    of_numbers,
+)
+from robustid.report.frequency import size_panel
+from robustid.report.identified import (
+    Bounded,
+    about,
+    bounded_model,
+    checked,
+    error_label,
+    in_unit,
+    model_size,
+    siso,
+)
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
 
 BOX = FURTHER[2]
 _ROUNDING = 1e-12  # of ends, relative: 0.7 × 0.1 is printed as 0.07
@@ -63,14 +82,9 @@ def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None
     MIMO: of the largest singular value. Over the frequencies of the band; between them the distance of each end of a range from the
     model is interpolated: nothing is proved there.
     """
-    name, model, own = bounded_model(band)
     fixed = _beside(band, error)
     omega = band.omega if fixed is None else np.union1d(band.omega, fixed.omega)
-    further = None if own else {name: model}
-    if siso(band.identification):
-        magnitude = frequency_charts(band.identification, further, omega)[0].panels[0]
-    else:
-        name, magnitude = LARGEST + name, sigma_chart(band.identification, further, omega).panels[0]
+    name, magnitude = size_panel(band.identification, band.model, omega)
     x = _reach(band, magnitude.x)
     curve, bottom = named(magnitude, name), (magnitude.y.range or (0.0, 1.0))[0]
     shown = curve.y[(curve.x >= x.range[0]) & (curve.x <= x.range[1])] if x.range else curve.y
@@ -102,26 +116,21 @@ def _reach(band: WorstCaseOverPoles, axis: Axis) -> Axis:
 
 
 def _area(
-    name: str, colour: str, curve: Layer, band: WorstCaseOverPoles, bounded: Any, span: tuple[float, float]
+    name: str, colour: str, curve: Layer, band: WorstCaseOverPoles, bounded: Bounded, span: tuple[float, float]
 ) -> list[Layer]:
     """The ranges of one guarantee around the curve of the model; one without an end reaches beyond the axis."""
     proved = bounded.omega > 0  # a logarithmic axis has no 0
-    offsets = np.minimum(_sizes(bounded), 10 * span[1]) - _largest(bounded)[:, None]
+    offsets = np.minimum(_sizes(bounded), 10 * span[1]) - model_size(bounded)[:, None]
     found = band_around(name, curve, bounded.omega[proved] / HZ, offsets[proved], span[0])
     return [dataclasses.replace(layer, colour=colour) for layer in found]
 
 
-def _largest(bounded: WorstCaseOverPoles | WorstCaseError) -> np.ndarray:
-    """Size of the response of the model, (F,): its largest singular value."""
-    return np.linalg.norm(bounded.nominal.reshape(bounded.upper.shape), 2, axis=(1, 2))
-
-
-def _sizes(bounded: WorstCaseOverPoles | WorstCaseError) -> np.ndarray:
+def _sizes(bounded: Bounded) -> np.ndarray:
     """Guaranteed range of the size of the response, (F, 2); MIMO: of its largest singular value."""
     if siso(bounded.identification):
         return bounded.magnitude
     # No singular value moves by more than the largest one of what is added.
-    return np.maximum(_largest(bounded)[:, None] + bounded.sigma_upper[:, None] * np.array([-1.0, 1.0]), 0.0)
+    return np.maximum(model_size(bounded)[:, None] + bounded.sigma_upper[:, None] * np.array([-1.0, 1.0]), 0.0)
 
 
 def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> Panel:
@@ -131,16 +140,13 @@ def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> 
         shown.append(("error at the fixed poles", fixed.omega, fixed.sigma_upper, ALERT, "dash", "circle"))
     layers = []
     for name, omega, upper, colour, dash, marker in shown:
-        hover = tuple(f"{number(w / HZ, 6)} Hz: at most {number(high)}" for w, high in zip(omega, upper, strict=True))
+        hover = at_hz(omega / HZ, "at most {}", upper)
         y = np.where(np.isfinite(upper) & (upper > 0), upper, np.nan)
         layers.append(Layer(name, np.maximum(omega / HZ, left), y, colour, dash=dash, marker=marker, hover=hover))
     span = error_range(layers) or (0.1, 1.0)
     at = np.full(2, max(band.next_line / HZ, left))
     layers.append(Layer(f"measure next: {_next(band)}", at, np.array(span), FAINT, dash="dot"))
-    label = f"error |F − model| of\n{transfer(band.identification)}"
-    if not siso(band.identification):
-        label = f"σmax(F − model)\n{sigma_unit(band.identification).strip()}".strip()
-    y_axis = Axis(label, log=True, range=span)
+    y_axis = Axis(error_label(band.identification), log=True, range=span)
     title = "Guaranteed error of the model" + (", 0 Hz drawn at the left end" if np.any(shown[0][1] == 0) else "")
     return Panel(title, x, y_axis, layers)
 
@@ -161,12 +167,13 @@ def box_sentence(band: WorstCaseOverPoles) -> str:
     )
     if not known.any():
         return open_
-    relative = float(np.median((upper / np.maximum(_largest(band), np.finfo(float).tiny))[known]))
+    relative = float(np.median((upper / np.maximum(model_size(band), np.finfo(float).tiny))[known]))
     norm = "" if siso(band.identification) else " (largest singular value of the difference)"
+    model = bounded_model(band.identification, band.model)[0]
     return (
         f"{about(band.identification)}Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
         " below, has a response within"
-        f" {in_unit(at_most(upper[known].max()), band.identification)} of the {bounded_model(band)[0]}{norm},"
+        f" {in_unit(at_most(upper[known].max()), band.identification)} of the {model}{norm},"
         f" {at_frequencies(band.omega[known])}; the median is {at_most(100 * relative)} % of the response. {open_}"
     ).rstrip()
 
@@ -230,7 +237,7 @@ def box_table(band: WorstCaseOverPoles) -> Table:
         for mode in range(box.omega.shape[0])
     ]
     heads = ("mode", "f stated [Hz]", "f left [Hz]", "damping stated", "damping left")
-    return Table([Column(head, "n") for head in heads], rows)
+    return Table(of_numbers(*heads), rows)
 
 
 def _interval(low: float, high: float) -> str:

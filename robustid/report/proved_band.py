@@ -28,20 +28,19 @@ from robustid.report.charts import (
     named,
     side_by_side,
 )
-from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict
-from robustid.report.frequency import LARGEST, entry_chart, frequency_charts, sigma_chart
+from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict, proved
+from robustid.report.frequency import entry_chart, size_panel
 from robustid.report.identified import (
     Posed,
     Shown,
     about,
+    error_label,
     in_unit,
+    model_size,
     shown_band,
-    shown_models,
-    sigma_unit,
     siso,
-    transfer,
 )
-from robustid.report.words import HZ, at_most, number
+from robustid.report.words import HZ, at_hz, at_most, number
 
 _TINY = np.finfo(float).tiny
 _ENDLESS, _TALL = 1e6, 30.0  # times the largest response: where a range without end is drawn, and where the axis ends
@@ -96,7 +95,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
     start = about(identification)
     if not known.any():
         return f"{start}Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
-    relative = float(np.median((upper / np.maximum(_size(band), _TINY))[known]))
+    relative = float(np.median((upper / np.maximum(model_size(band), _TINY))[known]))
     norm = "" if siso(identification) else " (largest singular value of the difference)"
     largest = np.where(known, upper, -1.0)
     but = ""
@@ -125,22 +124,13 @@ def stands_on(band: Band, error: WorstCaseError | None) -> str:
     )
 
 
-def _size(band: Band) -> np.ndarray:
-    """Size of the response of the model, (F,)."""
-    return np.linalg.norm(band.nominal, 2, axis=(1, 2))
-
-
 def band_verdict(band: Band, holds: bool) -> Verdict:
     """Verdict on the sums, which are evaluated again, and on the polygons, which were."""
     count, polygons = sum(one.angles.size for one in band.bands), band.polygons
     further = "" if polygons is None else f" and {polygons.claim_count} certificates of semidefinite programs"
-    if holds and dataclasses.replace(band, polygons=None).certified:
-        words = (
-            f"{count} discs, each from two sums over the samples,{further} were evaluated again for this page,"
-            " without a solver."
-        )
-        return Verdict("consistent", "Proved", words, id="band-certificates")
-    return Verdict("failed", "Not proved", "The proofs do not give what is stated.", id="band-certificates")
+    words = f"{count} discs, each from two sums over the samples,{further} were evaluated again for this page, without a solver."
+    holds = holds and dataclasses.replace(band, polygons=None).certified
+    return proved(holds, words, "The proofs do not give what is stated.", "band-certificates")
 
 
 def band_rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
@@ -187,15 +177,7 @@ def band_rows(identification: Identification, band: Band) -> list[tuple[str, str
 
 def band_chart(identification: Identification, band: Band) -> Chart:
     """Magnitude with its proved range, and the proved error; of matrices the largest singular value."""
-    name, own = shown_models(identification)[0][:2]
-    further = None
-    if not all(np.array_equal(getattr(band.model, part), getattr(own, part)) for part in "ABCD"):
-        name = f"model, order {band.model.nstates}"
-        further = {name: band.model}
-    if siso(identification):
-        panel = frequency_charts(identification, further, band.omega)[0].panels[0]
-    else:
-        name, panel = LARGEST + name, sigma_chart(identification, further, band.omega).panels[0]
+    name, panel = size_panel(identification, band.model, band.omega)
     curve, bottom = named(panel, name), (panel.y.range or (0.0, 1.0))[0]
     last = band.bands[0].angles[[0, -1]]
     low, high = band.problem.plane.omega(last) / HZ
@@ -211,16 +193,13 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     span = bottom, max(top, min(1.2 * float(known.max(initial=0.0)), _TALL * top))
     error = norm_of_bounds(sums.error_at(x * HZ))
     error = np.where(np.isfinite(error), error, np.nan)
-    hover = tuple(f"{number(f, 6)} Hz: at most {number(e)}" for f, e in zip(x, error, strict=True))
+    hover = at_hz(x, "at most {}", error)
     line = Layer("proved error", x, error, ALERT, dash="solid", hover=hover)
     bars, dots = _refined(band, bottom)
-    label = f"error |F − model| of\n{transfer(identification)}"
-    if not siso(identification):
-        label = f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()
     errors = Panel(
         "Error of the model: no consistent system is farther",
         panel.x,
-        Axis(label, log=True, range=error_range([line, *dots])),
+        Axis(error_label(identification), log=True, range=error_range([line, *dots])),
         (line, *dots),
     )
     return Chart("proved-band", (behind(panel, [area, *bars], span), errors), linked=True)
@@ -296,9 +275,9 @@ def _refined(band: Band, bottom: float) -> tuple[list[Layer], list[Layer]]:
     here = band.narrowed & (band.omega > 0)  # a logarithmic axis has no 0
     if not here.any():
         return [], []
-    x, size, upper = band.omega[here] / HZ, _size(band)[here], band.sigma_upper[here]
+    x, size, upper = band.omega[here] / HZ, model_size(band)[here], band.sigma_upper[here]
     middle, half = _sizes(*(part[here] for part in (band.centre, band.radius)))
-    hover = tuple(f"{number(f, 6)} Hz: at most {number(e)}" for f, e in zip(x, upper, strict=True))
+    hover = at_hz(x, "at most {}", upper)
     words = f"narrowed by a semidefinite program ({x.size} frequencies)"
     ends = np.maximum(size - upper, middle - half), np.minimum(size + upper, middle + half)
     ends = tuple(np.maximum(end, bottom) for end in ends)

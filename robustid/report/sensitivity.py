@@ -12,7 +12,7 @@ from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
-from robustid.report.document import Block, Column, Drawing, Grid, Heading, Table, Text, Verdict
+from robustid.report.document import Block, Column, Drawing, Grid, Heading, Table, Text, Verdict, of_numbers
 from robustid.report.identified import unit
 from robustid.report.words import HZ, at_frequencies, at_most, number
 
@@ -119,7 +119,7 @@ def _table(table: Sensitivity) -> Table:
         for row in table.variations
     ]
     heads = ("margin", "median", "worst", "median against stated")
-    return Table([Column("Assumed"), *(Column(head, "n") for head in heads)], rows)
+    return Table([Column("Assumed"), *of_numbers(*heads)], rows)
 
 
 def _margin(row: Variation) -> str:

@@ -9,13 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, responses
+from robustid.core import responses
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import MarginStatus, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis, further
 from robustid.report.curves import positive, span_of
-from robustid.report.document import Block, Column, Drawing, Facts, Heading, Share, Table, Text, Verdict
+from robustid.report.document import (
+    Block,
+    Column,
+    Drawing,
+    Facts,
+    Heading,
+    Share,
+    Table,
+    Text,
+    Verdict,
+    of_numbers,
+    proved,
+)
 from robustid.report.identified import about
 from robustid.report.words import HZ, at_least, at_most, number, percent
 
@@ -111,7 +123,7 @@ def _rows(margin: RobustStabilityMargin) -> list[tuple[str, str]]:
 
 def arc_table(margin: RobustStabilityMargin) -> Table:
     """The arcs on which the upper bound is larger than on both beside them, largest first."""
-    sizes = _upper(margin)
+    sizes = 1 / margin.margins
     ends = np.append(
         np.flatnonzero(np.diff(sizes)), sizes.size - 1
     )  # the last of all arcs of one size beside each other
@@ -124,7 +136,7 @@ def arc_table(margin: RobustStabilityMargin) -> Table:
         size, least = float(sizes[ends[k]]), float(margin.margins[ends[k]])
         rows.append([number(low, 5), number(high, 5), at_most(size), at_least(least)])
     heads = ("from [Hz]", "to [Hz]", "upper bound", "margin")
-    return Table([Column(head, "n") for head in heads], rows, title="Where the bound is largest")
+    return Table(of_numbers(*heads), rows, title="Where the bound is largest")
 
 
 def share_table(margin: RobustStabilityMargin, outputs: Sequence[str], inputs: Sequence[str]) -> Table:
@@ -151,7 +163,7 @@ def stability_chart(margins: Margins) -> Chart:
     layers: list[Layer] = []
     for k, (name, one) in enumerate(found.items()):
         colour, dash = (NOMINAL, "solid") if k == 0 else further(k - 1)[:2]
-        hz, sizes = np.clip(np.repeat(one.edges, 2)[1:-1] / HZ, low, high), np.repeat(positive(_upper(one)), 2)
+        hz, sizes = np.clip(np.repeat(one.edges, 2)[1:-1] / HZ, low, high), np.repeat(positive(1 / one.margins), 2)
         layers.append(Layer(name or "upper bound", hz, sizes, colour, dash=dash))
     layers += [_mark(one, low, high) for one in found.values() if np.isfinite(one.margin)]
     layers.append(Layer("limit", np.array([low, high]), np.ones(2), ALERT, dash="dot"))
@@ -166,11 +178,6 @@ def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
     words = f"{number(hz, 6)} Hz: at most {at_most(largest)}, margin {at_least(margin.margin)}"
     place = np.array([min(max(hz, left), right)]), np.array([largest])
     return Layer("largest", place[0], place[1], DATA, marker="diamond", hover=(words,))
-
-
-def _upper(margin: RobustStabilityMargin) -> Real:
-    """Upper bound on every cell."""
-    return 1 / margin.margins
 
 
 def named_margins(argument: str, margins: Any) -> dict[str, RobustStabilityMargin]:
@@ -221,7 +228,10 @@ def weights_section(
     ]
     margins = {f"bounds of {WORDS_OF[one.structure]}": one.margin for one in found if one.margin is not None}
     if margins and all(margin.margins.all() for margin in margins.values()):
-        blocks += [Heading("What each structure leaves of the margin", 3), Drawing(_renamed(stability_chart(margins)))]
+        blocks += [
+            Heading("What each structure leaves of the margin", 3),
+            Drawing(dataclasses.replace(stability_chart(margins), name="structures")),
+        ]
     words = f"Weights of {WORDS_OF[first.structure]}, with the bounds that they cover"
     return [*blocks, Heading(words, 3), Drawing(weights_chart(first, *_names(identification)))]
 
@@ -233,11 +243,11 @@ def weights_summary(weight: StructuredWeight) -> list[Block]:
 
 def weights_verdict(weights: Sequence[StructuredWeight]) -> Verdict:
     """Verdict on the weights, each of which must be above its bound now."""
-    if all(one.certified for one in weights):
-        sentence = "Every weight is stable, minimum-phase and above its bound on the whole circle: decided again from its numbers."
-        return Verdict("consistent", "Proved", sentence, id="weights-verdict")
-    sentence = "Not every weight is above its bound, decided again from its numbers. Don’t rely on these."
-    return Verdict("failed", "Not proved", sentence, id="weights-verdict")
+    above = (
+        "Every weight is stable, minimum-phase and above its bound on the whole circle: decided again from its numbers."
+    )
+    below = "Not every weight is above its bound, decided again from its numbers. Don’t rely on these."
+    return proved(all(one.certified for one in weights), above, below, "weights-verdict")
 
 
 def structure_table(weights: Sequence[StructuredWeight]) -> Table:
@@ -254,7 +264,7 @@ def structure_table(weights: Sequence[StructuredWeight]) -> Table:
         for one in weights
     ]
     heads = ("weights", "states in all", "largest weight / bound", "mean radius", "margin")
-    return Table([Column("Blocks"), *(Column(head, "n") for head in heads)], rows, title="Structures")
+    return Table([Column("Blocks"), *of_numbers(*heads)], rows, title="Structures")
 
 
 def weights_chart(
@@ -291,10 +301,6 @@ def _block(structure: str, i: int, j: int, outputs: Sequence[str] | None, inputs
 def _names(identification: Identification) -> tuple[list[str], list[str]]:
     problem = identification.problem
     return [str(signal) for signal in problem.outputs], [str(signal) for signal in problem.inputs]
-
-
-def _renamed(chart: Chart) -> Chart:
-    return Chart("structures", chart.panels)
 
 
 def as_weights(weights: Any) -> tuple[StructuredWeight, ...]:

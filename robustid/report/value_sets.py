@@ -35,9 +35,9 @@ def nyquist_chart(error: WorstCaseError) -> Chart:
 
     All of them with the discs of the data, and those of the worst frequencies around the model.
     """
-    identification, (name, model, _) = error.identification, bounded_model(error)
+    identification, name = error.identification, bounded_model(error.identification, error.model)[0]
     ends = shown_band(identification, error.omega)
-    _, (response,) = responses([model], identification.problem, ends, error.omega)
+    _, (response,) = responses([error.model], identification.problem, ends, error.omega)
     panels = []
     for entry in np.ndindex(error.upper.shape[1:]):
         panels += _nyquist_panels(error, entry, name, response[:, *entry])

@@ -9,8 +9,8 @@ import numpy as np
 
 from robustid.guarantees import Coverage
 from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Layer, Panel, frequency_axis
-from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict
-from robustid.report.words import HZ, number, percent
+from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict, of_numbers
+from robustid.report.words import HZ, at_hz, number, percent
 
 CONTRADICTED = "What follows from the class and the data that were used: no guarantee, withheld data contradict it"
 
@@ -53,7 +53,7 @@ def withheld_section(found: Coverage | None) -> list[Block]:
     return [
         Heading("Withheld data"),
         *(Text(sentence) for sentence in found.sentences),
-        Table([Column("withheld"), *(Column(head, "n") for head in heads)], rows),
+        Table([Column("withheld"), *of_numbers(*heads)], rows),
         Text(
             "In units of the half-width of the band. Score: the factor on the band at which it holds the whole record, with its own"
             " bound.",
@@ -72,9 +72,7 @@ def withheld_chart(found: Coverage) -> Chart:
         size, own = (np.take_along_axis(a.reshape(flat.shape), worst, axis=1)[:, 0] for a in (error, noise))
         known = np.isfinite(size)
         out = known & (size - own > 1)
-        hover = tuple(
-            f"{number(w / HZ, 6)} Hz: {number(s)} ± {number(o)}" for w, s, o in zip(found.omega, size, own, strict=True)
-        )
+        hover = at_hz(found.omega / HZ, "{} ± {}", size, own)
         for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
             if mask.any():
                 words = name + (", outside" if colour == ALERT else "")

@@ -76,6 +76,18 @@ def at_frequencies(omega: np.ndarray) -> str:
     return f"at {hz.size} frequencies from {number(hz[0])} to {number(hz[-1])} Hz"
 
 
+def at_hz(hz: np.ndarray, said: str, *values: np.ndarray) -> tuple[str, ...]:
+    """Words for the points of a curve: the frequency of each, and its values in the places of `said`.
+
+    Examples
+    --------
+    >>> at_hz(np.array([1.0, 2.5]), "{} ± {}", np.array([3.0, 4.0]), np.array([0.1, 0.2]))
+    ('1 Hz: 3 ± 0.1', '2.5 Hz: 4 ± 0.2')
+    """
+    rows = zip(hz, *values, strict=True)
+    return tuple(f"{number(at, 6)} Hz: {said.format(*map(number, row))}" for at, *row in rows)
+
+
 def quotient(above: str, below: str) -> str:
     """Unit of a quotient, "mm/N"; empty where neither has one."""
     return f"{above or '1'}/{below}" if below else above
