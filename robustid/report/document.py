@@ -1,4 +1,4 @@
-"""The blocks of which a report is made, before any medium: `html` and `terminal` each render every kind of block once.
+"""The blocks of which a report is made, before any medium: `html` and `with_rich` each render every kind of block once.
 
 A subject builds blocks; its page and its summary at the terminal are outlines of the same blocks.
 """

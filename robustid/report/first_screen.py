@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import at_resonance, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
-from robustid.report.identified import Parts, about, further_models, in_unit, sample_words, siso
+from robustid.report.identified import Bounded, Parts, about, further_models, in_unit, sample_words, siso
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
 from robustid.report.time_response import time_chart
@@ -58,14 +58,16 @@ def glance(identification: Identification, margin: str, parts: Parts, advice: st
     )
 
 
-def _sentence(identification: Identification, bound: Any) -> str:
+def _sentence(identification: Identification, bound: Bounded | Band) -> str:
     """The guarantee in words; what is drawn between frequencies where it isn't proved there."""
     if isinstance(bound, Band):
         return band_sentence(identification, bound)
     return (guarantee_sentence(bound) if isinstance(bound, WorstCaseError) else box_sentence(bound)) + BETWEEN
 
 
-def _numbers(identification: Identification, reduction: Reduction | None, bound: Any) -> list[tuple[str, str]]:
+def _numbers(
+    identification: Identification, reduction: Reduction | None, bound: Bounded | Band | None
+) -> list[tuple[str, str]]:
     reduced = bound if reduction is None else reduction
     small = identification.model if reduced is None else reduced.model
     order = f"{identification.order}" + (f" → {small.nstates}" if small.nstates != identification.order else "")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robustid.data import FrequencyResponse
-from robustid.mfd import MatrixFraction, continuous
+from robustid.mfd import MatrixFraction, ModeRow, continuous
 from robustid.report.charts import (
     ALERT,
     DATA,
@@ -54,7 +54,7 @@ def response_charts(view: FitView) -> list[Chart]:
     values = view.response(omega)
     deviation = None if view.covariance is None else view.covariance.response_std(omega)
     cells = cells_per_entry(view.ny * view.nu)
-    charts = []
+    charts: list[Chart] = []
     for i in range(view.ny):
         for j in range(view.nu):
             here = thinned(position(omega, log), [np.abs(values[:, i, j])], cells)
@@ -75,7 +75,8 @@ def _entry(
     span = magnitude_range(top, [*floors, top / 10], _DEPTH)
     (angle,), phase_span = phase_curves([values])
     name = f"model, order {view.fit.fraction.A.shape[0]}"
-    magnitude, phase = [], []
+    magnitude: list[Layer] = []
+    phase: list[Layer] = []
     x = rounded(omega / HZ)
     if deviation is not None:
         low = np.maximum(np.abs(values) - deviation, span[0])
@@ -213,7 +214,7 @@ def _plane_layer(view: FitView, rigid: bool) -> Layer:
     return Layer(name, np.real(poles), np.imag(poles), colour, marker=marker, hover=hover, size=1.3, **bars)
 
 
-def _words(row: Any) -> str:
+def _words(row: ModeRow) -> str:
     if row.rigid:
         return f"rigid body, {row.count} states"
     if row.count == 1:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robustid.data import FrequencyResponse
-from robustid.identification import Identification
+from robustid.identification import Identification, MixedProblem
 from robustid.report.assumptions import shared_words
 from robustid.report.charts import DATA, FAINT, Axis, Chart, Layer, Panel, lighter, phase_axis, side_by_side, stacked
 from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
@@ -95,7 +95,8 @@ def entry_chart(
     phases, span = phase_curves(values)
     measured = _measured(problem, *entry)
     reach = _range(measured, values)
-    magnitude, phase = [], []
+    magnitude: list[Layer] = []
+    phase: list[Layer] = []
     for one, value, angle in zip(shown, values, phases, strict=True):
         style: dict[str, Any] = {"name": one.name, "x": omega / HZ, "colour": one.colour, "dash": one.dash}
         magnitude.append(Layer(y=np.abs(value), **style))
@@ -122,9 +123,10 @@ def entry_chart(
     return stacked(chart, axis, drawn, titles, grid=not siso(identification))
 
 
-def _measured(problem: Any, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+def _measured(problem: MixedProblem, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """Samples of an entry: name, frequencies in rad/s, values, and radius of the disc around what the bound leaves to it alone."""
-    responses, out = [f for f in problem.frequency if isinstance(f, FrequencyResponse)], []
+    responses = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+    out: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]] = []
     for k, frf in enumerate(responses):
         used, place = frf.bound.used[:, output, input_], (slice(None), output, input_)
         if not used.any():
@@ -191,7 +193,7 @@ def size_panel(identification: Identification, model: Any, omega: np.ndarray) ->
     return LARGEST + name, sigma_chart(identification, further, omega).panels[0]
 
 
-def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def measured_sigma(problem: MixedProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frequencies (rad/s) at which every entry was measured, the largest singular value there, and how far the true one can be.
 
     |E| <= R entry by entry has ||E|| <= ||R||. Of several experiments the one with the smallest bound counts, by entry.

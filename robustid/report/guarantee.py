@@ -346,7 +346,7 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     at = np.maximum(error.omega / HZ, left)
     upper, lower = (error.sigma_upper, error.sigma_lower) if entry is None else (error.upper[place], error.lower[place])
     hover = at_hz(error.omega / HZ, "at most {}, reached {}", upper, lower)
-    layers = []
+    layers: list[Layer] = []
     if (circle := error.known_circle) is not None:  # what has been computed; nothing is computed here
         right = x.range[1] if x.range else np.inf
         edges = np.clip(np.repeat(circle.edges, 2)[1:-1] / HZ, left, right)

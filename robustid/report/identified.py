@@ -116,7 +116,7 @@ def where(identification: Identification, residual: Residual) -> str:
     return DIRECTIONS
 
 
-def started(record: Any) -> str:
+def started(record: TimeRecord) -> str:
     """Say how a time record begins."""
     words = {
         "rest": "from zero initial conditions",
@@ -194,7 +194,7 @@ def further_models(reduction: Reduction | None, models: Models) -> dict[str, Any
     return out | dict(models or {})
 
 
-def band(problem: Any) -> tuple[float, float]:
+def band(problem: MixedProblem) -> tuple[float, float]:
     """From below the lowest frequency point (or 1/length of the longest record) to the Nyquist frequency, rad/s.
 
     In continuous time to twice the highest frequency point.
@@ -211,7 +211,7 @@ def shown_band(identification: Posed, omega: np.ndarray = _NOWHERE) -> tuple[flo
     return min([low, *omega[omega > 0].tolist()]), high
 
 
-def hertz(problem: Any, low: float, high: float) -> Axis:
+def hertz(problem: MixedProblem, low: float, high: float) -> Axis:
     """The frequency axis; a logarithmic one has no 0, so that samples there are put at its left end and this is said."""
     at_zero = bool(problem.angles.size) and problem.angles[0] == 0
     note = " (samples at 0 Hz are drawn at the left end)" if at_zero else ""
@@ -219,14 +219,14 @@ def hertz(problem: Any, low: float, high: float) -> Axis:
 
 
 def responses(
-    models: list[Any], problem: Any, ends: tuple[float, float], wanted: np.ndarray
+    models: list[Any], problem: MixedProblem, ends: tuple[float, float], wanted: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
     omega = _grid(models, problem, *ends, wanted)
     return omega, [problem.plane.values_at(model, omega) for model in models]
 
 
-def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
+def _grid(models: list[Any], problem: MixedProblem, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
     """Log-spaced, the points of the data, wanted ones, and as many around each light pole as its resonance needs."""
     base = np.geomspace(low, high, _GRID)
     step = base[1] / base[0] - 1

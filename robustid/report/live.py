@@ -16,7 +16,7 @@ from robustid.identification import Identification
 from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, NOMINAL, Layer, Panel
 from robustid.report.frequency import entry_chart, frequency_charts
 from robustid.report.guarantee import guarantee_sentence, worst_case_charts
-from robustid.report.identification import identification_verdict, margin_interval
+from robustid.report.identification_page import identification_verdict, margin_interval
 from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
 from robustid.report.proved_band import band_sentence, drawn_band, with_band
 from robustid.report.with_plotly import plotly_figure
@@ -167,7 +167,7 @@ def _with_active(identification: Identification, first: Panel, *others: Panel) -
     for kind, index, at, _ in identification.conflicting_samples(_SHARE):
         if kind == "frequency":
             found.setdefault(index, []).append(at)
-    layers = []
+    layers: list[Layer] = []
     for index, places in found.items():
         frf = identification.problem.frequency[index]
         if not isinstance(frf, FrequencyResponse):

@@ -11,9 +11,9 @@ from robustid.mfd import MatrixFraction
 from robustid.report.document import Code, Document, Glance, Text, Verdict
 from robustid.report.first_screen import BETWEEN, BOUND, glance
 from robustid.report.html import render_head
-from robustid.report.identification import identification_verdict, margin_interval
+from robustid.report.identification_page import identification_verdict, margin_interval
 from robustid.report.identified import Parts
-from robustid.report.write import verdict
+from robustid.report.pages import verdict
 
 _LINES = 18  # of a summary
 

@@ -23,22 +23,22 @@ from robustid.identification import Identification
 from robustid.mfd import MatrixFraction, OrderSweep
 from robustid.reduction import ModelWorth, Reduction
 from robustid.report.charts import Chart
-from robustid.report.family import family_chart, schedule_chart
+from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
 from robustid.report.guarantee import guaranteed_bode
-from robustid.report.order_sweep import order_chart, stabilisation_chart
+from robustid.report.order_sweep_section import order_chart, stabilisation_chart
+from robustid.report.pages import kind_of, refuse_foreign
 from robustid.report.pole_box import pole_box_chart
 from robustid.report.poles import pole_chart
 from robustid.report.proved_band import centre_chart
-from robustid.report.residuals import identified_residuals
+from robustid.report.residual_charts import identified_residuals
 from robustid.report.response_charts import response_bode
 from robustid.report.small_model import hankel_chart, model_chart, tried_orders, worth_chart
 from robustid.report.stability import stability_chart, weights_chart
 from robustid.report.time_response import identified_time, tube_chart
 from robustid.report.value_sets import nyquist_chart
 from robustid.report.with_matplotlib import draw
-from robustid.report.write import kind_of, refuse_foreign
 
 if TYPE_CHECKING:
     import control

@@ -138,7 +138,7 @@ def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> 
     shown = [("error over the box", band.omega, band.sigma_upper, BOX, "solid", "square")]
     if fixed is not None:
         shown.append(("error at the fixed poles", fixed.omega, fixed.sigma_upper, ALERT, "dash", "circle"))
-    layers = []
+    layers: list[Layer] = []
     for name, omega, upper, colour, dash, marker in shown:
         hover = at_hz(omega / HZ, "at most {}", upper)
         y = np.where(np.isfinite(upper) & (upper > 0), upper, np.nan)
@@ -180,7 +180,7 @@ def box_sentence(band: WorstCaseOverPoles) -> str:
 
 def box_rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
     """The fixed poles, the cells, what to measure next and what is assumed, with their words."""
-    out = []
+    out: list[tuple[str, str]] = []
     if (fixed := _beside(band, error)) is not None:
         largest = in_unit(at_most(fixed.sigma_upper.max()), band.identification)
         words = f"With the poles of the model the error at {fixed.omega.size} frequencies in this range is at most {largest}."

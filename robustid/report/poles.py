@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robustid.bases import ParametricBasis
 from robustid.errors import InputError
 from robustid.identification import Identification, check_model
 from robustid.mfd import continuous
@@ -122,7 +123,7 @@ def describe_pole(row: PoleRow) -> str:
     return f"{number(row.hz)} Hz with damping {number(row.damping, 3)}"
 
 
-def delay_words(basis: Any) -> str:
+def delay_words(basis: ParametricBasis) -> str:
     """The delays of the functions: zeros at the beginning of their impulse responses."""
     state, pulses = basis.B, [basis.D[:, 0]]
     for _ in range(basis.states):
@@ -252,7 +253,8 @@ def pole_chart(identification: Identification, models: Models = None) -> Chart:
     """Poles in the z-plane or s-plane, and their damping over their frequency."""
     shown, discrete = shown_models(identification, models), bool(identification.problem.dt)
     plane = list(_edges(identification))
-    damping, reach = [], max(float(np.abs(layer.x).max()) for layer in plane)
+    damping: list[Layer] = []
+    reach = max(float(np.abs(layer.x).max()) for layer in plane)
     for one in shown:
         rows, poles = pole_table(one.model) if one.model.nstates else [], one.model.poles()
         marker = "x" if one.colour == NOMINAL else one.marker

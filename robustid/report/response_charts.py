@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustid.core import Signal
 from robustid.data import FrequencyResponse, TimeRecord, as_records
 from robustid.data.estimate import variances
 from robustid.errors import InputError, InputTypeError
@@ -132,7 +134,7 @@ class ResponseView:
     @cached_property
     def levels(self) -> dict[str, np.ndarray]:
         """Standard deviations (F, ny, nu) that are known, by their names."""
-        frf, found = self.frf, {}
+        frf, found = self.frf, dict[str, np.ndarray]()
         if frf.noise is not None:
             found["σ of the noise"] = frf.noise
         elif frf.covariance is not None:
@@ -220,7 +222,8 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
     angle, span = measured_phase(omega, frf.values[used, i, j], radius)
     kept = _thinned(omega, axis, [size, next(iter(levels.values()), size)], cells)
     x, low_high = rounded(omega[kept] / HZ), _range(size, [*levels.values(), *([] if radius is None else [radius])])
-    magnitude, phase = [], []
+    magnitude: list[Layer] = []
+    phase: list[Layer] = []
     if radius is not None:
         ends = {"low": np.maximum(size - radius, low_high[0]), "high": size + radius}
         magnitude.append(_band(x, size, ends, kept))
@@ -285,7 +288,8 @@ def singular_chart(view: ResponseView) -> Chart:
     omega, values = view.frf.omega[view.complete], view.singular_values
     axis = frequency_axis(view.frf.omega)
     kept = _thinned(omega, axis, [values[:, 0], values[:, -1]], cells_per_entry(1))
-    x, layers = rounded(omega[kept] / HZ), []
+    x = rounded(omega[kept] / HZ)
+    layers: list[Layer] = []
     for k, (colour, dash) in enumerate(_cycle(values.shape[1])):
         name = "largest singular value" if k == 0 else f"singular value {k + 1}"
         layers.append(Layer(name, x, _shown(values[kept, k]), colour, dash=dash, size=0.6))
@@ -308,7 +312,8 @@ def _cycle(count: int) -> list[tuple[str, str]]:
 def coherence_chart(view: ResponseView) -> Chart:
     """Multiple coherence of every output."""
     coherence, omega = view.frf.coherence, view.frf.omega
-    axis, layers = frequency_axis(omega), []
+    axis = frequency_axis(omega)
+    layers: list[Layer] = []
     for i, (colour, dash) in enumerate(_cycle(view.ny)):
         kept = _thinned(omega, axis, [coherence[:, i]], cells_per_entry(view.ny))
         x, y = rounded(omega[kept] / HZ), rounded(coherence[kept, i])
@@ -335,11 +340,12 @@ def spectrum_charts(view: ResponseView) -> list[Chart]:
     ]
 
 
-def _spectrum(view: ResponseView, axis: Axis, name: str, side: str, index: int, signal: Any) -> Chart:
+def _spectrum(view: ResponseView, axis: Axis, name: str, side: str, index: int, signal: Signal) -> Chart:
     found = view.spectrum(side, index)
     low, high = axis.range or (0.0, np.inf)
     inside = (found.freq_hz >= low) & (found.freq_hz <= high)
-    cells, layers = cells_per_entry(view.nu + view.ny), []
+    cells = cells_per_entry(view.nu + view.ny)
+    layers: list[Layer] = []
     groups = (
         ("between these spectral lines", inside & ~found.excited, FAINT, "solid", ""),
         ("spectral lines of the response", inside & found.excited, NOMINAL, "", "circle"),
@@ -348,15 +354,15 @@ def _spectrum(view: ResponseView, axis: Axis, name: str, side: str, index: int, 
         freq, amplitude = found.freq_hz[mask], found.amplitude[mask]
         if freq.size:
             kept = thinned(position(freq, axis.log), [amplitude], cells)
-            style: dict[str, Any] = {"colour": colour, "dash": dash, "marker": marker, "size": 0.6}
-            layers.append(Layer(title, rounded(freq[kept]), _shown(amplitude[kept]), **style))
+            x, y = rounded(freq[kept]), _shown(amplitude[kept])
+            layers.append(Layer(title, x, y, colour, dash=dash, marker=marker, size=0.6))
     span = _range(found.amplitude[inside], [])
     y = Axis(f"amplitude{f' [{signal.unit}]' if signal.unit else ''}", log=True, range=span)
     panel = Panel(f"{name} {signal}", axis, y, layers)
     return Chart(f"{name}-{index}", (panel,), linked=True)
 
 
-def response_bode(frf: FrequencyResponse, records: Any = None) -> Chart:
+def response_bode(frf: FrequencyResponse, records: TimeRecord | Sequence[TimeRecord] | None = None) -> Chart:
     """Every entry of a response, then overviews, and the spectra of its records."""
     view = ResponseView(frf, records)
     spectra = spectrum_charts(view)

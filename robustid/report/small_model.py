@@ -94,7 +94,7 @@ def margin_chart(reduction: Reduction) -> Chart:
     return Chart("margins", (panel,))
 
 
-def hankel_chart(identification: Identification, reduction: Any = None) -> Chart:
+def hankel_chart(identification: Identification, reduction: Reduction | None = None) -> Chart:
     """Hankel singular values, and the order that was chosen.
 
     Those of the reduction where there is one, else of the model; integrators have none and are always kept.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from robustid.core import simulate
+from robustid.core import Signal, simulate
 from robustid.guarantees import ResponseTube
 from robustid.identification import Identification, Residual, model_residuals
 from robustid.report.charts import (
@@ -86,7 +86,8 @@ def time_chart(identification: Identification, models: Models = None) -> Chart:
 
 def answer_charts(identification: Identification, models: Models = None) -> list[Chart]:
     """Step and pulse responses of the models, entry by entry."""
-    problem, shown, charts = identification.problem, shown_models(identification, models), []
+    problem, shown = identification.problem, shown_models(identification, models)
+    charts: list[Chart] = []
     for i, j in np.ndindex(len(problem.outputs), len(problem.inputs)):
         label = unit_label(problem.outputs[i].unit, problem.inputs[j].unit)
         step, pulse = answer_panels(identification, shown, i, j)
@@ -98,7 +99,7 @@ def answer_charts(identification: Identification, models: Models = None) -> list
     return charts
 
 
-def answer_titles(signal: Any, dt: float = 1.0) -> dict[str, str]:
+def answer_titles(signal: Signal, dt: float = 1.0) -> dict[str, str]:
     """Titles of the answers to a step and to a pulse of an input; without a sample time to an impulse."""
     amount = f"1 {signal.unit}".rstrip()
     pulse = f"Pulse response: {signal.name} is {amount} during the first sample"
@@ -112,7 +113,8 @@ def answer_titles(signal: Any, dt: float = 1.0) -> dict[str, str]:
 
 def answer_panels(identification: Identification, shown: list[Shown], output: int, input_: int) -> list[Panel]:
     """Step and pulse response of one entry of the models."""
-    problem, panels = identification.problem, []
+    problem = identification.problem
+    panels: list[Panel] = []
     effect, titles = str(problem.outputs[output]), answer_titles(problem.inputs[input_], problem.dt).values()
     answer = _sampled_answers if problem.dt else _continuous_answers
     t, steps, pulses = answer(identification, [one.model for one in shown], output, input_)
@@ -138,7 +140,8 @@ def _continuous_answers(identification: Identification, models: list[Any], outpu
     seconds = 3 / decays.min(initial=np.inf) or 1.0
     seconds = min(seconds, _PERIODS * 2 * np.pi / max(np.abs(poles.imag).max(initial=0.0), 1 / seconds))
     t = np.linspace(0.0, seconds, _INSTANTS)
-    steps, impulses = [], []
+    steps: list[np.ndarray] = []
+    impulses: list[np.ndarray] = []
     for model in models:
         n, b = model.nstates, np.asarray(model.B)[:, input_]
         # The state and the integral of its input, both from one exponential.
@@ -171,11 +174,11 @@ def _record_panel(identification: Identification, shown: list[Shown], residuals:
         for one, residual in zip(shown, residuals, strict=True)
     ]
     if not np.all(used):
-        style: dict[str, Any] = {"name": "not used", "colour": FAINT, "marker": "circle-open"}
-        layers.append(Layer(x=record.time[~used], y=record.y[~used, output], **style))
+        layers.append(Layer("not used", record.time[~used], record.y[~used, output], FAINT, marker="circle-open"))
     hover = tuple(f"{number(a, 6)} s: {number(b, 6)} ± {number(c)}" for a, b, c in zip(t, y, bound, strict=True))
-    bars = {"low": y - bound, "high": y + bound, "hover": hover}
-    layers.append(Layer("data with their bounds", t, y, DATA, marker="circle", **bars))
+    layers.append(
+        Layer("data with their bounds", t, y, DATA, marker="circle", low=y - bound, high=y + bound, hover=hover)
+    )
     title = f"{numbered('Record', index, len(problem.time))} {started(record)}"
     if not siso(identification):
         title += f": {record.outputs[output].name}"
@@ -245,7 +248,7 @@ def tube_chart(tube: ResponseTube) -> Chart:
 
 def _measured(tube: ResponseTube) -> list[Layer]:
     """Samples of the records from zero initial conditions whose input is that of the tube, or a multiple: the plant is linear."""
-    layers = []
+    layers: list[Layer] = []
     for number_, record in enumerate(tube.identification.problem.time):
         count = min(tube.u.size, record.u.shape[0])
         output, input_ = tube.entry
@@ -262,8 +265,8 @@ def _measured(tube: ResponseTube) -> list[Layer]:
             continue
         y, bound = record.y[:count, output][used] / scale, record.bound.radius[:count, output][used] / abs(scale)
         name = f"record {number_ + 1} with its intervals" + (f", divided by {number(scale)}" if scale != 1 else "")
-        style = {"colour": DATA, "marker": "circle", "size": 0.6}
-        layers.append(Layer(name, record.time[:count][used], y, low=y - bound, high=y + bound, **style))
+        at, ends = record.time[:count][used], (y - bound, y + bound)
+        layers.append(Layer(name, at, y, DATA, marker="circle", low=ends[0], high=ends[1], size=0.6))
     return layers
 
 

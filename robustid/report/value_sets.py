@@ -38,7 +38,7 @@ def nyquist_chart(error: WorstCaseError) -> Chart:
     identification, name = error.identification, bounded_model(error.identification, error.model)[0]
     ends = shown_band(identification, error.omega)
     _, (response,) = responses([error.model], identification.problem, ends, error.omega)
-    panels = []
+    panels: list[Panel] = []
     for entry in np.ndindex(error.upper.shape[1:]):
         panels += _nyquist_panels(error, entry, name, response[:, *entry])
     return Chart("nyquist", panels, columns=2)
@@ -55,7 +55,7 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
         _plane(f"model at the {error.omega.size} frequencies", nominal, NOMINAL, marker="circle", size=0.6),
     ]
     worst = np.argsort(-error.sigma_upper)[:_CLOSE_UP]  # the same ones, in the same colours, for every entry
-    near = []
+    near: list[Layer] = []
     for colour, k in zip((ALERT, *FURTHER), worst.tolist(), strict=False):
         words = f"{number(float(error.omega[k]) / HZ, 5)} Hz"
         near.append(_plane(words, _outline(sets[k]) - nominal[k], colour, dash="solid"))
@@ -86,7 +86,8 @@ def _joined(outlines: list[np.ndarray]) -> np.ndarray:
 
 def data_discs(problem: MixedProblem, entry: tuple[int, int]) -> list[Layer]:
     """The borders |e + kappa conj(e)| = bound around every sample: e = bound (u - kappa conj(u))/(1 - |kappa|^2), |u| = 1."""
-    outlines, place = [], (slice(None), *entry)
+    place = (slice(None), *entry)
+    outlines: list[np.ndarray] = []
     for frf in problem.frequency:
         if not isinstance(frf, FrequencyResponse):
             continue

@@ -157,10 +157,12 @@ def _trace(layer: Layer) -> dict[str, Any]:
 
 def _area(layer: Layer, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
     """From `low` to `high`, as a polygon; several ones where there are gaps."""
-    x, y = [], []
+    gap = np.full(1, np.nan)
+    x: list[np.ndarray] = []
+    y: list[np.ndarray] = []
     for piece in between_gaps(low + high):
-        x += [layer.x[piece], layer.x[piece][::-1], [np.nan]]
-        y += [high[piece], low[piece][::-1], [np.nan]]
+        x += [layer.x[piece], layer.x[piece][::-1], gap]
+        y += [high[piece], low[piece][::-1], gap]
     return {
         "type": "scatter",
         "name": _plain(layer.name),

@@ -65,7 +65,7 @@ def withheld_section(found: Coverage | None) -> list[Block]:
 
 def withheld_chart(found: Coverage) -> Chart:
     """Farthest entry of every withheld response at every frequency, with its own bound, in units of the band."""
-    layers = []
+    layers: list[Layer] = []
     for name, error, noise in zip(found.names, found.error, found.noise, strict=True):
         flat = np.where(np.isnan(error), -1.0, error).reshape(found.omega.size, -1)
         worst = np.argmax(flat, axis=1)[:, None]

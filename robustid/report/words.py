@@ -8,9 +8,10 @@ from __future__ import annotations
 import decimal
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+
+from robustid.core import Signal
 
 HZ = 2 * np.pi  # rad/s
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -102,18 +103,18 @@ def _bracketed(unit: str) -> str:
     return f" [{unit}]" if unit else ""
 
 
-def units(outputs: Sequence[Any], inputs: Sequence[Any]) -> set[str]:
+def units(outputs: Sequence[Signal], inputs: Sequence[Signal]) -> set[str]:
     """Units of the entries of a response matrix."""
     return {quotient(y.unit, u.unit) for y in outputs for u in inputs}
 
 
-def matrix_unit_label(outputs: Sequence[Any], inputs: Sequence[Any]) -> str:
+def matrix_unit_label(outputs: Sequence[Signal], inputs: Sequence[Signal]) -> str:
     """Unit of the singular values of a response matrix, in brackets after a space."""
     found = units(outputs, inputs)
     return _bracketed(found.pop()) if len(found) == 1 else " [mixed units]"
 
 
-def title(kind: str, outputs: Sequence[Any], inputs: Sequence[Any]) -> str:
+def title(kind: str, outputs: Sequence[Signal], inputs: Sequence[Signal]) -> str:
     """Heading of a page: what it is about, and of which signals.
 
     Examples

@@ -8,9 +8,9 @@ import robustid as rid
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.report.assumptions import assumptions, bound_source, experiments
 from robustid.report.frequency import bars_words
-from robustid.report.residuals import residual_chart
-from robustid.report.response import summary_rows
+from robustid.report.residual_charts import residual_chart
 from robustid.report.response_charts import ResponseView
+from robustid.report.response_page import summary_rows
 from support.matrix_pages import DT, measured, problem, record, response_of, with_values
 from support.report_pages import printed
 

@@ -7,7 +7,14 @@ import pytest
 
 import robustid as rid
 from robustid.report.document import Heading, Table, Verdict
-from robustid.report.family import driver_table, family_charts, family_page, member_table, paired_modes, schedule_chart
+from robustid.report.family_page import (
+    driver_table,
+    family_charts,
+    family_page,
+    member_table,
+    paired_modes,
+    schedule_chart,
+)
 from robustid.report.withheld_data import CONTRADICTED, withheld_chart, withheld_verdict
 from robustid.report.words import HZ
 from support.families import DT, identified, measured

@@ -13,8 +13,8 @@ from robustid.core import Choice, Source
 from robustid.report import plot, render_report
 from robustid.report.assumptions import CHOSEN
 from robustid.report.frequency import frequency_charts
-from robustid.report.identification import identification_verdict, margin_interval, margin_words
-from robustid.report.residuals import residual_chart
+from robustid.report.identification_page import identification_verdict, margin_interval, margin_words
+from robustid.report.residual_charts import residual_chart
 from robustid.report.time_response import time_chart
 from robustid.report.words import number
 from support.report_pages import NASTY, Page, printed, problem

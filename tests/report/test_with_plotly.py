@@ -7,7 +7,7 @@ import numpy as np
 import robustid as rid
 from robustid.report.frequency import frequency_charts
 from robustid.report.poles import pole_chart
-from robustid.report.residuals import residual_chart
+from robustid.report.residual_charts import residual_chart
 from robustid.report.with_plotly import plotly_figure
 
 

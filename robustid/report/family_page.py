@@ -39,8 +39,8 @@ from robustid.report.document import (
     Verdict,
     certificates,
 )
-from robustid.report.identification import findings_section, run_file_section
-from robustid.report.identified import Parts, transfer
+from robustid.report.identification_page import findings_section, run_file_section
+from robustid.report.identified import Bounded, Parts, transfer
 from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.words import HZ, at_frequencies, at_hz, at_most, number, percent
 from robustid.report.words import title as heading
@@ -168,7 +168,7 @@ def _facts(family: Family) -> list[tuple[str, str]]:
 
 def member_table(family: Family) -> Table:
     """Members with their conditions, margins and bounds."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for m, error in zip(family.members, family.errors, strict=True):
         said = ", ".join(f"{what} {number(v) if isinstance(v, float) else v}" for what, v in m.condition.items())
         poles = "in their box" if isinstance(error, WorstCaseOverPoles) else "fixed"
@@ -222,7 +222,7 @@ def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve
         fill=True,
     )
     sizes = [band, Layer("nominal", fine / HZ, curve, NOMINAL, dash="solid")]
-    errors = []
+    errors: list[Layer] = []
     for k, (member, error) in enumerate(zip(family.members, family.errors, strict=True)):
         ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place][proved]
         style: dict[str, Any] = {"colour": FURTHER[k % 3], "marker": MARKERS[k % len(MARKERS)]}
@@ -269,7 +269,7 @@ def schedule_chart(family: Family) -> Chart:
     poles = paired_modes([_poles_of(family.errors[k]) for k in order])
     if poles:
         for part, label in enumerate(("change of the natural frequency [%]", "damping ratio [–]")):
-            layers = []
+            layers: list[Layer] = []
             for mode, found in enumerate(poles):
                 known = np.isfinite(found[:, part, 0])
                 first = found[known, 0, 0][
@@ -285,14 +285,14 @@ def schedule_chart(family: Family) -> Chart:
     return Chart("schedule", panels, columns=1)
 
 
-def _range_of(error: Any, place: int, family: Family) -> np.ndarray:
+def _range_of(error: Bounded, place: int, family: Family) -> np.ndarray:
     """Range of the magnitude at a frequency, of the entry with the largest bound."""
     ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place]
     entry = np.unravel_index(np.argmax(family.upper[place]), family.upper.shape[1:])
     return ends[entry]
 
 
-def _poles_of(error: Any) -> np.ndarray:
+def _poles_of(error: Bounded) -> np.ndarray:
     """(modes, 2, 3): natural frequency in Hz and damping, each as it is and with the ends of its box."""
     if isinstance(error, WorstCaseOverPoles):
         omega, damping = error.poles

@@ -20,8 +20,8 @@ from robustid.report.identified import Parts, further_models, siso, unit
 from robustid.report.pole_box import pole_box_section
 from robustid.report.poles import modes_table, poles_section, slowest_poles
 from robustid.report.proved_band import proved_band_section
-from robustid.report.residuals import active_section, active_table, residual_section
-from robustid.report.sensitivity import content_section, content_verdict, sensitivity_section
+from robustid.report.residual_charts import active_section, active_table, residual_section
+from robustid.report.sensitivity_section import content_section, content_verdict, sensitivity_section
 from robustid.report.small_model import matrices_section, order_section, reduction_words, worth_section, worth_verdict
 from robustid.report.stability import stability_section, weights_section
 from robustid.report.time_response import time_section, tube_section

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from robustid.errors import InputTypeError
@@ -162,7 +164,7 @@ def stabilisation_chart(sweep: OrderSweep) -> Chart:
     return Chart("stabilisation", (Panel("Stabilisation", axis, order, layers),))
 
 
-def _marks(rows: list, name: str, colour: str, marker: str) -> list[Layer]:
+def _marks(rows: list[Any], name: str, colour: str, marker: str) -> list[Layer]:
     if not rows:
         return []
     x, y = np.array([row.frequency / HZ for row in rows]), np.array([float(row.order) for row in rows])

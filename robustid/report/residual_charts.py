@@ -50,7 +50,7 @@ def active_constraints(identification: Identification) -> list[Active]:
     """
     if identification.margin_lower <= 0:
         return []
-    rows = []
+    rows: list[Active] = []
     for residual, index, share in identification.limiting():
         at = residual.axis[index]
         ratio = float(residual.ratio[residual.axis == at].max())  # of repeated points the worst
@@ -109,7 +109,7 @@ def residual_chart(identification: Identification, models: Models = None) -> Cha
     """|residual|/bound of every sample, the limit, and who touches it: a panel for each entry or output that has bounds."""
     problem, shown = identification.problem, shown_models(identification, models)
     found = [list(identification.residuals), *(model_residuals(problem, one.model) for one in shown[1:])]
-    panels = []
+    panels: list[Panel] = []
     for kind in ("frequency", "time"):
         places = [k for k, r in enumerate(found[0]) if r.kind == kind]
         if not places:
@@ -150,15 +150,17 @@ def _panel(
     log = largest > 3
     decade = 10 ** np.floor(np.log10(max(smallest, _SMALLEST_RATIO)))
     floor = float(np.clip(decade, _SMALLEST_RATIO, 0.1)) if log else 0.0
-    layers = []
+    layers: list[Layer] = []
     for one, residuals in zip(shown, parts, strict=True):
         at = np.concatenate([np.maximum(r.axis, low) / HZ if kind == "frequency" else r.axis for r in residuals])
         true = np.concatenate([r.ratio for r in residuals])
         ratio = np.maximum(true, floor)
         hover = tuple(f"{number(a, 6)}: {number(r)} of the bound" for a, r in zip(at, true, strict=True))
         nominal = one.colour == NOMINAL
-        bars = {"low": np.full(at.size, floor), "high": ratio} if nominal else {}
-        layers.append(Layer(one.name, at, ratio, one.colour, marker=one.marker, hover=hover, **bars))
+        low_end, high_end = (np.full(at.size, floor), ratio) if nominal else (None, None)
+        layers.append(
+            Layer(one.name, at, ratio, one.colour, marker=one.marker, hover=hover, low=low_end, high=high_end)
+        )
         if nominal:
             layers += _marked(at, ratio, max(1.0, margin))
     ends = np.array(x.range)

@@ -65,7 +65,7 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
         "decay": ("decay rate ρ", "–") if identification.problem.dt else ("decay α", "1/s"),
         "lines": ("frequency points", "–"),
     }
-    panels = []
+    panels: list[Panel] = []
     for kind, (name, of) in axes.items():
         found = sorted(
             (row for row in rows if row.kind in ("stated", kind)), key=lambda row: getattr(row, _KINDS[kind])
@@ -85,7 +85,8 @@ def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
         ("worst", "worst of the frequencies", {"colour": ALERT, "dash": "dash", "marker": "square"}),
         ("median", "median over the frequencies", {"colour": NOMINAL, "dash": "solid", "marker": "circle"}),
     )
-    curves, rings = [], []
+    curves: list[Layer] = []
+    rings: list[Layer] = []
     for part, name, style in looks:
         y = 100 * np.array([getattr(row, part) for row in rows])
         hover = tuple(f"{row.what}: {number(v, 3)} %" for row, v in zip(rows, y, strict=True))

@@ -24,7 +24,7 @@ from robustid.report.document import (
 from robustid.report.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
 from robustid.report.fit_view import FitView
 from robustid.report.identified import Parts
-from robustid.report.order_sweep import order_sweep_section
+from robustid.report.order_sweep_section import order_sweep_section
 from robustid.report.small_model import matrices_section
 from robustid.report.words import HZ, drawn_words, number, title
 

@@ -208,7 +208,7 @@ def _missing_words(view: ResponseView) -> str:
 
 
 def _coherence_words(view: ResponseView) -> str:
-    words = []
+    words: list[str] = []
     for i, output in enumerate(view.frf.outputs):
         part = view.frf.coherence[:, i]
         worst = int(np.argmin(part))

@@ -12,15 +12,15 @@ from robustid.errors import InputTypeError
 from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
 from robustid.mfd import MatrixFraction
-from robustid.report import html, terminal
+from robustid.report import html, with_rich
 from robustid.report.document import Document, Verdict
-from robustid.report.family import family_page
-from robustid.report.fit import fit_page, fit_summary, fit_verdict
+from robustid.report.family_page import family_page
+from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
 from robustid.report.fit_view import FitView
-from robustid.report.identification import identification_page, identification_summary, identification_verdict
+from robustid.report.identification_page import identification_page, identification_summary, identification_verdict
 from robustid.report.identified import Parts
-from robustid.report.response import response_page, response_summary, response_verdict
 from robustid.report.response_charts import ResponseView
+from robustid.report.response_page import response_page, response_summary, response_verdict
 from robustid.report.stability import stability_summary, weights_summary
 
 if TYPE_CHECKING:
@@ -186,14 +186,14 @@ def render_summary(
     True
     """
     if isinstance(identification, MatrixFraction):
-        return terminal.render(fit_summary(FitView(identification, data)))
+        return with_rich.render(fit_summary(FitView(identification, data)))
     if isinstance(identification, FrequencyResponse):
-        return terminal.render(response_summary(ResponseView(identification)))
+        return with_rich.render(response_summary(ResponseView(identification)))
     if isinstance(identification, RobustStabilityMargin):
-        return terminal.render(stability_summary(identification))
+        return with_rich.render(stability_summary(identification))
     if isinstance(identification, StructuredWeight):
-        return terminal.render(weights_summary(identification))
-    return terminal.render(identification_summary(identification, reduction))
+        return with_rich.render(weights_summary(identification))
+    return with_rich.render(identification_summary(identification, reduction))
 
 
 def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verdict:
