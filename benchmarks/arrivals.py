@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
 import robustid as rid
-from robustid.mfd import Weight, subspace_estimate
+from robustid.fitting import Weight, subspace_estimate
 from support.mfd_systems import stand_in
 
 ORDERS = (12, 24, 36, 48, 60)

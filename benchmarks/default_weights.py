@@ -15,7 +15,7 @@ import numpy as np
 import scipy.io
 
 import robustid as rid
-from robustid.mfd import Weight
+from robustid.fitting import Weight
 
 FOLDER = pathlib.Path(os.environ.get("ROBUSTID_DATA", "."))
 # Orders below that of the plant, as a designer takes them.

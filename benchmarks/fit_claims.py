@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 sys.path.insert(0, str(Path(__file__).parent.parent / "examples"))
 import robustid as rid
-from robustid.mfd import RollOff, StaticGain, Weight, Zero, subspace_estimate
+from robustid.fitting import RollOff, StaticGain, Weight, Zero, subspace_estimate
 from support.mfd_systems import noisy, random_modal_system, stand_in
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 150)

@@ -21,7 +21,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "examples"))
 from shared.polynomial_bases import BASES, conditioning, sk_in_basis
 
 import robustid as rid
-from robustid.mfd import FractionProblem, Weight, fit_fraction, fit_mfd
+from robustid.fitting import FractionProblem, Weight, fit_fraction, fit_mfd
 from support.mfd_systems import noisy, random_modal_system, relative_error
 
 try:

@@ -18,7 +18,7 @@ from shared.modal_stage import between, measured, relative_error, stage
 
 import robustid as rid
 from robustid.core import response_at
-from robustid.mfd import subspace_estimate
+from robustid.fitting import subspace_estimate
 
 FITS = {
     "unconstrained": {},

@@ -14,7 +14,7 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
 import robustid as rid
-from robustid.mfd import mode_table, suggest_order
+from robustid.fitting import mode_table, suggest_order
 from support.mfd_systems import random_modal_system
 
 SHAPES = ((1, 1), (2, 1), (2, 2), (1, 1), (3, 2))

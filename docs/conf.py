@@ -63,11 +63,11 @@ def write_changed(path: Path, text: str) -> None:
 
 MODULES = ("errors", "datasets", "plot")
 ROOMS = {
-    "Measurements and their bounds": ("data", "core"),
+    "Measurements and their bounds": ("data", "formats", "estimation", "core"),
     "The class, the question and its answer": ("identification", "bases"),
     "Guarantees": ("guarantees",),
-    "Matrix fractions": ("mfd",),
-    "Small models": ("reduction",),
+    "Matrix fractions": ("fitting",),
+    "Small models": ("reduction", "passivity"),
     "Choices, causes, the next measurement": ("advice",),
     "Files, the whole way, reports": ("app", "report"),
     "Errors": ("errors",),

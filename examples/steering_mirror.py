@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import robustid as rid
 from robustid.errors import DatasetNotFoundError
-from robustid.mfd import mode_table, suggest_order
+from robustid.fitting import mode_table, suggest_order
 
 DT = 1 / 6400
 PERIOD = 8192

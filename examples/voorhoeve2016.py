@@ -48,7 +48,7 @@ from wafer_stage import errors, experiment, modal
 
 import robustid as rid
 from robustid.advice import suggest_kautz
-from robustid.mfd import FractionProblem, fit_fraction
+from robustid.fitting import FractionProblem, fit_fraction
 
 BASES = {"monomial": "monomial", "scaled monomial": "scaled", "data-dependent orthonormal": "orthonormal"}
 SENSED = np.eye(4, 3)  # shapes of the rigid body at the outputs, up to a change of coordinates: the gauge has none

@@ -61,7 +61,6 @@ _MEANT = {
     "modes": "kautz",
     "poles": "kautz",
     "Kautz": "kautz",
-    "passivity": "prove_passive",
     "enforce_passivity": "make_passive",
     "compare": "validate",
     "resid": "validate",

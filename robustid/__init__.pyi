@@ -33,27 +33,44 @@ from .data import Bound as Bound
 from .data import FrequencyResponse as FrequencyResponse
 from .data import TangentialResponse as TangentialResponse
 from .data import TimeRecord as TimeRecord
-from .data import bounds_from_noise_floor as bounds_from_noise_floor
-from .data import correct as correct
-from .data import datasets as datasets
 from .data import decimate as decimate
 from .data import detrend as detrend
-from .data import estimate_bound as estimate_bound
-from .data import estimate_delay as estimate_delay
-from .data import estimate_frf as estimate_frf
 from .data import flexible_structure as flexible_structure
 from .data import multisine as multisine
 from .data import nonlinear_records as nonlinear_records
-from .data import record_problems as record_problems
-from .data import response_problems as response_problems
 from .data import sample_time as sample_time
-from .data import with_delay as with_delay
 
 # What goes wrong; more kinds in errors
 from .errors import InconsistentDataError as InconsistentDataError
 from .errors import InputError as InputError
 from .errors import RobustIdError as RobustIdError
 from .errors import Status as Status
+from .estimation import bounds_from_noise_floor as bounds_from_noise_floor
+from .estimation import correct as correct
+from .estimation import estimate_bound as estimate_bound
+from .estimation import estimate_delay as estimate_delay
+from .estimation import estimate_frf as estimate_frf
+from .estimation import record_problems as record_problems
+from .estimation import response_problems as response_problems
+from .estimation import with_delay as with_delay
+
+# Matrix fractions
+from .fitting import MatrixFraction as MatrixFraction
+from .fitting import Modal as Modal
+from .fitting import RecordFit as RecordFit
+from .fitting import RigidBody as RigidBody
+from .fitting import RollOff as RollOff
+from .fitting import StaticGain as StaticGain
+from .fitting import Weight as Weight
+from .fitting import Zero as Zero
+from .fitting import ZeroEntries as ZeroEntries
+from .fitting import fit_covariance as fit_covariance
+from .fitting import fit_mfd as fit_mfd
+from .fitting import fit_records as fit_records
+from .fitting import modal_form as modal_form
+from .fitting import mode_table as mode_table
+from .fitting import suggest_order as suggest_order
+from .formats import datasets as datasets
 
 # What holds for every consistent system
 from .guarantees import Band as Band
@@ -82,29 +99,12 @@ from .identification import PositiveReal as PositiveReal
 from .identification import Prior as Prior
 from .identification import identify as identify
 from .identification import validate as validate
-
-# Matrix fractions
-from .mfd import MatrixFraction as MatrixFraction
-from .mfd import Modal as Modal
-from .mfd import RecordFit as RecordFit
-from .mfd import RigidBody as RigidBody
-from .mfd import RollOff as RollOff
-from .mfd import StaticGain as StaticGain
-from .mfd import Weight as Weight
-from .mfd import Zero as Zero
-from .mfd import ZeroEntries as ZeroEntries
-from .mfd import fit_covariance as fit_covariance
-from .mfd import fit_mfd as fit_mfd
-from .mfd import fit_records as fit_records
-from .mfd import modal_form as modal_form
-from .mfd import mode_table as mode_table
-from .mfd import suggest_order as suggest_order
+from .passivity import make_passive as make_passive
+from .passivity import prove_passive as prove_passive
+from .passivity import reduce_passive as reduce_passive
 
 # Small models
 from .reduction import balanced_truncation as balanced_truncation
-from .reduction import make_passive as make_passive
-from .reduction import prove_passive as prove_passive
-from .reduction import reduce_passive as reduce_passive
 from .reduction import reduce_within_bounds as reduce_within_bounds
 from .reduction import to_continuous as to_continuous
 from .report import plot as plot

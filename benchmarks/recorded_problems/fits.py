@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import robustid as rid
-from robustid.mfd import subspace_estimate
+from robustid.fitting import subspace_estimate
 
 from .plants import HIGH, HZ, driven, modal_system, noisy
 from .registry import of, problem

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 
 import robustid as rid
-from robustid.mfd import FractionProblem, NodeFraction, orthonormal_polynomials, polynomial_nodes, sk_step
+from robustid.fitting import FractionProblem, NodeFraction, orthonormal_polynomials, polynomial_nodes, sk_step
 
 (_gejsv,) = scipy.linalg.get_lapack_funcs(("gejsv",), dtype=np.float64)
 BASES = ("monomial", "scaled", "scalar", "orthonormal")
@@ -59,7 +59,7 @@ def sk_in_basis(problem: FractionProblem, denominators: np.ndarray, basis: str) 
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.mfd import Weight
+    >>> from robustid.fitting import Weight
     >>> omega = np.linspace(10, 90, 40)
     >>> values = (1 / ((1j * omega) ** 2 + 2j * omega + 1600))[:, None, None]
     >>> problem = FractionProblem(omega, values, 2, Weight.relative(values))
@@ -117,7 +117,7 @@ def conditioning(problem: FractionProblem, denominators: np.ndarray, *, steps: i
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.mfd import Weight
+    >>> from robustid.fitting import Weight
     >>> omega = np.linspace(10, 90, 40)
     >>> values = (1 / ((1j * omega) ** 2 + 2j * omega + 1600))[:, None, None]
     >>> problem = FractionProblem(omega, values, 1, Weight.relative(values))

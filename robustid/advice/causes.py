@@ -11,8 +11,9 @@ import numpy as np
 
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Budget, Complex, Plane, Real
-from robustid.data import REMOVED, Fault, FrequencyResponse, correct, response_faults
+from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.estimation import REMOVED, Fault, correct, response_faults
 from robustid.identification import MixedProblem
 from robustid.identification.formulation import formulate
 from robustid.identification.solver import margin_path

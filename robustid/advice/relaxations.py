@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Real
-from robustid.data import FrequencyResponse, PoleFit
+from robustid.data import FrequencyResponse
+from robustid.estimation import PoleFit
 
 _log = logging.getLogger("robustid")
 

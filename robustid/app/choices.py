@@ -30,8 +30,8 @@ from robustid.bases import ParametricBasis, integrators, kautz, stack_bases
 from robustid.core import Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, Status
+from robustid.fitting import MatrixFraction, ModeRow, RecordFit, mode_table
 from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify
-from robustid.mfd import MatrixFraction, ModeRow, RecordFit, mode_table
 
 DOUBLED = (
     "Each pair is taken twice (repeat = 2, terms k a^k, which absorb small errors of the poles): with single pairs no class that"

@@ -121,7 +121,7 @@ def load(
     >>> step.dt, step.y.ravel()
     (0.01, array([0.  , 0.5 , 0.75]))
     """
-    from robustid.data.io import read_file
+    from robustid.formats import read_file
 
     stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial, "rate": rate,
               "axes": axes, "decimal": decimal, "start": start, "step": step}  # fmt: skip
@@ -138,7 +138,7 @@ def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
 
     Default: of any.
     """
-    from robustid import guarantees, mfd  # noqa: F401 - with them come all rooms that have results to load
+    from robustid import fitting, guarantees  # noqa: F401 - with them come all rooms that have results to load
 
     return core.load_saved(path, *kinds)
 

@@ -16,7 +16,7 @@ from robustid.app.run_file import MODES_NOTE, RunFile
 from robustid.core import Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
-from robustid.mfd import MatrixFraction, ModeRow, fit_covariance, fit_mfd, mode_table, suggest_order
+from robustid.fitting import MatrixFraction, ModeRow, fit_covariance, fit_mfd, mode_table, suggest_order
 
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side

@@ -11,11 +11,11 @@ from robustid.app.result import IdentifiedReduced
 from robustid.app.run_file import RunFile, read_run_file
 from robustid.core import Source, atomic_write, digest, paths, save, text_array
 from robustid.data import FrequencyResponse
-from robustid.data.io import save_model
 from robustid.errors import InputError, Status
+from robustid.fitting import MatrixFraction
+from robustid.formats import save_model
 from robustid.guarantees import Band
 from robustid.identification import Identification, MixedProblem, describe_problem
-from robustid.mfd import MatrixFraction
 
 RUN_FILE = "run.toml"
 _NUMBERS = ("identification", "band", "worst_case", "over_poles", "family", "fit")

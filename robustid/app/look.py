@@ -14,16 +14,10 @@ import numpy as np
 
 from robustid.app.files import load
 from robustid.core import Frozen, Real
-from robustid.data import (
-    FrequencyResponse,
-    TimeRecord,
-    estimate_bound,
-    found_period,
-    record_problems,
-    response_problems,
-)
-from robustid.data.io import contents
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.estimation import estimate_bound, found_period, record_problems, response_problems
+from robustid.formats import contents
 
 _EVEN = 1e-6  # part of a step
 _FEW = 8  # rows of a spectrum

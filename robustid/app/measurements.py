@@ -16,20 +16,10 @@ from robustid.app.run_file import RunFile
 from robustid.app.sources import RecordSource, reading
 from robustid.app.withheld import Split, split
 from robustid.core import Source, digest
-from robustid.data import (
-    FrequencyResponse,
-    TimeRecord,
-    bounds_from_noise_floor,
-    correct,
-    datasets,
-    decimate,
-    detrend,
-    estimate_delay,
-    estimate_frf,
-    response_problems,
-)
-from robustid.data.io import read_said
+from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.estimation import bounds_from_noise_floor, correct, estimate_delay, estimate_frf, response_problems
+from robustid.formats import datasets, read_said
 
 _SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from robustid.core import StateMatrices, as_array, as_positive, input_states
 from robustid.data import FrequencyResponse
-from robustid.data.io import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 from robustid.errors import InputError, InputTypeError
+from robustid.formats import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 
 __all__ = ["is_network", "save_network"]  # asked of a path before anything else is loaded
 
@@ -76,7 +76,7 @@ def _passive(model: Any, waves: StateMatrices) -> StateMatrices:
     """The scattering matrices, if no violation of passivity is found: a subcircuit that isn't passive can make others unstable."""
     import control
 
-    from robustid.reduction import PassivityStatus, prove_passive
+    from robustid.passivity import PassivityStatus, prove_passive
 
     proof = prove_passive(control.StateSpace(*waves, 0))
     if proof.status is PassivityStatus.VIOLATED:

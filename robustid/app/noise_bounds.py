@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any, TypeVar
 
 from robustid.app.sources import RecordSource, ResponseSource
-from robustid.data import BOUND_SOURCES, default_bound
+from robustid.estimation import BOUND_SOURCES, default_bound
 
 Source = TypeVar("Source", bound=RecordSource | ResponseSource)
 

@@ -152,7 +152,7 @@ class Fit:
     @property
     def arguments(self) -> dict[str, Any]:
         """The keyword arguments of `robustid.fit_mfd` and of `suggest_order`, but for the order."""
-        from robustid.mfd import Modal, RigidBody
+        from robustid.fitting import Modal, RigidBody
 
         structure: Any = False
         if self.modal is not None:

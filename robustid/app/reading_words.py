@@ -5,8 +5,8 @@ from __future__ import annotations
 import shlex
 
 from robustid.app.toml import write_toml
-from robustid.data.io import NAMES
 from robustid.errors import Remedy
+from robustid.formats import NAMES
 
 _KEYS = {"frequency_unit": "unit"}
 RUN_FILE = {name: f"{name} = ..." for name in ("bound", "averages")}

@@ -10,8 +10,8 @@ import numpy as np
 from robustid.core import Budget
 from robustid.data import TimeRecord
 from robustid.errors import InputError
+from robustid.fitting import ModeRow, RecordFit, fit_records, mode_table
 from robustid.identification import validate
-from robustid.mfd import ModeRow, RecordFit, fit_records, mode_table
 
 _MOST_ORDER, _SECONDS = 12, 60.0
 _CLOSE = 1.2  # times the bounds: least squares keeps to them no better, where the order is right

@@ -22,6 +22,7 @@ from robustid.app.withheld import compared, looked_at, split_points
 from robustid.core import Progress, Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InconsistentDataError, InputError
+from robustid.fitting import RigidBody
 from robustid.guarantees import (
     Band,
     Contradiction,
@@ -33,7 +34,6 @@ from robustid.guarantees import (
     worst_case_over_poles,
 )
 from robustid.identification import Identification, MixedProblem, identify, largest_ratio, validate
-from robustid.mfd import RigidBody
 from robustid.reduction import (
     DoubtfulMode,
     ModelWorth,

@@ -48,8 +48,6 @@ def _signal_roles(name: str, content: Iterable[str]) -> dict[str, Any]:
 
 def _recognised(roles: str) -> str:
     """Names of columns that are found without being told."""
-    from robustid.data import io
-
     return "; ".join(f"{role}: {', '.join(names)}" for role, names in getattr(io, roles).items())
 
 

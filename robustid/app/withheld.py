@@ -11,8 +11,9 @@ import numpy as np
 from robustid.app.checks import AUTO
 from robustid.app.run_file import RunFile
 from robustid.core import Plane, Real
-from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
+from robustid.estimation import estimate_frf
 from robustid.guarantees import Band, Coverage, Family, WorstCaseError, coverage
 
 _DENSE = 60  # frequency points from which on some are withheld

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_array, as_count, as_float
-from robustid.data.io.roles import uniform_step
+from robustid.core import as_array, as_count, as_float, as_positive
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError
 
 # Lines up to this part of the new Nyquist frequency pass the filter; from the new Nyquist frequency on it blocks.
 PASSBAND = 0.8
+_UNIFORM = 1e-6  # relative difference of steps that are called the same
 _REACH = 26  # samples of the new rate that the filter reaches to either side: what 80 dB need over that transition
 _BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
 
@@ -228,3 +228,20 @@ def _slowed(signal: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:
 def _check_record(record: Any) -> None:
     if not isinstance(record, TimeRecord):
         raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
+
+
+def uniform_step(time: np.ndarray, samples: int) -> float:
+    """The sample time of instants that are uniform; else a sentence."""
+    if time.shape != (samples,):
+        raise InputError(f"the time has shape {time.shape} where `u` has {samples} samples; give `dt` instead")
+    if samples < 2:
+        raise InputError("one sample gives no sample time; give `dt`")
+    steps = np.diff(as_array("time", time))
+    step = as_positive("time step", (time[-1] - time[0]) / (samples - 1))
+    if np.max(np.abs(steps - step)) > _UNIFORM * step:
+        k = int(np.argmax(np.abs(steps - np.median(steps))))
+        raise InputError(
+            f"the time is not uniform: from {time[k]:.9g} s (sample {k}) to {time[k + 1]:.9g} s the step is"
+            f" {steps[k]:.6g} s, the median step {np.median(steps):.6g} s; resample the record, or give `dt`"
+        )
+    return float(step)

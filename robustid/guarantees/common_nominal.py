@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Plane, Real, freeze
 from robustid.data import FrequencyResponse
 from robustid.errors import RobustIdError
+from robustid.fitting import fit_mfd
 from robustid.guarantees.discs import smallest_disc
 from robustid.guarantees.member import Bounded, corners
 from robustid.guarantees.nominal import as_nominal
 from robustid.identification import Identification
-from robustid.mfd import fit_mfd
 
 _log = logging.getLogger("robustid")
 

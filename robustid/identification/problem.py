@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from robustid.bases import as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
-from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, response_problems
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.estimation import response_problems
 from robustid.identification.entries import Entries
 from robustid.identification.passive import centred, check_passive
 from robustid.identification.prior import Prior, any_prior

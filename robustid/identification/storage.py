@@ -10,7 +10,7 @@ import numpy as np
 from robustid.bases import ParametricBasis, Sections
 from robustid.core import Arrays, Choice, Record, Source, digest, keep, text_array
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
-from robustid.data.io import flat_fields, from_fields
+from robustid.formats import flat_fields, from_fields
 from robustid.identification.certificate import MarginCertificate
 from robustid.identification.formulation.choice import formulate_in
 from robustid.identification.formulation.convex import Candidate

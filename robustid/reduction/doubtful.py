@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from robustid.core import Frozen, Plane, Real, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.fitting import continuous, modal_form
 from robustid.identification import Identification, largest_ratio
-from robustid.mfd import continuous, modal_form
 
 _LEAST = 1.5e-5  # damping ratio: searches end at 1e-5
 _BETWEEN = 0.25  # of the distance of the frequency points: a mode that is narrower lies between them

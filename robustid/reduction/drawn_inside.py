@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Budget, Real, points_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
-from robustid.mfd import MatrixFraction, fit_mfd
+from robustid.fitting import MatrixFraction, fit_mfd
 
 _SIGMAS = 3.0  # standard deviations that a bound is taken for
 _ROUNDS = 10

@@ -10,8 +10,8 @@ import numpy as np
 from robustid.core import Budget, Real
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.fitting import FitStatus, Weight, fit_mfd
 from robustid.identification import MixedProblem
-from robustid.mfd import FitStatus, Weight, fit_mfd
 
 
 class ResponseFits:

@@ -13,8 +13,8 @@ import scipy.linalg
 from robustid.core import Budget, Frozen, Real, freeze
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
+from robustid.fitting import RecordFit, fit_records
 from robustid.identification import validate
-from robustid.mfd import RecordFit, fit_records
 from robustid.reduction.drawn_inside import Bounds, as_known, drawn_inside
 
 AS_WELL = 1.05  # of the root mean square error: differences that don't matter

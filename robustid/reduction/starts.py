@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from robustid.core import Real, StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.fitting import subspace_estimate
 from robustid.identification import Identification
-from robustid.mfd import subspace_estimate
 from robustid.reduction.balanced import balanced_truncations
 from robustid.reduction.minimax import orthonormal_columns
 from robustid.reduction.refinement import Fit, Pair, Poles, moved, pole_columns, pole_functions, with_poles

@@ -12,8 +12,8 @@ import numpy as np
 
 from robustid.core import Budget, Progress, as_kind, one_thread
 from robustid.errors import InputError
+from robustid.fitting import RigidBody
 from robustid.identification import Identification, from_image, image_of, in_image
-from robustid.mfd import RigidBody
 from robustid.reduction import starts
 from robustid.reduction.balanced import Reduction, balanced_truncations
 from robustid.reduction.best_models import REFINED, BestModels

@@ -11,8 +11,8 @@ import scipy.special
 
 from robustid.core import Budget, Frozen, Progress, Real, as_kind, freeze, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
+from robustid.fitting import MatrixFraction, OrderSweep, RecordFit, RigidBody, suggest_order
 from robustid.identification import Identification, image_of, in_image, largest_ratio
-from robustid.mfd import MatrixFraction, OrderSweep, RecordFit, RigidBody, suggest_order
 from robustid.reduction.balanced import Reduction
 from robustid.reduction.drawn_inside import Bounds, drawn_fits
 from robustid.reduction.guard import Guard

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robustid.data import FrequencyResponse
-from robustid.mfd import MatrixFraction, ModeRow, continuous
+from robustid.fitting import MatrixFraction, ModeRow, continuous
 from robustid.report.charts import (
     ALERT,
     DATA,

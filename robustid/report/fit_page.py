@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.mfd import FitStatus, MatrixFraction, ModeRow
+from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
 from robustid.report.document import (

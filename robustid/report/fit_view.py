@@ -11,8 +11,8 @@ import numpy as np
 from robustid.core import Signal, StateMatrices, as_signals, points_of, response_at
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, fit_covariance, mode_table
 from robustid.identification import Check
-from robustid.mfd import FitCovariance, FitStatus, MatrixFraction, ModeRow, fit_covariance, mode_table
 
 # The realisation reproduces the fraction to 1e-8 at the worst point of noisy 4 x 4 data of order 40.
 _SAME_MODEL = 1e-8

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from robustid.advice import Content, Sensitivity
     from robustid.data import TimeRecord
+    from robustid.fitting import OrderSweep
     from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
-    from robustid.mfd import OrderSweep
     from robustid.reduction import ModelWorth, Reduction
 
 Models = Mapping[str, Any] | None

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, Unpack
 
 from robustid.data import FrequencyResponse, TimeRecord
+from robustid.fitting import MatrixFraction
 from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.mfd import MatrixFraction
 from robustid.report.document import Code, Document, Glance, Text, Verdict
 from robustid.report.first_screen import BETWEEN, BOUND, glance
 from robustid.report.html import render_head

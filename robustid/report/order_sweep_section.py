@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robustid.errors import InputTypeError
-from robustid.mfd import OrderSweep
+from robustid.fitting import OrderSweep
 from robustid.report.charts import (
     ALERT,
     DATA,

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Unpack
 from robustid.core import as_flag, atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
+from robustid.fitting import MatrixFraction
 from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
-from robustid.mfd import MatrixFraction
 from robustid.report import html, with_rich
 from robustid.report.document import Document, Verdict
 from robustid.report.family_page import family_page

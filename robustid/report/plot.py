@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.data import FrequencyResponse, TimeRecord
+from robustid.fitting import MatrixFraction, OrderSweep
 from robustid.guarantees import (
     Band,
     Family,
@@ -20,7 +21,6 @@ from robustid.guarantees import (
     WorstCaseOverPoles,
 )
 from robustid.identification import Identification
-from robustid.mfd import MatrixFraction, OrderSweep
 from robustid.reduction import ModelWorth, Reduction
 from robustid.report.charts import Chart
 from robustid.report.family_page import family_chart, schedule_chart

@@ -10,8 +10,8 @@ import numpy as np
 
 from robustid.bases import ParametricBasis
 from robustid.errors import InputError
+from robustid.fitting import continuous
 from robustid.identification import Identification, check_model
-from robustid.mfd import continuous
 from robustid.report.charts import DATA, FAINT, NOMINAL, Axis, Chart, Layer, Panel
 from robustid.report.document import Beside, Block, Column, Drawing, Heading, Table, Text
 from robustid.report.identified import Models, band, shown_models, siso, transfer, unit

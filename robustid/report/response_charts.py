@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustid.core import Signal
-from robustid.data import FrequencyResponse, TimeRecord, as_records
-from robustid.data.estimate import variances
+from robustid.data import FrequencyResponse, TimeRecord, as_records, variances
 from robustid.errors import InputError, InputTypeError
 from robustid.report.charts import (
     ALERT,

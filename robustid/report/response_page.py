@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data import Bound, Caveat, FrequencyResponse
-from robustid.data.estimate import joint_radius
+from robustid.data import Bound, Caveat, FrequencyResponse, joint_radius
 from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn

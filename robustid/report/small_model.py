@@ -8,8 +8,8 @@ import numpy as np
 
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.errors import InputError
+from robustid.fitting import continuous
 from robustid.identification import Identification, check_model, largest_ratio
-from robustid.mfd import continuous
 from robustid.reduction import ModelWorth
 from robustid.report.charts import (
     ALERT,

@@ -8,8 +8,8 @@ import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
 from robustid.advice.pole_fit import LineData, told_apart, wanted_in_basis
 from robustid.advice.pole_interval import damped_outside
-from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError, InputError, InputTypeError, RobustIdError
+from robustid.formats import datasets
 from support.structure import ANY
 
 FINE = np.linspace(17.2, 18.1, 10)

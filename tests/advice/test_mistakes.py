@@ -9,8 +9,8 @@ import pytest
 import scipy.signal
 
 import robustid as rid
-from robustid.data import response_faults
 from robustid.errors import InputError
+from robustid.estimation import response_faults
 
 LINES, SAMPLES, DT = 16, 8, 0.01
 DATA = rid.flexible_structure(lines=LINES, samples=SAMPLES)

@@ -5,8 +5,8 @@ import pytest
 import scipy.io
 
 import robustid as rid
-from robustid.data.io.model_files import load_model
-from robustid.mfd import FitStatus
+from robustid.fitting import FitStatus
+from robustid.formats.model_files import load_model
 from support import command_line
 from support.mfd_systems import noisy, random_modal_system
 
@@ -122,7 +122,7 @@ def test_rigid_body_and_roll_off(files, run):
 
 def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatch):
     """The sweep itself is tested elsewhere: here the pool, the progress and the choice."""
-    from robustid.mfd import order
+    from robustid.fitting import order
 
     system = random_modal_system(0, 1, 1, 1)
     omega = OMEGA[::2]
@@ -143,11 +143,11 @@ def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatc
 def test_not_converged_exits_with_1_and_still_writes(files, run, monkeypatch):
     import dataclasses
 
-    import robustid.mfd
+    import robustid.fitting
 
-    real = robustid.mfd.fit_mfd
+    real = robustid.fitting.fit_mfd
     monkeypatch.setattr(
-        "robustid.mfd.fit_mfd", lambda *a, **k: dataclasses.replace(real(*a, **k), status=FitStatus.LIMIT)
+        "robustid.fitting.fit_mfd", lambda *a, **k: dataclasses.replace(real(*a, **k), status=FitStatus.LIMIT)
     )
     code, out, _ = run(["hertz.npz", "--frequency-unit", "Hz", "--order", "4"])
     assert code == 1

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.estimation import estimate_frf
 from support import command_line
 
 pytestmark = pytest.mark.quick

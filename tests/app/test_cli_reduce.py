@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data.io import load_model, save_model
+from robustid.formats import load_model, save_model
 from support.two_mode_models import two_modes
 
 pytestmark = pytest.mark.quick

@@ -9,8 +9,8 @@ import pytest
 
 import robustid as rid
 from robustid.app import choices, sequence
-from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
+from robustid.formats import datasets
 from robustid.identification.residuals import model_residuals
 from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask
 

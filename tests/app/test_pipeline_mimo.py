@@ -7,8 +7,8 @@ import pytest
 
 import robustid as rid
 from robustid.core import responses
-from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
+from robustid.formats import datasets
 from robustid.identification import largest_ratio
 from support.matrix_lines import HZ, damping_of, measured
 from support.run_files import EXAMPLES, QUICK, ask

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robustid import load
-from robustid.data.io.addresses import Address, columns, parse, taken
 from robustid.errors import InputError
+from robustid.formats.addresses import Address, columns, parse, taken
 
 X = np.arange(120.0).reshape(5, 4, 3, 2)
 INDICES = [

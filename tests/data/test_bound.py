@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data.io import flat_fields, from_fields
+from robustid.formats import flat_fields, from_fields
 from support.mimo_data import KINDS, complex_normal, response, same
 
 pytestmark = pytest.mark.quick

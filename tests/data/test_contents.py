@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import scipy.io
 
-from robustid.data.io import contents
+from robustid.formats import contents
 from support.exchange_files import matrix
 from support.exchange_files import write as write_universal
 

@@ -12,9 +12,10 @@ import pooch
 import pytest
 import scipy.io
 
-from robustid.data import TimeRecord, estimate_frf, flexible_structure
-from robustid.data.io import datasets
+from robustid.data import TimeRecord, flexible_structure
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError, InputTypeError, RobustIdError
+from robustid.estimation import estimate_frf
+from robustid.formats import datasets
 from support.measured import realdata
 
 TWO_MASS = "two_mass/MultisineTypeA.mat"

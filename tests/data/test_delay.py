@@ -122,7 +122,7 @@ def test_units_scale_exactly():
 @pytest.mark.parametrize("side", ["m", "a"])
 def test_measured_speeds_are_low_passed_angles_without_a_delay(side):
     """speed/(j omega angle) of the motor bench is 1/(1 + s tau): it looks like a delay of 20 samples at low frequencies."""
-    from robustid.data.io import datasets
+    from robustid.formats import datasets
 
     angle, speed = {"m": ("theta_mx", "omega_max"), "a": ("theta_my", "omega_may")}[side]
     path = datasets.find("two_mass/MultisineTypeA.mat")

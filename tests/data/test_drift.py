@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data.estimate.drift import without_drift
+from robustid.estimation.drift import without_drift
 
 PERIOD, DT = 128, 0.01
 

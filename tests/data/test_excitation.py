@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data import load_excitation
 from robustid.data.multisines import log_norm, low_crest_phases, random_phases, schroeder_phases, synthesise
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.formats import load_excitation
 
 DT = 0.01
 BAND = {"band_hz": (1, 31), "period": 1000, "dt": 0.001}

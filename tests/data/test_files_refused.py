@@ -11,8 +11,8 @@ import scipy.io
 
 from robustid import load
 from robustid.data import TimeRecord, save
-from robustid.data.io import read_file
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
+from robustid.formats import read_file
 from support.data_files import HZ, U, Y, full_frf, full_record, write_matlab73
 
 pytestmark = pytest.mark.quick

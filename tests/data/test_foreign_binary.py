@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robustid import load
-from robustid.data import datasets
+from robustid.formats import datasets
 from support.foreign_files import (
     DT,
     HZ,

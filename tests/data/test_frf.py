@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from robustid.data import TimeRecord, estimate_frf
+from robustid.data import TimeRecord
 from robustid.errors import InputError
+from robustid.estimation import estimate_frf
 from support.loop_records import DT, MODES_HZ, PERIOD, Loop, multisines, plant, simulate, truth
 
 NOISE = 0.01

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import find_peaks
 
 import robustid as rid
-from robustid.data.estimate import joint_radius
+from robustid.estimation import joint_radius
 from support.measured import realdata
 
 pytestmark = realdata

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from robustid import load
-from robustid.data.io import contents
-from robustid.data.io.addresses import parse, taken
-from robustid.data.io.axes import parse as parse_axes
 from robustid.errors import InputError, RobustIdError
+from robustid.formats import contents
+from robustid.formats.addresses import parse, taken
+from robustid.formats.axes import parse as parse_axes
 from support.foreign_files import matlab5
 
 LONG = 300_000

@@ -7,9 +7,9 @@ import scipy.io
 import scipy.signal
 
 import robustid as rid
-from robustid.data.io import load_model, save_model
-from robustid.data.io.transfer_functions import of_polynomials, of_roots
 from robustid.errors import FileFormatError
+from robustid.formats import load_model, save_model
+from robustid.formats.transfer_functions import of_polynomials, of_roots
 from support.data_files import write_matlab73
 from support.foreign_files import matlab5
 

@@ -4,8 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robustid.data import TimeRecord, estimate_frf
+from robustid.data import TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.estimation import estimate_frf
 
 PERIOD, DT = 64, 0.01
 LINES = np.array([2, 3, 7, 12, 20])

@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 
 import robustid as rid
-from robustid.data.problems import found_period
+from robustid.estimation.problems import found_period
 
 DT, PERIOD = 0.01, 100
 

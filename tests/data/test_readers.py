@@ -17,8 +17,8 @@ import scipy.sparse
 
 from robustid import load
 from robustid.data import FrequencyResponse, TimeRecord, save
-from robustid.data.io.matlab4 import read_matlab4
 from robustid.errors import FileFormatError, InputError, RobustIdError
+from robustid.formats.matlab4 import read_matlab4
 from support.data_files import full_frf, full_record, write_matlab73
 from support.exchange_files import TIME, S, matrix, signal, touchstone
 from support.exchange_files import write as write_universal

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data.estimate import pole_fit
-from robustid.data.estimate.roughness import roughness
+from robustid.estimation import pole_fit
+from robustid.estimation.roughness import roughness
 
 
 @pytest.mark.quick

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robustid import load
-from robustid.data.io import contents
 from robustid.errors import FileFormatError, InputError
+from robustid.formats import contents
 
 pytestmark = pytest.mark.quick
 

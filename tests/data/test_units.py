@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robustid import load
-from robustid.data.io.names import axis_role
 from robustid.errors import InputError
+from robustid.formats.names import axis_role
 
 pytestmark = pytest.mark.quick
 

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import robustid as rid
-from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
+from robustid.formats import datasets
 from support.example_runs import FOLDER, check_files, load
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustid.data.io import datasets
 from robustid.errors import DatasetNotFoundError
+from robustid.formats import datasets
 from support.example_runs import check_files, load
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.mfd import FractionProblem, Weight, retract, sk_step
+from robustid.fitting import FractionProblem, Weight, retract, sk_step
 from support.example_runs import load
 from support.mfd_systems import noisy, random_modal_system
 

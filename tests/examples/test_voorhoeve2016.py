@@ -10,7 +10,7 @@ import scipy.linalg
 from matplotlib.figure import Figure
 
 import robustid as rid
-from robustid.mfd import RollOff, fit_fraction, into_form
+from robustid.fitting import RollOff, fit_fraction, into_form
 
 
 @pytest.fixture

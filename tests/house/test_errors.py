@@ -8,7 +8,7 @@ import robustid
 
 ROOT = pathlib.Path(robustid.__file__).parent
 
-SHORTENED = ["data/io/table.py: said"]  # the first line of what foreign libraries say, for a sentence of ours
+SHORTENED = ["formats/table.py: said"]  # the first line of what foreign libraries say, for a sentence of ours
 READS = {
     *("startswith", "endswith", "split", "rsplit", "splitlines", "partition", "rpartition", "removeprefix"),
     *("removesuffix", "replace", "find", "rfind", "index", "rindex", "count", "lower", "upper", "strip"),

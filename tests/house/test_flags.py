@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.errors import InputTypeError
-from robustid.mfd import subspace_estimate
+from robustid.fitting import subspace_estimate
 
 pytestmark = pytest.mark.quick
 

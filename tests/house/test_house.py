@@ -13,10 +13,13 @@ ROOT = pathlib.Path(robustid.__file__).parent
 ROOMS = [
     "core",
     "data",
+    "formats",
+    "estimation",
     "bases",
     "identification",
-    "mfd",
+    "fitting",
     "reduction",
+    "passivity",
     "guarantees",
     "advice",
     "report",
@@ -98,11 +101,11 @@ def test_no_file_is_part_of_an_import_circle():
 def test_only_the_solver_knows_cvxpy_and_the_formulation_and_the_certificates_know_no_solver():
     blind = ("robustid.identification.formulation", "robustid.identification.certificate")
     blind += ("robustid.identification.exact_evaluation", "robustid.identification.residuals")
-    blind += ("robustid.reduction.passivity_certificate", "robustid.reduction.exact_matrices")
+    blind += ("robustid.passivity.passivity_certificate", "robustid.passivity.exact_matrices")
     solvers = (
         "robustid.identification.solver",
-        "robustid.reduction.passive_fit",
-        "robustid.reduction.passivity_search",
+        "robustid.passivity.passive_fit",
+        "robustid.passivity.passivity_search",
     )
     for name, path in MODULES.items():
         modules = imported(name)

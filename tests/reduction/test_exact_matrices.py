@@ -5,8 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from robustid.reduction import exact_matrices
-from robustid.reduction.exact_matrices import Exact, beside, is_positive_definite, solved, symmetric_blocks
+from robustid.passivity import exact_matrices
+from robustid.passivity.exact_matrices import Exact, beside, is_positive_definite, solved, symmetric_blocks
 
 pytestmark = pytest.mark.quick
 

@@ -6,7 +6,7 @@ import pytest
 import scipy.optimize
 
 import robustid as rid
-from robustid.reduction import passive_cuts, passive_fit
+from robustid.passivity import passive_cuts, passive_fit
 from support.networks import foster, scattering
 
 

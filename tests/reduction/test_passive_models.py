@@ -9,7 +9,8 @@ import pytest
 import robustid as rid
 from robustid.core import response_at
 from robustid.errors import InputError
-from robustid.reduction import PassiveStatus, hinf_error
+from robustid.passivity import PassiveStatus
+from robustid.reduction import hinf_error
 from support.networks import foster, scattering
 
 OMEGA = np.geomspace(0.3, 300, 60)

@@ -9,7 +9,7 @@ import pytest
 import robustid as rid
 from robustid.core import response_at
 from robustid.errors import InputError, InputTypeError
-from robustid.reduction import PassivityStatus
+from robustid.passivity import PassivityStatus
 from support.networks import foster, rc_ladder, scattering
 
 KINDS = ("bounded real", "positive real", "negative imaginary")

@@ -8,8 +8,8 @@ import pytest
 
 import robustid as rid
 from robustid.core import Budget, responses
+from robustid.fitting import FitStatus
 from robustid.identification.residuals import largest_ratio
-from robustid.mfd import FitStatus
 from robustid.reduction import response_fits
 from robustid.reduction.refinement import least_squares, levelled, moves, normal_functions, numerators
 from robustid.reduction.response_fits import ResponseFits

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.mfd import OrderSweep, fit_mfd
+from robustid.fitting import OrderSweep, fit_mfd
 from support import fits, frf_records, matrix_pages
 from support.report_pages import NASTY, identified
 

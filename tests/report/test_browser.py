@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.mfd import suggest_order
+from robustid.fitting import suggest_order
 from robustid.report import write_report
 from support import matrix_pages
 from support.browser import CHROMIUM, Shown, framed, opened, plots

@@ -11,7 +11,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 import robustid as rid
-from robustid.mfd import FitStatus, FitStep, fit_mfd
+from robustid.fitting import FitStatus, FitStep, fit_mfd
 from robustid.report import plot, render_report, write_report
 from robustid.report.curves import most_drawn, rounded
 from robustid.report.fit_charts import convergence_chart

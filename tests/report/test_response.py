@@ -10,7 +10,8 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 import robustid as rid
-from robustid.data import FrequencyResponse, TimeRecord, estimate_frf
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.estimation import estimate_frf
 from robustid.report import plot, render_report, render_summary, write_report
 from robustid.report.response_charts import ResponseView, coherence_chart, entry_charts, overview_charts
 from robustid.report.response_page import level_table, response_verdict, summary_rows, warning_sentences

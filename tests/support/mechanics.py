@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 import robustid as rid
-from robustid.mfd.block_model import BlockModel
+from robustid.fitting.state_space.block_model import BlockModel
 
 OMEGA = 2 * np.pi * np.linspace(2, 450, 160)
 BETWEEN = 2 * np.pi * np.linspace(3.3, 440, 411)  # none of OMEGA

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 import robustid as rid
-from robustid.mfd import FractionProblem, Weight
+from robustid.fitting import FractionProblem, Weight
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 300)  # of `problem_of`
 

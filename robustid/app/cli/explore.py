@@ -50,7 +50,7 @@ def _asked(console: Any, file: Path | None, source: ResponseSource, general: Gen
     from robustid.app.cli.reading import Files
     from robustid.app.options import Withheld
     from robustid.app.run_file import RunFile, read_run_file
-    from robustid.data.io import origin
+    from robustid.formats import origin
 
     if file is not None and file.suffix == ".toml":
         if source != ResponseSource():

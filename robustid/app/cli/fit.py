@@ -64,7 +64,7 @@ def fit(
     Exit codes: 0 converged and verified, 1 not, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.reading import Files
-    from robustid.mfd import RollOff
+    from robustid.fitting import RollOff
     from robustid.report import render_report, render_summary, verdict
 
     wanted, model_file = _order(order), _model_file(output)
@@ -96,7 +96,7 @@ def fit(
 
 def _weight(source: Path, frf: Any, relative: bool | None) -> dict[str, Any]:
     """The weight that is asked for; the default of the fit without."""
-    from robustid.mfd import Weight
+    from robustid.fitting import Weight
 
     if relative is False and frf.covariance is None:
         raise InputError(f"--covariance: {source.name} holds no covariance; leave the option out")
@@ -122,7 +122,7 @@ def _model_file(output: Path) -> Path:
 
 def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
     """The fit, every iteration shown."""
-    from robustid.mfd import fit_mfd
+    from robustid.fitting import fit_mfd
 
     text = f"fitting order {order}: {frf.omega.size} frequency points"
     with shown(console, text) as show:
@@ -141,7 +141,7 @@ def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
 def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
     """A sweep over the order on all cores; the stabilisation diagram grows with it."""
     from robustid.core import worker_pool
-    from robustid.mfd import suggest_order
+    from robustid.fitting import suggest_order
 
     diagram = Stabilisation(frf.omega)
     with shown(console, "fitting a range of orders") as show, worker_pool() as pool:
@@ -166,7 +166,7 @@ def _drawn(console: Any, render: Callable[..., str], result: Any, frf: Any, swee
 def _write(result: Any, model_file: Path, report: Path | None, page: str) -> None:
     """Everything is computed by now."""
     from robustid.core import atomic_write
-    from robustid.data.io import save_model
+    from robustid.formats import save_model
 
     save_model(result.model, model_file)
     if report is not None:

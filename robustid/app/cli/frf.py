@@ -54,8 +54,8 @@ def frf(
     Exit codes: 0 written, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.reading import Files
-    from robustid.data import estimate_frf
-    from robustid.data.io import WRITERS
+    from robustid.estimation import estimate_frf
+    from robustid.formats import WRITERS
     from robustid.report import render_summary
 
     outputs.check_ending(output, tuple(WRITERS))
@@ -86,7 +86,7 @@ def _periods(lines: str | None, period: int | None, method: str | None, record: 
     """Samples of a period, and numbers of lines."""
     if lines is None or re.fullmatch(r"[\d:, ]+", lines):
         return period, None if lines is None else _numbers(lines, len(record.u))
-    from robustid.data import load_excitation
+    from robustid.formats import load_excitation
 
     if not Path(lines).exists():
         raise InputError(

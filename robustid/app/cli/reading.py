@@ -15,9 +15,10 @@ from robustid.app.cli.terminal import say, warn
 from robustid.app.noise_bounds import with_bound
 from robustid.app.reading_words import in_options, option_words
 from robustid.app.sources import RecordSource, ResponseSource, reading
-from robustid.data import FrequencyResponse, TimeRecord, correct, record_problems, response_faults
-from robustid.data.io import Origin, origin, read_file
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.estimation import correct, record_problems, response_faults
+from robustid.formats import Origin, origin, read_file
 
 _SHARED = ("--dt", "--rate", "--axes", "--decimal")  # by files of both kinds
 _NOTE = "given on the command line"

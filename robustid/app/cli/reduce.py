@@ -63,7 +63,7 @@ def reduce(
     error of the program, 130 interrupted.
     """
     from robustid.app.files import save
-    from robustid.data.io import load_model
+    from robustid.formats import load_model
     from robustid.reduction import ReductionStatus
 
     outputs.check_ending(output, (".npz", ".mat", ".m", ".json", ".h", ".sos", ".zpk"))

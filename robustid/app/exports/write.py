@@ -9,9 +9,10 @@ from typing import Any
 
 from robustid.app.exports import c_header, json_text, matlab, roots, tables, universal
 from robustid.core import atomic_write
-from robustid.data import DelayedModel, FrequencyResponse
-from robustid.data.io import save_model
+from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.estimation import DelayedModel
+from robustid.formats import save_model
 from robustid.guarantees import UncertaintyWeight, WorstCaseError
 from robustid.identification import Identification
 

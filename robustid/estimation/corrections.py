@@ -1,0 +1,293 @@
+"""correct(): the data as they would be without a mistake of unit, sign, phase, order of axes, or delay."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import as_float, as_kind
+from robustid.data import Bound, FrequencyResponse, TimeRecord
+from robustid.errors import InputError
+
+_DEGREE = math.pi / 180
+_MOST_DECIBELS = 400.0
+_Data = TypeVar("_Data", FrequencyResponse, TimeRecord)
+
+
+def correct(data: _Data, *corrections: str) -> _Data:
+    """Undo mistakes of unit, sign, phase, order of axes or delay in measured data, one after the other.
+
+    Of a response G: ``"conjugate"`` (another sign of the phase), ``"negate"``, ``"transpose"`` (rows were inputs), ``"exchange"``
+    (the input was taken for the output: one over G), ``"times X"``, ``"differentiate"`` and ``"integrate"`` (times and over
+    ``j omega``), ``"frequency in Hz"`` (numbers in Hz were taken as rad/s), ``"frequency in rad/s"``, ``"frequency times X"``,
+    ``"phase in radians"`` (taken as degrees), ``"magnitude linear"`` (taken as decibels), ``"magnitude in dB"`` (taken as linear,
+    all above 1), ``"advance X"`` and ``"delay X"`` (by X samples), ``"bound times X"``. Of a record: ``"negate"``, ``"times X"``
+    (outputs), ``"exchange"``, ``"time times X"``, ``"advance X"`` (outputs are X samples late), ``"delay X"``,
+    ``"bound times X"``.
+
+    Parameters
+    ----------
+    data : FrequencyResponse or TimeRecord
+    *corrections : str
+
+    Returns
+    -------
+    FrequencyResponse or TimeRecord
+        Bounds go with the values: they turn, and are scaled with them. Where phase or magnitude had another unit they stay as
+        they were stated. Of an exchanged record the bound keeps its part of the rms of the output.
+
+    Raises
+    ------
+    InputError
+        Words that are none of these, or none for such data; frequencies that would pass pi/dt; a response that is not 1x1, or has
+        no sample time, where that is needed.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> frf = rid.FrequencyResponse([1.0, 2.0], [1 + 1j, 0.5j], bound=0.01)
+    >>> rid.correct(frf, "conjugate", "times 0.001").values.ravel().tolist()
+    [(0.001-0.001j), -0.0005j]
+    """
+    as_kind("data", data, (FrequencyResponse, TimeRecord), "a FrequencyResponse or a TimeRecord")
+    known = _OF_RESPONSES if isinstance(data, FrequencyResponse) else _OF_RECORDS
+    for words in corrections:
+        name, number = _parsed(words, known)
+        changed: Any = known[name][0](data, *number)
+        data = changed
+    return data
+
+
+def _parsed(words: str, known: dict[str, tuple[Callable[..., Any], bool]]) -> tuple[str, tuple[float, ...]]:
+    """Name of a correction, and its number if it has one."""
+    words = " ".join(str(words).split())
+    name, _, last = words.rpartition(" ")
+    if words in known and not known[words][1]:
+        return words, ()
+    if name in known and known[name][1]:
+        try:
+            return name, (as_float("number", float(last)),)
+        except ValueError:
+            pass
+    spelled = ", ".join(f'"{word}{" X" * numbered}"' for word, (_, numbered) in known.items())
+    raise InputError(f"a correction of such data must be one of {spelled}; got {words!r}")
+
+
+# --- of responses ---------------------------------------------------------------------------------------------------------------
+
+
+def _scaled(frf: FrequencyResponse, factor: Any) -> FrequencyResponse:
+    """The response times a number, or one for every frequency point, with all that has its unit."""
+    by: NDArray[np.complex128] = np.broadcast_to(np.asarray(factor, complex), frf.omega.shape)[:, None, None]
+    if np.any(by == 0) or not np.all(np.isfinite(by)):
+        raise InputError(
+            "a correction makes values 0 or infinite; leave out the frequency 0, and give a factor above 0"
+        )
+    size = np.abs(by)
+    bound = frf.bound
+    if isinstance(bound, Bound):
+        ellipsoid = None if bound.ellipsoid is None else size**2 * bound.ellipsoid
+        radius = None if bound.radius is None else size * bound.radius
+        bound = dataclasses.replace(bound, radius=radius, ellipsoid=ellipsoid).turned(by / size)
+    levels = {name: size * level for name in ("noise", "distortion") if (level := getattr(frf, name)) is not None}
+    covariance = None if frf.covariance is None else size**2 * frf.covariance
+    return dataclasses.replace(frf, values=by * frf.values, bound=bound, covariance=covariance, **levels)
+
+
+def _negated(frf: FrequencyResponse) -> FrequencyResponse:
+    return _scaled(frf, -1.0)
+
+
+def _differentiated(frf: FrequencyResponse) -> FrequencyResponse:
+    return _scaled(frf, 1j * frf.omega)
+
+
+def _integrated(frf: FrequencyResponse) -> FrequencyResponse:
+    if np.any(frf.omega == 0):
+        raise InputError('"integrate" divides by omega, which is 0 at one frequency point; leave it out')
+    return _scaled(frf, 1 / (1j * frf.omega))
+
+
+def _conjugated(frf: FrequencyResponse) -> FrequencyResponse:
+    changes: dict[str, Any] = {"values": frf.values.conj()}
+    if frf.covariance is not None:
+        changes["covariance"] = frf.covariance.conj()
+    if isinstance(frf.bound, Bound):
+        parts = {name: part.conj() for name in ("tilt", "ellipsoid") if (part := getattr(frf.bound, name)) is not None}
+        changes["bound"] = dataclasses.replace(frf.bound, **parts)
+    return dataclasses.replace(frf, **changes)
+
+
+def _transposed(frf: FrequencyResponse) -> FrequencyResponse:
+    if isinstance(frf.bound, Bound) and frf.bound.joint != "entry":
+        raise InputError(f'"transpose" needs a bound of every entry; this one is of the {frf.bound.joint}')
+    arrays = {name: getattr(frf, name) for name in ("values", "noise", "distortion")}
+    changes: dict[str, Any] = {name: part.transpose(0, 2, 1) for name, part in arrays.items() if part is not None}
+    if isinstance(frf.bound, Bound):
+        tilt = None if frf.bound.tilt is None else frf.bound.tilt.transpose(0, 2, 1)
+        changes["bound"] = dataclasses.replace(frf.bound, radius=frf.bound.radius.transpose(0, 2, 1), tilt=tilt)
+    if frf.covariance is not None:
+        ny, nu = len(frf.outputs), len(frf.inputs)
+        order = np.add.outer(np.arange(ny), ny * np.arange(nu)).ravel()
+        changes["covariance"] = frf.covariance[:, order[:, None], order]
+    if frf.values.shape[1] != frf.values.shape[2]:
+        changes |= {"inputs": frf.outputs, "outputs": frf.inputs}
+    return dataclasses.replace(frf, coherence=None, **changes)
+
+
+def _inverted(frf: FrequencyResponse) -> FrequencyResponse:
+    """One over the response: the disc around 1/v is the image of the disc around v."""
+    if frf.values[0].size > 1:
+        raise InputError(f'"exchange" needs one input and one output; the response is {frf.values.shape[1:]}')
+    v, bound = frf.values, frf.bound
+    changes: dict[str, Any] = {"inputs": frf.outputs, "outputs": frf.inputs}
+    if bound is None:
+        return dataclasses.replace(_bare(frf), values=1 / v, **changes)
+    r = bound.outer_radius
+    if np.any(r >= np.abs(v)):
+        raise InputError('"exchange" takes one over values that may be 0: their bound is larger than they are')
+    room = np.abs(v) ** 2 - r**2
+    disc = dataclasses.replace(bound, radius=r / room, tilt=None, joint="entry", ellipsoid=None)
+    return dataclasses.replace(_bare(frf), values=v.conj() / room, bound=disc, **changes)
+
+
+def _bare(frf: FrequencyResponse) -> FrequencyResponse:
+    return dataclasses.replace(frf, bound=None, covariance=None, noise=None, distortion=None)
+
+
+def _stretched(frf: FrequencyResponse, factor: float) -> FrequencyResponse:
+    if factor <= 0:
+        raise InputError(f'"frequency times X" needs X > 0; got {factor:g}')
+    return dataclasses.replace(frf, omega=factor * frf.omega)
+
+
+def _in_hz(frf: FrequencyResponse) -> FrequencyResponse:
+    return _stretched(frf, 2 * math.pi)
+
+
+def _in_rad(frf: FrequencyResponse) -> FrequencyResponse:
+    return _stretched(frf, 1 / (2 * math.pi))
+
+
+def _radians(frf: FrequencyResponse) -> FrequencyResponse:
+    angle = np.angle(frf.values) / _DEGREE
+    return dataclasses.replace(frf, values=np.abs(frf.values) * np.exp(1j * angle), covariance=None)
+
+
+def _linear(frf: FrequencyResponse) -> FrequencyResponse:
+    """20 log10 |G|, with the sign that a negative one takes into the phase."""
+    size = np.abs(frf.values)
+    if np.any(size <= 0):
+        raise InputError('"magnitude linear" takes the logarithm of the magnitude, which is 0 at one frequency point')
+    values = 20 * np.log10(size) * np.exp(1j * np.angle(frf.values))
+    return dataclasses.replace(frf, values=values, covariance=None)
+
+
+def _from_decibels(frf: FrequencyResponse) -> FrequencyResponse:
+    size = np.abs(frf.values)
+    if size.max() > _MOST_DECIBELS:
+        raise InputError(f'"magnitude in dB" would make a gain of {size.max():.4g} dB; these are no decibels')
+    values = 10 ** (size / 20) * np.exp(1j * np.angle(frf.values))
+    return dataclasses.replace(frf, values=values, covariance=None)
+
+
+def _bound_times(data: _Data, factor: float) -> _Data:
+    if data.bound is None or factor <= 0:
+        raise InputError(f'"bound times X" needs data with a bound, and X > 0; got {factor:g}')
+    return data.with_bound(data.bound.inflated(factor), data.note)
+
+
+def _advanced(frf: FrequencyResponse, samples: float) -> FrequencyResponse:
+    if frf.dt is None:
+        raise InputError('"advance N" and "delay N" count samples; this response has no sample time')
+    return frf.without_delay(samples * frf.dt)
+
+
+def _delayed(frf: FrequencyResponse, samples: float) -> FrequencyResponse:
+    return _advanced(frf, -samples)
+
+
+# --- of records -----------------------------------------------------------------------------------------------------------------
+
+
+def _outputs_times(record: TimeRecord, factor: float) -> TimeRecord:
+    if factor == 0:
+        raise InputError('"times X" needs another number than 0')
+    bound = None if record.bound is None else record.bound.inflated(abs(factor))
+    return dataclasses.replace(record, y=factor * record.y, bound=bound)
+
+
+def _outputs_negated(record: TimeRecord) -> TimeRecord:
+    return _outputs_times(record, -1.0)
+
+
+def _exchanged(record: TimeRecord) -> TimeRecord:
+    bound = record.bound
+    if bound is not None:
+        if record.u.shape != record.y.shape:
+            raise InputError('"exchange" of a record with a bound needs as many inputs as outputs')
+        size: Any = np.sqrt(np.mean(record.u**2, axis=0)) / np.sqrt(np.mean(record.y**2, axis=0))
+        bound = dataclasses.replace(bound, radius=bound.radius * size)
+    return dataclasses.replace(
+        record, u=record.y, y=record.u, bound=bound, inputs=record.outputs, outputs=record.inputs
+    )
+
+
+def _slower(record: TimeRecord, factor: float) -> TimeRecord:
+    if factor <= 0:
+        raise InputError(f'"time times X" needs X > 0; got {factor:g}')
+    return dataclasses.replace(record, dt=factor * record.dt)
+
+
+def _outputs_advanced(record: TimeRecord, samples: float) -> TimeRecord:
+    """Outputs moved earlier: as without a delay of so many samples."""
+    if samples >= 0 or record.initial == "periodic":
+        return record.without_delay(samples * record.dt)
+    late = round(-samples)
+    if late != -samples or not late < len(record.u):
+        raise InputError(f'"delay N" of a record needs a whole number of samples; got {-samples:g}')
+    # Outputs before the record are not known: the first samples are not used.
+    y = np.concatenate([np.zeros((late, record.y.shape[1])), record.y[:-late]])
+    bound = record.bound
+    if bound is not None:
+        radius = np.concatenate([np.full((late, record.y.shape[1]), np.inf), bound.radius[:-late]])
+        bound = dataclasses.replace(bound, radius=radius)
+    return dataclasses.replace(record, y=y, bound=bound)
+
+
+def _outputs_delayed(record: TimeRecord, samples: float) -> TimeRecord:
+    return _outputs_advanced(record, -samples)
+
+
+_OF_RESPONSES: dict[str, tuple[Callable[..., FrequencyResponse], bool]] = {
+    "conjugate": (_conjugated, False),
+    "negate": (_negated, False),
+    "transpose": (_transposed, False),
+    "exchange": (_inverted, False),
+    "times": (_scaled, True),
+    "differentiate": (_differentiated, False),
+    "integrate": (_integrated, False),
+    "frequency in Hz": (_in_hz, False),
+    "frequency in rad/s": (_in_rad, False),
+    "frequency times": (_stretched, True),
+    "phase in radians": (_radians, False),
+    "magnitude linear": (_linear, False),
+    "magnitude in dB": (_from_decibels, False),
+    "advance": (_advanced, True),
+    "delay": (_delayed, True),
+    "bound times": (_bound_times, True),
+}
+_OF_RECORDS: dict[str, tuple[Callable[..., TimeRecord], bool]] = {
+    "negate": (_outputs_negated, False),
+    "times": (_outputs_times, True),
+    "exchange": (_exchanged, False),
+    "time times": (_slower, True),
+    "advance": (_outputs_advanced, True),
+    "delay": (_outputs_delayed, True),
+    "bound times": (_bound_times, True),
+}

@@ -1,0 +1,228 @@
+"""Problems of measured responses, in words, before any class is assumed: phase, magnitude, frequency axis, scatter."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.core import Complex, Real
+from robustid.data import FrequencyResponse, as_frequency_response
+from robustid.errors import InputError
+from robustid.estimation.corrections import correct
+from robustid.estimation.pole_fit import PoleFit
+from robustid.estimation.roughness import roughness
+
+_POLES, _POINTS, _FEWEST, _ENTRIES = 20, 400, 16, 4
+# A correction is believed when a stable model then leaves a third of what it left, and at most so much of the response.
+_BETTER, _GOOD, _BAD = 3.0, 0.3, 0.05
+_JUMPS, _SMOOTH = (
+    0.5,
+    0.15,
+)  # median change of the phase in rad, and of the logarithm of the magnitude, from point to point
+_FLAT = 1.2 * np.pi**2 / 180  # rad: the phase of -pi to pi rad that was taken as degrees
+_WHOLE = 1e-4  # a number of samples so near to a whole one is whole
+_MOST_SAMPLES = 10**6
+_LESS = 0.7  # of the part of each value that is left, which a correction must reach too
+_SMALL = 1e-9  # part of the largest value, below which no part of it makes sense
+_CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
+_OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
+_DECIBELS = 6.0  # by which a magnitude in decibels varies at least
+_OF_STABLE = {
+    "conjugate": "the phase has the wrong sign (the response is conjugated)",
+    "phase in radians": "the phase is in radians and was taken as degrees",
+    "magnitude linear": "the magnitude is a plain number and was taken as decibels",
+    "magnitude in dB": "the magnitude is in decibels and was taken as a plain number",
+    "exchange": "input and output are exchanged",
+}
+
+
+class Fault(NamedTuple):
+    """A probable fault of a response, what shows it, and its correction (see `correct`); "" where none can undo it."""
+
+    cause: str
+    evidence: str
+    correction: str
+
+
+def response_problems(frf: FrequencyResponse) -> tuple[str, ...]:
+    """Faults of a response that no class has to be assumed for, one sentence each, with the correction.
+
+    A response of a stable plant is close to a stable rational function; that of its conjugate, of its inverse, or with a phase or a
+    magnitude in another unit, is not. Frequencies of a DFT are whole multiples of 1/(N dt) Hz. What a smooth model leaves, if
+    it is unrelated from one frequency point to the next, is noise, and has to be below the bound.
+
+    Parameters
+    ----------
+    frf : FrequencyResponse
+
+    Returns
+    -------
+    tuple of str
+        Empty where nothing is wrong, or fewer than 16 frequency points say nothing.
+
+    Raises
+    ------
+    InputTypeError
+        Something that isn't a FrequencyResponse.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> s = 1j * np.linspace(1, 20, 60)
+    >>> G = 1 / (s**2 + 0.2 * s + 100)
+    >>> rid.response_problems(rid.FrequencyResponse(s.imag, G))
+    ()
+    >>> wrong = rid.FrequencyResponse(s.imag, G.conj())
+    >>> rid.response_problems(wrong)[0].split(":")[0]
+    'the phase has the wrong sign (the response is conjugated)'
+    """
+    return tuple(
+        f"{fault.cause}: {fault.evidence}" + (f' "{fault.correction}"' if fault.correction else "")
+        for fault in response_faults(as_frequency_response("frf", frf))
+    )
+
+
+def response_faults(frf: FrequencyResponse) -> list[Fault]:
+    """Parts of what `response_problems` says: the most telling first."""
+    found = [*_axis(frf), *_stable(frf)]
+    return found or _scattered(frf)
+
+
+def _axis(frf: FrequencyResponse) -> list[Fault]:
+    """Numbers of an axis that are those of a DFT in the other unit."""
+    omega = frf.omega[frf.omega > 0]
+    if frf.dt is None or omega.size < _FEWEST:
+        return []
+    steps = np.diff(frf.omega)
+    step = float(np.min(steps[steps > 0], initial=np.inf))
+    if not np.isfinite(step) or not _multiples(omega, step):
+        return []
+    found: list[Fault] = []
+    for correction, cause, of, other in (
+        ("frequency in Hz", "the frequencies are in Hz and were taken as rad/s", 1.0, "Hz"),
+        ("frequency in rad/s", "the frequencies are in rad/s and were taken as Hz", 4 * np.pi**2, "rad/s"),
+    ):
+        samples, given = of / (step * frf.dt), 2 * np.pi / (step * frf.dt)
+        if _is_whole(samples) and not _is_whole(given) and (of > 1 or omega[-1] * frf.dt * 2 <= 1 + _WHOLE):
+            words = (
+                f"as numbers in {other} they are those of a DFT of {round(samples)} samples of {frf.dt:g} s; as they were taken, of"
+                f" {given:.6g}, which is none;"
+            )
+            found.append(Fault(cause, words + " they are right after the correction", correction))
+    return found
+
+
+def _multiples(omega: Real, step: float) -> bool:
+    """True where all frequencies are whole multiples of the smallest step."""
+    return bool(np.all(np.abs(omega / step - np.round(omega / step)) < _WHOLE * np.maximum(omega / step, 1)))
+
+
+def _is_whole(samples: float) -> bool:
+    return 2 <= samples <= _MOST_SAMPLES and abs(samples - round(samples)) < _WHOLE
+
+
+def _stable(frf: FrequencyResponse) -> list[Fault]:
+    """Corrections after which a stable model fits, where none does before."""
+    whole = ~frf.missing.any(axis=(1, 2))
+    if int(whole.sum()) < _FEWEST or not np.any(frf.values[whole]):
+        return []
+    part = _representative(frf.select(whole))
+    before, poles = misfit(part)
+    if jumping := _jumping(part, before):
+        return jumping
+    if before < _BAD:
+        return []
+    after: dict[str, float] = {}
+    for correction in _OF_STABLE:
+        if correction == "phase in radians" and np.abs(np.angle(part.values)).max() > _FLAT:
+            continue
+        if correction == "magnitude in dB" and np.ptp(np.abs(part.values)) < _DECIBELS:
+            continue
+        try:
+            changed = [correct(one, correction) for one in _entries(part)]
+        except InputError:
+            continue
+        left = max(misfit(one)[0] for one in changed)
+        # In parts of each value too: a few large values, of an inverse or of what isn't in decibels, make all else small.
+        if left <= min(_GOOD, before / _BETTER):
+            own, others = misfit(part, relative=True)[0], max(misfit(one, relative=True)[0] for one in changed)
+            after |= {correction: left} if others <= _LESS * own else {}
+    best = min(after, key=lambda name: after[name], default=None)
+    if best is None:
+        return []
+    words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
+    return [Fault(_OF_STABLE[best], words, best)]
+
+
+def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
+    """A phase that jumps where the magnitude is smooth."""
+    phase = np.abs(np.angle(frf.values[1:] * frf.values[:-1].conj()))
+    size = np.abs(np.diff(np.log(np.maximum(np.abs(frf.values), np.finfo(float).tiny)), axis=0))
+    jump, smooth = float(np.median(phase)), float(np.median(size))
+    if before < _GOOD or jump < _JUMPS or smooth > _SMOOTH:
+        return []
+    words = (
+        f"from one frequency point to the next it changes by {jump:.2g} rad, the magnitude by {100 * smooth:.2g} %. Read the file"
+        " again with the phase as phase_deg"
+    )
+    return [Fault("the phase is in degrees and was taken as radians", words, "")]
+
+
+def _scattered(frf: FrequencyResponse) -> list[Fault]:
+    """A bound that is smaller than the scatter around a smooth model, where what that leaves is white from point to point."""
+    if frf.bound is None or len(frf.omega) < 2 * _FEWEST or np.any(frf.missing):
+        return []
+    worst, times = 0.0, 0.0
+    for one in _entries(_representative(frf, bounded=True)):
+        found = roughness(one)
+        bound: Real = one.bound.outer_radius
+        left = np.abs(found.residual) / bound.reshape(-1)
+        size = float(np.sqrt(np.mean(left**2)))
+        if found.white and size > worst:
+            worst, times = size, float(left.max())
+    if worst < _OUTSIDE:
+        return []
+    factor = float(f"{1.2 * times:.3g}")
+    words = (
+        f"around a smooth model the values scatter by {worst:.2g} times their bound (rms), unrelated from one frequency point to"
+        " the next, so that it is noise; it is covered after the correction"
+    )
+    return [Fault("the bounds are smaller than the noise of the response", words, f"bound times {factor:g}")]
+
+
+def _representative(frf: FrequencyResponse, *, bounded: bool = False) -> FrequencyResponse:
+    """At most 400 frequency points, without what a fit of plain least squares doesn't use."""
+    points = np.unique(np.linspace(0, frf.omega.size - 1, _POINTS).astype(int))
+    chosen = frf.select(points)
+    return dataclasses.replace(chosen, covariance=None, bound=chosen.bound if bounded else None)
+
+
+def _entries(frf: FrequencyResponse) -> list[FrequencyResponse]:
+    """The largest entries, each alone."""
+    nu = len(frf.inputs)
+    size = np.linalg.norm(frf.values, axis=0).ravel()
+    largest = np.argsort(size)[::-1][:_ENTRIES]
+    return [frf.entry(*divmod(int(k), nu)) for k in largest if size[k] > 0]
+
+
+def misfit(frf: FrequencyResponse, *, relative: bool = False) -> tuple[float, int]:
+    """Part that the best stable model of up to 20 poles leaves of each of the largest entries, and the number of poles.
+
+    The largest part, rms, of what varies: a constant says nothing; or of each value.
+    """
+    poles = min(_POLES, frf.omega.size // 4) // 2 * 2
+    left = [0.0]
+    for one in _entries(frf):
+        fit = PoleFit(one, feedthrough=True)
+        values: Complex = one.values
+        varies = float(np.linalg.norm(values - np.mean(np.real(values))))
+        if varies <= _CONSTANT * float(np.linalg.norm(values)):
+            continue
+        size: Real = np.maximum(np.abs(fit.values), _SMALL * float(np.abs(fit.values).max())) * np.sqrt(values.size)
+        fit.weight = 1 / size if relative else np.full(fit.values.shape, 1 / varies)
+        # Real poles over decades follow an improper response too, with which those of the band have trouble: that is to be seen.
+        costs, _ = fit.search(poles, np.zeros(1), decades=False)
+        left.append(float(np.sqrt(costs[0])))
+    return max(left), poles

@@ -1,0 +1,103 @@
+"""Feedback in records: an input that answers the output before the output answers it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.data import TimeRecord
+
+_LAGS = 20
+_FEWEST = 400
+# Parts of a record, and the mean square of their autocorrelations, from which on it isn't random: 1 for white noise, over 22 for
+# sweeps of 1000 samples, 2 to 5 for the excitation of a CD player and for a multisine.
+_PARTS, _COLOURED = 8, 10.0
+_CERTAIN = 6.0  # standard deviations of a correlation between unrelated signals
+_PART = 0.2  # of the correlation with later outputs, that of an open loop is surely less
+_COPY = 1 - 1e-6
+_PEAKED = 30.0  # fourth moment over squared variance, from which on a signal is a few steps or pulses
+_CONTINUED = 1e-3  # what is new in an input, in part of it, below which it is its own continuation
+_EXACT = 1e-4  # part of an input that the output leaves unexplained, where a controller computes it
+
+
+def feedback_problems(record: TimeRecord) -> list[str]:
+    """Sentences on inputs that depend on the outputs; of records without reference whose inputs vary at random.
+
+    Input and output are filtered so that the input is white (its autoregression of order 20): then the input is uncorrelated with
+    earlier outputs unless a controller, or an exchange of the two, ties it to them. Standard deviation 1/sqrt(T).
+    """
+    if record.reference is not None or len(record.u) < _FEWEST:
+        return []
+    tied: list[tuple[float, str]] = []
+    for u, name in zip(record.u.T, record.inputs, strict=True):
+        for y, other in zip(record.y.T, record.outputs, strict=True):
+            if np.ptp(u) == 0 or np.ptp(y) == 0:
+                continue
+            u, y = ((x - x.mean()) / np.ptp(x) for x in (u, y))
+            pair = f"input {name.name} and output {other.name}"
+            if float(u @ y) > _COPY * float(np.linalg.norm(u) * np.linalg.norm(y)):
+                continue  # the output is the input, in another unit
+            if (left := _computed(u, y)) < _EXACT:
+                return [
+                    f"{pair}: all but {left:.1g} of the changes of the input follow from the output: a controller computes it, and"
+                    " nothing else moves it. The response would be that of -1/controller; excite the loop, and give the reference"
+                ]
+            early, late = _correlations(u, y)
+            if early > max(_CERTAIN, _PART * late):
+                tied.append((early, pair))
+    if not tied:
+        return []
+    early, pair = max(tied)
+    more = f" (and {len(tied) - 1} more pairs)" if len(tied) > 1 else ""
+    return [
+        f"{pair}{more}: the input follows earlier outputs, with a correlation of {early:.2g} standard deviations: the loop is"
+        " closed, or the two are exchanged. Give the reference, or exchange them"
+    ]
+
+
+def _correlations(u: Real, y: Real) -> tuple[float, float]:
+    """Largest correlation of the whitened input with earlier outputs, and with later ones, in standard deviations."""
+    import scipy.signal
+
+    whitening = _autoregression(u)
+    e, z = (scipy.signal.lfilter(whitening, 1, x - x.mean())[2 * _LAGS :] for x in (u, y))
+    if e.std() <= _CONTINUED * u.std() or np.mean(e**4) > _PEAKED * np.mean(e**2) ** 2 or not _white_everywhere(e):
+        return 0.0, 0.0
+    scale = np.sqrt(e.size) * e.std() * z.std()
+    early = [abs(float(e[lag:] @ z[:-lag])) / scale for lag in range(1, _LAGS + 1)]
+    late = [abs(float(e[:-lag] @ z[lag:])) / scale for lag in range(1, _LAGS + 1)]
+    return max(early), max(late)
+
+
+def _white_everywhere(e: Real) -> bool:
+    """Return whether a signal is white in every part, not only on the average: a sweep is a sine in every part of it."""
+    parts = e[: e.size // _PARTS * _PARTS].reshape(_PARTS, -1)
+    power = np.maximum(np.sum(parts**2, axis=1), np.finfo(float).tiny)
+    r = np.stack([np.sum(parts[:, lag:] * parts[:, :-lag], axis=1) / power for lag in range(1, _LAGS + 1)])
+    return float(np.mean(r**2)) * parts.shape[1] < _COLOURED
+
+
+def _autoregression(u: Real) -> Real:
+    """Coefficients of the whitening filter 1 - a1 z^-1 - ..., by the Yule-Walker equations."""
+    import scipy.linalg
+
+    x = u - u.mean()
+    r = np.array([float(x[: x.size - lag] @ x[lag:]) for lag in range(_LAGS + 1)])
+    r[0] *= 1 + 1e-9
+    return np.concatenate([[1.0], -scipy.linalg.solve_toeplitz(r[:-1], r[1:])])
+
+
+def _computed(u: Real, y: Real) -> float:
+    """Part of what is new in the input, given its own past, that present and past outputs leave unexplained."""
+    order = 4
+    rows = np.arange(order, u.size)
+    past = np.stack([u[rows - lag] for lag in range(1, order + 1)] + [np.ones(rows.size)], axis=1)
+    outputs = np.stack([y[rows - lag] for lag in range(order + 1)], axis=1)
+    outputs = outputs / max(float(np.abs(y).max()), np.finfo(float).tiny)
+    own, both = (
+        u[rows] - A @ np.linalg.lstsq(A, u[rows], rcond=None)[0]
+        for A in (past, np.concatenate([past, outputs], axis=1))
+    )
+    new = float(own @ own)
+    # An input that is its own continuation (a few sines, a constant) has nothing new.
+    return 1.0 if new <= _CONTINUED**2 * float(u @ u) else float(both @ both) / new

@@ -1,0 +1,196 @@
+"""estimate_frf(): frequency responses from records, with a statistical bound that holds for all spectral lines jointly."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robustid.core import as_count
+from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
+from robustid.errors import InputError
+from robustid.estimation.estimated import ABOUT, Estimate, bound
+from robustid.estimation.local import local
+from robustid.estimation.periodic import periodic
+from robustid.estimation.problems import record_problems
+from robustid.estimation.welch import welch
+
+_log = logging.getLogger("robustid")
+_METHODS = ("periodic", "local", "welch")
+
+
+def estimate_frf(
+    record: TimeRecord | Sequence[TimeRecord],
+    *,
+    method: str | None = None,
+    period: int | None = None,
+    lines: Any = None,
+    probability: float = 0.95,
+    about: str = "mean",
+) -> FrequencyResponse:
+    """Frequency response of any number of inputs and outputs from measured records, with covariance and a joint bound.
+
+    Periodic excitation: ``G = Y U^{-1}`` at every spectral line, Y (ny, nu) and U (nu, nu) the DFT of nu experiments side by
+    side, averaged over the periods. Any other excitation: ``Y(k+r) = G(k+r) U(k+r) + T(k+r)``, G and the transient T rational
+    with one denominator of order 2 over a few neighbouring lines r, so that neither leakage nor a resonance is smeared.
+
+    Parameters
+    ----------
+    record : TimeRecord or sequence of TimeRecord
+        One experiment, or several with the same `dt`, signals and length. Periodic with nu inputs: each nu records in
+        a row make a block (independent inputs, such as an orthogonal multisine); further blocks are further
+        realisations. Where every record has a `reference` (as many signals as inputs), it is taken as the excitation, and the
+        response is that from u to y in closed loop: the quotient of the responses to the reference.
+    method : {"periodic", "local", "welch"}, optional
+        Default: "periodic" where `period` is given or the records say ``initial="periodic"``, else "local". "welch" (Hann windows)
+        smears what changes within its resolution, which it states; a fallback for a first look.
+    period : int, optional
+        Period in samples; every record must be a whole number of periods. Default: each record is one period,
+        and then several blocks are needed.
+    lines : sequence of int, optional
+        Spectral lines k of the DFT, at frequency ``k/(N*dt)`` Hz, N the period (periodic) or the length of the record (local,
+        welch: of a segment). Default: those, 0 and Nyquist left out (offsets are no response), where every signal of the
+        excitation reaches a fifth of its largest line in one of the experiments; of more than 5000 lines every so manieth (local).
+    probability : float
+        Probability of the bound, jointly for all spectral lines and entries; between 0 and 1.
+    about : {"mean", "next record"}
+        What the bound holds for: the mean response over all realisations of the excitation (a confidence bound), or the response
+        without noise in the next record, or block of records, of the same kind (a tolerance bound), with what a nonlinear or
+        varying plant changes from one to the next. The latter needs several blocks, or unexcited lines in or beside the band.
+
+    Returns
+    -------
+    FrequencyResponse
+        With a confidence or tolerance `bound` (F, ny, nu) that knows from how many independent excitations it was taken (its
+        `excitations`), `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
+        `dof`, `coherence` (F, ny), the levels of `noise` and of stochastic nonlinear `distortion` where they show, what is wrong
+        with the records (`problems`, see `record_problems`), and a note that says what the scatter was taken over.
+
+    Raises
+    ------
+    InputError
+        No whole number of periods, fewer than two periods (or blocks) in total, experiments that are not
+        independent at a spectral line, too few samples, another method.
+    InputTypeError
+        Something that isn't a TimeRecord.
+
+    Notes
+    -----
+    Periodic. Leading periods of a record that isn't ``initial="periodic"`` are left out while they differ from the later ones
+    more than these among themselves (at most half of them). Then drifts, polynomials in time of degree 3 at most, are estimated
+    jointly with the periodic signals and removed.
+
+    One block of P periods: the errors are the scatter of ``(Y_p - G U_p) U^{-1}`` over the periods, input and output noise
+    together to first order. That is noise; what the plant changes with the realisation it can't show. Unexcited lines show
+    it from below: nonlinear distortion there, noise subtracted, interpolated to the excited lines, times 1.5 (2 where they all lie
+    beside the band), is then part of the bound. B > 1 blocks: the scatter from block to block, which holds noise and what
+    differs between realisations; where that is no more than the scatter over periods explains, both are taken together. Of
+    experiments that drive the inputs alike, all nu of a block count, ``nu (B - 1)`` degrees of freedom at a line.
+
+    With fewer than 10, neighbouring lines share their variance: around every line its logarithm is linear in that of the response
+    and in the frequency. Degrees of freedom are those of that fit, less where neighbouring lines vary together, or all lines do
+    from record to record. The variance of the next record is ``S (1 + 1/B)`` less that of the noise.
+
+    With s^2 the estimated variance, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
+    so that
+
+        ``bound = s sqrt(dof (alpha^(-1/dof) - 1))``,  ``alpha = (1 - probability)/(lines ny nu)``
+        (Bonferroni)
+
+    (at the real lines 0 and Nyquist Student's t instead). The bound is never below the rounding errors of the
+    DFT.
+
+    Assumes noise that is independent from period to period (periodic) or of a spectrum that is smooth over the window (local) with
+    normal DFT values, small against the input at the lines used; a linear plant within a realisation. Sources: `pintelon2012`,
+    chapters 2, 4 and 7; `mckelvey2012` (local rational method).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from robustid.data import TimeRecord, estimate_frf
+    >>> rng = np.random.default_rng(0)
+    >>> u = np.tile(np.cos(2 * np.pi * 3 * np.arange(50) / 50), 10)
+    >>> y = 2 * u + 0.1 * rng.standard_normal(u.size)
+    >>> frf = estimate_frf(TimeRecord(u, y, dt=0.01, initial="periodic"), period=50)
+    >>> frf.freq_hz, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
+    (array([6.]), True)
+    """
+    if method not in (None, *_METHODS):
+        raise InputError(f"`method` must be one of {_METHODS}; got {method!r}")
+    if about not in ABOUT:
+        raise InputError(f"`about` must be one of {tuple(ABOUT)}; got {about!r}")
+    probability = as_probability(probability)
+    records = checked_records(record)
+    _refuse_dead(records)
+    if method is None:
+        steady = all(r.initial == "periodic" for r in records)
+        method = "periodic" if period is not None or steady else "local"
+    if method != "periodic" and period is not None:
+        raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
+    problems = record_problems(records, period=_period(records, method, period))
+    for sentence in problems:
+        _log.warning("%s", sentence)
+    estimate = periodic(records, period, lines) if method == "periodic" else _other(method)(records, lines)
+    return dataclasses.replace(_finished(records[0], estimate, probability, about), problems=problems)
+
+
+def _other(method: str) -> Any:
+    return local if method == "local" else welch
+
+
+def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: str) -> FrequencyResponse:
+    found = bound(estimate, probability, about)
+    return FrequencyResponse(
+        estimate.step * estimate.index,
+        estimate.values,
+        bound=found,
+        covariance=estimate.covariance,
+        dt=first.dt,
+        inputs=first.inputs,
+        outputs=first.outputs,
+        note=f"{found.words()}, over {len(estimate.index)} frequency points, {estimate.source}",
+        dof=found.dof,
+        coherence=estimate.coherence,
+        noise=estimate.noise,
+        distortion=estimate.distortion,
+    )
+
+
+def _period(records: list[TimeRecord], method: str, period: int | None) -> int | None:
+    """Period that is stated: without a number, each record is one."""
+    if method != "periodic":
+        return None
+    return len(records[0].u) if period is None else as_count("period", period, least=2)
+
+
+def _refuse_dead(records: list[TimeRecord]) -> None:
+    """Outputs that say nothing in any experiment are refused."""
+    for k, channel in enumerate(records[0].outputs):
+        if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):
+            raise InputError(
+                f"`record`: output {channel.name} is constant ({records[0].y[0, k]:.6g}): a sensor that is not connected, or"
+                " saturated; leave that signal out"
+            )
+
+
+def checked_records(record: Any) -> list[TimeRecord]:
+    """Experiments with the same signals, sample time and length."""
+    records = as_records("record", record)
+    first = records[0]
+    for k, other in enumerate(records):
+        for what, a, b in (
+            ("sample time", first.dt, other.dt),
+            ("shape of u", first.u.shape, other.u.shape),
+            ("shape of y", first.y.shape, other.y.shape),
+            ("reference (in all or none)", _reference(first), _reference(other)),
+        ):
+            if a != b:
+                raise InputError(f"`record`: all experiments must have the same {what}; got {a} and {b} (number {k})")
+    return records
+
+
+def _reference(record: TimeRecord) -> tuple[int, ...] | None:
+    return None if record.reference is None else record.reference.shape

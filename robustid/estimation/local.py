@@ -1,0 +1,196 @@
+"""Local rational method: the response at a spectral line from a few lines around it, transient and resonance included."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robustid.core import as_array
+from robustid.data import TimeRecord
+from robustid.errors import InputError
+from robustid.estimation.estimated import Estimate
+
+_EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
+_ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
+_SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
+_FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
+_MOST = 5000  # lines by default
+_CHUNK = 2**22  # numbers in the largest array
+
+
+def local(records: list[TimeRecord], lines: Any) -> Estimate:
+    """Fit ``Y = G U + T`` with ``G = N/D``, ``T = M/D``, ``D(0) = 1``, over a window around every line: see `estimate_frf`.
+
+    In closed loop the responses of u and y to the reference are fitted, and divided.
+    """
+    first = records[0]
+    samples, nu, ny = len(first.u), first.u.shape[1], first.y.shape[1]
+    loop = first.reference is not None and first.reference.shape[1] == nu
+    u, y = (np.fft.rfft(np.stack([getattr(r, name) for r in records]), axis=1) / samples for name in ("u", "y"))
+    x, z = u, y
+    if loop:
+        x = np.fft.rfft(np.stack([np.asarray(r.reference) for r in records]), axis=1) / samples
+        z = np.concatenate([y, u], axis=2)
+    unknowns = (_ORDER + 1) * (nu + len(records)) + _ORDER
+    half = -(-((unknowns + _SPARE) / len(records) - 1) // 2)
+    half = int(max(half, _ORDER + 1))
+    last = (samples - 1) // 2  # the highest line that isn't real
+    if last < 2 * half + 1:
+        raise InputError(
+            f"`record` has {samples} samples: the local method needs {2 * (2 * half + 1) + 1} for {nu} inputs and"
+            f" {len(records)} experiments; measure longer"
+        )
+    index = excited_lines(x, half, last) if lines is None else checked_lines(lines, last)
+    chunk = max(1, _CHUNK // ((2 * half + 1) * len(records) * unknowns * 2))
+    parts = [_fit(x, z, part, half, last) for part in np.array_split(index, -(-index.size // chunk))]
+    values, covariance, residual = (np.concatenate(piece) for piece in zip(*parts, strict=True))
+    if loop:
+        values, covariance = divided(values, covariance, ny)
+    power = np.mean(np.abs(y) ** 2, axis=0)
+    power = _smooth(power, half)[index]
+    return Estimate(
+        index=index,
+        step=2 * np.pi / (samples * first.dt),
+        values=values,
+        covariance=covariance,
+        dof=float(len(records) * (2 * half + 1) - unknowns),
+        excitations=len(records) // nu or 1,
+        coherence=np.clip(1 - residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
+        rounding=_rounding(u, y, values, index, half),
+        source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
+        f" ({(2 * half + 1) / (samples * first.dt):.3g} Hz)",
+        noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
+    )
+
+
+class _Windows(NamedTuple):
+    """Regressors of all outputs around every line."""
+
+    lines: np.ndarray  # (f, w) of the transform
+    high: np.ndarray  # (f, r, _ORDER) powers of the offset from 1 on, for every experiment
+    shared: np.ndarray  # (f, r, p) of N and M
+    size: np.ndarray  # (f, nx) of the excitation: its columns are scaled by it
+
+
+def _windows(x: np.ndarray, index: np.ndarray, half: int, last: int) -> _Windows:
+    experiments, width = x.shape[0], 2 * half + 1
+    # Near the ends of the axis the window is not centred: lines beyond are conjugates, which say nothing new.
+    lines = np.clip(index - half, 1, last - 2 * half)[:, None] + np.arange(width)
+    powers = ((lines - index[:, None]) / half)[:, :, None] ** np.arange(_ORDER + 1)
+    size = np.sqrt(np.mean(np.abs(x[:, lines]) ** 2, axis=(0, 2)))
+    size = np.where(size > 0, size, 1)
+    drive = (x[:, lines] / size[:, None]).transpose(1, 0, 2, 3)  # (f, e, w, nx)
+    rows = (len(index), experiments * width, -1)
+    forced = (powers[:, None, :, :, None] * drive[:, :, :, None, :]).reshape(rows)
+    free = np.einsum("ed,fws->fewds", np.eye(experiments), powers).reshape(rows)
+    high = np.tile(powers[:, :, 1:], (1, experiments, 1))
+    return _Windows(lines, high, np.concatenate([forced, free], axis=2), size)
+
+
+def _fit(x: np.ndarray, z: np.ndarray, index: np.ndarray, half: int, last: int) -> tuple[np.ndarray, ...]:
+    """Values (f, nz, nx), covariance (f, nz nx, nz nx) of vec, and variance of the residuals (f, nz)."""
+    nx, nz = x.shape[2], z.shape[2]
+    windows = _windows(x, index, half, last)
+    polynomial = _pseudo_inverses(windows.shared)
+    rows, unknowns = windows.shared.shape[1:]
+    values = np.empty((len(index), nz, nx), complex)
+    maps = np.empty((len(index), nz, nx, rows), complex)
+    left = np.empty((len(index), nz, rows), complex)
+    for i in range(nz):
+        target = z[:, windows.lines, i].transpose(1, 0, 2).reshape(len(index), rows)
+        solution, inverse, left[:, i] = _one_output(windows, polynomial, target)
+        values[:, i], maps[:, i] = solution[:, :nx], inverse[:, :nx]
+    spread = left @ left.conj().swapaxes(1, 2) / (rows - unknowns - _ORDER)  # (f, nz, nz)
+    # vec with columns stacked: entry (i, j) at j nz + i.
+    gram = np.einsum("fijr,fklr->fjilk", maps, maps.conj(), optimize=True)
+    covariance = (gram * spread[:, None, :, None, :]).reshape(len(index), nx * nz, nx * nz)
+    units = np.repeat(1 / windows.size, nz, axis=1)
+    covariance = covariance * units[:, :, None] * units[:, None, :]
+    return values / windows.size[:, None, :], covariance, np.einsum("fii->fi", spread).real
+
+
+def _one_output(windows: _Windows, polynomial: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Coefficients, their dependence on errors of the output, and residuals: with a denominator where it is worth it."""
+    shared, dof = windows.shared, windows.shared.shape[1] - windows.shared.shape[2]
+    solution = np.einsum("fpr,fr->fp", polynomial, target)
+    plain = target - np.einsum("frp,fp->fr", shared, solution)
+    tail = -windows.high * target[:, :, None]
+    beside = tail - shared @ (polynomial @ tail)
+    poles = np.einsum("fpr,fr->fp", _pseudo_inverses(beside), plain)
+    below = 1 + np.einsum("frs,fs->fr", windows.high, poles)
+    weight = 1 / np.where(np.abs(below) > _FLAT, below, _FLAT)
+    # Divided by the denominator: a small one makes the errors of the equation small, not those of the fit.
+    rest = _sum((plain - np.einsum("frp,fp->fr", beside, poles)) * weight)
+    k = np.flatnonzero(rest < _sum(plain))
+    # As if they had as many degrees of freedom as with a denominator.
+    left, inverse = plain * np.sqrt((dof - _ORDER) / dof), polynomial.copy()
+    if k.size:
+        design = np.concatenate([shared[k], tail[k]], axis=2)
+        weighted = _pseudo_inverses(design * weight[k, :, None])
+        fraction = np.einsum("fpr,fr->fp", weighted, target[k] * weight[k])
+        left[k] = (target[k] - np.einsum("frp,fp->fr", design, fraction)) * weight[k]
+        solution[k], inverse[k] = fraction[:, :-_ORDER], weighted[:, :-_ORDER]
+    return solution, inverse, left
+
+
+def _sum(errors: np.ndarray) -> np.ndarray:
+    return np.sum(np.abs(errors) ** 2, axis=1)
+
+
+def _pseudo_inverses(design: np.ndarray) -> np.ndarray:
+    """Pseudo-inverses of full-rank designs, columns scaled to one size first."""
+    size = np.linalg.norm(design, axis=1)
+    size = np.where(size > 0, size, 1)
+    q, r = np.linalg.qr(design / size[:, None])
+    small = np.abs(np.einsum("fii->fi", r)).min(axis=1) < _FLAT**2
+    if np.any(small):
+        r = r + np.where(small, _FLAT**2, 0.0)[:, None, None] * np.eye(r.shape[1])
+    return np.linalg.solve(r, q.conj().swapaxes(1, 2)) / size[:, :, None]
+
+
+def divided(values: np.ndarray, covariance: np.ndarray, ny: int) -> tuple[np.ndarray, np.ndarray]:
+    """``G = G_y G_u^{-1}`` from the responses of (y, u) to the reference; dG = (dG_y - G dG_u) G_u^{-1} to first order."""
+    to_u = values[:, ny:]
+    inverse = np.linalg.inv(to_u)
+    response = values[:, :ny] @ inverse
+    mix = np.concatenate([np.broadcast_to(np.eye(ny), (len(values), ny, ny)), -response], axis=2)
+    jacobian = np.einsum("fba,fcd->facbd", inverse, mix).reshape(len(values), response[0].size, -1)
+    return response, jacobian @ covariance @ jacobian.conj().swapaxes(1, 2)
+
+
+def _smooth(power: np.ndarray, half: int) -> np.ndarray:
+    """Mean over the window of every line, (K, n)."""
+    total = np.concatenate([np.zeros((1, power.shape[1])), np.cumsum(power, axis=0)])
+    low = np.clip(np.arange(len(power)) - half, 0, None)
+    high = np.clip(np.arange(len(power)) + half + 1, None, len(power))
+    return (total[high] - total[low]) / (high - low)[:, None]
+
+
+def excited_lines(x: np.ndarray, half: int, last: int) -> np.ndarray:
+    """Spectral lines where every signal of the excitation is there, 5000 at most."""
+    amplitude = np.sqrt(_smooth(np.max(np.abs(x) ** 2, axis=0), half))
+    amplitude[0] = 0
+    amplitude[last + 1 :] = 0
+    largest = amplitude.max(axis=0)
+    index = np.flatnonzero(np.all(amplitude >= _EXCITED * largest, axis=1) & np.all(largest > 0))
+    if index.size == 0:
+        raise InputError(
+            "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"
+        )
+    return index[:: -(-index.size // _MOST)]
+
+
+def checked_lines(lines: Any, last: int) -> np.ndarray:
+    """Lines given by the user, ascending."""
+    index = as_array("lines", lines, ndim=1)
+    if index.size == 0 or np.any(index != np.round(index)) or index.min() < 1 or index.max() > last:
+        raise InputError(f"`lines` must be whole numbers from 1 to {last}; got {lines!r}")
+    return np.unique(index).astype(int)
+
+
+def _rounding(u: np.ndarray, y: np.ndarray, values: np.ndarray, index: np.ndarray, half: int) -> np.ndarray:
+    """Rounding error of the transforms relative to the input in the window."""
+    size = np.sqrt(_smooth(np.max(np.abs(u) ** 2, axis=0), half))[index]
+    scale = np.abs(y).max(axis=(0, 1))[:, None] + np.abs(values) @ np.abs(u).max(axis=(0, 1))[:, None]
+    return 64 * np.finfo(float).eps * scale / np.where(size > 0, size, 1)[:, None, :]

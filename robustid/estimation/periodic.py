@@ -1,0 +1,253 @@
+"""Frequency responses at the excited spectral lines of periodic experiments."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+
+from robustid.core import as_array, as_count
+from robustid.data import Caveat, TimeRecord
+from robustid.errors import InputError, Remedy
+from robustid.estimation.detection import detected
+from robustid.estimation.drift import without_drift
+from robustid.estimation.estimated import Estimate
+from robustid.estimation.scatter import scattered
+
+_Spectra = dict[str, Any]  # of u, y and reference: (K, blocks, periods, signals, experiments)
+_log = logging.getLogger("robustid")
+
+# A line counts as excited from a fifth of the largest line on: measured inputs carry disturbance lines of
+# 10-15 % (drives, mains), while a multisine meant for identification is flat to a factor of 2 or 3.
+EXCITED = 0.2
+_MAX_CONDITION = 1e6
+_SIGNIFICANT = 5.0  # standard deviations
+_DRIFT_SAID = 0.01  # part of the rms of an output from which on a drift is worth a word
+_TRANSIENT_BAND = 8  # lines over which a transient is looked for: that of a lightly damped mode fills a few only
+
+
+def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estimate:
+    """Ratios of the spectra averaged over the periods, nu experiments a block: see `estimate_frf`."""
+    first = records[0]
+    samples, nu = len(first.u), first.u.shape[1]
+    period = samples if period is None else as_count("period", period, least=2)
+    if samples % period:
+        raise InputError(
+            f"`record` has {samples} samples, not a whole number of periods of {period}; cut it to ",
+            Remedy({"samples": (whole := samples // period * period)}, f"{whole} samples"),
+            " or correct `period`",
+        )
+    if len(records) % nu:
+        raise InputError(
+            f"`record`: {nu} inputs need {nu} experiments, or a multiple of that; got {len(records)}."
+            " One experiment can't tell the inputs apart"
+        )
+    if samples // period * len(records) // nu < 2:
+        raise InputError(
+            f"`record` holds one period of {period} samples for each of the {nu} experiments: nothing"
+            " to estimate the noise from; give at least two periods (`period` in samples), or further"
+            " realisations"
+        )
+    loop = all(r.reference is not None for r in records)
+    spectra = {"u": _spectra(records, "u", period), "y": _spectra(records, "y", period)}
+    if loop:
+        spectra["reference"] = _spectra(records, "reference", period)
+    excitation = spectra["reference" if loop else "u"]
+    index = _excited(excitation.mean(axis=1), period) if lines is None else _checked_lines(lines, period)
+    skipped, steady = transient_periods(np.concatenate([spectra["u"], spectra["y"]], axis=3), index)
+    drifts = steady
+    if all(r.initial == "periodic" for r in records):
+        # Nothing is left out of what is stated to be steady; but what a transient does is no drift.
+        drifts, skipped, steady = skipped == 0, 0, True
+    elif not steady:
+        _log.warning(
+            "the record is not in steady state even after %d periods: its bounds hold for steady data", skipped
+        )
+    # (K, blocks, periods, signals, experiments)
+    kept = {name: _steady(records, name, period, skipped, drifts) for name in spectra}
+    whole = {name: by_block(dft(signals, period), nu) for name, (signals, _) in kept.items()}
+    found = _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(*kept["y"]))
+    return found if steady else found._replace(caveats=(Caveat.UNSTEADY,))
+
+
+def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: _Spectra, skipped: str) -> Estimate:
+    first = records[0]
+    u, y, r = whole["u"][index], whole["y"][index], whole["reference"][index] if "reference" in whole else None
+    blocks, periods = u.shape[1:3]
+    values, inverse, source = _response(u, y, r, index, period, first.dt)
+    left = y - values[:, None, None] @ u
+    rounding = _rounding(records, values, inverse)
+    scatter = scattered(left, inverse, values, u, index, rounding)
+    if blocks == 1:
+        drive, at_inputs, at_outputs = (whole[name][:, 0] for name in ("u" if r is None else "reference", "u", "y"))
+        found = detected(drive, at_inputs, at_outputs, index, values, inverse[:, 0])
+        scatter = scatter.with_distortion(found)
+    power = np.mean(np.abs(y) ** 2, axis=(2, 4)).mean(axis=1)
+    rest = np.mean(np.abs(left) ** 2, axis=(2, 4)).mean(axis=1)
+    rest *= blocks * periods / max(blocks * periods - 1, 1)
+    return Estimate(
+        index=index,
+        step=2 * np.pi / (period * first.dt),
+        values=values,
+        covariance=scatter.covariance,
+        dof=scatter.dof,
+        coherence=np.clip(1 - rest / np.where(power > 0, power, 1), 0, 1),
+        rounding=rounding,
+        source=f"{source}scatter over {scatter.words}{skipped}",
+        excitations=blocks,
+        changing=scatter.changing,
+        noise=scatter.noise,
+        distortion=scatter.distortion,
+        real=(2 * index) % period == 0,
+    )
+
+
+def _response(u: Any, y: Any, r: Any, index: Any, period: int, dt: float) -> tuple[np.ndarray, np.ndarray, str]:
+    """Values (F, ny, nu), the inverse of the inputs of every block, (F, blocks, nu, nu), and by what they were found."""
+    if r is not None and r.shape[3] == u.shape[3] and u.shape[1] > 1:
+        # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
+        by_reference = inverse_spectra(r.mean(axis=2), index, period, dt, "reference")
+        to_u = (u.mean(axis=2) @ by_reference).mean(axis=1, keepdims=True)
+        inverse, source = by_reference @ inverse_spectra(to_u, index, period, dt, "u"), "by the reference, "
+    else:
+        inverse, source = inverse_spectra(u.mean(axis=2), index, period, dt, "u"), ""
+    return (y.mean(axis=2) @ inverse).mean(axis=1), inverse, source
+
+
+def _skipped(count: int, steady: bool) -> str:
+    if not count:
+        return ""
+    return f"; the first {count} left out (transient)" + ("" if steady else ", still not steady")
+
+
+def _steady(records: list[TimeRecord], name: str, period: int, skipped: int, drifts: bool) -> tuple[Any, Any]:
+    """Signals (R, T, n) after the periods that are left out, without drift, and the range of the drift."""
+    signals = np.stack([getattr(r, name) for r in records])[:, skipped * period :]
+    return without_drift(signals, period) if drifts else (signals, np.zeros(signals[:, 0].shape))
+
+
+def _drifted(signals: np.ndarray, drift: np.ndarray) -> str:
+    """Say how far outputs (R, T, ny) drifted, relative to their rms."""
+    size = drift / np.maximum(signals.std(axis=1), np.finfo(float).tiny)
+    if size.max() < _DRIFT_SAID:
+        return ""
+    return f"; drifts of the outputs of up to {100 * size.max():.2g} % of their rms removed"
+
+
+def _checked_lines(lines: Any, period: int) -> np.ndarray:
+    index = as_array("lines", lines, ndim=1)
+    if index.size == 0 or np.any(index != np.round(index)) or index.min() < 0 or index.max() > period // 2:
+        raise InputError(f"`lines` must be whole numbers from 0 to period//2 = {period // 2}; got {lines!r}")
+    if len(np.unique(index)) != index.size:
+        raise InputError(f"`lines` must be all different; got {lines!r}")
+    return np.sort(index).astype(int)
+
+
+def _spectra(records: list[TimeRecord], name: str, period: int) -> np.ndarray:
+    """(R, periods, period//2+1, n): amplitudes per period."""
+    return dft(np.stack([getattr(r, name) for r in records]), period)
+
+
+def dft(signals: np.ndarray, period: int) -> np.ndarray:
+    """(R, T, n) real -> (R, periods, period//2+1, n): amplitudes per period."""
+    cut = signals.reshape(len(signals), -1, period, signals.shape[-1])
+    return np.fft.rfft(cut, axis=2) / period
+
+
+def by_block(spectra: np.ndarray, nu: int) -> np.ndarray:
+    """(R, P, F, n) -> (F, blocks, P, n, nu): the experiments of a block side by side."""
+    split = spectra.reshape(-1, nu, *spectra.shape[1:])
+    return split.transpose(3, 0, 2, 4, 1)
+
+
+def _excited(spectra: np.ndarray, period: int) -> np.ndarray:
+    amplitude = np.abs(spectra).max(axis=0)
+    amplitude[0] = 0
+    if period % 2 == 0:
+        amplitude[-1] = 0
+    largest = amplitude.max(axis=0)
+    index = np.flatnonzero(np.all(amplitude >= EXCITED * largest, axis=1) & np.all(largest > 0))
+    if index.size == 0:
+        raise InputError(
+            "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"
+        )
+    return index
+
+
+def inverse_spectra(u: np.ndarray, index: np.ndarray, period: int, dt: float, name: str = "u") -> np.ndarray:
+    """U^{-1} at every line, (F, ..., nu, nu); or say which experiments are not independent where."""
+    # Rows scaled to unit size first: the units of the inputs must not decide on independence.
+    what = "inputs" if name == "u" else "references"
+    size = np.abs(u).max(axis=(0, 1, 3), keepdims=True)
+    if np.all(size > 0) and np.all(np.abs(u).max(axis=(2, 3)) > 0):
+        condition = np.linalg.cond(u / size).max(axis=1)
+        if condition.max() < _MAX_CONDITION:
+            return np.asarray(np.linalg.inv(u / size), dtype=complex) / size.swapaxes(-1, -2)
+        worst = index[np.argmax(condition)] / (period * dt)
+        raise InputError(
+            f"`record`: the {what} of the experiments are not independent at {worst:g} Hz (condition"
+            f" {condition.max():.1g}); use other inputs, such as an orthogonal multisine, or leave the line"
+            " out"
+        )
+    raise InputError(
+        f"`record`: {'an input' if name == 'u' else 'a reference'} is zero at a spectral line that is asked for; correct `lines` or"
+        " leave the input out"
+    )
+
+
+def _rounding(records: list[TimeRecord], values: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    """Rounding error of the estimate: the DFT's is relative to the largest sample, not to the line."""
+    u_size, y_size = (np.max([np.abs(getattr(r, s)).max(axis=0) for r in records], axis=0) for s in ("u", "y"))
+    numerator = y_size[:, None] + np.abs(values) @ u_size[:, None]
+    gain = np.abs(inverse).sum(axis=2).max(axis=1)
+    return 16 * np.finfo(float).eps * numerator * gain[:, None, :]
+
+
+def transient_periods(spectra: np.ndarray, index: np.ndarray) -> tuple[int, bool]:
+    """Number of periods at the start that differ from the later ones more than these among themselves.
+
+    ``x_k = |Y_p(k) - mean|^2/(s^2 (1 + 1/m))``, mean and variance s^2 over the m periods after p, is F(2, 2(m-1)) distributed in
+    steady state; the mean of log x over all lines and over every few of them is compared with what it would be.
+
+    Parameters
+    ----------
+    spectra : (R, P, K, n) array
+        Of every record and period.
+    index : (F,) array
+        Lines that are used: the lines in between count too.
+
+    Returns
+    -------
+    int, bool
+        Periods, at most half of them, and whether the later ones are steady.
+    """
+    from scipy.special import polygamma, psi
+
+    periods = spectra.shape[1]
+    if periods < 4:
+        return 0, True
+    band = spectra[:, :, index.min() : index.max() + 1]
+    channels = band.shape[0] * band.shape[3]
+    # Well above rounding: periods that are the same up to it are steady.
+    floor = (64 * np.finfo(float).eps * np.abs(spectra).max(axis=(1, 2), keepdims=True)) ** 2
+    last = periods // 2
+    for p in range(last + 1):
+        later = band[:, p + 1 :]
+        m = later.shape[1]
+        if m < 2:
+            return p, True
+        scatter = later.var(axis=1, ddof=1) * (1 + 1 / m)
+        away = np.abs(band[:, p] - later.mean(axis=1)) ** 2
+        # Signals that repeat up to rounding, as an ideal input does, say nothing either way.
+        alive = np.maximum(scatter, away) > floor[:, 0]
+        ratio = np.where(alive, away, 1) / np.where(alive, scatter + floor[:, 0], 1)
+        mean, variance = psi(1) - psi(m - 1) + np.log(m - 1), polygamma(1, 1) + polygamma(1, m - 1)
+        log = np.log(np.maximum(ratio, np.finfo(float).tiny)) - mean
+        each = np.where(alive, log, 0).sum(axis=(0, 2))  # (K,): all records and signals
+        width = min(_TRANSIENT_BAND, each.size)
+        local = np.convolve(each, np.ones(width), mode="valid").max() / np.sqrt(variance * channels * width)
+        whole = each.sum() / np.sqrt(variance * channels * each.size)
+        if max(local, whole) <= _SIGNIFICANT:
+            return p, True
+    return last, False

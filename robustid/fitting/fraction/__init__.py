@@ -1,0 +1,1 @@
+"""Matrix fractions on data-dependent orthonormal polynomials."""

@@ -1,0 +1,1 @@
+"""Modes of a model and fits in modal form."""

@@ -1,0 +1,214 @@
+"""Fits of modal structure: from the free fit's modes, each projected on the structure, refined in it, kept exact."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real, StateMatrices, response_at
+from robustid.fitting.fraction.attempt import FORMED, Attempt, formed
+from robustid.fitting.fraction.iteration import FitStatus, FitStep, FractionFit, former
+from robustid.fitting.fraction.model import realise
+from robustid.fitting.fraction.problem import FractionProblem
+from robustid.fitting.modal.modal_structure import Modal
+from robustid.fitting.modal.mode_gains import gains
+from robustid.fitting.state_space.block_model import BlockModel
+from robustid.fitting.state_space.descent import Settings, blocks_of, descended, flipped, suspicious, with_rigid_modes
+from robustid.fitting.state_space.exchange import exchange
+from robustid.fitting.state_space.left_out import STEPS
+from robustid.fitting.state_space.outputs import Fitted, LocalModel, Outputs
+from robustid.fitting.state_space.real_modes import RealModes
+from robustid.fitting.state_space.refinement import Budget, Refined, refine
+from robustid.fitting.state_space.state_fit import Samples
+from robustid.fitting.state_space.tied_outputs import TiedOutputs
+
+_FREE = 0.5  # part of the time for the fit without structure
+_STEPS = 100  # of the refinement, twice where it ends slowly
+_NEAR_NYQUIST = 0.98 * math.pi  # rad/sample: where a mode begins whose poles lie left of the origin
+
+
+def modal_attempt(
+    problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings, modal: Modal, given: bool
+) -> Attempt:
+    """Fit of this structure from a first model; one that the user gave is projected at once where it has the order.
+
+    Others are refined freely first.
+
+    `start` is the projection, and `found` keeps the structure exactly; the fraction is formed of it. The history holds the steps
+    of the free descent, too.
+    """
+    now, interrupted = time.monotonic(), False
+    history: tuple[FitStep, ...] = ()
+    problem, model = with_rigid_modes(problem, data, model, settings.body)
+    if not given or len(model.A) != problem.order:
+        part = dataclasses.replace(settings, deadline=now + _FREE * (settings.deadline - now))
+        free = descended(problem, data, model, part)
+        problem, model, interrupted = free.problem, free.model, free.refined.status is FitStatus.INTERRUPTED
+        history = former(free.refined.history, "without structure")
+    turned = flipped(problem) and not modal.symmetric
+    if turned:
+        problem, data, model = problem.transposed(), data.transposed(), model.transposed()
+    outputs = TiedOutputs(problem) if modal.symmetric else Outputs(problem)
+    start = _start(problem, model, settings.stable, modal, outputs)
+    refined = _refined(problem, data, start, settings, modal, outputs, 0 if interrupted else _STEPS)
+    refined = refined._replace(history=history + refined.history)
+    if interrupted:
+        refined = refined._replace(status=FitStatus.INTERRUPTED)
+    first, exact = (_realised(end, problem.scale, turned) for end in (outputs.fitted(start), refined.fitted))
+    if turned:
+        problem, data = problem.transposed(), data.transposed()
+    if problem.rigid is not None:
+        rigid = dataclasses.replace(problem.rigid, directions=refined.fitted.model.directions)
+        problem = dataclasses.replace(problem, rigid=rigid)
+    return _formed(problem, data, first, exact, refined, settings)
+
+
+def _refined(
+    problem: FractionProblem,
+    data: Samples,
+    start: LocalModel,
+    settings: Settings,
+    modal: Modal,
+    outputs: Outputs,
+    limit: int,
+) -> Refined:
+    """End of the descent in this structure."""
+    budget = Budget(settings.deadline, settings.progress)
+    descend = functools.partial(refine, problem, stable=settings.stable, budget=budget, outputs=outputs)
+    found = descend(start, limit=limit)
+    if limit and settings.rounds and suspicious(problem, found.fitted.response, found.status):
+        found = exchange(
+            problem,
+            data,
+            found,
+            stable=settings.stable,
+            rounds=settings.rounds,
+            budget=budget,
+            outputs=outputs,
+            structured=functools.partial(_structured, problem, modal),
+        )
+    if found.status is FitStatus.SLOW and not budget.spent:
+        more = descend(found.fitted.model, limit=limit, patient=True)
+        found = more._replace(history=found.history + more.history)
+    return found
+
+
+def modal_withheld_residual(
+    problem: FractionProblem, model: StateMatrices, modal: Modal, mask: NDArray[np.bool_], *, stable: bool
+) -> Complex:
+    """`withheld_residual` within the structure, from a model that has it."""
+    others = dataclasses.replace(
+        problem, omega=problem.omega[~mask], values=problem.values[~mask], weight=problem.weight.select(~mask)
+    )
+    outputs = TiedOutputs(others) if modal.symmetric else Outputs(others)
+    start = _start(others, model, stable, modal, outputs)
+    found = refine(others, start, stable=stable, limit=STEPS, outputs=outputs).fitted
+    return problem.values[mask] - found.C @ found.model.states(problem.xi[mask]) - found.D
+
+
+def _start(problem: FractionProblem, model: StateMatrices, stable: bool, modal: Modal, outputs: Outputs) -> LocalModel:
+    """The modes of a model, projected on the structure."""
+    start = _structured(problem, modal, blocks_of(problem, model), problem.values)
+    if not stable:
+        return start
+    inside = start.reflected()
+    return min(inside, inside.resolved(problem.xi), key=lambda one: outputs.fitted(one).cost)
+
+
+def _structured(problem: FractionProblem, modal: Modal, blocks: BlockModel, values: Complex) -> LocalModel:
+    """Blocks as modes of this structure: the nearest to what they are in the best model of these values that they allow."""
+    if not modal.real and not modal.symmetric:
+        return blocks
+    C = Outputs(dataclasses.replace(problem, values=values)).fitted(blocks).C
+    return _real_modes(problem, modal, blocks, C) if modal.real else _symmetric_blocks(blocks, C, modal.power)
+
+
+def _symmetric_blocks(blocks: BlockModel, C: Real, power: int) -> BlockModel:
+    """Blocks whose input shape is that of the symmetric part of the gain; real poles keep theirs."""
+    inputs = blocks.inputs.copy()
+    for k, M in enumerate(gains(blocks, C, power)):
+        if blocks.fall[k] > 0:
+            # M + M' = s u u' up to a phase, which the commutant of the block takes up; its inputs [1, -j/w] B are u.
+            shape = np.linalg.svd(M + M.T)[0][:, 0]
+            ratio = math.sqrt(blocks.fall[k] / blocks.coupling[k])
+            inputs[k] = np.real(shape), -ratio * np.imag(shape)
+    return dataclasses.replace(blocks, inputs=inputs).normalised()
+
+
+def _real_modes(problem: FractionProblem, modal: Modal, blocks: BlockModel, C: Real) -> RealModes:
+    """Modes of real shape: of every gain the real part, of that the largest term."""
+    swing = np.sqrt((-blocks.coupling * blocks.fall).astype(complex))
+    single = blocks.single[: blocks.single.size // 2 * 2].reshape(-1, 2).astype(complex)
+    poles = np.concatenate([np.stack([blocks.centre + swing, blocks.centre - swing], axis=1), single])
+    discrete = problem.dt is not None
+    poles = _in_s(poles) if discrete else poles
+    centre, square = poles.mean(axis=1).real, -(((poles[:, 0] - poles[:, 1]) / 2) ** 2).real
+    rows, columns = (np.sqrt(np.mean(problem.weight.entrywise**2, axis=axes)) for axes in ((0, 2), (0, 1)))
+    inputs = np.empty((centre.size, blocks.inputs.shape[2]))
+    inputs[blocks.centre.size :] = blocks.single_inputs[: 2 * len(single) : 2]
+    for k, gain in enumerate(gains(blocks, C, modal.power)):
+        shape: Real = np.real(gain)
+        if blocks.fall[k] <= 0:  # real poles: of the static gain
+            A = np.array([[blocks.centre[k], blocks.coupling[k]], [-blocks.fall[k], blocks.centre[k]]])
+            states = np.asarray(np.linalg.solve(problem.origin * np.eye(2) - A, blocks.inputs[k]), dtype=float)
+            shape = C[:, 2 * k : 2 * k + 2] @ states
+        inputs[k] = _largest(shape, rows, columns, modal.symmetric)
+    modes = RealModes(centre, square, inputs, blocks.directions, blocks.free, discrete=discrete, power=modal.power)
+    return modes.normalised()
+
+
+def _largest(M: Real, rows: Real, columns: Real, symmetric: bool) -> Real:
+    """Input direction of the largest term of a real matrix, in units of the weights; of its symmetric part."""
+    if symmetric:
+        values, vectors = np.linalg.eigh(M + M.T)
+        return vectors[:, np.argmax(np.abs(values))]
+    return np.linalg.svd(rows[:, None] * M * columns)[2][0] / columns
+
+
+def _in_s(poles: Complex) -> Complex:
+    """Pairs (m, 2) of poles in z as those of samples, in rad/sample; real ones left of the origin as a mode near Nyquist."""
+    logarithm = np.log(np.where(poles == 0, 1e-300, poles).astype(complex))
+    real = poles.imag == 0
+    left = np.any(real & (poles.real <= 0), axis=1)
+    decay = np.maximum(np.real(logarithm).mean(axis=1, keepdims=True), -math.pi)
+    return np.where(left[:, None], decay + 1j * _NEAR_NYQUIST * np.array([1.0, -1.0]), logarithm)
+
+
+def _realised(fitted: Fitted, scale: float, turned: bool) -> StateMatrices:
+    """State space in s or z with the structure exact; of the transposed response where that was not turned."""
+    if not turned:
+        return fitted.state_space(scale)
+    if not isinstance(fitted.model, RealModes):
+        A, B, C, D = fitted.state_space(scale).transposed()
+        swapped = np.arange(len(A))  # the states of a block change places: [[a, s], [-v, a]] again
+        paired = 2 * fitted.model.centre.size
+        swapped[:paired] = swapped[:paired].reshape(-1, 2)[:, ::-1].ravel()
+        return StateMatrices(A[np.ix_(swapped, swapped)], B[swapped], C[:, swapped], D)
+    none = np.zeros((0, len(fitted.C)))
+    model = dataclasses.replace(fitted.model, inputs=fitted.C.T, directions=none, free=none.astype(bool))
+    return fitted._replace(model=model, C=fitted.model.inputs.T, D=fitted.D.T).state_space(scale)
+
+
+def _formed(
+    problem: FractionProblem,
+    data: Samples,
+    first: StateMatrices,
+    exact: StateMatrices,
+    refined: Refined,
+    settings: Settings,
+) -> Attempt:
+    """The attempt from a first model to an exact one, with the fraction of that beside it."""
+    start, response = (response_at(model, data.points) for model in (first, exact))
+    cost = float(np.linalg.norm(problem.residual(response))) ** 2
+    problem, nodes = formed(problem, data, exact, max((1 + FORMED) * cost, problem.rounding))
+    found = realise(problem, nodes, form=settings.form)
+    size = np.linalg.norm(response, axis=(1, 2))
+    error = np.linalg.norm(nodes.response - response, axis=(1, 2)) / np.maximum(size, 1e-12 * size.max())
+    found = dataclasses.replace(found, rigid=exact, error=float(error.max()))
+    fit = FractionFit(problem, nodes, cost, refined.status, refined.history)
+    return Attempt(fit, found, start, 0, np.nan, True)

@@ -1,0 +1,233 @@
+"""Refinement of a state space: Levenberg-Marquardt in local coordinates, with the outputs projected out."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.fitting.fraction.householder import triangle
+from robustid.fitting.fraction.iteration import FitStatus, FitStep
+from robustid.fitting.fraction.problem import FractionProblem
+from robustid.fitting.state_space.outputs import Criterion, Fitted, LocalModel, Outputs
+from robustid.fitting.state_space.pole_distances import RESOLVED
+
+_RTOL = 1e-10
+_TINY = 1e-2  # length of a step in standard deviations of the parameters, all together: slope^2 = length^2/equations
+_WINDOW = 6  # so many steps must together lower the criterion by what counts:
+_WORTH = 0.3  # by so many standard deviations, or all is within the noise,
+_SLOW = 1e-3  # and by this part of it, or a model of another order or start is worth more than further steps
+_GOOD, _POOR, _LEAST_GAIN = 0.75, 0.25, 1e-4  # of what the linear model promised
+_LONGER, _SHORTER, _FAR_SHORTER = 2.5, 0.5, 0.25
+_SHORTEST = 1e-6  # in reaches (`BlockModel.reach`): no step so short lowers the criterion by what counts
+_BISECTIONS = 40
+_ROUNDS = 4  # of poles that a step would take too near to the stability boundary
+_SEEN = 1e-13  # directions that the response sees less than this are not moved along
+
+
+class Budget(NamedTuple):
+    """Steps and time that a refinement may use, and whom it tells."""
+
+    deadline: float = math.inf  # of `time.monotonic`
+    report: Callable[[FitStep], None] | None = None
+
+    @property
+    def spent(self) -> bool:
+        """True when the time is over."""
+        return time.monotonic() > self.deadline
+
+
+UNLIMITED = Budget()
+
+
+class Refined(NamedTuple):
+    """End of a refinement."""
+
+    fitted: Fitted
+    status: FitStatus
+    history: tuple[FitStep, ...]
+    bound: bool = False  # poles were held inside by the stability boundary at the end
+
+
+def refine(
+    problem: FractionProblem | Criterion,
+    start: LocalModel,
+    *,
+    stable: bool,
+    limit: int,
+    resolved: float = RESOLVED,
+    patient: bool = False,
+    budget: Budget = UNLIMITED,
+    outputs: Outputs | None = None,
+) -> Refined:
+    """Levenberg-Marquardt from a realisation; every accepted step is the best so far.
+
+    C and D are fitted anew at every trial (variable projection), and the tangent space of what is left is made orthonormal:
+    in those coordinates ``J = Q R`` every step is an orthogonal projection. The length of a step is measured in what
+    changes the response noticeably, the distance of a pole from the nearest frequency point.
+
+    Parameters
+    ----------
+    problem : FractionProblem or Criterion
+        Data, weight and feed-through.
+    start : BlockModel or RealModes
+    stable : bool
+        Keep the poles inside the stability region; those that a step would take out, or nearer to the boundary than the
+        data resolve, end on their way (`BlockModel.least_distances`).
+    limit : int
+        Largest number of steps.
+    resolved : float
+        Part of the spacing of the frequency points that the damping of a mode has at least, if it began with more.
+    patient : bool
+        Go on when the last steps together lowered the criterion by less than 0.1 %.
+    budget : Budget
+    outputs : Outputs, optional
+        Of the problem, where the outputs are tied to the inputs.
+
+    Notes
+    -----
+    Source: `mckelvey2004` (local coordinates by data), `golub1973` (variable projection), `more1978` (radius of trust).
+    """
+    outputs = Outputs(problem) if outputs is None else outputs
+    descent = _Descent(problem, start, resolved if stable else None, 0.0 if patient else _SLOW, budget, outputs)
+    status = FitStatus.LIMIT
+    try:
+        while len(descent.history) < limit:
+            ended = descent.advance()
+            if ended is not None:
+                status = ended
+                break
+    except KeyboardInterrupt:
+        status = FitStatus.INTERRUPTED
+    if descent.bound and status in (FitStatus.FLAT, FitStatus.STALLED):
+        status = FitStatus.BOUNDARY
+    return Refined(descent.best, status, tuple(descent.history), descent.bound)
+
+
+class _Descent:
+    """State of a refinement: the best so far, how far the linear model is trusted, and the history."""
+
+    def __init__(
+        self,
+        problem: FractionProblem | Criterion,
+        start: LocalModel,
+        resolved: float | None,
+        slow: float,
+        budget: Budget,
+        outputs: Outputs,
+    ) -> None:
+        self.problem, self.resolved, self.slow, self.budget = problem, resolved, slow, budget
+        self.outputs = outputs
+        self.best = self.outputs.fitted(start)
+        self.radius, self.bound = math.sqrt(problem.order), False
+        self.history: list[FitStep] = []
+        self.tiny = max(_RTOL, _TINY**2 / problem.equations)
+        self.worth = max(_RTOL, _WORTH**2 / problem.equations)
+
+    def advance(self) -> FitStatus | None:
+        """One step that lowers the criterion; the status where there is none, or none is worth it."""
+        problem, best = self.problem, self.best
+        if best.cost <= problem.rounding:
+            return FitStatus.EXACT
+        reach = best.model.reach(problem.xi)
+        if not reach.size:  # a rigid body alone: nothing but the outputs
+            return FitStatus.STATIONARY
+        R, gradient = _orthonormal(self.outputs.directions(best), best.residual.ravel())
+        slope = float(np.linalg.norm(gradient)) / math.sqrt(best.cost)
+        if slope**2 <= self.tiny:
+            return FitStatus.STATIONARY
+        least = None if self.resolved is None else best.model.least_distances(problem.xi, self.resolved)
+        promised = math.inf
+        while self.radius >= _SHORTEST:
+            step, self.bound = _step(R * reach, gradient, self.radius, best.model, reach, least)
+            length = float(np.linalg.norm(step))
+            promised = float(np.sum(gradient**2) - np.sum((gradient - R @ (reach * step)) ** 2))
+            if promised <= self.tiny * best.cost and length < self.radius:
+                return FitStatus.FLAT
+            trial = self.outputs.fitted(best.model.moved(reach * step, least))
+            if self._trusted(trial, promised, length):
+                return self._record(trial, min(1.0, length), slope)
+            if self.budget.spent:
+                return FitStatus.TIME
+        return FitStatus.FLAT if promised <= self.worth * best.cost else FitStatus.STALLED
+
+    def _trusted(self, trial: Fitted, promised: float, length: float) -> bool:
+        """Tell whether a trial keeps enough of what was promised; the radius follows what it kept."""
+        fall = self.best.cost - trial.cost
+        gain = fall / max(promised, 1e-300) if math.isfinite(trial.cost) else -1.0
+        if gain > _GOOD:
+            self.radius = max(self.radius, _LONGER * length)
+        elif gain < _POOR:
+            self.radius = (_SHORTER if gain > 0 else _FAR_SHORTER) * length
+        return gain > _LEAST_GAIN and fall > 0
+
+    def _record(self, trial: Fitted, step: float, slope: float) -> FitStatus | None:
+        """Take the trial; the status where the last steps together, or the time, say that it is the last."""
+        self.best = trial
+        self.history.append(FitStep("lm", trial.cost, trial.condition, step, slope))
+        if self.budget.report is not None:
+            self.budget.report(self.history[-1])
+        fall = self.history[-1 - _WINDOW].cost / trial.cost - 1 if len(self.history) > _WINDOW else math.inf
+        if fall <= self.worth:
+            return FitStatus.FLAT
+        if fall <= self.slow:
+            return FitStatus.SLOW
+        return FitStatus.TIME if self.budget.spent else None
+
+
+def _orthonormal(J: Real, r: Real) -> tuple[Real, Real]:
+    """R (T, T) and Q' r of J = Q R."""
+    T = J.shape[1]
+    few = triangle(np.column_stack([J, r]))
+    R = np.pad(few, ((0, max(T + 1 - len(few), 0)), (0, 0)))
+    return R[:T, :T], R[:T, T]
+
+
+def _step(
+    R: Real, gradient: Real, radius: float, model: LocalModel, reach: Real, least: Real | None
+) -> tuple[Real, bool]:
+    """Minimise ``|gradient - R step|`` within the radius; poles that would pass their least distance end on it."""
+    step = _bounded(R, gradient, radius)
+    if least is None or not least.size:
+        return step, False
+    normals = model.normals() * reach[: model.pole_coordinates]
+    size = np.linalg.norm(normals, axis=1)
+    normals = np.pad(normals / size[:, None], ((0, 0), (0, len(reach) - normals.shape[1])))
+    room = np.minimum((model.distances - least) / size, radius)
+    held = np.zeros(len(normals), dtype=bool)
+    for _ in range(_ROUNDS):
+        beyond = ~held & (normals @ step < -room * (1 + 1e-9))
+        if not np.any(beyond):
+            break
+        held |= beyond
+        N = normals[held]
+        fixed = -room[held] @ N
+        step = fixed + _bounded(R - (R @ N.T) @ N, gradient - R @ fixed, radius)
+    return step, bool(np.any(held))
+
+
+def _bounded(R: Real, gradient: Real, radius: float) -> Real:
+    """The shortest minimum of ``|gradient - R step|``, or the best step on the radius where that is longer."""
+    U, sizes, Vt = np.linalg.svd(R)
+    kept = sizes > _SEEN * sizes[:1]
+    g, sizes = U[:, kept].T @ gradient, sizes[kept]
+    return Vt[kept].T @ (sizes * g / (sizes**2 + _damping(sizes, g, radius)))
+
+
+def _damping(sizes: Real, g: Real, radius: float) -> float:
+    """The smallest damping with which the step is no longer than the radius."""
+
+    def length(damping: float) -> float:
+        return float(np.linalg.norm(sizes * g / (sizes**2 + damping)))
+
+    if length(0.0) <= radius:
+        return 0.0
+    low, high = 1e-30 * sizes[0] ** 2, float(np.linalg.norm(sizes * g)) / radius
+    for _ in range(_BISECTIONS):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if length(middle) > radius else (low, middle)
+    return high

@@ -1,0 +1,272 @@
+"""Layout of a table of text: separator, decimal mark, lines of names and of units, the first line of numbers."""
+
+from __future__ import annotations
+
+import cmath
+import csv
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from robustid.errors import FileFormatError, Remedy
+from robustid.formats import units
+
+COMMENTS = ("#", "%", "!", "//", "*")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_REAL = re.compile(rf"{_NUMBER}|[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
+_NOT_FINITE = ("nan", "inf", "infinity")
+_LONGEST_NUMBER = 100  # characters
+_LONGEST_NAME = 200
+_MOST_CELLS = 2000  # of a line are looked at
+_COMPLEX = re.compile(rf"\(?(?=.*\d)(?:{_NUMBER})?(?:[-+]|{_NUMBER})?j\)?")
+# Two parts in one cell, as LTspice writes them; each with its point, since a comma alone may be a decimal mark.
+_PART = r"([-+]?\d+\.\d*(?:[eE][-+]?\d+)?)"
+_PARTS = re.compile(rf"\(?{_PART}(dB)?,\s*{_PART}(°)?\)?")
+_MOST_DB = 6000  # more is no finite number
+_THOUSANDS = re.compile(r"(?<![\d.,])\d{1,3}(?:\.\d{3})+,\d+")
+_SIGN = re.compile(r"\s*([-+])\s*")
+_LETTERS = str.maketrans("dDiIJ", "eejjj")
+_SEPARATORS = ("\t", ";", ",", "|", None)  # None: white space
+_WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "spaces"}
+_USUAL_UNITS = {"", "-", "1", "%", "v", "mv", "kv", "a", "ma", "n", "kn", "mn", "nm", "m", "mm", "um", "µm", "m/s", "m/s^2", "m/s2",
+                "m/s²", "mm/s", "g", "rad/s", "rad/s^2", "pa", "kpa", "bar", "db", "k", "°c", "w", "n/v", "m/n", "m/v"}  # fmt: skip
+_MOST_NAMED = 3
+
+
+class Layout(NamedTuple):
+    """Layout of a table of text; lines count from 1.
+
+    Attributes
+    ----------
+    separator : str or None
+        None: white space.
+    decimal : {".", ","}
+    names : tuple of str
+        One a column, with the unit of a line of units in brackets; addresses where the file has none.
+    first : int
+        The first line of numbers.
+    words : str
+        One line that says all this.
+    """
+
+    separator: str | None
+    decimal: str
+    names: tuple[str, ...]
+    first: int
+    words: str
+
+
+class _Reading(NamedTuple):
+    """The head of a file, cut by one separator with one decimal mark.
+
+    Its places are compared: lines that are numbers, part of the cells that are, names above, several columns, decimal point.
+    """
+
+    lines: int
+    numbers: float
+    named: bool
+    several: bool
+    point: bool
+    separator: str | None
+    width: int
+    start: int  # place of the first line of numbers among the lines
+
+    @property
+    def decimal(self) -> str:
+        return "." if self.point else ","
+
+
+def cells_of(line: str, separator: str | None) -> list[str]:
+    """The cells of a line, without the white space around them; a separator behind the last cell makes no cell."""
+    if separator is None:
+        return line.split()
+    try:
+        row = [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    except (csv.Error, StopIteration):  # a cell of more than 128 kB
+        row = [cell.strip() for cell in line.split(separator)]
+    return row[:-1] if len(row) > 1 and not row[-1] else row
+
+
+def whole_row(line: str, separator: str | None, width: int) -> list[str]:
+    """The cells of a line that has `width`, if need be an empty one behind the last separator."""
+    row = cells_of(line, separator)
+    if len(row) == width - 1 and separator is not None and line.rstrip(" \r\n").endswith(separator):
+        row.append("")
+    return row
+
+
+def is_comment(line: str) -> bool:
+    """Return whether a line is a remark."""
+    return line.lstrip().startswith(COMMENTS)
+
+
+def with_point(cell: str, decimal: str) -> str:
+    """A number as Python writes it: decimal point, exponent with e, imaginary unit j, no spaces beside signs."""
+    if len(cell) > _LONGEST_NUMBER or cell.lower().lstrip("+-") in _NOT_FINITE:
+        return cell
+    if "," in cell and decimal == "." and (pair := _PARTS.fullmatch(cell)):
+        return _of_parts(*pair.groups())
+    if decimal == ",":
+        cell = cell.replace(".", "'").replace(",", ".")  # a point that is no decimal mark makes it no number
+    return _SIGN.sub(r"\1", cell).translate(_LETTERS)
+
+
+def _of_parts(first: str, db: str | None, second: str, degrees: str | None) -> str:
+    """A complex number of real and imaginary part, or of dB and degrees, as Python writes it."""
+    a, b = float(first), float(second)
+    if not (db and degrees):
+        return str(complex(a, b))
+    if not (a < _MOST_DB and math.isfinite(b)):
+        return "inf"
+    return str(10 ** (a / 20) * cmath.exp(1j * math.radians(b)))
+
+
+def is_number(cell: str, decimal: str = ".") -> bool:
+    """Return whether a cell is a real or complex number, with this decimal mark."""
+    if len(cell) > _LONGEST_NUMBER:
+        return False
+    cell = with_point(cell, decimal)
+    return _REAL.fullmatch(cell) is not None or (cell[-1:] in ("j", ")") and _COMPLEX.fullmatch(cell) is not None)
+
+
+def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) -> Layout:
+    """The layout of a file that begins with these lines, empty ones left out; refused where it isn't certain.
+
+    A line is one of numbers if the cells are numbers that most lines have as numbers; names stand in the last line of text above
+    the first of them, or in a remark there, and units perhaps in a line between.
+    """
+    table = [line for line in lines if not is_comment(line[1])]
+    bare = [line for _, line in table]
+    found = [
+        reading
+        for separator in _SEPARATORS
+        for mark in (".", ",")
+        if mark in (decimal, decimal or mark) and _possible(separator, mark, bare, decimal)
+        if (reading := _reading(bare, separator, mark)) is not None
+    ]
+    if not found:
+        raise FileFormatError(
+            f"{name} holds no data: no line of numbers was found; expected a line of column names, then lines of numbers"
+        )
+    best = max(found, key=lambda reading: reading[:5])
+    number, line = table[best.start]
+    if best.numbers < 1 and (mark := next(filter(None, (_THOUSANDS.search(line[:10_000]) for line in bare)), None)):
+        raise FileFormatError(f"{name}: {mark[0]!r} has marks for thousands; export the numbers without them")
+    other = next((r for r in found if r.decimal == "," and r.width == 1 and r.lines == best.lines), None)
+    if best.separator == "," and best.width == 2 and other is not None and best.start == 0 and decimal is None:
+        raise FileFormatError(
+            f"{name}: {line.strip()!r} can be two numbers or one with a decimal comma; give ",
+            Remedy({"decimal": "."}),
+            " for two or ",
+            Remedy({"decimal": ","}),
+            " for one",
+        )
+    remarks = [remark for remark in lines if is_comment(remark[1]) and remark[0] < number]
+    ends = best.separator is not None and line.rstrip(" \r\n").endswith(best.separator)
+    names, words = _names(best, table[: best.start], remarks, ends)
+    how = f"text, {best.width} columns separated by {_WORDS[best.separator]}" if best.several else "text, one column"
+    how += " with decimal commas" * (best.decimal == ",")
+    return Layout(best.separator, best.decimal, names, number, f"{how}, {words}, numbers from line {number} on")
+
+
+def _possible(separator: str | None, mark: str, lines: list[str], stated: str | None) -> bool:
+    """Return whether the marks are there; commas are both only where quotes tell them apart."""
+    there = separator is None or any(separator in line for line in lines)
+    commas = mark == "." or mark == stated or any("," in line for line in lines)
+    return there and commas and not (separator == mark == "," and all('"' not in line for line in lines))
+
+
+def _reading(lines: list[str], separator: str | None, decimal: str) -> _Reading | None:
+    """One way to cut the lines; None where no line of numbers comes out."""
+    rows = [cells_of(line, separator) for line in lines]
+    patterns = [tuple(is_number(cell, decimal) for cell in row[:_MOST_CELLS]) for row in rows]
+    counts = Counter((len(row), pattern) for row, pattern in zip(rows, patterns, strict=True) if any(pattern))
+    if not counts:
+        return None
+    width, usual = max(counts, key=lambda key: (counts[key], sum(key[1]), key[0]))
+    like = [_like(row, pattern, usual, width) for row, pattern in zip(rows, patterns, strict=True)]
+    start = like.index(True)
+    last = max(k for k, pattern in enumerate(patterns) if any(pattern))  # below it there may be remarks
+    inside = zip(rows[start : last + 1], patterns[start : last + 1], strict=True)
+    below = [flag for row, pattern in inside for cell, flag in zip(row, pattern, strict=False) if cell]
+    named = start == 0 or len(rows[start - 1]) == width
+    return _Reading(sum(like), sum(below) / len(below), named, width > 1, decimal == ".", separator, width, start)
+
+
+def _like(row: list[str], pattern: tuple[bool, ...], usual: tuple[bool, ...], width: int) -> bool:
+    """Return whether all cells that are usually numbers are, or are empty."""
+    return (
+        len(row) == width
+        and any(pattern)
+        and all(here or not cell or not wanted for cell, here, wanted in zip(row, pattern, usual, strict=False))
+    )
+
+
+def _names(
+    best: _Reading, above: Sequence[tuple[int, str]], remarks: Sequence[tuple[int, str]], ends: bool
+) -> tuple[tuple[str, ...], str]:
+    """Names of the columns, and where they stand in words; without names their addresses."""
+    addresses = tuple(f"[:,{k}]" for k in range(best.width))
+    bare = [(k, line.strip().lstrip("#%!/*").strip()) for k, line in remarks]
+    rows = _rows_of_text(above, best, ends) or _rows_of_text(bare, best, ends)
+    if not rows:
+        return addresses, "no names"
+    *rows, (at, row) = rows
+    words, symbols = "", [""] * best.width
+    if rows and _is_units(row):
+        symbols = [cell.strip("[]() ") for cell in row]
+        words = f" and units in line {at}"
+        *rows, (at, row) = rows
+    while len(set(row)) < len(row) and rows:
+        *rows, (at, upper) = rows
+        row = [f"{group} {cell}".strip() for group, cell in zip(_filled(upper), row, strict=True)]
+    if equal := sorted(cell for cell, count in Counter(row).items() if cell and count > 1):
+        shown = ", ".join(cell[:_LONGEST_NUMBER] for cell in equal[:_MOST_NAMED])
+        return addresses, f"names that are not all different ({shown}), so not used"
+    names = [
+        f"{cell} [{unit}]" if unit and not units.in_brackets(cell)[1] else cell
+        for cell, unit in zip(row, symbols, strict=True)
+    ]
+    usable = (
+        name if 0 < len(name) <= _LONGEST_NAME else address for name, address in zip(names, addresses, strict=True)
+    )
+    return tuple(usable), f"names in line {at}{words}"
+
+
+def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) -> list[tuple[int, list[str]]]:
+    """The lowest lines with one text a column and without numbers, as cells."""
+    found: list[tuple[int, list[str]]] = []
+    for k, line in reversed(lines[-4:]):
+        cuts = (
+            whole_row(line, best.separator, best.width),
+            re.split(r"\s{2,}|\t", line.strip()),
+            *(cells_of(line, mark) for mark in ",; "),
+        )
+        row = next((cut for cut in cuts if len(cut) == best.width), None)
+        if row is None and ends and len(cuts[0]) == best.width + 1:
+            row = cuts[0][:-1]  # the title of a column without numbers, behind the last separator
+        if row is None or any(is_number(cell) or is_number(cell, ",") for cell in row) or not any(row):
+            break
+        found.insert(0, (k, row))
+    return found
+
+
+def _is_units(row: list[str]) -> bool:
+    """Return whether a line between names and numbers is one of units."""
+    bare = [cell.strip("[]() ") for cell in row]
+    axes = (units.FREQUENCY, units.TIME, units.PHASE)
+    return all(
+        cell != text or not cell or cell.lower() in _USUAL_UNITS or any(units.factor(axis, cell) for axis in axes)
+        for cell, text in zip(bare, row, strict=True)
+    )
+
+
+def _filled(row: list[str]) -> list[str]:
+    """A title above several columns stands in the first of them only."""
+    title, filled = "", list[str]()
+    for cell in row:
+        title = cell or title
+        filled.append(title)
+    return filled

@@ -1,0 +1,178 @@
+"""The line that makes a file readable, where its names don't say what is what: an example with the addresses of its arrays."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustid.errors import Remedy
+from robustid.formats import units
+from robustid.formats.addresses import written
+from robustid.formats.names import NAMES, UNSURE, axis_role
+from robustid.formats.table import NAMELESS, Table
+
+_MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
+_STEADY = 1e-6
+_CARTESIAN = ("real", "imag")
+_SIDES = {"u": "its input", "y": "its output"}
+_PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "output"), ("output", "input"),
+          ("inputs", "outputs"), ("outputs", "inputs"))  # fmt: skip
+
+
+def example(table: Table, *, dt: bool) -> list[str | Remedy]:
+    """Sentences with arguments that `load` takes, as far as the arrays can be signals; else none.
+
+    Parameters
+    ----------
+    table : Table
+    dt : bool
+        Whether the sample time must be given: neither the file nor the user says it.
+    """
+    array = table.columns.get(NAMELESS)
+    if isinstance(array, np.ndarray) and array.ndim > 2:
+        return _axes(table, array, dt)
+    columns = list(_columns(table))
+    if not columns:
+        return []
+    lengths = [len(values) for _, values in columns]
+    length = max(set(lengths), key=lambda count: (lengths.count(count), count))
+    columns = [(address, values) for address, values in columns if len(values) == length]
+    timed = (column for column in columns if axis_role(column[0]) == "time")
+    first = next(timed, columns[0])
+    enough = len(columns) > 2 or (len(columns) == 2 and _kind(first[0]) is not None) or _complex(columns[1:])
+    axis = first if enough and _increases(first[1]) else None
+    rest = [address for address, _ in columns if axis is None or address != axis[0]]
+    words: list[str | Remedy] = []
+    if _kind(first[0]) != "frequency" and not _complex(columns):
+        words += _time(table, axis, rest, dt)
+    if _kind(first[0]) != "time" and (parts := _parts([column for column in columns if column[0] in rest], axis)):
+        words += [*[" "] * bool(words), *_frequency(axis, parts)]
+    return words
+
+
+def _kind(address: str) -> str | None:
+    """Frequency or time, as far as the name of an axis or its unit says."""
+    role, unit = axis_role(address) or "", units.in_brackets(address)[1]
+    if role in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
+        return "frequency"
+    return "time" if role == "time" or (unit and units.factor(units.TIME, unit)) else None
+
+
+def _complex(columns: list[tuple[str, np.ndarray]]) -> bool:
+    return any(np.iscomplexobj(values) for _, values in columns)
+
+
+def _parts(columns: list[tuple[str, np.ndarray]], axis: Any) -> dict[str, object]:
+    """Roles of the parts of a response, by names and units; the first two are taken for real and imaginary part."""
+    if _complex(columns):
+        return {"values": next(address for address, values in columns if np.iscomplexobj(values))}
+    names = [address for address, _ in columns]
+    found: dict[str, object] = {}
+    for name in names:
+        base, unit = (part.lower() for part in units.in_brackets(name))
+        scale = units.factor(units.PHASE, unit) if unit else None
+        phase = "phase_rad" if scale == 1 else "phase_deg"
+        role = (
+            "magnitude_db"
+            if unit == "db"
+            else phase
+            if scale
+            else next((r for r in _CARTESIAN if base in NAMES[r]), "")
+        )
+        found.setdefault(role, name)
+    others = [name for name in names if name not in found.values() or found.get("") == name]
+    found.pop("", None)
+    phases = [role for role in found if role.startswith("phase")]
+    if phases and ("magnitude_db" in found or others):
+        level = {"magnitude_db": found["magnitude_db"]} if "magnitude_db" in found else {"magnitude": others[0]}
+        return level | {phases[0]: found[phases[0]]}
+    if set(found) >= set(_CARTESIAN):
+        return {role: found[role] for role in _CARTESIAN}
+    return {"real": names[0], "imag": names[1]} if axis is not None and len(names) > 1 else {}
+
+
+def _columns(table: Table) -> Iterator[tuple[str, np.ndarray]]:
+    """Vectors that can be signals or axes, with their addresses."""
+    for name, values in table.columns.items():
+        if not isinstance(values, np.ndarray) or values.size < 2:
+            continue
+        if values.size == max(values.shape):
+            yield ("[:]" if name == NAMELESS else name), values.reshape(-1)
+        elif values.ndim >= 2 and values.shape[1] <= _MOST_SIGNALS < values.shape[0]:
+            inner = (0,) * (values.ndim - 2)
+            for k in range(values.shape[1]):
+                yield written(name, (slice(None), k, *inner)), values[(slice(None), k, *inner)]
+        elif values.ndim == 2 and values.shape[0] <= _MOST_SIGNALS < values.shape[1]:
+            for k, row in enumerate(values):
+                yield written(name, (k, slice(None))), row
+
+
+def _increases(values: np.ndarray) -> bool:
+    return np.isrealobj(values) and bool(np.all(np.diff(values.astype(float)) > 0))
+
+
+def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> list[str | Remedy]:
+    """As a time record: the first half are inputs where nothing is named, else one."""
+    fields: dict[str, object] = {}
+    if axis is not None:
+        steps = np.diff(axis[1].astype(float))
+        if np.ptp(steps) > _STEADY * steps.mean() or (axis_role(axis[0]) or "").startswith(UNSURE):
+            return []
+        fields["time"], dt = axis[0], False
+    if len(rest) == 1:
+        return _alone(table, rest[0], fields, dt)
+    half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name or ",:]" in name for name in rest) else 1
+    fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
+    return ["As a time record, if these are its inputs and outputs: ", *_given(fields, dt), "."]
+
+
+def _alone(table: Table, name: str, fields: dict[str, object], dt: bool) -> list[str | Remedy]:
+    """One signal: the other is in another file."""
+    mine, other, sibling = _beside(table.path)
+    pair = {mine: name, other: sibling}
+    given = _given(fields | {r: pair[r] for r in "uy"}, dt)
+    return [f"As a time record with {_SIDES[other]} in another file: ", *given, "."]
+
+
+def _axes(table: Table, array: np.ndarray, dt: bool) -> list[str | Remedy]:
+    """An array of several axes: their order must be said."""
+    mine, other, sibling = _beside(table.path)
+    pair, order = {mine: "[:]", other: sibling}, ",".join(("time", "signal", "realisation", "period")[: array.ndim])
+    given = _given({r: pair[r] for r in "uy"}, dt, axes=order)
+    return [f"With {_SIDES[other]} in another file, and the axes in their order: ", *given, "."]
+
+
+def _beside(path: Path) -> tuple[str, str, str]:
+    """Role that the name of a file says, the other role, and the name of the file for that, which may be there."""
+    inner = "" if path.suffix == ".npy" else ":NAME"
+    for word, other in _PAIRS:
+        name = re.sub(rf"(?<![a-z]){word}(?![a-z])", other, path.name, flags=re.IGNORECASE)
+        if name != path.name and path.with_name(name).is_file():
+            mine = "u" if word in ("u", "in", "input", "inputs") else "y"
+            return mine, "y" if mine == "u" else "u", name + inner
+    return "y", "u", f"OTHER{path.suffix}{inner}"
+
+
+def _one(names: list[str]) -> str | list[str]:
+    return names[0] if len(names) == 1 else names
+
+
+def _frequency(axis: tuple[str, np.ndarray] | None, parts: dict[str, object]) -> list[str | Remedy]:
+    if axis is None:
+        given = _given(parts, False, start=1.0, step=1.0, frequency_unit="Hz")
+        return ["As a frequency response: ", *given, " with its own numbers."]
+    unit = units.in_brackets(axis[0])[1]
+    if axis_role(axis[0]) in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
+        return ["As a frequency response: ", *_given({"omega": axis[0], **parts}, False), "."]
+    given = _given({"freq_hz": axis[0], **parts}, False)
+    return ["As a frequency response in Hz ('omega' for rad/s): ", *given, "."]
+
+
+def _given(fields: dict[str, object], dt: bool, **more: object) -> list[str | Remedy]:
+    """Arguments of `load`; the sample time stands for one that nobody has said."""
+    arguments = {"fields": fields, **more}
+    return [Remedy(arguments | {"dt": 1.0}), " with the sample time in s for 1.0"] if dt else [Remedy(arguments)]

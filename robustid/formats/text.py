@@ -1,0 +1,191 @@
+"""Columns of numbers from text files, block by block."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from robustid.errors import FileFormatError, Remedy
+from robustid.formats.layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
+from robustid.formats.table import Table
+
+Column = np.ndarray | FileFormatError  # the error is raised where somebody asks for the column
+
+_MARK = "# robustid "
+_LONGEST = 2**24  # characters in a line: the header of a covariance of a 10 x 10 response has 2e6
+_BLOCK = 20_000  # lines
+_BLOCK_TEXT = 2**22  # characters
+_HEAD, _HEAD_TEXT = 500, 2**18  # lines and characters from which the layout is taken
+_FEWEST = 3  # lines, however long
+_REMARKS = 200  # lines of remarks of which the last may hold the names
+_BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+
+
+def read_text(path: Path, decimal: str | None = None) -> Table:
+    """Columns of a text file, by their names; without names by their addresses.
+
+    Parameters
+    ----------
+    path : Path
+    decimal : {".", ","}, optional
+        The decimal mark, where the numbers don't say.
+    """
+    try:
+        with path.open(encoding=(encoding := _encoding(path))) as file:
+            meta = file.readline(_LONGEST)
+            file.seek(0)
+            rows = _rows(path, file)
+            head = next(_blocks(rows, _HEAD, _HEAD_TEXT), list[tuple[int, str]]())
+            layout = layout_of(path.name, head, decimal)
+            body = (row for row in itertools.chain(head, rows) if row[0] >= layout.first)
+            footer: list[int] = []
+            columns = _columns(path, _without_footer(path, body, layout, footer), layout)
+    except UnicodeDecodeError:
+        raise FileFormatError(f"{path.name} isn't UTF-8 text; export it as comma-separated text (UTF-8)") from None
+    how = layout.words
+    how += f", {_lines(footer)} at the end without numbers left out" if footer else ""
+    how += "" if encoding.startswith("utf-8") else f", {encoding}"
+    description = meta[len(_MARK) :] if meta.startswith(_MARK) else None
+    return Table(path, columns, description, how=how, text=True)
+
+
+def _encoding(path: Path) -> str:
+    """UTF-8; UTF-16 where the file says so; Latin-1 where it can't be UTF-8 and has no bytes that no text has."""
+    with path.open("rb") as file:
+        start = file.read(_LONGEST)
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    try:
+        start.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # Cut within a character at the end of what was read, it is UTF-8 nonetheless.
+        if error.start < _LONGEST - 4 and not _BINARY.search(start):
+            return "latin-1"
+    return "utf-8-sig"
+
+
+def _rows(path: Path, file: IO[str]) -> Iterator[tuple[int, str]]:
+    """Number and text of every line that isn't empty; remarks above the numbers too."""
+    remarks = 0
+    for k in itertools.count(1):
+        if not (line := file.readline(_LONGEST)):
+            return
+        if len(line) == _LONGEST:
+            raise FileFormatError(
+                f"{path.name}, line {k} is longer than {_LONGEST} characters; is it a table of numbers?"
+            )
+        if is_comment(line):
+            remarks += 1
+        if line.strip() and (remarks < _REMARKS or not is_comment(line)):
+            yield k, line
+
+
+def _without_footer(
+    path: Path, rows: Iterator[tuple[int, str]], layout: Layout, footer: list[int]
+) -> Iterator[tuple[int, str]]:
+    """The lines but for those at the end that have no number, whose own numbers go to `footer`."""
+    for k, line in rows:
+        if line.lstrip()[:1].isalpha() and not any(
+            _is_number(cell, layout.decimal) for cell in cells_of(line, layout.separator)
+        ):
+            footer.append(k)
+            continue
+        if footer:
+            raise FileFormatError(
+                f"{path.name}, line {footer[0]} has no number, and more numbers follow it; make files of one table each"
+            )
+        yield k, line
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    try:
+        complex(with_point(cell, decimal))
+    except ValueError:
+        return False
+    return True
+
+
+def _lines(numbers: list[int]) -> str:
+    return f"line {numbers[0]}" if len(numbers) == 1 else f"lines {numbers[0]} to {numbers[-1]}"
+
+
+def _blocks(rows: Iterator[tuple[int, str]], lines: int, text: int) -> Iterator[list[tuple[int, str]]]:
+    """So many lines at a time; fewer, though 3, where they are long."""
+    block: list[tuple[int, str]] = []
+    size = 0
+    for row in rows:
+        block.append(row)
+        size += len(row[1])
+        if len(block) == lines or (size > text and len(block) >= _FEWEST):
+            yield block
+            block, size = [], 0
+    if block:
+        yield block
+
+
+def _columns(path: Path, rows: Iterator[tuple[int, str]], layout: Layout) -> dict[str, np.ndarray | FileFormatError]:
+    numbers = (row for row in rows if not is_comment(row[1]))
+    parts: list[list[Column]] = [[] for _ in layout.names]
+    for block in _blocks(numbers, _BLOCK, _BLOCK_TEXT):
+        for part, values in zip(parts, _parsed(path, block, layout), strict=True):
+            part.append(values)
+    return {name: _joined(part) for name, part in zip(layout.names, parts, strict=True)}
+
+
+def _joined(parts: list[Column]) -> np.ndarray | FileFormatError:
+    wrong = next((part for part in parts if isinstance(part, FileFormatError)), None)
+    return np.concatenate(parts) if wrong is None else wrong  # type: ignore[arg-type]
+
+
+def _parsed(path: Path, block: list[tuple[int, str]], layout: Layout) -> list[Column]:
+    """The columns of one block of lines."""
+    count = len(layout.names)
+    try:
+        lines = [line for _, line in block]
+        if layout.decimal == ",":
+            lines = [line.replace(".", "'").replace(",", ".") for line in lines]
+        numbers = np.loadtxt(lines, delimiter=layout.separator, comments=None, ndmin=2)
+        if numbers.shape == (len(block), count):
+            return list(numbers.T)
+    except ValueError:
+        pass  # something else than real numbers: cell by cell
+    cells = [whole_row(line, layout.separator, count) for _, line in block]
+    for (k, _), row in zip(block, cells, strict=True):
+        if len(row) != count:
+            raise FileFormatError(
+                f"{path.name}, line {k}: {len(row)} cells where the lines above have {count}; is the file cut off?"
+                " Remove the line if it is no line of numbers"
+            )
+    lines = [k for k, _ in block]
+    return [
+        _column(path, name, column, lines, layout)
+        for name, column in zip(layout.names, zip(*cells, strict=True), strict=True)
+    ]
+
+
+def _column(
+    path: Path, name: str, cells: tuple[str, ...], lines: list[int], layout: Layout
+) -> np.ndarray | FileFormatError:
+    cells = tuple(cell if cell else "nan" for cell in cells)  # an empty cell: not measured
+    try:
+        return np.array([float(with_point(cell, layout.decimal)) for cell in cells])
+    except ValueError:
+        pass
+    values: list[complex] = []
+    for cell, line in zip(cells, lines, strict=True):
+        try:
+            values.append(complex(with_point(cell, layout.decimal)))
+        except ValueError:
+            comma = layout.decimal != "," and "," in cell
+            return FileFormatError(
+                f"{path.name}, line {line}, column {name!r}: {cell[:40]!r} is not a number; numbers are"
+                " written 0.5 (with a point) or 1+2j",
+                *(["; if commas are decimal marks, give ", Remedy({"decimal": ","})] if comma else []),
+                place=path.name,
+            )
+    return np.array(values)
