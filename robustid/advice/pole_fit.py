@@ -1,6 +1,6 @@
 """Poles of a frequency response: separable least squares, one mode after another.
 
-Damped pairs beside a smooth remainder, in units of the bounds. `data/estimate/pole_fit.py` fits another model, with a delay.
+Damped pairs beside a smooth remainder, in units of the bounds. `estimation/pole_fit.py` fits another model, with a delay.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def estimate_frf(
     Examples
     --------
     >>> import numpy as np
-    >>> from robustid.data import TimeRecord, estimate_frf
+    >>> from robustid import TimeRecord, estimate_frf
     >>> rng = np.random.default_rng(0)
     >>> u = np.tile(np.cos(2 * np.pi * 3 * np.arange(50) / 50), 10)
     >>> y = 2 * u + 0.1 * rng.standard_normal(u.size)

@@ -68,7 +68,8 @@ def load_excitation(path: str | os.PathLike[str]) -> Excitation:
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from robustid.data import load_excitation, multisine
+    >>> from robustid.data import multisine
+    >>> from robustid.formats import load_excitation
     >>> play = multisine(lines=[1, 2, 5], period=100, dt=0.01, periods=4)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     play.save(pathlib.Path(folder) / "play.csv")
