@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from robustid.advice.gains import smallest_gain
 
 import robustid as rid
 from robustid.advice import suggest_prior
-from robustid.advice.gains import smallest_gain
 from robustid.core import response, simulate
 from robustid.identification.residuals import largest_ratio
-from robustid.report.style import ALERT, DATA, FAINT, MATPLOTLIB, NOMINAL
+from robustid.report.charts import ALERT, DATA, FAINT, MATPLOTLIB, NOMINAL
 
 BOUND = 0.03  # on every error, in units of the normalised response: the measured noise levels of the paper
 USED_HZ = np.linspace(1, 21, 21)  # every line for frequency data alone, every second one for mixed data
@@ -306,7 +306,7 @@ def draw_worth(data, outcomes):
     import matplotlib
     from matplotlib.figure import Figure
 
-    from robustid.report.style import FURTHER
+    from robustid.report.charts import FURTHER
 
     with matplotlib.rc_context(MATPLOTLIB):
         figure = Figure(figsize=(7.2, 4.4), layout="constrained")

@@ -2,12 +2,12 @@
 
 from robustid.report import plot
 from robustid.report.document import Verdict
+from robustid.report.identified import same
 from robustid.report.live import live_figure, live_words, look_figure, look_words
+from robustid.report.pages import render_report, render_summary, verdict, write_report
 from robustid.report.poles import PoleRow, pole_table
-from robustid.report.sections.claims import same
-from robustid.report.sections.proved_band import stands_on
+from robustid.report.proved_band import stands_on
 from robustid.report.words import at_least, at_most
-from robustid.report.write import render_report, render_summary, verdict, write_report
 
 __all__ = [
     "PoleRow",

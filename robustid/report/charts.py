@@ -1,20 +1,54 @@
-"""Charts, prepared once for two renderers: `with_matplotlib` and `with_plotly` draw a `Chart` and compute nothing."""
+"""Charts, prepared once for two renderers, and their looks; `with_matplotlib` and `with_plotly` draw them and compute nothing."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from robustid.report.curves import cells_per_entry, log_axis, phase_tick, rounded, thinned
-from robustid.report.style import FINE
 from robustid.report.words import HZ
 
+# Okabe and Ito's palette: told apart with every kind of colour blindness, and by their grey when printed.
+DATA = "#222222"
+FAINT = "#8a8a8a"
+NOMINAL = "#0072B2"
+ALERT = "#D55E00"
+FURTHER = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+# Colour is never the only difference: models also differ by their dashes and markers.
+DASHES = ("dash", "dashdot", "dot")
+MARKERS = ("square-open", "diamond-open", "triangle-up-open")
+BAND = FURTHER[3]  # of a guaranteed range
+REACHED = "reached by consistent systems"
+FINE = 0.45  # size of a curve or marker that must not hide what is around it
+MATPLOTLIB: dict[Any, Any] = {
+    "font.size": 9.5,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titlecolor": "#444444",
+    "axes.edgecolor": "#8a8a8a",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+    "legend.frameon": False,
+}
 _SMALLER = 0.6  # size of curves and markers in small figures
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+def further(index: int) -> tuple[str, str, str]:
+    """Colour, dash and marker of the further model number `index`."""
+    return FURTHER[index % len(FURTHER)], DASHES[index % len(DASHES)], MARKERS[index % len(MARKERS)]
+
+
+@dataclasses.dataclass(frozen=True)
 class Axis:
     """One axis: label with unit, scale, and range (None: as the data want)."""
 
@@ -31,9 +65,12 @@ class Axis:
         return self.range[1] < 30 * self.range[0] or (self.range[0] >= 1e-4 and self.range[1] <= 1e5)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Layer:
-    """A curve (`dash`), samples (`marker`), or both; `low` and `high` are the ends of the bars, or of an area (`fill`)."""
+    """A curve (`dash`), samples (`marker`), or both; `low` and `high` are the ends of the bars, or of an area (`fill`).
+
+    The points of a `choice` can be chosen in a live figure, by their abscissae.
+    """
 
     name: str
     x: np.ndarray
@@ -46,28 +83,29 @@ class Layer:
     hover: tuple[str, ...] = ()
     size: float = 1.0
     fill: bool = False
+    choice: bool = False
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Panel:
     """One pair of axes."""
 
     title: str
     x: Axis
     y: Axis
-    layers: tuple[Layer, ...]
+    layers: Sequence[Layer]
     square: bool = False
 
 
-BLANK = Panel(title="", x=Axis(label=""), y=Axis(label=""), layers=())  # a place that stays empty
+BLANK = Panel("", Axis(""), Axis(""), ())  # a place that stays empty
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Chart:
     """One figure: panels below each other on one x axis (`linked`), or each with its own; `grid`: one of many low ones."""
 
     name: str
-    panels: tuple[Panel, ...]
+    panels: Sequence[Panel]
     linked: bool = False
     columns: int = 1
     grid: bool = False
@@ -78,36 +116,29 @@ def frequency_axis(omega: np.ndarray) -> Axis:
     log = log_axis(omega)
     low, high = float(omega[omega > 0].min(initial=omega.max())) / HZ, float(omega.max()) / HZ
     if not high:
-        return Axis(label="frequency [Hz]")
+        return Axis("frequency [Hz]")
     if log:
         at_zero = " (0 Hz has no place on it)" if omega.min() == 0 else ""
-        return Axis(label=f"frequency [Hz]{at_zero}", log=True, range=(low / 1.05, high * 1.05))
-    return Axis(label="frequency [Hz]", range=(float(omega.min()) / HZ - 0.02 * high, 1.02 * high))
+        return Axis(f"frequency [Hz]{at_zero}", log=True, range=(low / 1.05, high * 1.05))
+    return Axis("frequency [Hz]", range=(float(omega.min()) / HZ - 0.02 * high, 1.02 * high))
 
 
 def phase_axis(span: tuple[float, float], label: str = "phase [°]", tick: float | None = None) -> Axis:
     """Axis of a phase in degrees."""
-    return Axis(label=label, range=span, tick=tick or phase_tick(span))
+    return Axis(label, range=span, tick=tick or phase_tick(span))
 
 
 def order_axis(low: float, high: float, beyond: float) -> Axis:
     """Axis of whole numbers, at most some fifteen ticks."""
-    return Axis(label="order [–]", range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
+    return Axis("order [–]", range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
 
 
 def stacked(
-    name: str,
-    x: Axis,
-    drawn: Sequence[tuple[Axis, Sequence[Layer]]],
-    titles: Sequence[str],
-    *,
-    grid: bool = False,
+    name: str, x: Axis, drawn: Sequence[tuple[Axis, Sequence[Layer]]], titles: Sequence[str], *, grid: bool = False
 ) -> Chart:
     """Chart of panels below each other on one x axis: each with its y axis, its layers and its title."""
-    panels = (
-        Panel(title=title, x=x, y=y, layers=tuple(layers)) for (y, layers), title in zip(drawn, titles, strict=True)
-    )
-    return Chart(name=name, panels=tuple(panels), linked=True, grid=grid)
+    panels = [Panel(title, x, y, layers) for (y, layers), title in zip(drawn, titles, strict=True)]
+    return Chart(name, panels, linked=True, grid=grid)
 
 
 def named(panel: Panel, name: str) -> Layer:
@@ -127,12 +158,12 @@ def side_by_side(name: str, charts: Sequence[Chart], columns: int, *further: Seq
     panels = [panel for row in rows for parts in zip(*(chart.panels for chart in row), strict=True) for panel in parts]
     for group in further:
         panels += [*group, *[BLANK] * (-len(group) % columns)]
-    return Chart(name=name, panels=tuple(panels), linked=True, columns=columns, grid=True)
+    return Chart(name, panels, linked=True, columns=columns, grid=True)
 
 
 def first_panel(chart: Chart) -> Chart:
     """Keep the first panel of a chart, for the first screen of a page."""
-    return Chart(name="first", panels=chart.panels[:1], linked=True)
+    return Chart("first", chart.panels[:1], linked=True)
 
 
 def in_rows(chart: Chart, columns: int, *groups: Sequence[Panel]) -> Chart:
@@ -166,3 +197,38 @@ def _light(layer: Layer, log: bool, cells: int) -> Layer:
     return dataclasses.replace(
         layer, size=size, **{name: rounded(array[kept]) for name, array in arrays.items() if array is not None}
     )
+
+
+def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
+    """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps.
+
+    Between them the offsets are interpolated in the logarithm. One of NaN is a phase that can be anything: half a turn to both
+    sides, up to the next frequencies.
+    """
+    if not at.size:
+        return []
+    inside = (curve.x >= at[0]) & (curve.x <= at[-1])
+    x, y = curve.x[inside], curve.y[inside]
+    known = np.interp(np.log(x), np.log(at), np.isnan(offsets[:, 0])) == 0
+    low, high = (
+        np.maximum(y + np.where(known, _between(x, at, end), any_phase), bottom)
+        for end, any_phase in zip(offsets.T, (-180.0, 180.0), strict=True)
+    )
+    pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
+    kept = [piece[np.isfinite(y[piece])] for piece in pieces]
+    return [Layer(name, x[k], y[k], BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
+
+
+def _between(x: np.ndarray, at: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Offsets between the frequencies: straight on logarithmic axes, as errors are drawn; linear where the sign changes."""
+    sign = np.sign(offset[0])
+    if sign and np.all(sign * offset > 0):
+        return sign * np.exp(np.interp(np.log(x), np.log(at), np.log(np.abs(offset))))
+    return np.interp(np.log(x), np.log(at), np.nan_to_num(offset))
+
+
+def error_range(layers: list[Layer]) -> tuple[float, float] | None:
+    """Range of an axis of errors; None where there are none."""
+    values = np.concatenate([layer.y for layer in layers])
+    values = values[np.isfinite(values) & (values > 0)]
+    return (0.6 * float(values.min()), 1.6 * float(values.max())) if values.size else None

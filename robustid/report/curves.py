@@ -51,7 +51,7 @@ def thinned(position: np.ndarray, sizes: list[np.ndarray], cells: int) -> np.nda
         return np.arange(position.size)
     width = (position[-1] - position[0]) / cells or 1.0
     cell = np.minimum((position - position[0]) // width, cells - 1)
-    chosen = []
+    chosen: list[np.ndarray] = []
     for k, size in enumerate(sizes):
         order = np.lexsort((size, cell))
         last = np.append(np.flatnonzero(np.diff(cell[order])), position.size - 1)

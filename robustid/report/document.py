@@ -1,6 +1,6 @@
-"""The blocks of which a report is made, before any medium: `html` and `terminal` each render every kind of block once.
+"""The blocks of which a report is made, before any medium: `html` and `with_rich` each render every kind of block once.
 
-A subject builds blocks (`sections`); its page and its summary at the terminal are outlines of the same blocks.
+A subject builds blocks; its page and its summary at the terminal are outlines of the same blocks.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
+from robustid.identification import Check
 from robustid.report.charts import Chart
+from robustid.report.words import number
 
 Role = Literal["", "soft", "caution", "warning"]
 Kind = Literal["", "text", "n", "whole", "share"]
@@ -224,3 +226,29 @@ class Document:
                 todo = [inner for part in block.parts for inner in part] + todo
             else:
                 yield block
+
+
+def checks_table(checks: Sequence[Check]) -> Table:
+    """Claims with their numbers and limits, and whether they hold."""
+    rows = [(check.name, number(check.measured), number(check.limit, 6)) for check in checks]
+    columns = [Column("Claim"), Column("Number", "n"), Column("Limit", "n")]
+    return Table(columns, rows, marks=[bool(check.holds) for check in checks], title="Verification")
+
+
+def of_numbers(*heads: str) -> list[Column]:
+    """Columns of numbers under these heads."""
+    return [Column(head, "n") for head in heads]
+
+
+def proved(holds: bool, sentence: str, otherwise: str, id: str) -> Verdict:
+    """Verdict on claims that were evaluated again for a page."""
+    return Verdict(*(("consistent", "Proved", sentence) if holds else ("failed", "Not proved", otherwise)), id=id)
+
+
+def certificates(count: int, hold: bool, id: str) -> Verdict:
+    """Verdict on certificates, which support their bounds now or don't."""
+    sentence = (
+        f"All {count} certificates were evaluated again for this page, without a solver: each supports its bound."
+    )
+    otherwise = f"Not all of the {count} certificates support their bounds, evaluated again for this page."
+    return proved(hold, sentence, f"{otherwise} Don’t rely on these numbers.", id)

@@ -6,21 +6,30 @@ import base64
 import datetime
 import functools
 import importlib.metadata
+import io
 import json
 import platform
 import re
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 from robustid._version import __version__
-from robustid.report.charts import Layer
+from robustid.report.charts import Chart, Layer
 from robustid.report.document import Document, Drawing, Grid, Text
-from robustid.report.pictures import pictures
+from robustid.report.with_matplotlib import draw
 from robustid.report.with_plotly import Figure, figures
 
 MOST_WARNINGS = 3  # on the first screen; the others stand in a part of their own
 _COLUMNS = 4  # of small figures on a wide screen
+_COLOURS = {"consistent": "0,158,115", "inconsistent": "213,94,0", "failed": "120,120,120"}  # of heads
+_OTHER = "230,159,0"
 _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
+MOST_BYTES = 360_000  # of all pictures of a page, as base64
+_PALETTE = 96  # of a picture: those of its curves, and steps between
+_FIRST = 110  # dots per inch of the picture of the first screen
+_FINENESS = (110, 96, 84, 72, 60, 50, 40, 32)  # of the others, tried one after another
+_SMALL = 0.6  # fineness of one of many pictures beside each other
 
 
 def render(document: Document, *, static: bool = False) -> str:
@@ -43,6 +52,15 @@ def render(document: Document, *, static: bool = False) -> str:
             data="" if static else packed(_json({figure.id: figure.spec for figure in every})),
         )
     )
+
+
+def render_head(document: Document) -> str:
+    """Render the first screen of a document, without its plot, for notebooks; of one without a verdict its title and text.
+
+    Text has the colour of the notebook, behind it a veil, so that it can be read in light and dark ones.
+    """
+    colour = _COLOURS.get(document.verdict.key, _OTHER) if document.verdict else ""
+    return _environment().get_template("notebook.html.j2").render(document=document, colour=colour)
 
 
 def _in_short(words: str) -> tuple[str, str]:
@@ -130,3 +148,27 @@ def _plotly() -> str:
     from plotly.offline import get_plotlyjs
 
     return packed(get_plotlyjs())
+
+
+def pictures(figures: Sequence[Figure]) -> dict[str, str]:
+    """Draw figures as PNG data addresses by their id, as fine as fits into `MOST_BYTES`; the first is always fine."""
+    drawn = [draw(Chart(one.id, one.panels, linked=True, grid=one.small)) for one in figures]
+    found: dict[str, str] = {}
+    for dpi in _FINENESS:
+        for figure, picture in zip(figures, drawn, strict=True):
+            fine = _FIRST if figure is figures[0] else dpi * (_SMALL if figure.small else 1.0)
+            found[figure.id] = _address(picture, fine)
+        if sum(map(len, found.values())) <= MOST_BYTES:
+            break
+    return found
+
+
+def _address(figure: Any, dpi: float) -> str:
+    from PIL import Image
+
+    raw, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(raw, format="png", dpi=dpi)
+    # Every colour counts, those of few points too: not only the frequent ones.
+    few = Image.open(raw).convert("RGB").quantize(_PALETTE, method=Image.Quantize.MAXCOVERAGE)
+    few.save(small, format="png", optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(small.getvalue()).decode()}"

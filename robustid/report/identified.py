@@ -2,28 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict
 
 import numpy as np
 
-from robustid.core import Complex
+from robustid.core import Complex, fingerprint
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, MixedProblem, Residual, check_model
-from robustid.report.charts import Axis
+from robustid.report.charts import NOMINAL, Axis, further
 from robustid.report.curves import resolved
-from robustid.report.style import NOMINAL, further
 from robustid.report.words import HZ, matrix_unit_label, units
 
 if TYPE_CHECKING:
-    from robustid.reduction import Reduction
+    import control
+
+    from robustid.advice import Content, Sensitivity
+    from robustid.data import TimeRecord
+    from robustid.fitting import OrderSweep
+    from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
+    from robustid.reduction import ModelWorth, Reduction
 
 Models = Mapping[str, Any] | None
+Bounded = WorstCaseError | WorstCaseOverPoles
 DIRECTIONS = "combinations of outputs / combinations of inputs"
 _GRID = 800  # points of a response, evenly spaced in log frequency
 _AROUND = np.linspace(-1.55, 1.55, 61)  # phases across a light resonance
 _NOWHERE = np.zeros(0)
+
+
+class Parts(TypedDict, total=False):
+    """Everything that can stand beside a result on its page, under the names that `write_report` describes; None: nothing."""
+
+    reduction: Reduction | None
+    models: Mapping[str, control.StateSpace] | None
+    worst_case: WorstCaseError | None
+    tube: ResponseTube | None
+    over_poles: WorstCaseOverPoles | None
+    stability: RobustStabilityMargin | Mapping[str, RobustStabilityMargin] | None
+    weights: StructuredWeight | Sequence[StructuredWeight] | None
+    sensitivity: Sensitivity | None
+    data: FrequencyResponse | None
+    order_sweep: OrderSweep | None
+    records: TimeRecord | Sequence[TimeRecord] | None
+    findings: Sequence[str]
+    withheld: Coverage | None
+    content: Content | None
+    worth: ModelWorth | None
+    diagnosis: str | None
+    run_file: str | None
+    band: Band | None
 
 
 class Posed(Protocol):
@@ -61,7 +91,7 @@ def mixed(identification: Identification) -> bool:
     return len(units(identification.problem.outputs, identification.problem.inputs)) > 1
 
 
-def sigma_unit(identification: Identification) -> str:
+def sigma_unit(identification: Posed) -> str:
     """Unit of singular values, in brackets."""
     return matrix_unit_label(identification.problem.outputs, identification.problem.inputs)
 
@@ -86,7 +116,7 @@ def where(identification: Identification, residual: Residual) -> str:
     return DIRECTIONS
 
 
-def started(record: Any) -> str:
+def started(record: TimeRecord) -> str:
     """Say how a time record begins."""
     words = {
         "rest": "from zero initial conditions",
@@ -164,7 +194,7 @@ def further_models(reduction: Reduction | None, models: Models) -> dict[str, Any
     return out | dict(models or {})
 
 
-def band(problem: Any) -> tuple[float, float]:
+def band(problem: MixedProblem) -> tuple[float, float]:
     """From below the lowest frequency point (or 1/length of the longest record) to the Nyquist frequency, rad/s.
 
     In continuous time to twice the highest frequency point.
@@ -181,22 +211,22 @@ def shown_band(identification: Posed, omega: np.ndarray = _NOWHERE) -> tuple[flo
     return min([low, *omega[omega > 0].tolist()]), high
 
 
-def hertz(problem: Any, low: float, high: float) -> Axis:
+def hertz(problem: MixedProblem, low: float, high: float) -> Axis:
     """The frequency axis; a logarithmic one has no 0, so that samples there are put at its left end and this is said."""
     at_zero = bool(problem.angles.size) and problem.angles[0] == 0
     note = " (samples at 0 Hz are drawn at the left end)" if at_zero else ""
-    return Axis(label=f"frequency [Hz]{note}", log=True, range=(low / HZ, high / HZ))
+    return Axis(f"frequency [Hz]{note}", log=True, range=(low / HZ, high / HZ))
 
 
 def responses(
-    models: list[Any], problem: Any, ends: tuple[float, float], wanted: np.ndarray
+    models: list[Any], problem: MixedProblem, ends: tuple[float, float], wanted: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
     omega = _grid(models, problem, *ends, wanted)
     return omega, [problem.plane.values_at(model, omega) for model in models]
 
 
-def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
+def _grid(models: list[Any], problem: MixedProblem, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
     """Log-spaced, the points of the data, wanted ones, and as many around each light pole as its resonance needs."""
     base = np.geomspace(low, high, _GRID)
     step = base[1] / base[0] - 1
@@ -205,3 +235,44 @@ def _grid(models: list[Any], problem: Any, low: float, high: float, wanted: np.n
     s: Complex = problem.plane.exponents(poles[np.abs(poles) > 0]) if problem.dt else poles
     light = s[np.abs(s.real) < 4 * step * s.imag]
     return resolved(every, light, _AROUND, low, high)
+
+
+def checked(name: str, value: Any, kind: type, function: str, identification: Identification) -> None:
+    """Refuse an argument that isn't of its kind, or isn't about this identification or a copy of it (loaded, say)."""
+    if not isinstance(value, kind):
+        raise InputTypeError(f"`{name}` must be a {kind.__name__}, from {function}(); got {type(value).__name__}")
+    if not same(value.identification, identification):
+        raise InputError(
+            f"`{name}` is about another identification than the one reported; give {name}.identification, or compute"
+            f" {function}(identification)"
+        )
+
+
+def same(one: Identification, other: Identification) -> bool:
+    """Return whether both are one result, as two that were loaded from its files are."""
+    return one is other or _numbers(one) == _numbers(other)
+
+
+def _numbers(result: Identification) -> str:
+    return fingerprint((result.problem, result.claim, result.coefficients, result.scaled_parameters))
+
+
+def bounded_model(identification: Identification, model: Any) -> tuple[str, dict[str, Any]]:
+    """Name of the model that errors are measured from, and the model under it where it is not the nominal one or its copy."""
+    name, own = shown_models(identification)[0][:2]
+    if all(np.array_equal(getattr(model, part), getattr(own, part)) for part in "ABCD"):
+        return name, {}
+    name = f"model, order {model.nstates}"
+    return name, {name: model}
+
+
+def model_size(bounded: Bounded | Band) -> np.ndarray:
+    """Size of the response of the model that is bounded, (F,): its largest singular value."""
+    return np.linalg.norm(bounded.nominal.reshape(bounded.upper.shape), 2, axis=(1, 2))
+
+
+def error_label(identification: Posed) -> str:
+    """Label of an axis of errors, of matrices their largest singular value."""
+    if siso(identification):
+        return f"error |F − model| of\n{transfer(identification)}"
+    return f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()

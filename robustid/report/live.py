@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,12 @@ from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import Band, SampleCheck, WorstCaseError
 from robustid.identification import Identification
-from robustid.report.charts import Layer, Panel
+from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, NOMINAL, Layer, Panel
+from robustid.report.frequency import entry_chart, frequency_charts
+from robustid.report.guarantee import guarantee_sentence, worst_case_charts
+from robustid.report.identification_page import identification_verdict, margin_interval
 from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
-from robustid.report.sections.frequency import entry_chart, frequency_charts
-from robustid.report.sections.guarantee import sentence
-from robustid.report.sections.guarantee_charts import BAND, worst_case_charts
-from robustid.report.sections.identification import identification_verdict, margin_interval
-from robustid.report.sections.proved_band import drawn_band, with_band
-from robustid.report.sections.proved_band import sentence as band_sentence
-from robustid.report.style import ALERT, FAINT, FURTHER, NOMINAL
+from robustid.report.proved_band import band_sentence, drawn_band, with_band
 from robustid.report.with_plotly import plotly_figure
 from robustid.report.words import HZ, number, percent
 
@@ -31,8 +28,7 @@ _ACTIVE = "active constraints"
 _CONTRADICTED = "contradicted by the others"
 _SHARE, _MOST = 0.05, 5  # of the proof, and of the samples that are named
 _HEIGHT = 760  # pixels
-_DOMAINS = {2: ([0.3, 1.0], [0.0, 0.25]), 3: ([0.48, 1.0], [0.26, 0.44], [0.0, 0.22])}  # of the panels, by their number
-_TALL = 30.0  # times the range of the magnitude: where an area ends that has no end
+_DOMAINS = {2: ((0.3, 1.0), (0.0, 0.25)), 3: ((0.48, 1.0), (0.26, 0.44), (0.0, 0.22))}  # of the panels, by their number
 
 
 def live_figure(
@@ -76,7 +72,7 @@ def look_figure(
         return _figure(check, with_band(band, panels), left_out, withheld)
     worst = int(np.argmax(check.ratio))
     ring = _ring(_CONTRADICTED, check.omega[[worst]], check.values[[worst]])
-    first = dataclasses.replace(panels[0], layers=(*panels[0].layers, ring))
+    first = replace(panels[0], layers=(*panels[0].layers, ring))
     return _figure(check, (first, *panels[1:]), left_out, withheld)
 
 
@@ -87,26 +83,15 @@ def _figure(
     withheld: Sequence[FrequencyResponse],
 ) -> dict[str, Any]:
     """Panels with the points that are not used, as plotly draws them."""
-    under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4)
-    first = dataclasses.replace(panels[0], layers=(*under, *panels[0].layers, *over))
-    labels = f"magnitude{_in(about)}", "phase [°]", f"error{_in(about)}"
-    drawn = [_labelled(*one) for one in zip((first, *panels[1:]), labels, strict=False)]
-    figure = plotly_figure(tuple(drawn), _HEIGHT)
-    figure["layout"]["legend"]["font"] = {"size": 12}
-    for name, domain in zip(("yaxis", "yaxis2", "yaxis3"), _DOMAINS[len(drawn)], strict=False):
-        figure["layout"][name]["domain"] = domain
-    for trace in figure["data"]:
-        if "markers" in trace.get("mode", "") and trace["name"].startswith(("data", LEFT_OUT)):
-            trace["customdata"] = trace["x"]
-    return figure
-
-
-def _in(about: Posed) -> str:
-    return f" [{unit(about)}]" if unit(about) else ""
-
-
-def _labelled(panel: Panel, label: str) -> Panel:
-    return dataclasses.replace(panel, y=dataclasses.replace(panel.y, label=label))
+    under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4, choice=True)
+    first = replace(panels[0], layers=(*under, *panels[0].layers, *over))
+    what = f" [{unit(about)}]" if unit(about) else ""
+    labels = f"magnitude{what}", "phase [°]", f"error{what}"
+    drawn = [
+        replace(panel, y=replace(panel.y, label=label))
+        for panel, label in zip((first, *panels[1:]), labels, strict=False)
+    ]
+    return plotly_figure(drawn, _HEIGHT, domains=_DOMAINS[len(drawn)])
 
 
 @functools.lru_cache(maxsize=2)
@@ -128,7 +113,7 @@ def live_words(
         return said.key, words, f"These samples carry the proof: {'; '.join(parts)}."
     if band is not None:
         return said.key, words, _band_words(identification, band)
-    return said.key, words, "" if error is None else sentence(error)
+    return said.key, words, "" if error is None else guarantee_sentence(error)
 
 
 def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, str]:
@@ -153,24 +138,25 @@ def _sample(kind: str, index: int, at: float) -> str:
 def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below: Panel) -> tuple[Panel, Panel, Panel]:
     """The panels with bars at the frequencies that are bounded, in place of areas and lines between them."""
     plain = [
-        dataclasses.replace(one, layers=tuple(layer for layer in one.layers if layer.colour != BAND))
-        for one in (magnitude, phase)
+        replace(one, layers=tuple(layer for layer in one.layers if layer.colour != BAND)) for one in (magnitude, phase)
     ]
     proved = error.omega > 0  # a logarithmic axis has no 0
     low, high = np.maximum(error.magnitude[proved].T, (magnitude.y.range or (0.0, 1.0))[0])
     name = f"guaranteed range ({error.omega.size} frequencies, poles as stated)"
     middle = np.clip(np.abs(error.nominal[proved]), low, high)
     at = error.omega[proved] / HZ
-    bars = Layer(name=name, x=at, y=middle, colour=FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)
-    points = tuple(dataclasses.replace(layer, dash="") if layer.colour == ALERT else layer for layer in below.layers)
-    first = dataclasses.replace(plain[0], layers=(bars, *plain[0].layers))
-    return first, plain[1], dataclasses.replace(below, layers=points)
+    bars = Layer(name, at, middle, FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)
+    points = tuple(replace(layer, dash="") if layer.colour == ALERT else layer for layer in below.layers)
+    first = replace(plain[0], layers=(bars, *plain[0].layers))
+    return first, plain[1], replace(below, layers=points)
 
 
-def _points(responses: Sequence[FrequencyResponse], name: str, marker: str, size: float) -> list[Layer]:
+def _points(
+    responses: Sequence[FrequencyResponse], name: str, marker: str, size: float, choice: bool = False
+) -> list[Layer]:
     """Magnitudes of points that are not used."""
     return [
-        Layer(name=name, x=frf.freq_hz, y=np.abs(frf.values[:, 0, 0]), colour=FAINT, marker=marker, size=size)
+        Layer(name, frf.freq_hz, np.abs(frf.values[:, 0, 0]), FAINT, marker=marker, size=size, choice=choice)
         for frf in responses
     ]
 
@@ -181,15 +167,15 @@ def _with_active(identification: Identification, first: Panel, *others: Panel) -
     for kind, index, at, _ in identification.conflicting_samples(_SHARE):
         if kind == "frequency":
             found.setdefault(index, []).append(at)
-    layers = []
+    layers: list[Layer] = []
     for index, places in found.items():
         frf = identification.problem.frequency[index]
         if not isinstance(frf, FrequencyResponse):
             continue
         kept = frf.select(np.isin(frf.omega, places))
         layers.append(_ring(_ACTIVE, kept.omega, kept.values[:, 0, 0]))
-    return dataclasses.replace(first, layers=(*first.layers, *layers)), *others
+    return replace(first, layers=(*first.layers, *layers)), *others
 
 
 def _ring(name: str, omega: np.ndarray, values: np.ndarray) -> Layer:
-    return Layer(name=name, x=omega / HZ, y=np.abs(values), colour=ALERT, marker="circle-open", size=2.2)
+    return Layer(name, omega / HZ, np.abs(values), ALERT, marker="circle-open", size=2.2)

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from html import escape
-from typing import Any
+from typing import Any, Unpack
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction
 from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.report.document import Verdict
-from robustid.report.sections.glance import BETWEEN, BOUND, glance
-from robustid.report.sections.identification import identification_verdict, margin_interval
-from robustid.report.write import verdict
+from robustid.report.document import Code, Document, Glance, Text, Verdict
+from robustid.report.first_screen import BETWEEN, BOUND, glance
+from robustid.report.html import render_head
+from robustid.report.identification_page import identification_verdict, margin_interval
+from robustid.report.identified import Parts
+from robustid.report.pages import verdict
 
 _LINES = 18  # of a summary
-_COLOURS = {"consistent": "0,158,115", "inconsistent": "213,94,0", "failed": "120,120,120"}
-_OTHER = "230,159,0"
 
 
 def head(result: Any) -> str | None:
-    """Head of the page about a result as HTML; of what has no page, the first lines of its summary, or None.
+    """Head of the page about a result as HTML; of what has no page, the first lines of its summary, or None."""
+    document = _head(result)
+    return None if document is None else render_head(document)
 
-    Text has the colour of the notebook, behind it a veil, so that it can be read in light and dark ones.
-    """
+
+def _head(result: Any) -> Document | None:
     if isinstance(result, Identification):
         return _identified(result)
     if isinstance(result, WorstCaseError):
@@ -34,72 +34,50 @@ def head(result: Any) -> str | None:
     identification = getattr(result, "identification", None)
     if isinstance(identification, Identification) and hasattr(result, "reduction"):
         return _identified(identification, reduction=result.reduction, worst_case=getattr(result, "error", None))
-    if isinstance(result, (MatrixFraction, FrequencyResponse)):
+    if isinstance(result, MatrixFraction):
         said = verdict(result)
-        return _html(said, _size(result) if isinstance(result, FrequencyResponse) else said.numbers)
+        return _first_screen(said, Glance(said.numbers))
+    if isinstance(result, FrequencyResponse):
+        low, high = result.freq_hz[[0, -1]]
+        size = ("frequency points", f"{result.omega.size}"), ("range", f"{low:.5g} to {high:.5g} Hz")
+        return _first_screen(verdict(result), Glance([*size, _signals(result), _sample_time(result.dt)]))
     if isinstance(result, TimeRecord):
         return _record(result)
     summary = getattr(result, "summary", None)
-    return _text(type(result).__name__, str(summary())) if callable(summary) else None
+    return _listed(type(result).__name__, str(summary())) if callable(summary) else None
 
 
-def _identified(identification: Identification, **parts: Any) -> str:
-    given = {name: value for name, value in parts.items() if value is not None}
-    shown = glance(identification, margin_interval(identification), **given)
-    said = identification_verdict(identification, given.get("reduction"))
-    steps = [text.text.replace(BOUND, "rid.worst_case_error(result)") for text in shown.next]
+def _first_screen(said: Verdict, glance: Glance) -> Document:
+    return Document("", head=[said], body=[], glance=glance)
+
+
+def _identified(identification: Identification, **parts: Unpack[Parts]) -> Document:
+    shown = glance(identification, margin_interval(identification), parts)
+    steps = [Text(step.text.replace(BOUND, "rid.worst_case_error(result)")) for step in shown.next]
     words = shown.words.removesuffix(BETWEEN)
-    return _html(said, shown.numbers, [words] * bool(words), steps)
+    return _first_screen(
+        identification_verdict(identification, parts.get("reduction")), Glance(shown.numbers, words, next=steps)
+    )
 
 
-def _size(frf: FrequencyResponse) -> list[tuple[str, str]]:
-    low, high = frf.freq_hz[[0, -1]]
-    return [
-        ("frequency points", f"{frf.omega.size}"),
-        ("range", f"{low:.5g} to {high:.5g} Hz"),
-        ("outputs × inputs", f"{len(frf.outputs)} × {len(frf.inputs)}"),
-        ("sample time", "continuous" if frf.dt is None else f"{frf.dt:.6g} s"),
-    ]
+def _signals(data: FrequencyResponse | TimeRecord) -> tuple[str, str]:
+    return "outputs × inputs", f"{len(data.outputs)} × {len(data.inputs)}"
 
 
-def _record(record: TimeRecord) -> str:
-    names = ", ".join(map(str, record.inputs)), ", ".join(map(str, record.outputs))
+def _sample_time(dt: float | None) -> tuple[str, str]:
+    return "sample time", "continuous" if dt is None else f"{dt:.6g} s"
+
+
+def _record(record: TimeRecord) -> Document:
+    inputs, outputs = (", ".join(map(str, group)) for group in (record.inputs, record.outputs))
     bound = "No bound on the errors." if record.bound is None else f"{record.bound.words(record.note)}."
-    bound = bound[0].upper() + bound[1:]
-    said = Verdict(
-        "consistent" if record.bound is not None else "", "Time record", f"{names[0]} to {names[1]}. {bound}"
-    )
-    numbers = [
-        ("samples", f"{len(record.u)}"),
-        ("sample time", f"{record.dt:.6g} s"),
-        ("outputs × inputs", f"{len(record.outputs)} × {len(record.inputs)}"),
-        ("before the first sample", record.initial),
-    ]
-    return _html(said, numbers)
+    sentence = f"{inputs} to {outputs}. {bound[0].upper()}{bound[1:]}"
+    said = Verdict("consistent" if record.bound is not None else "", "Time record", sentence)
+    numbers = [("samples", f"{len(record.u)}"), _sample_time(record.dt), _signals(record)]
+    return _first_screen(said, Glance([*numbers, ("before the first sample", record.initial)]))
 
 
-def _html(
-    said: Verdict, numbers: Sequence[tuple[str, str]], words: Sequence[str] = (), steps: Sequence[str] = ()
-) -> str:
-    colour = _COLOURS.get(said.key, _OTHER)
-    cells = "".join(
-        '<div style="margin-right:1.6em"><div style="opacity:.8;font-size:.85em">'
-        f'{escape(name)}</div><div style="font-size:1.15em">{escape(value)}</div></div>'
-        for name, value in numbers
-    )
-    lines = "".join(f'<p style="margin:.4em 0 0">{escape(text)}</p>' for text in words)
-    listed = "".join(f"<li>{escape(text)}</li>" for text in steps)
-    return (
-        f'<div style="max-width:60em;padding:.6em 1em;border-left:6px solid rgb({colour});background:rgba({colour},.12)">'
-        f'<strong style="font-size:1.2em">{escape(said.word)}</strong><p style="margin:.2em 0 .5em">{escape(said.sentence)}</p>'
-        f'<div style="display:flex;flex-wrap:wrap;gap:.4em 0">{cells}</div>{lines}'
-        + (f'<ul style="margin:.5em 0 0;padding-left:1.2em">{listed}</ul>' if listed else "")
-        + "</div>"
-    )
-
-
-def _text(name: str, summary: str) -> str:
+def _listed(name: str, summary: str) -> Document:
     lines = summary.splitlines()
     more = f"\n… {len(lines) - _LINES} more lines: print(result.summary())" if len(lines) > _LINES else ""
-    body = escape("\n".join(lines[:_LINES]) + more)
-    return f'<div><strong>{escape(name)}</strong><pre style="white-space:pre-wrap;margin:.3em 0 0">{body}</pre></div>'
+    return Document(name, head=[], body=[Code("\n".join(lines[:_LINES]) + more)])

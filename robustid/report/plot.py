@@ -22,29 +22,22 @@ from robustid.guarantees import (
 )
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, Reduction
-from robustid.report.assembled import (
-    fit_bode,
-    fit_convergence,
-    fit_poles,
-    guaranteed_bode,
-    identified_bode,
-    identified_residuals,
-    identified_time,
-    response_bode,
-    tried_orders,
-)
 from robustid.report.charts import Chart
-from robustid.report.sections import guarantee_charts, order_sweep, worth
-from robustid.report.sections.claims import kind_of, refuse_foreign
-from robustid.report.sections.family import family_chart, schedule_chart
-from robustid.report.sections.model import model_chart
-from robustid.report.sections.pole_box import pole_box_chart
-from robustid.report.sections.poles import pole_chart
-from robustid.report.sections.proved_band import centre_chart
-from robustid.report.sections.reduction import hankel_chart
-from robustid.report.sections.stability import stability_chart
-from robustid.report.sections.tube import tube_chart
-from robustid.report.sections.weights import weights_chart
+from robustid.report.family_page import family_chart, schedule_chart
+from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
+from robustid.report.frequency import identified_bode
+from robustid.report.guarantee import guaranteed_bode
+from robustid.report.order_sweep_section import order_chart, stabilisation_chart
+from robustid.report.pages import kind_of, refuse_foreign
+from robustid.report.pole_box import pole_box_chart
+from robustid.report.poles import pole_chart
+from robustid.report.proved_band import centre_chart
+from robustid.report.residual_charts import identified_residuals
+from robustid.report.response_charts import response_bode
+from robustid.report.small_model import hankel_chart, model_chart, tried_orders, worth_chart
+from robustid.report.stability import stability_chart, weights_chart
+from robustid.report.time_response import identified_time, tube_chart
+from robustid.report.value_sets import nyquist_chart
 from robustid.report.with_matplotlib import draw
 
 if TYPE_CHECKING:
@@ -260,7 +253,7 @@ def nyquist(result: WorstCaseError, *, ax: Any = None) -> Figure:
     >>> [axes.get_title(loc="left") for axes in figure.axes]
     ['Values at the frequencies', 'Largest errors, around the model']
     """
-    return _drawn({WorstCaseError: (guarantee_charts.nyquist_chart, ())}, result, {}, ax)
+    return _drawn({WorstCaseError: (nyquist_chart, ())}, result, {}, ax)
 
 
 def poles(
@@ -347,7 +340,7 @@ def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Any = None) -> Fi
     >>> rid.plot.orders(small).axes[0].get_xlabel()
     'order [–]'
     """
-    kinds = {OrderSweep: order_sweep.order_chart, Reduction: tried_orders, ModelWorth: worth.worth_chart}
+    kinds = {OrderSweep: order_chart, Reduction: tried_orders, ModelWorth: worth_chart}
     return _drawn({kind: (chart, ()) for kind, chart in kinds.items()}, result, {}, ax)
 
 
@@ -386,7 +379,7 @@ def stabilisation(result: OrderSweep, *, ax: Any = None) -> Figure:
     >>> rid.plot.stabilisation(rid.suggest_order(frf, orders=[2, 3])).axes[0].get_ylabel()
     'order [–]'
     """
-    return _drawn({OrderSweep: (order_sweep.stabilisation_chart, ())}, result, {}, ax)
+    return _drawn({OrderSweep: (stabilisation_chart, ())}, result, {}, ax)
 
 
 def _drawn(

@@ -1,22 +1,37 @@
-"""Poles in words and numbers: natural frequency, damping, time constant, delay."""
+"""Poles in words, numbers and charts; those of an identification, and the modes of a MIMO parametric part with their residues."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robustid.bases import ParametricBasis
 from robustid.errors import InputError
 from robustid.fitting import continuous
-from robustid.identification import check_model
+from robustid.identification import Identification, check_model
+from robustid.report.charts import DATA, FAINT, NOMINAL, Axis, Chart, Layer, Panel
+from robustid.report.document import Beside, Block, Column, Drawing, Heading, Table, Text
+from robustid.report.identified import Models, band, shown_models, siso, transfer, unit
 from robustid.report.words import HZ, number
 
 if TYPE_CHECKING:
     import control
 
+    from robustid.reduction import Reduction
+
 # The rounded pole of a (double) integrator lies this close to z = 1.
 _INTEGRATOR = 1e-7
+_LIGHT = 0.05  # damping, below which a pole stands out
+_SAME = 1e-5  # relative distance of a pole of the model from the one that was asked for
+_MOST = 10  # poles or modes at the terminal
+_RANKS = (
+    "A mode adds R/(z − a) and its conjugate to the response, R its residue matrix. Peak: σmax(R)/(1 − |a|), about the height of"
+    " its resonance. Rank ratio: the second singular value of R over the first; near 0 where the mode has one shape, as that of"
+    " a structure has, larger where two modes share the poles, or where the data leave it open."
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,7 +123,7 @@ def describe_pole(row: PoleRow) -> str:
     return f"{number(row.hz)} Hz with damping {number(row.damping, 3)}"
 
 
-def delay_words(basis: Any) -> str:
+def delay_words(basis: ParametricBasis) -> str:
     """The delays of the functions: zeros at the beginning of their impulse responses."""
     state, pulses = basis.B, [basis.D[:, 0]]
     for _ in range(basis.states):
@@ -120,3 +135,163 @@ def delay_words(basis: Any) -> str:
         return f"none but delays, {low} to {high} samples"
     # Of a pair, one function is zero one sample longer.
     return f"delay, {low} sample{'s' * (low != 1)}"
+
+
+def poles_section(identification: Identification, models: Models) -> list[Block]:
+    """Build the section of the poles of every model, and of the modes of a MIMO parametric part."""
+    nominal, *others = shown_models(identification, models)
+    own, rest = _told_apart(identification)
+    tables: list[tuple[Block, ...]] = [(Heading(nominal.name, 3), _table(own), *_counted(rest))]
+    tables += [(Heading(one.name, 3), _table(pole_table(one.model))) for one in others]
+    blocks: list[Block] = [
+        Heading("Poles"),
+        Drawing(pole_chart(identification, models), beside=True),
+        Beside(tables),
+        Text(
+            "f is the natural frequency |s|/2π with s = log(z)/dt, τ the time constant −1/Re s; bold: damping below 0.05.",
+            "soft",
+        ),
+    ]
+    modes = modes_table(identification)
+    return [*blocks, Heading("Modes"), modes, Text(_RANKS, "soft")] if modes.rows else blocks
+
+
+def _told_apart(identification: Identification) -> tuple[list[PoleRow], list[PoleRow]]:
+    """Poles of the nominal model: those outside the region of the non-parametric part, or of the parametric part; and the others.
+
+    Without a parametric part the slowest are told apart.
+    """
+    rows, problem = pole_table(identification.model), identification.problem
+    if problem.parametric is None or problem.prior.physical:
+        slow = sorted(rows, key=lambda row: -row.time_constant if row.time_constant > 0 else -np.inf)
+        return sorted(slow[:_MOST], key=lambda row: row.hz), slow[_MOST:]
+    known = pole_rows(problem.parametric.in_s().poles, problem.dt)
+    own = [row for row in rows if any(abs(row.pole - one.pole) <= _SAME * max(abs(one.pole), 1e-3) for one in known)]
+    return own, [row for row in rows if row not in own]
+
+
+def _counted(rows: list[PoleRow]) -> list[Text]:
+    """Say how many poles are left out, and how slow they are."""
+    if not rows:
+        return []
+    slowest = max(row.time_constant for row in rows)
+    states = sum(row.count for row in rows)
+    words = f"{states} further states are left out here: none has a time constant above {number(slowest, 3)} s."
+    return [Text(words, "soft")]
+
+
+def slowest_poles(identification: Identification, reduction: Reduction | None) -> Table:
+    """Table of the slowest poles of the reduced model, or of the nominal one."""
+    model, name = (identification.model, "nominal") if reduction is None else (reduction.model, "reduced")
+    rows = sorted(pole_table(model), key=lambda row: -row.modulus)
+    kept, left = sorted(rows[:_MOST], key=lambda row: row.hz), rows[_MOST:]  # those left out only count
+    return _table([*kept, *left], f"Slowest poles of the {name} model")
+
+
+def _table(rows: list[PoleRow], title: str = "") -> Table:
+    columns = [
+        Column("f [Hz]", "n", "Hz"),
+        Column("damping", "n", "Damping"),
+        Column("|z|", "n"),
+        Column("τ [s]", "n", "Time constant [s]"),
+        Column("states", "n", "States"),
+    ]
+    light = [row.count == 2 and row.damping < _LIGHT for row in rows]
+    cells = [_cells(row) for row in rows]
+    return Table(columns, cells, strong=light, empty="no poles: a static gain", title=title, most=_MOST)
+
+
+def _cells(row: PoleRow) -> tuple[str, ...]:
+    if row.modulus == 0:
+        return "delay", "–", "0", "–", str(row.count)
+    numbers = number(row.hz, 5), number(row.damping, 3), number(row.modulus, 5), number(row.time_constant, 3)
+    return *numbers, str(row.count)
+
+
+def modes_table(identification: Identification) -> Table:
+    """Table of the modes of the parametric part and their residue matrices; empty for a SISO problem, whose coefficients say
+    it all.
+    """
+    problem, rows = identification.problem, []
+    for mode in () if siso(identification) else identification.modes:
+        size = np.abs(mode.residue)
+        i, j = np.unravel_index(int(np.argmax(size)), size.shape)
+        with np.errstate(divide="ignore"):  # an integrator
+            decay = mode.omega * mode.damping
+            peak = np.linalg.norm(mode.residue, 2) / (-np.expm1(-decay * problem.dt) if problem.dt else decay)
+        ratio = number(mode.rank_ratio, 2) if min(size.shape) > 1 else "–"
+        hz, damping = number(mode.omega / HZ, 5), number(mode.damping, 3)
+        rows.append((hz, damping, number(float(peak), 3), transfer(identification, int(i), int(j)), ratio))
+    what = unit(identification)
+    columns = [
+        Column("f [Hz]", "n", "Hz"),
+        Column("damping", "n", "Damping"),
+        Column(f"peak [{what}]" if what else "peak", "n", f"Peak\n[{what}]" if what else "Peak"),
+        Column("largest in", "text", "Largest in"),
+        Column("rank ratio", "n", "Rank\nratio"),
+    ]
+    note = "Rank ratio: near 0 where the mode has one shape"
+    return Table(columns, rows, title="Modes of the parametric part", note=note, most=_MOST)
+
+
+def _edges(identification: Identification) -> Iterator[Layer]:
+    """The stability boundary, and that of the class."""
+    prior = identification.prior
+    if not identification.problem.dt:
+        height = np.array([-1.0, 1.0]) * 1.1 * max(np.abs(identification.model.poles()).max(initial=0.0), prior.decay)
+        yield Layer("imaginary axis: Re s = 0", np.zeros(2), height, DATA, dash="solid")
+        name = f"Re s = −α = −{number(prior.decay)} 1/s"
+        yield Layer(name, np.full(2, -prior.decay), height, FAINT, dash="dash")
+        return
+    turn, rho = np.linspace(0, 2 * np.pi, 361), prior.decay_rate
+    circles = (("unit circle: |z| = 1", 1.0, DATA, "solid"), (f"|z| = 1/ρ = {number(1 / rho)}", 1 / rho, FAINT, "dash"))
+    for name, radius, colour, dash in circles:
+        yield Layer(name, radius * np.cos(turn), radius * np.sin(turn), colour, dash=dash)
+
+
+def pole_chart(identification: Identification, models: Models = None) -> Chart:
+    """Poles in the z-plane or s-plane, and their damping over their frequency."""
+    shown, discrete = shown_models(identification, models), bool(identification.problem.dt)
+    plane = list(_edges(identification))
+    damping: list[Layer] = []
+    reach = max(float(np.abs(layer.x).max()) for layer in plane)
+    for one in shown:
+        rows, poles = pole_table(one.model) if one.model.nstates else [], one.model.poles()
+        marker = "x" if one.colour == NOMINAL else one.marker
+        style: dict[str, Any] = {"name": one.name, "colour": one.colour, "marker": marker, "size": 1.3}
+        words = {row.pole: _pole_words(row) for row in rows}
+        words |= {pole.conjugate(): text for pole, text in words.items()}
+        hover = tuple(words.get(complex(p), "") for p in poles)
+        reach = max(reach, float(np.abs(poles).max(initial=0.0)))
+        plane.append(Layer(x=poles.real, y=poles.imag, hover=hover, **style))
+        swings = [row for row in rows if row.count == 2 and row.damping > 0]
+        x, y = (np.array([getattr(row, part) for row in swings]) for part in ("hz", "damping"))
+        damping.append(Layer(x=x, y=y, hover=tuple(_pole_words(row) for row in swings), **style))
+    span, letter = (-1.1 * reach, 1.1 * reach), "z [–]" if discrete else "s [rad/s]"
+    every = np.concatenate([layer.x for layer in damping] + [np.array(band(identification.problem)) / HZ])
+    ratios = np.concatenate([layer.y for layer in damping])
+    panels = (
+        Panel(
+            f"Poles in the {letter[0]}-plane",
+            Axis(f"real part of {letter}", range=span if discrete else None),
+            Axis(f"imaginary part of {letter}", range=span),
+            plane,
+            square=discrete,
+        ),
+        Panel(
+            "Damping of the oscillating poles",
+            Axis("natural frequency [Hz]", log=True, range=(every.min() * 0.9, every.max() * 1.1)),
+            Axis("damping ratio [–]", log=True, range=(min(0.5 * ratios.min(initial=1.0), 0.05), 2.0)),
+            damping,
+        ),
+    )
+    return Chart("poles", panels, columns=2)
+
+
+def _pole_words(row: PoleRow) -> str:
+    if row.modulus == 0:
+        return "delay of one sample, |z| = 0"
+    text = f"|z| = {number(row.modulus, 5)}"
+    if row.hz == 0:
+        return f"integrator, {text}"
+    return f"{number(row.hz)} Hz, damping {number(row.damping, 3)}, {text}"

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.errors import InputError, InputTypeError
-from robustid.report.charts import Chart, Layer, Panel
-from robustid.report.style import MATPLOTLIB, NOMINAL
+from robustid.report.charts import MATPLOTLIB, NOMINAL, Chart, Layer, Panel
 from robustid.report.words import number
 
 if TYPE_CHECKING:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from robustid.report.charts import Axis, Chart, Layer, Panel
+from robustid.report.charts import NOMINAL, Axis, Chart, Layer, Panel
 from robustid.report.curves import between_gaps
-from robustid.report.style import NOMINAL
 
 _PLOT, _SQUARE, _SMALL = 240, 480, 150  # pixels: height of one panel, of a square figure, of one panel among many
 
@@ -17,18 +17,14 @@ _PLOT, _SQUARE, _SMALL = 240, 480, 150  # pixels: height of one panel, of a squa
 class Figure:
     """One plotly figure: its id in the page, its description, its height."""
 
-    def __init__(self, id: str, panels: tuple[Panel, ...], *, square: bool = False, small: bool = False) -> None:
+    def __init__(self, id: str, panels: Sequence[Panel], *, square: bool = False, small: bool = False) -> None:
         self.id = id
         self.height = _SQUARE if square else 150 + _PLOT * len(panels)
         if small:
             self.height = 60 + _SMALL * len(panels)
         self.panels, self.small, self.square = panels, small, square
         self.label = "; ".join(panel.title for panel in panels if panel.title)
-        self.spec = plotly_figure(panels, self.height)
-        if small:  # one of many, whose legend stands before them all
-            self.spec["layout"] |= {"showlegend": False, "margin": {"l": 50, "r": 10, "t": 6, "b": 40}}
-            self.spec["layout"]["font"]["size"] = 11
-            self.spec["layout"]["xaxis"]["nticks"] = 3 if panels[0].x.log else 5
+        self.spec = plotly_figure(panels, self.height, small=small)
 
     @property
     def alternative(self) -> str:
@@ -46,32 +42,49 @@ def figures(chart: Chart, *, small: bool = False) -> list[Figure]:
     return [Figure(f"{chart.name}-{k}", part, square=square, small=small) for k, part in enumerate(parts)]
 
 
-def plotly_figure(panels: tuple[Panel, ...], height: int) -> dict[str, Any]:
-    """Describe panels below each other on one x axis as plotly does: data and layout."""
+def plotly_figure(
+    panels: Sequence[Panel], height: int, *, small: bool = False, domains: Sequence[tuple[float, float]] = ()
+) -> dict[str, Any]:
+    """Describe panels below each other on one x axis as plotly does: data and layout.
+
+    A small one is one of many, whose legend stands before them all; `domains`: the ends of each
+    panel of a live figure, as parts of its height.
+    """
     layout: dict[str, Any] = {
         "height": height,
-        "margin": {"l": 78, "r": 40, "t": 12, "b": 52},
+        "margin": {"l": 50, "r": 10, "t": 6, "b": 40} if small else {"l": 78, "r": 40, "t": 12, "b": 52},
         "modebar": {"orientation": "v"},  # beside the plot: above it stands the legend
-        "font": {"family": "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif", "size": 13, "color": "#222222"},
+        "font": {
+            "family": "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif",
+            "size": 11 if small else 13,
+            "color": "#222222",
+        },
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "closest",
         "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.01, "yanchor": "bottom"},
     }
+    if small:
+        layout["showlegend"] = False
+    if domains:  # a tall figure that is watched: more room for its curves
+        layout["legend"]["font"] = {"size": 12}
     count, gap, traces, named = len(panels), 0.08, [], set()
     for k, panel in enumerate(panels):
         suffix = "" if k == 0 else str(k + 1)
         top = 1 - k * (1 + gap) / (count + (count - 1) * gap)
-        low = top - 1 / (count + (count - 1) * gap)
+        low, top = domains[k] if domains else (max(top - 1 / (count + (count - 1) * gap), 0.0), top)
         # One x axis for all panels, drawn under the last: zooming one zooms all.
         if k == 0:
             layout["xaxis"] = {**_axis(panel.x), "anchor": f"y{'' if count == 1 else count}"}
-        layout[f"yaxis{suffix}"] = {**_axis(panel.y), "domain": [max(low, 0.0), top], "anchor": "x"}
+            if small:
+                layout["xaxis"]["nticks"] = 3 if panel.x.log else 5
+        layout[f"yaxis{suffix}"] = {**_axis(panel.y), "domain": [low, top], "anchor": "x"}
         if panel.square:
             layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
             layout["xaxis"] |= {"constrain": "domain"}
         for layer in panel.layers:
-            traces.append({**_trace(layer), "xaxis": "x", "yaxis": f"y{suffix}", "showlegend": layer.name not in named})
+            trace = _trace(layer) | ({"customdata": _numbers(layer.x)} if domains and layer.choice else {})
+            traces.append({**trace, "xaxis": "x", "yaxis": f"y{suffix}", "showlegend": layer.name not in named})
             named.add(layer.name)
     return {"data": traces, "layout": layout}
 
@@ -144,10 +157,12 @@ def _trace(layer: Layer) -> dict[str, Any]:
 
 def _area(layer: Layer, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
     """From `low` to `high`, as a polygon; several ones where there are gaps."""
-    x, y = [], []
+    gap = np.full(1, np.nan)
+    x: list[np.ndarray] = []
+    y: list[np.ndarray] = []
     for piece in between_gaps(low + high):
-        x += [layer.x[piece], layer.x[piece][::-1], [np.nan]]
-        y += [high[piece], low[piece][::-1], [np.nan]]
+        x += [layer.x[piece], layer.x[piece][::-1], gap]
+        y += [high[piece], low[piece][::-1], gap]
     return {
         "type": "scatter",
         "name": _plain(layer.name),

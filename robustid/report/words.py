@@ -8,9 +8,10 @@ from __future__ import annotations
 import decimal
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+
+from robustid.core import Signal
 
 HZ = 2 * np.pi  # rad/s
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -76,6 +77,18 @@ def at_frequencies(omega: np.ndarray) -> str:
     return f"at {hz.size} frequencies from {number(hz[0])} to {number(hz[-1])} Hz"
 
 
+def at_hz(hz: np.ndarray, said: str, *values: np.ndarray) -> tuple[str, ...]:
+    """Words for the points of a curve: the frequency of each, and its values in the places of `said`.
+
+    Examples
+    --------
+    >>> at_hz(np.array([1.0, 2.5]), "{} ± {}", np.array([3.0, 4.0]), np.array([0.1, 0.2]))
+    ('1 Hz: 3 ± 0.1', '2.5 Hz: 4 ± 0.2')
+    """
+    rows = zip(hz, *values, strict=True)
+    return tuple(f"{number(at, 6)} Hz: {said.format(*map(number, row))}" for at, *row in rows)
+
+
 def quotient(above: str, below: str) -> str:
     """Unit of a quotient, "mm/N"; empty where neither has one."""
     return f"{above or '1'}/{below}" if below else above
@@ -90,18 +103,18 @@ def _bracketed(unit: str) -> str:
     return f" [{unit}]" if unit else ""
 
 
-def units(outputs: Sequence[Any], inputs: Sequence[Any]) -> set[str]:
+def units(outputs: Sequence[Signal], inputs: Sequence[Signal]) -> set[str]:
     """Units of the entries of a response matrix."""
     return {quotient(y.unit, u.unit) for y in outputs for u in inputs}
 
 
-def matrix_unit_label(outputs: Sequence[Any], inputs: Sequence[Any]) -> str:
+def matrix_unit_label(outputs: Sequence[Signal], inputs: Sequence[Signal]) -> str:
     """Unit of the singular values of a response matrix, in brackets after a space."""
     found = units(outputs, inputs)
     return _bracketed(found.pop()) if len(found) == 1 else " [mixed units]"
 
 
-def title(kind: str, outputs: Sequence[Any], inputs: Sequence[Any]) -> str:
+def title(kind: str, outputs: Sequence[Signal], inputs: Sequence[Signal]) -> str:
     """Heading of a page: what it is about, and of which signals.
 
     Examples

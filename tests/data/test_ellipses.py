@@ -17,7 +17,7 @@ from robustid.identification.formulation.columns import DenseDesign
 from robustid.identification.formulation.taylor_columns import ShiftColumns, ShiftDesign
 from robustid.identification.residuals import largest_ratio
 from robustid.identification.solver.paths import margin_path
-from robustid.report.sections.assumptions import experiments
+from robustid.report.assumptions import experiments
 from support.bounds import rebound
 from support.problems import judge_margin, random_problem
 

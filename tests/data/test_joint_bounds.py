@@ -14,8 +14,8 @@ import robustid as rid
 from robustid import load
 from robustid.data import save
 from robustid.errors import InputError
-from robustid.report.sections.fit_charts import response_charts
-from robustid.report.sections.fit_view import FitView
+from robustid.report.fit_charts import response_charts
+from robustid.report.fit_view import FitView
 from support.bounds import rebound
 from support.mimo_data import DT, KINDS, complex_normal, positive_definite, response, same
 

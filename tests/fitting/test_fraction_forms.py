@@ -186,7 +186,7 @@ def test_a_saved_fit_comes_back(tmp_path):
 def test_a_page_leaves_deviations_of_many_residues_out_where_constraints_tie_them_and_says_so(
     tmp_path, monkeypatch, tied, words
 ):
-    monkeypatch.setattr("robustid.report.sections.fit_view._WORK", 1e3)
+    monkeypatch.setattr("robustid.report.fit_view._WORK", 1e3)
     gain = plant(2, 2)[0](np.zeros(1))[0].real
     fit, _, _ = fitted(2, 2, level=0.01, restart=False, constraints=[StaticGain(gain)] * tied)
     assert fit.status.converged

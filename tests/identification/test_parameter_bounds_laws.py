@@ -9,7 +9,7 @@ import robustid as rid
 from robustid.advice import diagnose
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver.paths import margin_path
-from robustid.report.sections.assumptions import assumptions
+from robustid.report.assumptions import assumptions
 from support.intervals import FREE, KINDS, bounded, inside, tight, truthful
 from support.problems import random_problem
 

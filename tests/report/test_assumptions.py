@@ -6,11 +6,11 @@ import numpy as np
 
 import robustid as rid
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.report.sections.assumptions import assumptions, bound_source, experiments
-from robustid.report.sections.frequency import bars_words
-from robustid.report.sections.residuals import residual_chart
-from robustid.report.sections.response import summary_rows
-from robustid.report.sections.response_view import ResponseView
+from robustid.report.assumptions import assumptions, bound_source, experiments
+from robustid.report.frequency import bars_words
+from robustid.report.residual_charts import residual_chart
+from robustid.report.response_charts import ResponseView
+from robustid.report.response_page import summary_rows
 from support.matrix_pages import DT, measured, problem, record, response_of, with_values
 from support.report_pages import printed
 

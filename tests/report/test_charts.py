@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.report.charts import lighter
-from robustid.report.sections.frequency import frequency_charts
+from robustid.report.frequency import frequency_charts
 
 pytestmark = pytest.mark.quick
 
@@ -26,7 +26,7 @@ def test_lighter_charts_keep_every_peak_and_notch(matrix_result: rid.Identificat
 def test_small_numbers_are_powers_of_ten_all_over_an_axis(label):
     from robustid.report.charts import Axis
 
-    assert Axis(label=label, log=True, range=(0.02, 90.0)).in_full
-    assert not Axis(label=label, log=True, range=(1e-7, 1e-4)).in_full
-    assert not Axis(label=label, log=True, range=(1e-3, 1e2)).in_full
-    assert not Axis(label=label, range=(0.0, 1.0)).in_full
+    assert Axis(label, log=True, range=(0.02, 90.0)).in_full
+    assert not Axis(label, log=True, range=(1e-7, 1e-4)).in_full
+    assert not Axis(label, log=True, range=(1e-3, 1e2)).in_full
+    assert not Axis(label, range=(0.0, 1.0)).in_full

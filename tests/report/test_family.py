@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.report.document import Heading, Table, Verdict
-from robustid.report.sections.family import (
+from robustid.report.family_page import (
     driver_table,
     family_charts,
     family_page,
@@ -15,7 +15,7 @@ from robustid.report.sections.family import (
     paired_modes,
     schedule_chart,
 )
-from robustid.report.sections.withheld import CONTRADICTED, withheld_chart, withheld_verdict
+from robustid.report.withheld_data import CONTRADICTED, withheld_chart, withheld_verdict
 from robustid.report.words import HZ
 from support.families import DT, identified, measured
 
@@ -96,7 +96,7 @@ def test_modes_are_paired_with_their_nearest():
 
 
 def test_contradiction_stands_first_on_the_page(two, outside):
-    document = family_page(two, withheld=outside)
+    document = family_page(two, None, {"withheld": outside})
     verdicts = [block for block in document.head if isinstance(block, Verdict)]
     assert [one.key for one in verdicts] == ["inconsistent", "consistent"]
     assert "no guarantee for the machine" in verdicts[0].sentence

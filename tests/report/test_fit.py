@@ -14,9 +14,9 @@ import robustid as rid
 from robustid.fitting import FitStatus, FitStep, fit_mfd
 from robustid.report import plot, render_report, write_report
 from robustid.report.curves import most_drawn, rounded
-from robustid.report.sections.fit import fit_verdict, mode_cells
-from robustid.report.sections.fit_charts import convergence_chart
-from robustid.report.sections.fit_view import FitView
+from robustid.report.fit_charts import convergence_chart
+from robustid.report.fit_page import fit_verdict, mode_cells
+from robustid.report.fit_view import FitView
 from support.fits import HZ, OMEGA, SMALL, measured
 from support.mechanics import measured as frequency_response
 from support.mechanics import mechanical

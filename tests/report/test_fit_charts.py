@@ -9,9 +9,9 @@ import pytest
 
 import robustid as rid
 from robustid.fitting import FitStep, fit_mfd
-from robustid.report.sections.fit import mode_cells
-from robustid.report.sections.fit_charts import convergence_chart, fit_pole_chart, response_charts
-from robustid.report.sections.fit_view import FitView
+from robustid.report.fit_charts import convergence_chart, fit_pole_chart, response_charts
+from robustid.report.fit_page import mode_cells
+from robustid.report.fit_view import FitView
 from support.fits import HZ, OMEGA, SYSTEM, measured
 from support.mfd_systems import random_modal_system
 from support.report_pages import layers

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.report.sections.frequency import frequency_charts, measured_sigma, sigma_chart
-from robustid.report.sections.residuals import residual_chart
+from robustid.report.frequency import frequency_charts, measured_sigma, sigma_chart
+from robustid.report.residual_charts import residual_chart
 from support.matrix_pages import DT, HZ, measured, problem, response_of, with_values
 from support.report_pages import layers
 

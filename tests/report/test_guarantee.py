@@ -11,7 +11,7 @@ import pytest
 
 import robustid as rid
 from robustid.report import plot, render_report, write_report
-from robustid.report.sections.guarantee import entry_table, parameter_table, sentence
+from robustid.report.guarantee import entry_table, guarantee_sentence, parameter_table
 from robustid.report.words import at_least, at_most, number
 from support.matrix_pages import measured, problem
 from support.report_pages import NASTY, Page, identified, with_circle
@@ -22,7 +22,13 @@ def test_page_says_what_is_guaranteed(error: rid.WorstCaseError) -> None:
     start, end = page.text.index("What is guaranteed"), page.text.index("\nFrequency response")
     section = page.text[start:end]
     count = sum(len(v.certificates) for v in error.values) + len(error.parameters.certificates)
-    wanted = [sentence(error), f"All {count} certificates", "Proved", "never prove", "conditional on the poles"]
+    wanted = [
+        guarantee_sentence(error),
+        f"All {count} certificates",
+        "Proved",
+        "never prove",
+        "conditional on the poles",
+    ]
     wanted += [f"within {at_most(error.upper.max())} mm/N", "Tested", "Assumed", "mode at 17.67 Hz, real part"]
     for w, high, low, sample in error.worst(7):
         wanted += [number(w / (2 * np.pi), 5), at_most(high), at_least(low), sample.replace("frequency 1", "response")]
@@ -69,7 +75,7 @@ def test_a_loaded_copy_is_the_same_identification(error: rid.WorstCaseError, tmp
     error.save(tmp_path / "bounds")
     loaded = rid.load(tmp_path / "bounds")
     assert loaded.identification is not error.identification
-    assert sentence(error) in Page(render_report(error.identification, worst_case=loaded)).text
+    assert guarantee_sentence(error) in Page(render_report(error.identification, worst_case=loaded)).text
 
 
 def test_a_bound_below_its_certificate_is_not_called_proved(error: rid.WorstCaseError) -> None:
@@ -116,7 +122,7 @@ def test_misuse_is_named(error: rid.WorstCaseError, tmp_path: Path) -> None:
 
 
 def test_the_guarantee_in_words(matrix_error: rid.WorstCaseError) -> None:
-    said = sentence(matrix_error)
+    said = guarantee_sentence(matrix_error)
     assert f"within {at_most(matrix_error.sigma_upper.max())} of the nominal model" in said
     assert "(largest singular value of the difference)" in said
     rows = entry_table(matrix_error).rows

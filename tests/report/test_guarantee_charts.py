@@ -9,15 +9,9 @@ import pytest
 
 import robustid as rid
 from robustid.report import plot, render_report
-from robustid.report.charts import Layer
-from robustid.report.sections.guarantee_charts import (
-    REACHED,
-    band_around,
-    data_discs,
-    nyquist_chart,
-    worst_case_charts,
-    worst_case_sigma_chart,
-)
+from robustid.report.charts import REACHED, Layer, band_around
+from robustid.report.guarantee import worst_case_charts, worst_case_sigma_chart
+from robustid.report.value_sets import data_discs, nyquist_chart
 from robustid.report.words import number
 from support.matrix_pages import response_of
 from support.report_pages import Page, identified, layers, named, with_circle
@@ -81,7 +75,7 @@ def test_error_panel_shows_both_ends_and_the_circle_only_if_computed(error: rid.
 
 def test_areas_of_a_curve_with_gaps_have_none() -> None:
     x = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    curve = Layer(name="phase", x=x, y=np.array([0.0, -170.0, np.nan, 170.0, 90.0, 80.0]), colour="")
+    curve = Layer("phase", x, np.array([0.0, -170.0, np.nan, 170.0, 90.0, 80.0]), "")
     pieces = band_around("band", curve, np.array([2.0, 5.0]), np.array([[-1.0, 2.0], [-3.0, 4.0]]))
     assert [piece.x.tolist() for piece in pieces] == [[2.0], [4.0, 5.0]]
     share = np.log(2) / np.log(2.5)

@@ -11,11 +11,11 @@ import pytest
 import robustid as rid
 from robustid.core import Choice, Source
 from robustid.report import plot, render_report
-from robustid.report.sections.assumptions import CHOSEN
-from robustid.report.sections.frequency import frequency_charts
-from robustid.report.sections.identification import identification_verdict, margin_interval, margin_words
-from robustid.report.sections.residuals import residual_chart
-from robustid.report.sections.time import time_chart
+from robustid.report.assumptions import CHOSEN
+from robustid.report.frequency import frequency_charts
+from robustid.report.identification_page import identification_verdict, margin_interval, margin_words
+from robustid.report.residual_charts import residual_chart
+from robustid.report.time_response import time_chart
 from robustid.report.words import number
 from support.report_pages import NASTY, Page, printed, problem
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from robustid.report.sections.order_sweep import order_chart, order_words, stabilisation_chart
+from robustid.report.order_sweep_section import order_chart, order_words, stabilisation_chart
 from support.fits import HZ, SMALL
 
 pytestmark = pytest.mark.quick

@@ -12,8 +12,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import render_report, write_report
-from robustid.report.sections import pole_box
-from robustid.report.sections.pole_box import box_table, entry_table, pole_box_chart
+from robustid.report.pole_box import box_entries, box_rows, box_table, box_verdict, pole_box_chart
 from robustid.report.words import at_most
 from support import matrix_pages
 from support.report_pages import NASTY, Page, identified, named
@@ -142,7 +141,7 @@ def test_the_box_before_and_after_the_refuted_cells(band: WorstCaseOverPoles) ->
     assert first == box_table(band).rows[0]
     assert second[1] == box_table(band).rows[1][1] == "17.652 … 17.688"
     assert second[2] == "17.6523 … 17.67"
-    assert "2 cells cover the box; 1 of them proved not to hold" in dict(pole_box.rows(split, None))["Cells"]
+    assert "2 cells cover the box; 1 of them proved not to hold" in dict(box_rows(split, None))["Cells"]
 
 
 def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: WorstCaseOverPoles) -> None:
@@ -155,7 +154,7 @@ def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: 
     ends = np.array(band.box.omega)
     ends[0, 1] *= 1.01
     wider = dataclasses.replace(band, box=dataclasses.replace(band.box, omega=ends))
-    assert "leave out a part of the box" in pole_box.verdict(wider).sentence
+    assert "leave out a part of the box" in box_verdict(wider).sentence
 
 
 def test_text_of_strangers_is_escaped() -> None:
@@ -189,7 +188,7 @@ def test_a_matrix_is_drawn_by_its_largest_singular_value_and_has_its_entries_in_
     magnitude, errors = pole_box_chart(found).panels
     np.testing.assert_array_equal(named(errors, "error over the box").y, found.sigma_upper)
     assert magnitude.title == "Singular values"
-    rows = entry_table(found).rows
+    rows = box_entries(found).rows
     assert [row[:2] for row in rows] == [("y", "u1"), ("y", "u2")]
     assert rows[1][2] == at_most(found.upper[0, 0, 1])
     page = Page(render_report(result, over_poles=found))

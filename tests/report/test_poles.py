@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.report import pole_table
-from robustid.report.sections.poles import modes_table, pole_chart
+from robustid.report.poles import modes_table, pole_chart
 from robustid.report.words import number
 from support.matrix_pages import DT, HZ, measured, plant, problem
 from support.report_pages import layers

@@ -12,7 +12,7 @@ import robustid as rid
 from robustid.app.run.findings import band_words
 from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import render_report, stands_on
-from robustid.report.sections.proved_band import band_chart
+from robustid.report.proved_band import band_chart
 from support.edge_bands import edge_plant
 from support.report_pages import Page, identified, named
 

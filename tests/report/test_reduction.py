@@ -9,8 +9,8 @@ import pytest
 
 import robustid as rid
 from robustid.report import plot, render_report
-from robustid.report.sections.assumptions import assumptions
-from robustid.report.sections.reduction import hankel_chart, margin_chart
+from robustid.report.assumptions import assumptions
+from robustid.report.small_model import hankel_chart, margin_chart
 from support.paper_plant import structure
 from support.report_pages import Page, layers
 

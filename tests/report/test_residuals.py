@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.report.sections.frequency import frequency_charts
-from robustid.report.sections.residuals import active_constraints, residual_chart
+from robustid.report.frequency import frequency_charts
+from robustid.report.residual_charts import active_constraints, residual_chart
 from robustid.report.words import number
 from support.matrix_pages import measured, problem, record, response_of, with_values
 from support.report_pages import layers, printed

@@ -13,9 +13,8 @@ import robustid as rid
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.estimation import estimate_frf
 from robustid.report import plot, render_report, render_summary, write_report
-from robustid.report.sections.response import level_table, response_verdict, summary_rows, warning_sentences
-from robustid.report.sections.response_charts import coherence_chart, entry_charts, overview_charts
-from robustid.report.sections.response_view import ResponseView
+from robustid.report.response_charts import ResponseView, coherence_chart, entry_charts, overview_charts
+from robustid.report.response_page import level_table, response_verdict, summary_rows, warning_sentences
 from robustid.report.with_matplotlib import draw
 from support.bounds import rebound
 from support.frf_records import DT

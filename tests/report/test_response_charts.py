@@ -10,14 +10,14 @@ import pytest
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.report import plot, render_report
 from robustid.report.curves import most_drawn
-from robustid.report.sections.response_charts import (
+from robustid.report.response_charts import (
+    ResponseView,
     coherence_chart,
     entry_charts,
     overview_charts,
     singular_chart,
     spectrum_charts,
 )
-from robustid.report.sections.response_view import ResponseView
 from support.frf_records import DT, HZ, gain
 from support.matrix_pages import measured, with_values
 from support.report_pages import NASTY, Page, layers

@@ -10,7 +10,7 @@ import pytest
 import robustid as rid
 from robustid.advice import Sensitivity, Variation
 from robustid.report import render_report
-from robustid.report.sections.sensitivity import sensitivity_chart
+from robustid.report.sensitivity_section import sensitivity_chart
 from support.report_pages import Page, named
 
 

@@ -12,8 +12,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import MarginStatus, RobustStabilityMargin, StructuredWeight
 from robustid.report import plot, render_report
-from robustid.report.sections.stability import arc_table, stability_chart, stability_verdict
-from robustid.report.sections.weights import weights_chart
+from robustid.report.stability import arc_table, stability_chart, stability_verdict, weights_chart
 from support.report_pages import Page, layers, printed
 
 pytestmark = pytest.mark.quick

@@ -9,7 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.report import render_summary
-from robustid.report.sections.identification import margin_interval
+from robustid.report.identification_page import margin_interval
 from robustid.report.words import number
 from support.report_pages import printed, problem
 

@@ -8,7 +8,7 @@ import numpy as np
 import robustid as rid
 from robustid.report import plot, render_report
 from robustid.report.identified import started
-from robustid.report.sections.time import answer_charts, time_chart
+from robustid.report.time_response import answer_charts, time_chart
 from support.report_pages import Page, layers
 
 

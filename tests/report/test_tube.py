@@ -13,8 +13,8 @@ import robustid as rid
 from robustid.core import simulate
 from robustid.guarantees import ResponseTube, response_tube
 from robustid.report import plot, render_report
-from robustid.report.sections.guarantee_charts import REACHED
-from robustid.report.sections.tube import rows, sentence, tube_chart
+from robustid.report.charts import REACHED
+from robustid.report.time_response import tube_chart, tube_rows, tube_sentence
 from robustid.report.words import at_least, at_most
 from support.report_pages import NASTY, Page, named
 
@@ -90,7 +90,7 @@ def test_between_the_samples_the_model_leads(result: rid.Identification) -> None
     np.testing.assert_allclose(area.high[[0, 2, 6]], some.upper, atol=1e-12)
     offset = some.upper - some.nominal
     np.testing.assert_allclose(area.high[1] - curve.y[2], (offset[0] + offset[1]) / 2)
-    assert "at 3 of the 9 samples until 0.8 s" in sentence(some)
+    assert "at 3 of the 9 samples until 0.8 s" in tube_sentence(some)
 
 
 def test_matplotlib_draws_these_numbers(step: ResponseTube) -> None:
@@ -129,7 +129,7 @@ def test_page_of_a_pulse_bounds_the_gain_of_the_error(result: rid.Identification
     text = Page(render_report(result, tube=pulse)).text
     assert f"at most {at_most(pulse.error_l1)} mm/N: the peak-to-peak gain" in text
     assert "Pulse response: force is 1 N during the first sample" in text
-    uncertain = dict(rows(dataclasses.replace(pulse, upper=np.full(6, np.inf))))
+    uncertain = dict(tube_rows(dataclasses.replace(pulse, upper=np.full(6, np.inf))))
     assert "No bound" in uncertain["Over all time"]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import robustid as rid
 from robustid.data import FrequencyResponse
 from robustid.report import plot
-from robustid.report.sections.frequency import frequency_charts
+from robustid.report.frequency import frequency_charts
 from support.frf_records import HZ
 from support.matrix_pages import measured
 from support.matrix_pages import problem as matrix_problem

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import robustid as rid
-from robustid.report.sections.frequency import frequency_charts
-from robustid.report.sections.poles import pole_chart
-from robustid.report.sections.residuals import residual_chart
+from robustid.report.frequency import frequency_charts
+from robustid.report.poles import pole_chart
+from robustid.report.residual_charts import residual_chart
 from robustid.report.with_plotly import plotly_figure
 
 

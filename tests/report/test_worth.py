@@ -11,8 +11,8 @@ import robustid as rid
 from robustid.advice import content
 from robustid.reduction import model_worth_having, why_not_compared
 from robustid.report import plot, render_report
-from robustid.report.sections.content import content_chart, content_verdict
-from robustid.report.sections.worth import worth_chart, worth_verdict
+from robustid.report.sensitivity_section import content_chart, content_verdict
+from robustid.report.small_model import worth_chart, worth_verdict
 from support.report_pages import Page, layers
 
 

@@ -3,20 +3,49 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
 from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, behind, named
-from robustid.report.document import Block, Column, Drawing, Facts, Heading, Table, Text, Verdict
-from robustid.report.identified import about, in_unit, sigma_unit, siso, transfer
-from robustid.report.sections.claims import certificates, checked
-from robustid.report.sections.frequency import LARGEST, frequency_charts, sigma_chart
-from robustid.report.sections.guarantee_charts import BAND, band_around, bounded_model, error_range
-from robustid.report.style import ALERT, FAINT, FURTHER
-from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
+from robustid.report.charts import (
+    ALERT,
+    BAND,
+    FAINT,
+    FURTHER,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    band_around,
+    behind,
+    error_range,
+    named,
+)
+from robustid.report.document import (
+    Block,
+    Column,
+    Drawing,
+    Facts,
+    Heading,
+    Table,
+    Text,
+    Verdict,
+    certificates,
+    of_numbers,
+)
+from robustid.report.frequency import size_panel
+from robustid.report.identified import (
+    Bounded,
+    about,
+    bounded_model,
+    checked,
+    error_label,
+    in_unit,
+    model_size,
+    siso,
+)
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
 
 BOX = FURTHER[2]
 _ROUNDING = 1e-12  # of ends, relative: 0.7 × 0.1 is printed as 0.07
@@ -34,13 +63,13 @@ def pole_box_section(
         words += " No singular value is farther from that of the model than the largest one of the difference."
     return [
         Heading("Guarantee over a pole-uncertainty box"),
-        Text(sentence(band), id="box-sentence"),
-        verdict(band, holds),
-        Facts(rows(band, error)),
+        Text(box_sentence(band), id="box-sentence"),
+        box_verdict(band, holds),
+        Facts(box_rows(band, error)),
         Heading("The pole-uncertainty box", 3),
         box_table(band),
         Text("f is the natural frequency. Left: the smallest box around the cells that are not refuted.", "soft"),
-        *([] if single else [Heading("Every entry", 3), entry_table(band)]),
+        *([] if single else [Heading("Every entry", 3), box_entries(band)]),
         Heading(f"{'Response' if single else 'Largest singular value'} with its guaranteed ranges", 3),
         Text(words, "soft"),
         Drawing(pole_box_chart(band, error)),
@@ -53,14 +82,9 @@ def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None
     MIMO: of the largest singular value. Over the frequencies of the band; between them the distance of each end of a range from the
     model is interpolated: nothing is proved there.
     """
-    name, model, own = bounded_model(band)
     fixed = _beside(band, error)
     omega = band.omega if fixed is None else np.union1d(band.omega, fixed.omega)
-    further = None if own else {name: model}
-    if siso(band.identification):
-        magnitude = frequency_charts(band.identification, further, omega)[0].panels[0]
-    else:
-        name, magnitude = LARGEST + name, sigma_chart(band.identification, further, omega).panels[0]
+    name, magnitude = size_panel(band.identification, band.model, omega)
     x = _reach(band, magnitude.x)
     curve, bottom = named(magnitude, name), (magnitude.y.range or (0.0, 1.0))[0]
     shown = curve.y[(curve.x >= x.range[0]) & (curve.x <= x.range[1])] if x.range else curve.y
@@ -71,7 +95,7 @@ def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None
     if fixed is not None:
         areas += _area(f"the fixed poles ({fixed.omega.size} frequencies)", BAND, curve, band, fixed, span)
     panels = (dataclasses.replace(behind(magnitude, areas, span), x=x), _errors(band, fixed, x))
-    return Chart(name="over_poles", panels=panels, linked=True)
+    return Chart("over_poles", panels, linked=True)
 
 
 def _beside(band: WorstCaseOverPoles, error: WorstCaseError | None) -> WorstCaseError | None:
@@ -92,26 +116,21 @@ def _reach(band: WorstCaseOverPoles, axis: Axis) -> Axis:
 
 
 def _area(
-    name: str, colour: str, curve: Layer, band: WorstCaseOverPoles, bounded: Any, span: tuple[float, float]
+    name: str, colour: str, curve: Layer, band: WorstCaseOverPoles, bounded: Bounded, span: tuple[float, float]
 ) -> list[Layer]:
     """The ranges of one guarantee around the curve of the model; one without an end reaches beyond the axis."""
     proved = bounded.omega > 0  # a logarithmic axis has no 0
-    offsets = np.minimum(_sizes(bounded), 10 * span[1]) - _largest(bounded)[:, None]
+    offsets = np.minimum(_sizes(bounded), 10 * span[1]) - model_size(bounded)[:, None]
     found = band_around(name, curve, bounded.omega[proved] / HZ, offsets[proved], span[0])
     return [dataclasses.replace(layer, colour=colour) for layer in found]
 
 
-def _largest(bounded: WorstCaseOverPoles | WorstCaseError) -> np.ndarray:
-    """Size of the response of the model, (F,): its largest singular value."""
-    return np.linalg.norm(bounded.nominal.reshape(bounded.upper.shape), 2, axis=(1, 2))
-
-
-def _sizes(bounded: WorstCaseOverPoles | WorstCaseError) -> np.ndarray:
+def _sizes(bounded: Bounded) -> np.ndarray:
     """Guaranteed range of the size of the response, (F, 2); MIMO: of its largest singular value."""
     if siso(bounded.identification):
         return bounded.magnitude
     # No singular value moves by more than the largest one of what is added.
-    return np.maximum(_largest(bounded)[:, None] + bounded.sigma_upper[:, None] * np.array([-1.0, 1.0]), 0.0)
+    return np.maximum(model_size(bounded)[:, None] + bounded.sigma_upper[:, None] * np.array([-1.0, 1.0]), 0.0)
 
 
 def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> Panel:
@@ -119,29 +138,24 @@ def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> 
     shown = [("error over the box", band.omega, band.sigma_upper, BOX, "solid", "square")]
     if fixed is not None:
         shown.append(("error at the fixed poles", fixed.omega, fixed.sigma_upper, ALERT, "dash", "circle"))
-    layers = []
+    layers: list[Layer] = []
     for name, omega, upper, colour, dash, marker in shown:
-        hover = tuple(f"{number(w / HZ, 6)} Hz: at most {number(high)}" for w, high in zip(omega, upper, strict=True))
+        hover = at_hz(omega / HZ, "at most {}", upper)
         y = np.where(np.isfinite(upper) & (upper > 0), upper, np.nan)
-        layers.append(
-            Layer(name=name, x=np.maximum(omega / HZ, left), y=y, colour=colour, dash=dash, marker=marker, hover=hover)
-        )
+        layers.append(Layer(name, np.maximum(omega / HZ, left), y, colour, dash=dash, marker=marker, hover=hover))
     span = error_range(layers) or (0.1, 1.0)
     at = np.full(2, max(band.next_line / HZ, left))
-    layers.append(Layer(name=f"measure next: {_next(band)}", x=at, y=np.array(span), colour=FAINT, dash="dot"))
-    label = f"error |F − model| of\n{transfer(band.identification)}"
-    if not siso(band.identification):
-        label = f"σmax(F − model)\n{sigma_unit(band.identification).strip()}".strip()
-    y_axis = Axis(label=label, log=True, range=span)
+    layers.append(Layer(f"measure next: {_next(band)}", at, np.array(span), FAINT, dash="dot"))
+    y_axis = Axis(error_label(band.identification), log=True, range=span)
     title = "Guaranteed error of the model" + (", 0 Hz drawn at the left end" if np.any(shown[0][1] == 0) else "")
-    return Panel(title=title, x=x, y=y_axis, layers=tuple(layers))
+    return Panel(title, x, y_axis, layers)
 
 
 def _next(band: WorstCaseOverPoles) -> str:
     return f"{number(band.next_line / HZ, 5)} Hz"
 
 
-def sentence(band: WorstCaseOverPoles) -> str:
+def box_sentence(band: WorstCaseOverPoles) -> str:
     """The guarantee in plain words."""
     upper = band.sigma_upper
     known = np.isfinite(upper)
@@ -153,19 +167,20 @@ def sentence(band: WorstCaseOverPoles) -> str:
     )
     if not known.any():
         return open_
-    relative = float(np.median((upper / np.maximum(_largest(band), np.finfo(float).tiny))[known]))
+    relative = float(np.median((upper / np.maximum(model_size(band), np.finfo(float).tiny))[known]))
     norm = "" if siso(band.identification) else " (largest singular value of the difference)"
+    model = bounded_model(band.identification, band.model)[0]
     return (
         f"{about(band.identification)}Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
         " below, has a response within"
-        f" {in_unit(at_most(upper[known].max()), band.identification)} of the {bounded_model(band)[0]}{norm},"
+        f" {in_unit(at_most(upper[known].max()), band.identification)} of the {model}{norm},"
         f" {at_frequencies(band.omega[known])}; the median is {at_most(100 * relative)} % of the response. {open_}"
     ).rstrip()
 
 
-def rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
+def box_rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tuple[str, str]]:
     """The fixed poles, the cells, what to measure next and what is assumed, with their words."""
-    out = []
+    out: list[tuple[str, str]] = []
     if (fixed := _beside(band, error)) is not None:
         largest = in_unit(at_most(fixed.sigma_upper.max()), band.identification)
         words = f"With the poles of the model the error at {fixed.omega.size} frequencies in this range is at most {largest}."
@@ -191,7 +206,7 @@ def _entries(band: WorstCaseOverPoles) -> str:
     return "" if siso(band.identification) else f" in every entry{part}"
 
 
-def verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
+def box_verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
     """Verdict on the cells, which must cover the box, and on the certificates, which must support their bounds now."""
     if band.covered:
         return certificates(band.claim_count, band.verify() if holds is None else holds, "box-certificates")
@@ -199,7 +214,7 @@ def verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
     return Verdict("failed", "Not proved", sentence, id="box-certificates")
 
 
-def entry_table(band: WorstCaseOverPoles) -> Table:
+def box_entries(band: WorstCaseOverPoles) -> Table:
     """Largest guaranteed error of every entry, and where it is possible."""
     problem, rows = band.identification.problem, []
     for i, j in np.ndindex(*band.upper.shape[1:]):
@@ -222,7 +237,7 @@ def box_table(band: WorstCaseOverPoles) -> Table:
         for mode in range(box.omega.shape[0])
     ]
     heads = ("mode", "f stated [Hz]", "f left [Hz]", "damping stated", "damping left")
-    return Table([Column(head, "n") for head in heads], rows)
+    return Table(of_numbers(*heads), rows)
 
 
 def _interval(low: float, high: float) -> str:

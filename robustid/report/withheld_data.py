@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from robustid.guarantees import Coverage
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis
-from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict
-from robustid.report.style import ALERT, DATA, FAINT, MARKERS
-from robustid.report.words import HZ, number, percent
+from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict, of_numbers
+from robustid.report.words import HZ, at_hz, number, percent
 
 CONTRADICTED = "What follows from the class and the data that were used: no guarantee, withheld data contradict it"
 
@@ -54,7 +53,7 @@ def withheld_section(found: Coverage | None) -> list[Block]:
     return [
         Heading("Withheld data"),
         *(Text(sentence) for sentence in found.sentences),
-        Table([Column("withheld"), *(Column(head, "n") for head in heads)], rows),
+        Table([Column("withheld"), *of_numbers(*heads)], rows),
         Text(
             "In units of the half-width of the band. Score: the factor on the band at which it holds the whole record, with its own"
             " bound.",
@@ -66,36 +65,24 @@ def withheld_section(found: Coverage | None) -> list[Block]:
 
 def withheld_chart(found: Coverage) -> Chart:
     """Farthest entry of every withheld response at every frequency, with its own bound, in units of the band."""
-    layers = []
+    layers: list[Layer] = []
     for name, error, noise in zip(found.names, found.error, found.noise, strict=True):
         flat = np.where(np.isnan(error), -1.0, error).reshape(found.omega.size, -1)
         worst = np.argmax(flat, axis=1)[:, None]
         size, own = (np.take_along_axis(a.reshape(flat.shape), worst, axis=1)[:, 0] for a in (error, noise))
         known = np.isfinite(size)
         out = known & (size - own > 1)
-        hover = tuple(
-            f"{number(w / HZ, 6)} Hz: {number(s)} ± {number(o)}" for w, s, o in zip(found.omega, size, own, strict=True)
-        )
+        hover = at_hz(found.omega / HZ, "{} ± {}", size, own)
         for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
             if mask.any():
                 words = name + (", outside" if colour == ALERT else "")
                 bars: dict[str, Any] = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
                 said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
                 layers.append(
-                    Layer(
-                        name=words,
-                        x=found.omega[mask] / HZ,
-                        y=size[mask],
-                        colour=colour,
-                        marker=marker,
-                        hover=said,
-                        **bars,
-                    )
+                    Layer(words, found.omega[mask] / HZ, size[mask], colour, marker=marker, hover=said, **bars)
                 )
     x = frequency_axis(found.omega)
     ends = np.array(x.range if x.range else (0.0, 1.0))
-    layers.append(Layer(name="edge of the band", x=ends, y=np.ones(2), colour=FAINT, dash="dash"))
-    panel = Panel(
-        title="Withheld data in the band", x=x, y=Axis(label="|value − model| / half-width"), layers=tuple(layers)
-    )
-    return Chart(name="withheld", panels=(panel,))
+    layers.append(Layer("edge of the band", ends, np.ones(2), FAINT, dash="dash"))
+    panel = Panel("Withheld data in the band", x, Axis("|value − model| / half-width"), layers)
+    return Chart("withheld", (panel,))

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robustid.errors import Status
-from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Band, WorstCaseError
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
-from robustid.report.identified import Models, about, in_unit, sample_words, siso
-from robustid.report.sections import guarantee, pole_box, proved_band
-from robustid.report.sections.frequency import frequency_charts, sigma_chart
-from robustid.report.sections.guarantee_charts import worst_case_charts, worst_case_sigma_chart
-from robustid.report.sections.proved_band import band_chart
-from robustid.report.sections.time import time_chart
+from robustid.report.frequency import frequency_charts, sigma_chart
+from robustid.report.guarantee import at_resonance, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
+from robustid.report.identified import Bounded, Parts, about, further_models, in_unit, sample_words, siso
+from robustid.report.pole_box import box_sentence
+from robustid.report.proved_band import band_chart, band_sentence, stands_on
+from robustid.report.time_response import time_chart
 from robustid.report.words import HZ, at_most, number
 
 if TYPE_CHECKING:
-    from robustid.guarantees import Coverage
     from robustid.reduction import Reduction
 
 _FIT = {"frequency": "fit of the response", "time": "fit of the records"}
@@ -33,19 +32,10 @@ _UNBOUNDED = (
 )
 
 
-def glance(
-    identification: Identification,
-    margin: str,
-    *,
-    reduction: Reduction | None = None,
-    models: Models = None,
-    worst_case: WorstCaseError | None = None,
-    over_poles: WorstCaseOverPoles | None = None,
-    band: Band | None = None,
-    withheld: Coverage | None = None,
-    advice: str = "",
-) -> Glance:
+def glance(identification: Identification, margin: str, parts: Parts, advice: str = "") -> Glance:
     """Return numbers, words, plot and next steps; `advice`: sentences of what would make inconsistent data consistent."""
+    reduction, band, withheld = parts.get("reduction"), parts.get("band"), parts.get("withheld")
+    worst_case, over_poles = parts.get("worst_case"), parts.get("over_poles")
     bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case
     if band is not None and band.bounded.any():
         bound = band
@@ -56,38 +46,41 @@ def glance(
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     if isinstance(bound, Band) and words:
-        words = f"{words} {proved_band.stands_on(bound, worst_case)}".rstrip()
+        words = f"{words} {stands_on(bound, worst_case)}".rstrip()
     return Glance(
         numbers=[
             *_numbers(identification, reduction, None if contradicted else bound),
             *[("margin: factor on all bounds", margin)] * (identification.status is not Status.CONSISTENT),
         ],
         words=words,
-        chart=first_panel(band_chart(identification, band))
-        if band is not None
-        else _chart(identification, models, worst_case),
+        chart=_chart(identification, parts),
         next=_next(identification, worst_case, band, contradicted, advice),
     )
 
 
-def _sentence(identification: Identification, bound: Any) -> str:
+def _sentence(identification: Identification, bound: Bounded | Band) -> str:
     """The guarantee in words; what is drawn between frequencies where it isn't proved there."""
     if isinstance(bound, Band):
-        return proved_band.sentence(identification, bound)
-    return (guarantee.sentence(bound) if isinstance(bound, WorstCaseError) else pole_box.sentence(bound)) + BETWEEN
+        return band_sentence(identification, bound)
+    return (guarantee_sentence(bound) if isinstance(bound, WorstCaseError) else box_sentence(bound)) + BETWEEN
 
 
-def _numbers(identification: Identification, reduction: Reduction | None, bound: Any) -> list[tuple[str, str]]:
+def _numbers(
+    identification: Identification, reduction: Reduction | None, bound: Bounded | Band | None
+) -> list[tuple[str, str]]:
     reduced = bound if reduction is None else reduction
-    small = identification.model if reduced is None else reduced.model
+    small = (None if reduced is None else reduced.model) or identification.model
     order = f"{identification.order}" + (f" → {small.nstates}" if small.nstates != identification.order else "")
     found = [("model order", order)]
     if bound is not None:
         known = bound.bounded if isinstance(bound, Band) else np.isfinite(bound.sigma_upper)
         largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
-        where, share = guarantee.at_resonance(bound)
+        where, share = at_resonance(bound)
         found += [
-            (f"guaranteed error, order {bound.order}", f"≤ {largest}"),
+            (
+                f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}",
+                f"≤ {largest}",
+            ),
             (where, f"≤ {at_most(100 * share, 2)} %"),
         ]
     if identification.status is Status.CONSISTENT:
@@ -97,16 +90,17 @@ def _numbers(identification: Identification, reduction: Reduction | None, bound:
     return found
 
 
-def _chart(identification: Identification, models: Models, error: WorstCaseError | None) -> Chart | None:
+def _chart(identification: Identification, parts: Parts) -> Chart:
     """The magnitude with its guaranteed range; of a matrix the singular values; of records alone the first of them."""
-    if error is not None:
-        whole = worst_case_charts(error)[0] if siso(identification) else worst_case_sigma_chart(error)
+    models, single = further_models(parts.get("reduction"), parts.get("models")), siso(identification)
+    if (band := parts.get("band")) is not None:
+        whole = band_chart(identification, band)
+    elif (error := parts.get("worst_case")) is not None:
+        whole = worst_case_charts(error)[0] if single else worst_case_sigma_chart(error)
     elif not identification.problem.frequency:
         whole = time_chart(identification, models)
     else:
-        whole = (
-            frequency_charts(identification, models)[0] if siso(identification) else sigma_chart(identification, models)
-        )
+        whole = frequency_charts(identification, models)[0] if single else sigma_chart(identification, models)
     return first_panel(whole)
 
 

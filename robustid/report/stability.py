@@ -1,4 +1,4 @@
-"""Robust stability margins of controllers: the verdict, the upper bound over frequency, and whose error limits it."""
+"""Robust stability margins of controllers, and weights of structured uncertainties."""
 
 from __future__ import annotations
 
@@ -9,21 +9,33 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import responses
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import MarginStatus, RobustStabilityMargin
+from robustid.guarantees import MarginStatus, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis, further
 from robustid.report.curves import positive, span_of
-from robustid.report.document import Block, Column, Drawing, Facts, Heading, Share, Table, Text, Verdict
+from robustid.report.document import (
+    Block,
+    Column,
+    Drawing,
+    Facts,
+    Heading,
+    Share,
+    Table,
+    Text,
+    Verdict,
+    of_numbers,
+    proved,
+)
 from robustid.report.identified import about
-from robustid.report.style import ALERT, DATA, NOMINAL, further
 from robustid.report.words import HZ, at_least, at_most, number, percent
 
 Margins = RobustStabilityMargin | Mapping[str, RobustStabilityMargin]
 WORDS_OF = {"full": "the whole matrix", "input": "every column", "output": "every row", "entry": "every entry"}
 _KEYS = {MarginStatus.GUARANTEED: "consistent", MarginStatus.OPEN: "weak", MarginStatus.UNSTABLE: "inconsistent"}
 _ROWS = 6  # arcs in the table
+_POINTS = 600  # of the response of a weight, evenly spaced along the axis
 
 
 def stability_section(identification: Identification, margins: Margins) -> list[Block]:
@@ -111,7 +123,7 @@ def _rows(margin: RobustStabilityMargin) -> list[tuple[str, str]]:
 
 def arc_table(margin: RobustStabilityMargin) -> Table:
     """The arcs on which the upper bound is larger than on both beside them, largest first."""
-    sizes = _upper(margin)
+    sizes = 1 / margin.margins
     ends = np.append(
         np.flatnonzero(np.diff(sizes)), sizes.size - 1
     )  # the last of all arcs of one size beside each other
@@ -124,7 +136,7 @@ def arc_table(margin: RobustStabilityMargin) -> Table:
         size, least = float(sizes[ends[k]]), float(margin.margins[ends[k]])
         rows.append([number(low, 5), number(high, 5), at_most(size), at_least(least)])
     heads = ("from [Hz]", "to [Hz]", "upper bound", "margin")
-    return Table([Column(head, "n") for head in heads], rows, title="Where the bound is largest")
+    return Table(of_numbers(*heads), rows, title="Where the bound is largest")
 
 
 def share_table(margin: RobustStabilityMargin, outputs: Sequence[str], inputs: Sequence[str]) -> Table:
@@ -151,13 +163,13 @@ def stability_chart(margins: Margins) -> Chart:
     layers: list[Layer] = []
     for k, (name, one) in enumerate(found.items()):
         colour, dash = (NOMINAL, "solid") if k == 0 else further(k - 1)[:2]
-        hz, sizes = np.clip(np.repeat(one.edges, 2)[1:-1] / HZ, low, high), np.repeat(positive(_upper(one)), 2)
-        layers.append(Layer(name=name or "upper bound", x=hz, y=sizes, colour=colour, dash=dash))
+        hz, sizes = np.clip(np.repeat(one.edges, 2)[1:-1] / HZ, low, high), np.repeat(positive(1 / one.margins), 2)
+        layers.append(Layer(name or "upper bound", hz, sizes, colour, dash=dash))
     layers += [_mark(one, low, high) for one in found.values() if np.isfinite(one.margin)]
-    layers.append(Layer(name="limit", x=np.array([low, high]), y=np.ones(2), colour=ALERT, dash="dot"))
-    y = Axis(label="upper bound [–]", log=True, range=span_of(np.concatenate([layer.y for layer in layers]), 1.5))
+    layers.append(Layer("limit", np.array([low, high]), np.ones(2), ALERT, dash="dot"))
+    y = Axis("upper bound [–]", log=True, range=span_of(np.concatenate([layer.y for layer in layers]), 1.5))
     title = "Upper bound of the structured singular value"
-    return Chart(name="stability", panels=(Panel(title=title, x=axis, y=y, layers=tuple(layers)),))
+    return Chart("stability", (Panel(title, axis, y, layers),))
 
 
 def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
@@ -165,12 +177,7 @@ def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
     hz, largest = margin.frequency / HZ, 1 / margin.margin
     words = f"{number(hz, 6)} Hz: at most {at_most(largest)}, margin {at_least(margin.margin)}"
     place = np.array([min(max(hz, left), right)]), np.array([largest])
-    return Layer(name="largest", x=place[0], y=place[1], colour=DATA, marker="diamond", hover=(words,))
-
-
-def _upper(margin: RobustStabilityMargin) -> Real:
-    """Upper bound on every cell."""
-    return 1 / margin.margins
+    return Layer("largest", place[0], place[1], DATA, marker="diamond", hover=(words,))
 
 
 def named_margins(argument: str, margins: Any) -> dict[str, RobustStabilityMargin]:
@@ -193,3 +200,115 @@ def named_margins(argument: str, margins: Any) -> dict[str, RobustStabilityMargi
 
 def _of(name: str) -> str:
     return f"[{name!r}]" if name else ""
+
+
+def weights_section(
+    identification: Identification, weights: StructuredWeight | Sequence[StructuredWeight]
+) -> list[Block]:
+    """Build the section of the weights: a table of the structures, their margins over frequency, and the first one drawn."""
+    found, problem = as_weights(weights), identification.problem
+    size = len(problem.outputs), len(problem.inputs)
+    for one in found:
+        nominal: Any = one.nominal
+        if (nominal.noutputs, nominal.ninputs) != size or not np.isclose(nominal.dt, problem.dt, rtol=1e-9):
+            raise InputError(
+                f"`weights` must be about a model of {size[0]} x {size[1]} entries with dt = {problem.dt:g} s, as the"
+                f" identification reported; got {nominal.noutputs} x {nominal.ninputs} and {nominal.dt:g} s"
+            )
+    first = found[0]
+    blocks: list[Block] = [
+        Heading("Weights of the uncertainty"),
+        Text(
+            "The error of the model is F − F_id = L Δ R with blocks on the diagonal of Δ, each of largest singular value at most 1."
+            " With a controller the structure that leaves the largest margin costs the least; without one, that which allows the"
+            " smallest set of errors (mean radius)."
+        ),
+        weights_verdict(found),
+        structure_table(found),
+    ]
+    margins = {f"bounds of {WORDS_OF[one.structure]}": one.margin for one in found if one.margin is not None}
+    if margins and all(margin.margins.all() for margin in margins.values()):
+        blocks += [
+            Heading("What each structure leaves of the margin", 3),
+            Drawing(dataclasses.replace(stability_chart(margins), name="structures")),
+        ]
+    words = f"Weights of {WORDS_OF[first.structure]}, with the bounds that they cover"
+    return [*blocks, Heading(words, 3), Drawing(weights_chart(first, *_names(identification)))]
+
+
+def weights_summary(weight: StructuredWeight) -> list[Block]:
+    """Build the summary of one structure at the terminal."""
+    return [weights_verdict([weight]), structure_table([weight])]
+
+
+def weights_verdict(weights: Sequence[StructuredWeight]) -> Verdict:
+    """Verdict on the weights, each of which must be above its bound now."""
+    above = (
+        "Every weight is stable, minimum-phase and above its bound on the whole circle: decided again from its numbers."
+    )
+    below = "Not every weight is above its bound, decided again from its numbers. Don’t rely on these."
+    return proved(all(one.certified for one in weights), above, below, "weights-verdict")
+
+
+def structure_table(weights: Sequence[StructuredWeight]) -> Table:
+    """Structures with their weights, the states of these, the size of what they allow, and the margin that they leave."""
+    rows = [
+        (
+            WORDS_OF[one.structure],
+            f"{len(one.weights)}",
+            f"{one.order}",
+            number(max(weight.ratio for weight in one.weights), 3),
+            number(one.radius),
+            at_least(one.margin.margin) if one.margin is not None else "–",
+        )
+        for one in weights
+    ]
+    heads = ("weights", "states in all", "largest weight / bound", "mean radius", "margin")
+    return Table([Column("Blocks"), *of_numbers(*heads)], rows, title="Structures")
+
+
+def weights_chart(
+    weight: StructuredWeight, outputs: Sequence[str] | None = None, inputs: Sequence[str] | None = None
+) -> Chart:
+    """Modulus of the weight of every block over the bound that it covers, rows of blocks below each other."""
+    _, p, q = weight.bound.shape
+    axis = frequency_axis(weight.edges)
+    low, high = axis.range or tuple(weight.edges[[0, -1]] / HZ)
+    hz = np.geomspace(low, high, _POINTS) if axis.log else np.linspace(low, high, _POINTS)
+    hz = np.unique(np.append(hz, weight.edges / HZ))
+    hz = hz[(hz >= max(low, 0.0)) & (hz <= weight.edges[-1] / HZ)]
+    steps = np.maximum(np.repeat(weight.edges, 2)[1:-1] / HZ, low)
+    panels: list[Panel] = []
+    for k, (i, j) in enumerate(np.ndindex(p, q)):
+        model: Any = weight.weights[k].model
+        sizes = np.abs(responses(model, HZ * hz * model.dt)[:, 0, 0])
+        layers = (
+            Layer("bound of the error", steps, np.repeat(weight.bound[:, i, j], 2), ALERT, dash="solid"),
+            Layer("|weight|", hz, sizes, NOMINAL, dash="solid"),
+        )
+        title = _block(weight.structure, i, j, outputs, inputs)
+        y = Axis("size of the error", log=True, range=span_of(np.concatenate([one.y for one in layers]), 1.5))
+        panels.append(Panel(title, axis, y, layers))
+    return Chart("weights", panels, linked=True, columns=q, grid=p * q > 1)
+
+
+def _block(structure: str, i: int, j: int, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> str:
+    row = outputs[i] if outputs else f"output {i + 1}"
+    column = inputs[j] if inputs else f"input {j + 1}"
+    return {"full": "all entries", "input": column, "output": row, "entry": f"{row} / {column}"}[structure]
+
+
+def _names(identification: Identification) -> tuple[list[str], list[str]]:
+    problem = identification.problem
+    return [str(signal) for signal in problem.outputs], [str(signal) for signal in problem.inputs]
+
+
+def as_weights(weights: Any) -> tuple[StructuredWeight, ...]:
+    """One structure or several, as `structured_weights` gives them."""
+    found = (weights,) if isinstance(weights, StructuredWeight) else weights
+    if not isinstance(found, Sequence) or not found or not all(isinstance(one, StructuredWeight) for one in found):
+        raise InputTypeError(
+            "`weights` must be a StructuredWeight or a sequence of them, from structured_weights(); got"
+            f" {type(weights).__name__}"
+        )
+    return tuple(found)

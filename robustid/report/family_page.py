@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from robustid.errors import InputError
-from robustid.guarantees import Family, WorstCaseOverPoles
-from robustid.report.charts import Axis, Chart, Layer, Panel, first_panel, frequency_axis, side_by_side
+from robustid.guarantees import Coverage, Family, WorstCaseOverPoles
+from robustid.report.charts import (
+    ALERT,
+    DASHES,
+    DATA,
+    FAINT,
+    FURTHER,
+    MARKERS,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    first_panel,
+    frequency_axis,
+    side_by_side,
+)
 from robustid.report.curves import magnitude_range
 from robustid.report.document import (
     Block,
@@ -23,28 +37,21 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
+    certificates,
 )
-from robustid.report.identified import transfer
-from robustid.report.sections.claims import certificates
-from robustid.report.sections.run import findings_section, run_file_section
-from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
-from robustid.report.style import ALERT, DASHES, DATA, FAINT, FURTHER, MARKERS, NOMINAL
-from robustid.report.words import HZ, at_frequencies, at_most, number, percent
+from robustid.report.identification_page import findings_section, run_file_section
+from robustid.report.identified import Bounded, Parts, transfer
+from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
+from robustid.report.words import HZ, at_frequencies, at_hz, at_most, number, percent
 from robustid.report.words import title as heading
 
 _CURVE = 800  # frequencies of the curve of the nominal
 _SHOWN = 4  # frequencies at which the band is shown over the condition
 
 
-def family_page(
-    family: Family,
-    *,
-    title: str | None = None,
-    findings: Sequence[str] = (),
-    withheld: Any = None,
-    run_file: str | None = None,
-) -> Document:
+def family_page(family: Family, title: str | None, parts: Parts) -> Document:
     """Build the page of a family."""
+    withheld = parts.get("withheld")
     problem = family.members[0].identification.problem
     charts = family_charts(family)
     drawn: list[Block] = [Drawing(charts[0])] if len(charts) == 1 else [Grid(charts, len(problem.inputs))]
@@ -61,7 +68,7 @@ def family_page(
         head=_verdicts(family, withheld),
         body=not_guaranteed(
             [
-                *findings_section(findings),
+                *findings_section(parts.get("findings", ())),
                 Heading("Members"),
                 member_table(family),
                 Heading("What is guaranteed"),
@@ -77,7 +84,7 @@ def family_page(
                 Heading("What is not known"),
                 *(Text(sentence) for sentence in family.not_known),
                 *withheld_section(withheld),
-                *run_file_section(run_file),
+                *run_file_section(parts.get("run_file")),
             ],
             withheld,
         ),
@@ -85,7 +92,7 @@ def family_page(
     )
 
 
-def _glance(family: Family, entry: Chart, withheld: Any) -> Glance:
+def _glance(family: Family, entry: Chart, withheld: Coverage | None) -> Glance:
     """The first screen: order, band in words, the first entry, what to do next."""
     contradicted = withheld is not None and withheld.contradicted
     worst = max(family.drivers(), key=lambda row: row.upper)
@@ -110,7 +117,7 @@ def _glance(family: Family, entry: Chart, withheld: Any) -> Glance:
     )
 
 
-def _verdicts(family: Family, withheld: Any) -> list[Verdict]:
+def _verdicts(family: Family, withheld: Coverage | None) -> list[Verdict]:
     """Verdict of the family and that of withheld data, which comes first where it contradicts the band."""
     if withheld is None:
         return [family_verdict(family)]
@@ -161,7 +168,7 @@ def _facts(family: Family) -> list[tuple[str, str]]:
 
 def member_table(family: Family) -> Table:
     """Members with their conditions, margins and bounds."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for m, error in zip(family.members, family.errors, strict=True):
         said = ", ".join(f"{what} {number(v) if isinstance(v, float) else v}" for what, v in m.condition.items())
         poles = "in their box" if isinstance(error, WorstCaseOverPoles) else "fixed"
@@ -206,41 +213,34 @@ def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve
     reach = np.interp(np.log(fine / HZ), np.log(hz), upper)
     span = magnitude_range(float((curve + reach).max()), [float(np.quantile(curve, 0.02))])
     band = Layer(
-        name=f"band of the family ({hz.size} frequencies)",
-        x=fine / HZ,
-        y=np.maximum(curve, span[0]),
-        colour=FURTHER[3],
+        f"band of the family ({hz.size} frequencies)",
+        fine / HZ,
+        np.maximum(curve, span[0]),
+        FURTHER[3],
         low=np.maximum(curve - reach, span[0]),
         high=curve + reach,
         fill=True,
     )
-    sizes = [band, Layer(name="nominal", x=fine / HZ, y=curve, colour=NOMINAL, dash="solid")]
-    errors = []
+    sizes = [band, Layer("nominal", fine / HZ, curve, NOMINAL, dash="solid")]
+    errors: list[Layer] = []
     for k, (member, error) in enumerate(zip(family.members, family.errors, strict=True)):
         ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place][proved]
         style: dict[str, Any] = {"colour": FURTHER[k % 3], "marker": MARKERS[k % len(MARKERS)]}
         middle = np.maximum(ends.mean(axis=1), span[0])
         bars: dict[str, Any] = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
-        sizes.append(Layer(name=member.name, x=hz, y=middle, size=0.5, **bars, **style))
+        sizes.append(Layer(member.name, hz, middle, size=0.5, **bars, **style))
         own = error.upper[place][proved]
-        said = tuple(f"{number(w, 6)} Hz: at most {number(e)}" for w, e in zip(hz, own, strict=True))
-        errors.append(
-            Layer(name=f"{member.name}: error", x=hz, y=own, dash=DASHES[k % len(DASHES)], hover=said, **style)
-        )
+        said = at_hz(hz, "at most {}", own)
+        errors.append(Layer(f"{member.name}: error", hz, own, dash=DASHES[k % len(DASHES)], hover=said, **style))
     radius = family.centres.radius[place][proved]
-    errors.append(Layer(name="smallest disc that holds all", x=hz, y=radius, colour=FAINT, dash="solid"))
+    errors.append(Layer("smallest disc that holds all", hz, radius, FAINT, dash="solid"))
     x = frequency_axis(family.omega[proved])
     label = transfer(family.members[0].identification, *entry)
     panels = (
-        Panel(title="Magnitude", x=x, y=Axis(label=label, log=True, range=span), layers=tuple(sizes)),
-        Panel(
-            title="Error of the nominal, member by member",
-            x=x,
-            y=Axis(label="guaranteed error", log=True),
-            layers=tuple(errors),
-        ),
+        Panel("Magnitude", x, Axis(label, log=True, range=span), sizes),
+        Panel("Error of the nominal, member by member", x, Axis("guaranteed error", log=True), errors),
     )
-    return Chart(name=f"family-{entry[0]}-{entry[1]}", panels=panels, linked=True, grid=family.upper[0].size > 1)
+    return Chart(f"family-{entry[0]}-{entry[1]}", panels, linked=True, grid=family.upper[0].size > 1)
 
 
 def schedule_chart(family: Family) -> Chart:
@@ -253,7 +253,7 @@ def schedule_chart(family: Family) -> Chart:
     order = np.argsort(values)
     low, high = family.interval or (values.min(), values.max())
     margin = 0.05 * max(high - low, np.ptp(values), 1e-12)
-    x = Axis(label=family.schedule, range=(min(low, values.min()) - margin, max(high, values.max()) + margin))
+    x = Axis(family.schedule, range=(min(low, values.min()) - margin, max(high, values.max()) + margin))
     worst = np.argsort(-family.sigma_upper)
     bands, places = [], np.sort(worst[:_SHOWN])
     for k, place in enumerate(places):
@@ -264,19 +264,12 @@ def schedule_chart(family: Family) -> Chart:
             "marker": MARKERS[k % 3],
         }
         name = f"{number(float(family.omega[place]) / HZ, 5)} Hz"
-        bands.append(Layer(name=name, x=values[order], y=ends.mean(axis=1), low=ends[:, 0], high=ends[:, 1], **style))
-    panels = [
-        Panel(
-            title="Range of the magnitude where the band is widest",
-            x=x,
-            y=Axis(label="magnitude", log=True),
-            layers=tuple(bands),
-        )
-    ]
+        bands.append(Layer(name, values[order], ends.mean(axis=1), low=ends[:, 0], high=ends[:, 1], **style))
+    panels = [Panel("Range of the magnitude where the band is widest", x, Axis("magnitude", log=True), bands)]
     poles = paired_modes([_poles_of(family.errors[k]) for k in order])
     if poles:
         for part, label in enumerate(("change of the natural frequency [%]", "damping ratio [–]")):
-            layers = []
+            layers: list[Layer] = []
             for mode, found in enumerate(poles):
                 known = np.isfinite(found[:, part, 0])
                 first = found[known, 0, 0][
@@ -286,20 +279,20 @@ def schedule_chart(family: Family) -> Chart:
                 middle, bottom, top = shown.T
                 style: dict[str, Any] = {"colour": (NOMINAL, ALERT, *FURTHER)[mode % 6], "marker": MARKERS[mode % 3]}
                 name, at = f"mode {mode + 1}, {number(first)} Hz", values[order][known]
-                layers.append(Layer(name=name, x=at, y=middle, low=bottom, high=top, dash="dot", **style))
+                layers.append(Layer(name, at, middle, low=bottom, high=top, dash="dot", **style))
             title = ("Natural frequency, from that of the first member", "Damping ratio")[part]
-            panels.append(Panel(title=title, x=x, y=Axis(label=label), layers=tuple(layers)))
-    return Chart(name="schedule", panels=tuple(panels), columns=1)
+            panels.append(Panel(title, x, Axis(label), layers))
+    return Chart("schedule", panels, columns=1)
 
 
-def _range_of(error: Any, place: int, family: Family) -> np.ndarray:
+def _range_of(error: Bounded, place: int, family: Family) -> np.ndarray:
     """Range of the magnitude at a frequency, of the entry with the largest bound."""
     ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place]
     entry = np.unravel_index(np.argmax(family.upper[place]), family.upper.shape[1:])
     return ends[entry]
 
 
-def _poles_of(error: Any) -> np.ndarray:
+def _poles_of(error: Bounded) -> np.ndarray:
     """(modes, 2, 3): natural frequency in Hz and damping, each as it is and with the ends of its box."""
     if isinstance(error, WorstCaseOverPoles):
         omega, damping = error.poles

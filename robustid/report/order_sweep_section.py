@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from robustid.errors import InputTypeError
 from robustid.fitting import OrderSweep
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, order_axis
+from robustid.report.charts import (
+    ALERT,
+    DATA,
+    FAINT,
+    FURTHER,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    frequency_axis,
+    order_axis,
+)
 from robustid.report.curves import rounded, span_of, thinned
 from robustid.report.document import Block, Drawing, Heading, Text
-from robustid.report.style import ALERT, DATA, FAINT, FURTHER, NOMINAL
 from robustid.report.words import HZ
 
 _KINDS = (
@@ -62,7 +75,7 @@ def checked_sweep(sweep: OrderSweep) -> OrderSweep:
 
 def order_chart(sweep: OrderSweep) -> Chart:
     """Singular values against the noise, cost and information criteria against the order."""
-    return Chart(name="orders", panels=(_singular_values(sweep), _costs(sweep), _criteria(sweep)))
+    return Chart("orders", (_singular_values(sweep), _costs(sweep), _criteria(sweep)))
 
 
 def _singular_values(sweep: OrderSweep) -> Panel:
@@ -72,7 +85,7 @@ def _singular_values(sweep: OrderSweep) -> Panel:
     index = np.arange(1.0, values.size + 1)
     above = values > edge
     layers = [
-        Layer(name=name, x=index[mask], y=values[mask], colour=colour, marker=marker)
+        Layer(name, index[mask], values[mask], colour, marker=marker)
         for mask, name, colour, marker in (
             (above, "above the noise", NOMINAL, "circle"),
             (~above, "noise", FAINT, "circle-open"),
@@ -80,35 +93,33 @@ def _singular_values(sweep: OrderSweep) -> Panel:
         if np.any(mask)
     ]
     ends = np.array([0.0, values.size + 1.0])
-    layers.append(Layer(name="largest of noise alone", x=ends, y=np.full(2, edge), colour=ALERT, dash="dash"))
+    layers.append(Layer("largest of noise alone", ends, np.full(2, edge), ALERT, dash="dash"))
     return Panel(
-        title="Singular values of the subspace estimate",
-        x=Axis(label="number [–]", range=(0.0, values.size + 1.0)),
-        y=Axis(label="singular value [–]", log=True, range=_span(np.append(values, edge))),
-        layers=tuple(layers),
+        "Singular values of the subspace estimate",
+        Axis("number [–]", range=(0.0, values.size + 1.0)),
+        Axis("singular value [–]", log=True, range=_span(np.append(values, edge))),
+        layers,
     )
 
 
 def _costs(sweep: OrderSweep) -> Panel:
     orders = sweep.orders.astype(float)
-    curve = Layer(name="cost", x=orders, y=sweep.costs, colour=NOMINAL, dash="solid", marker="circle")
+    curve = Layer("cost", orders, sweep.costs, NOMINAL, dash="solid", marker="circle")
     unstable = np.array([not fit.stable for fit in sweep.fits.values()])
     layers = [curve]
     if np.any(unstable):
         x, y = orders[unstable], sweep.costs[unstable]
-        layers.append(Layer(name="unstable poles", x=x, y=y, colour=ALERT, marker="diamond-open", size=2.0))
+        layers.append(Layer("unstable poles", x, y, ALERT, marker="diamond-open", size=2.0))
     span = _span(sweep.costs)
     layers.append(_suggested(sweep, span))
-    return Panel(
-        title="Cost", x=_axis(sweep, 0.7), y=Axis(label="cost [–]", log=True, range=span), layers=tuple(layers)
-    )
+    return Panel("Cost", _axis(sweep, 0.7), Axis("cost [–]", log=True, range=span), layers)
 
 
 def _criteria(sweep: OrderSweep) -> Panel:
     orders = sweep.orders.astype(float)
     layers = [
         # One more, so that the smallest has a place on the axis.
-        Layer(name=name, x=orders, y=values - values.min() + 1, colour=colour, dash=dash, marker=marker)
+        Layer(name, orders, values - values.min() + 1, colour, dash=dash, marker=marker)
         for name, values, colour, dash, marker in (
             ("MDL", sweep.mdl, NOMINAL, "solid", "circle"),
             ("AIC", sweep.aic, FURTHER[0], "dash", "square-open"),
@@ -116,8 +127,8 @@ def _criteria(sweep: OrderSweep) -> Panel:
     ]
     span = _span(np.concatenate([layer.y for layer in layers]))
     layers.append(_suggested(sweep, span))
-    y = Axis(label="criterion − smallest + 1 [–]", log=True, range=span)
-    return Panel(title="Information criteria", x=_axis(sweep, 0.7), y=y, layers=tuple(layers))
+    y = Axis("criterion − smallest + 1 [–]", log=True, range=span)
+    return Panel("Information criteria", _axis(sweep, 0.7), y, layers)
 
 
 def _axis(sweep: OrderSweep, beyond: float) -> Axis:
@@ -126,7 +137,7 @@ def _axis(sweep: OrderSweep, beyond: float) -> Axis:
 
 def _suggested(sweep: OrderSweep, span: tuple[float, float]) -> Layer:
     name = f"suggested order {sweep.suggested}"
-    return Layer(name=name, x=np.full(2, float(sweep.suggested)), y=np.array(span), colour=DATA, dash="dot")
+    return Layer(name, np.full(2, float(sweep.suggested)), np.array(span), DATA, dash="dot")
 
 
 def _span(values: np.ndarray) -> tuple[float, float]:
@@ -145,17 +156,17 @@ def stabilisation_chart(sweep: OrderSweep) -> Chart:
     level = np.log(total[kept])
     level = low + (high - low) * (level - level.min()) / (np.ptp(level) or 1.0)
     x = rounded(problem.omega[kept] / HZ)
-    layers = [Layer(name="Σ |data|, logarithmic", x=x, y=rounded(level), colour="#c4cad1", dash="solid")]
+    layers = [Layer("Σ |data|, logarithmic", x, rounded(level), "#c4cad1", dash="solid")]
     rows = [row for row in sweep.stabilisation if problem.omega.min() <= row.frequency <= problem.omega.max()]
     for kind, words, colour, marker in _KINDS:
         layers += _marks([row for row in rows if row.kind == kind and row.damping > 0], words, colour, marker)
     layers += _marks([row for row in rows if row.damping <= 0], "unstable", ALERT, "square-open")
-    return Chart(name="stabilisation", panels=(Panel(title="Stabilisation", x=axis, y=order, layers=tuple(layers)),))
+    return Chart("stabilisation", (Panel("Stabilisation", axis, order, layers),))
 
 
-def _marks(rows: list, name: str, colour: str, marker: str) -> list[Layer]:
+def _marks(rows: list[Any], name: str, colour: str, marker: str) -> list[Layer]:
     if not rows:
         return []
     x, y = np.array([row.frequency / HZ for row in rows]), np.array([float(row.order) for row in rows])
     hover = tuple(f"order {row.order}: {row.frequency / HZ:.6g} Hz, damping {row.damping:.3g}" for row in rows)
-    return [Layer(name=name, x=x, y=y, colour=colour, marker=marker, hover=hover)]
+    return [Layer(name, x, y, colour, marker=marker, hover=hover)]

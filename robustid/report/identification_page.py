@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,127 +11,92 @@ from robustid.errors import Status
 from robustid.guarantees import Band
 from robustid.identification import Identification
 from robustid.report import words
-from robustid.report.document import Block, Column, Document, Facts, Heading, Table, Text, Verdict
-from robustid.report.identified import further_models, siso, unit
-from robustid.report.sections.assumptions import (
-    CAUTION,
-    assumptions,
-    assumptions_section,
-    chosen,
-    experiments,
-    shared_words,
-)
-from robustid.report.sections.claims import checks_table
-from robustid.report.sections.content import content_section, content_verdict
-from robustid.report.sections.frequency import frequency_section
-from robustid.report.sections.glance import glance
-from robustid.report.sections.guarantee import guarantee_section
-from robustid.report.sections.matrices import matrices_section
-from robustid.report.sections.pole_box import pole_box_section
-from robustid.report.sections.poles import modes_table, poles_section, slowest_poles
-from robustid.report.sections.proved_band import proved_band_section
-from robustid.report.sections.reduction import order_section, reduction_words
-from robustid.report.sections.residuals import active_section, active_table, residual_section
-from robustid.report.sections.run import diagnosis_section, findings_section, run_file_section
-from robustid.report.sections.sensitivity import sensitivity_section
-from robustid.report.sections.stability import stability_section
-from robustid.report.sections.time import time_section
-from robustid.report.sections.tube import tube_section
-from robustid.report.sections.weights import weights_section
-from robustid.report.sections.withheld import not_guaranteed, withheld_section, withheld_verdict
-from robustid.report.sections.worth import worth_section, worth_verdict
+from robustid.report.assumptions import CAUTION, assumptions, assumptions_section, chosen, experiments, shared_words
+from robustid.report.document import Block, Code, Column, Document, Facts, Heading, Table, Text, Verdict, checks_table
+from robustid.report.first_screen import glance
+from robustid.report.frequency import frequency_section
+from robustid.report.guarantee import guarantee_section
+from robustid.report.identified import Parts, further_models, siso, unit
+from robustid.report.pole_box import pole_box_section
+from robustid.report.poles import modes_table, poles_section, slowest_poles
+from robustid.report.proved_band import proved_band_section
+from robustid.report.residual_charts import active_section, active_table, residual_section
+from robustid.report.sensitivity_section import content_section, content_verdict, sensitivity_section
+from robustid.report.small_model import matrices_section, order_section, reduction_words, worth_section, worth_verdict
+from robustid.report.stability import stability_section, weights_section
+from robustid.report.time_response import time_section, tube_section
+from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
 from robustid.report.words import number
 
 if TYPE_CHECKING:
-    import control
-
-    from robustid.advice import Content, Sensitivity
-    from robustid.guarantees import Coverage, ResponseTube, StructuredWeight, WorstCaseError, WorstCaseOverPoles
-    from robustid.reduction import ModelWorth, Reduction
-    from robustid.report.sections.stability import Margins
+    from robustid.reduction import Reduction
 
 _MOST_EXPERIMENTS = 6  # at the terminal
+_AGAIN = "robustid run FILE -o FOLDER"
 
 
-def identification_page(
-    identification: Identification,
-    *,
-    title: str | None = None,
-    reduction: Reduction | None = None,
-    models: Mapping[str, control.StateSpace] | None = None,
-    worst_case: WorstCaseError | None = None,
-    tube: ResponseTube | None = None,
-    over_poles: WorstCaseOverPoles | None = None,
-    stability: Margins | None = None,
-    weights: StructuredWeight | Sequence[StructuredWeight] | None = None,
-    sensitivity: Sensitivity | None = None,
-    findings: Sequence[str] = (),
-    withheld: Coverage | None = None,
-    content: Content | None = None,
-    worth: ModelWorth | None = None,
-    diagnosis: str | None = None,
-    run_file: str | None = None,
-    band: Band | None = None,
-) -> Document:
+def identification_page(identification: Identification, title: str | None, parts: Parts) -> Document:
     """Build the page of an identification, with what is guaranteed of it."""
-    polygons = band.polygons if isinstance(band, Band) else None
-    holds = polygons is None or polygons.verify()  # once for the page: they may be those of another section too
-    guaranteed: list[Block] = [] if band is None else proved_band_section(identification, band, worst_case, holds)
-    if worst_case is not None:
-        guaranteed += guarantee_section(identification, worst_case, holds if worst_case is polygons else None)
-    if over_poles is not None:
-        known = holds if over_poles is polygons else None
-        guaranteed += pole_box_section(identification, over_poles, worst_case, known)
-    if stability is not None:
-        guaranteed += stability_section(identification, stability)
-    if weights is not None:
-        guaranteed += weights_section(identification, weights)
-    if tube is not None:
-        guaranteed += tube_section(identification, tube)
-    if sensitivity is not None:
-        guaranteed += sensitivity_section(identification, sensitivity)
-    problem, shown = identification.problem, further_models(reduction, models)
+    problem, withheld, findings = identification.problem, parts.get("withheld"), parts.get("findings", ())
+    reduction, diagnosis = parts.get("reduction"), parts.get("diagnosis")
+    shown = further_models(reduction, parts.get("models"))
     return Document(
         title or words.title("Identification", problem.outputs, problem.inputs),
-        head=[*_verdicts(identification, reduction, withheld, content, worth), *_warnings(identification)],
+        head=[*_verdicts(identification, parts), *_warnings(identification)],
         body=[
             *findings_section(findings),
-            *diagnosis_section(diagnosis),
+            *([Heading("What would help"), Code(diagnosis)] if diagnosis else []),
             *withheld_section(withheld),
             Heading("Consistency margin"),
             Facts([("Proven interval", margin_interval(identification))]),
             Text(margin_words(identification)),
             *assumptions_section(identification),
-            *content_section(content),
-            *not_guaranteed(guaranteed, withheld),
+            *content_section(parts.get("content")),
+            *not_guaranteed(_guaranteed(identification, parts), withheld),
             *frequency_section(identification, shown),
             *time_section(identification, shown),
             *residual_section(identification, shown),
             *active_section(identification, refuted(identification)),
             *order_section(identification, reduction),
-            *worth_section(worth),
+            *worth_section(parts.get("worth")),
             *poles_section(identification, shown),
             *_matrices(identification, reduction),
             Heading("Verification"),
             Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
             checks_table(identification.verification.checks),
             *_parameters_section(identification),
-            *run_file_section(run_file),
+            *run_file_section(parts.get("run_file")),
         ],
         foot=_foot(identification),
+        # Of a run the diagnosis stands among its findings, the only one of several lines.
         glance=glance(
             identification,
             margin_interval(identification),
-            reduction=reduction,
-            models=shown,
-            worst_case=worst_case,
-            over_poles=over_poles,
-            band=band,
-            withheld=withheld,
-            # Of a run the diagnosis stands among its findings, the only one of several lines.
-            advice=diagnosis or next((words for words in findings if "\n" in words), ""),
+            parts,
+            diagnosis or next((words for words in findings if "\n" in words), ""),
         ),
     )
+
+
+def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
+    """Sections of the guarantees; the polygons of a band, which may be those of another section, are verified once."""
+    band, error, over_poles = parts.get("band"), parts.get("worst_case"), parts.get("over_poles")
+    polygons = band.polygons if isinstance(band, Band) else None
+    holds = polygons is None or polygons.verify()
+    found = [] if band is None else proved_band_section(identification, band, error, holds)
+    if error is not None:
+        found += guarantee_section(identification, error, holds if error is polygons else None)
+    if over_poles is not None:
+        found += pole_box_section(identification, over_poles, error, holds if over_poles is polygons else None)
+    if (stability := parts.get("stability")) is not None:
+        found += stability_section(identification, stability)
+    if (weights := parts.get("weights")) is not None:
+        found += weights_section(identification, weights)
+    if (tube := parts.get("tube")) is not None:
+        found += tube_section(identification, tube)
+    if (sensitivity := parts.get("sensitivity")) is not None:
+        found += sensitivity_section(identification, sensitivity)
+    return found
 
 
 def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:
@@ -141,18 +106,13 @@ def _matrices(identification: Identification, reduction: Reduction | None) -> li
     return matrices_section(name, model, identification.problem.dt)
 
 
-def _verdicts(
-    identification: Identification,
-    reduction: Reduction | None,
-    withheld: Coverage | None,
-    content: Content | None,
-    worth: ModelWorth | None,
-) -> list[Verdict]:
+def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     """The verdict on the class, after those that deprive it of its worth: contradicted by withheld data, nothing between points.
 
     The others follow.
     """
-    own = identification_verdict(identification, reduction)
+    withheld, content, worth = parts.get("withheld"), parts.get("content"), parts.get("worth")
+    own = identification_verdict(identification, parts.get("reduction"))
     others = [withheld_verdict(withheld)] if withheld is not None else []
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
@@ -307,3 +267,22 @@ def _foot(identification: Identification) -> list[Text]:
         ),
         Text(f"Time: {timing}."),
     ]
+
+
+def findings_section(findings: Sequence[str]) -> list[Block]:
+    """Build the section of the findings; those with line breaks keep them."""
+    if not findings:
+        return []
+    return [Heading("What was found"), *(Code(words) if "\n" in words else Text(words) for words in findings)]
+
+
+def run_file_section(run_file: str | None) -> list[Block]:
+    """Build the section of the run file."""
+    if run_file is None:
+        return []
+    words = (
+        "Every choice of this result stands in the run file below, those of the program with their reason (note). Saved as a"
+        f" file, {_AGAIN} makes the same again; names of data in it are seen from the folder of the results. Any line can be"
+        " changed."
+    )
+    return [Heading("How this was made"), Text(words, code=("note", _AGAIN)), Code(run_file, id="run-file")]

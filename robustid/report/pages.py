@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, Unpack
 
 from robustid.core import as_flag, atomic_write
 from robustid.data import FrequencyResponse
@@ -12,57 +12,32 @@ from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
 from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
-from robustid.report import html, terminal
+from robustid.report import html, with_rich
 from robustid.report.document import Document, Verdict
-from robustid.report.sections.claims import kind_of, refuse_foreign
-from robustid.report.sections.family import family_page
-from robustid.report.sections.fit import fit_page, fit_summary, fit_verdict
-from robustid.report.sections.fit_view import FitView
-from robustid.report.sections.identification import (
-    identification_page,
-    identification_summary,
-    identification_verdict,
-)
-from robustid.report.sections.response import response_page, response_summary, response_verdict
-from robustid.report.sections.response_view import ResponseView
-from robustid.report.sections.stability import stability_summary
-from robustid.report.sections.weights import weights_summary
+from robustid.report.family_page import family_page
+from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
+from robustid.report.fit_view import FitView
+from robustid.report.identification_page import identification_page, identification_summary, identification_verdict
+from robustid.report.identified import Parts
+from robustid.report.response_charts import ResponseView
+from robustid.report.response_page import response_page, response_summary, response_verdict
+from robustid.report.stability import stability_summary, weights_summary
 
 if TYPE_CHECKING:
-    import control
     from rich.console import Group
 
-    from robustid.advice import Content, Sensitivity
-    from robustid.data import TimeRecord
-    from robustid.fitting import OrderSweep
-    from robustid.guarantees import Band, Coverage, ResponseTube, WorstCaseError, WorstCaseOverPoles
-    from robustid.reduction import ModelWorth, Reduction
+    from robustid.reduction import Reduction
+
+Shown = Identification | MatrixFraction | FrequencyResponse | Family
 
 
 def write_report(
-    identification: Identification | MatrixFraction | FrequencyResponse | Family,
+    identification: Shown,
     path: str | os.PathLike[str],
     *,
-    reduction: Reduction | None = None,
     title: str | None = None,
-    models: Mapping[str, control.StateSpace] | None = None,
-    worst_case: WorstCaseError | None = None,
-    tube: ResponseTube | None = None,
-    over_poles: WorstCaseOverPoles | None = None,
-    stability: RobustStabilityMargin | Mapping[str, RobustStabilityMargin] | None = None,
-    weights: StructuredWeight | Sequence[StructuredWeight] | None = None,
-    sensitivity: Sensitivity | None = None,
-    data: FrequencyResponse | None = None,
-    order_sweep: OrderSweep | None = None,
-    records: TimeRecord | Sequence[TimeRecord] | None = None,
-    findings: Sequence[str] = (),
-    withheld: Coverage | None = None,
-    content: Content | None = None,
-    worth: ModelWorth | None = None,
-    diagnosis: str | None = None,
-    run_file: str | None = None,
-    band: Band | None = None,
     static: bool = False,
+    **parts: Unpack[Parts],
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
 
@@ -82,10 +57,17 @@ def write_report(
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
-    reduction : Reduction, optional
-        Of `identification.model`; shown beside the nominal model. Not for a MatrixFraction.
     title : str, optional
         Heading; default: the names of the signals.
+    static : bool
+        Pictures in place of plots that can be zoomed: a page without scripts, mostly below 500 kB, that any mail program shows.
+    **parts
+        What stands beside the result on its page, listed below.
+
+    Other Parameters
+    ----------------
+    reduction : Reduction, optional
+        Of `identification.model`; shown beside the nominal model. Not for a MatrixFraction.
     models : mapping of str to control.StateSpace, optional
         Further models with the sample time of the data. Not for a MatrixFraction.
     worst_case : WorstCaseError, optional
@@ -122,8 +104,6 @@ def write_report(
         The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
     band : Band, optional
         From `band(identification, model=...)`: the guarantee that is proved at every frequency, shown first.
-    static : bool
-        Pictures in place of plots that can be zoomed: a page without scripts, mostly below 500 kB, that any mail program shows.
 
     Raises
     ------
@@ -143,19 +123,13 @@ def write_report(
     ...     "Four samples" in page.read_text()
     True
     """
-    beside = ("identification", "path", "title", "static")
-    parts = {name: part for name, part in locals().items() if name not in (*beside, "beside")}
     text = render_report(identification, title=title, static=static, **parts)
     with atomic_write(path) as file:
         file.write(text)
 
 
 def render_report(
-    identification: Identification | MatrixFraction | FrequencyResponse | Family,
-    *,
-    title: str | None = None,
-    static: bool = False,
-    **parts: Any,
+    identification: Shown, *, title: str | None = None, static: bool = False, **parts: Unpack[Parts]
 ) -> str:
     """Return the page of `write_report`, which names the parts, as text."""
     static = as_flag("static", static)
@@ -165,30 +139,14 @@ def render_report(
     build, belonging = _PAGES[kind]
     given = {name: part for name, part in parts.items() if part is not None and part != ()}
     refuse_foreign(identification, given, belonging)
-    return html.render(build(identification, title=title, **given), static=static)
+    return html.render(build(identification, title, given), static=static)
 
 
-_OF_IDENTIFICATIONS = (
-    "reduction",
-    "models",
-    "worst_case",
-    "tube",
-    "over_poles",
-    "stability",
-    "weights",
-    "sensitivity",
-    "findings",
-    "withheld",
-    "content",
-    "worth",
-    "diagnosis",
-    "run_file",
-    "band",
-)
+_OF_DATA = ("data", "order_sweep", "records")
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
-    Identification: (identification_page, _OF_IDENTIFICATIONS),
-    MatrixFraction: (fit_page, ("data", "order_sweep")),
-    FrequencyResponse: (response_page, ("records",)),
+    Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
+    MatrixFraction: (fit_page, _OF_DATA[:2]),
+    FrequencyResponse: (response_page, _OF_DATA[2:]),
     Family: (family_page, ("findings", "withheld", "run_file")),
 }
 
@@ -228,14 +186,14 @@ def render_summary(
     True
     """
     if isinstance(identification, MatrixFraction):
-        return terminal.render(fit_summary(FitView(identification, data)))
+        return with_rich.render(fit_summary(FitView(identification, data)))
     if isinstance(identification, FrequencyResponse):
-        return terminal.render(response_summary(ResponseView(identification)))
+        return with_rich.render(response_summary(ResponseView(identification)))
     if isinstance(identification, RobustStabilityMargin):
-        return terminal.render(stability_summary(identification))
+        return with_rich.render(stability_summary(identification))
     if isinstance(identification, StructuredWeight):
-        return terminal.render(weights_summary(identification))
-    return terminal.render(identification_summary(identification, reduction))
+        return with_rich.render(weights_summary(identification))
+    return with_rich.render(identification_summary(identification, reduction))
 
 
 def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verdict:
@@ -253,3 +211,20 @@ def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verd
     if isinstance(result, FrequencyResponse):
         return response_verdict(ResponseView(result))
     return identification_verdict(result)
+
+
+def kind_of(name: str, value: Any, kinds: Iterable[type]) -> type:
+    """Return the kind that an argument is of; refuse one of no kind."""
+    for kind in kinds:
+        if isinstance(value, kind):
+            return kind
+    *names, last = (kind.__name__ for kind in kinds)
+    wanted = f"{', '.join(names)} or {last}" if names else last
+    raise InputTypeError(f"`{name}` must be of class {wanted}; got {type(value).__name__}")
+
+
+def refuse_foreign(result: Any, given: Iterable[str], belonging: Iterable[str]) -> None:
+    """Refuse what doesn't belong to this kind of result."""
+    for name in given:
+        if name not in belonging:
+            raise InputTypeError(f"`{name}` doesn't belong to a {type(result).__name__}; leave it out")

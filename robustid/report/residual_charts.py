@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.identification import Identification, Residual, model_residuals
-from robustid.report.charts import Axis, Chart, Layer, Panel, lighter
+from robustid.report.assumptions import shared_words
+from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, in_rows, lighter
 from robustid.report.document import Block, Column, Drawing, Grid, Heading, Share, Table, Text
 from robustid.report.identified import Models, Shown, band, hertz, shown_models, siso, transfer, where
-from robustid.report.sections.assumptions import shared_words
-from robustid.report.style import ALERT, DATA, NOMINAL
 from robustid.report.words import HZ, number
 
 _TOUCHES = 0.99  # of the limit: the sample is marked
@@ -51,7 +50,7 @@ def active_constraints(identification: Identification) -> list[Active]:
     """
     if identification.margin_lower <= 0:
         return []
-    rows = []
+    rows: list[Active] = []
     for residual, index, share in identification.limiting():
         at = residual.axis[index]
         ratio = float(residual.ratio[residual.axis == at].max())  # of repeated points the worst
@@ -110,7 +109,7 @@ def residual_chart(identification: Identification, models: Models = None) -> Cha
     """|residual|/bound of every sample, the limit, and who touches it: a panel for each entry or output that has bounds."""
     problem, shown = identification.problem, shown_models(identification, models)
     found = [list(identification.residuals), *(model_residuals(problem, one.model) for one in shown[1:])]
-    panels = []
+    panels: list[Panel] = []
     for kind in ("frequency", "time"):
         places = [k for k, r in enumerate(found[0]) if r.kind == kind]
         if not places:
@@ -122,7 +121,7 @@ def residual_chart(identification: Identification, models: Models = None) -> Cha
         for group, label in _grouped(identification, parts[0]):
             part = [[residuals[k] for k in group] for residuals in parts]
             panels.append(_panel(identification, kind, label, part, shown, (smallest, largest)))
-    return Chart(name="residuals", panels=tuple(panels), grid=not siso(identification))
+    return Chart("residuals", panels, grid=not siso(identification))
 
 
 def _grouped(identification: Identification, residuals: list[Residual]) -> list[tuple[list[int], str]]:
@@ -151,33 +150,35 @@ def _panel(
     log = largest > 3
     decade = 10 ** np.floor(np.log10(max(smallest, _SMALLEST_RATIO)))
     floor = float(np.clip(decade, _SMALLEST_RATIO, 0.1)) if log else 0.0
-    layers = []
+    layers: list[Layer] = []
     for one, residuals in zip(shown, parts, strict=True):
         at = np.concatenate([np.maximum(r.axis, low) / HZ if kind == "frequency" else r.axis for r in residuals])
         true = np.concatenate([r.ratio for r in residuals])
         ratio = np.maximum(true, floor)
         hover = tuple(f"{number(a, 6)}: {number(r)} of the bound" for a, r in zip(at, true, strict=True))
         nominal = one.colour == NOMINAL
-        bars = {"low": np.full(at.size, floor), "high": ratio} if nominal else {}
-        layers.append(Layer(name=one.name, x=at, y=ratio, colour=one.colour, marker=one.marker, hover=hover, **bars))
+        low_end, high_end = (np.full(at.size, floor), ratio) if nominal else (None, None)
+        layers.append(
+            Layer(one.name, at, ratio, one.colour, marker=one.marker, hover=hover, low=low_end, high=high_end)
+        )
         if nominal:
             layers += _marked(at, ratio, max(1.0, margin))
     ends = np.array(x.range)
-    layers.append(Layer(name="limit: residual = bound", x=ends, y=np.ones(2), colour=DATA, dash="solid"))
+    layers.append(Layer("limit: residual = bound", ends, np.ones(2), DATA, dash="solid"))
     # A margin of almost 0 would be a line on the axis.
     if margin > max(floor, 1e-3):
         name = f"smallest reachable: {number(margin)}"
-        layers.append(Layer(name=name, x=ends, y=np.full(2, margin), colour=ALERT, dash="dash"))
+        layers.append(Layer(name, ends, np.full(2, margin), ALERT, dash="dash"))
     reach = (floor, 2 * largest) if log else (0.0, 1.12 * max(largest, 1.0))
-    y = Axis(label="|residual| / bound", log=log, range=reach)
-    return Panel(title=label, x=x, y=y, layers=tuple(layers))
+    y = Axis("|residual| / bound", log=log, range=reach)
+    return Panel(label, x, y, layers)
 
 
 def _axis(identification: Identification, kind: str, residuals: list[Residual]) -> tuple[Axis, float]:
     """The axis over the samples, and its lower end in rad/s (0 for time)."""
     last = max(float(r.axis.max()) for r in residuals)
     if kind == "time":
-        return Axis(label="time [s]", range=(-0.02 * last, 1.02 * last)), 0.0
+        return Axis("time [s]", range=(-0.02 * last, 1.02 * last)), 0.0
     low, high = band(identification.problem)
     if last > 0:
         first = min(float(r.axis.min(where=r.axis > 0, initial=last)) for r in residuals)
@@ -194,7 +195,13 @@ def _marked(at: np.ndarray, ratio: np.ndarray, limit: float) -> list[Layer]:
         (outside, "outside its bound", "circle-open", 2.0),
     )
     return [
-        Layer(name=name, x=at[mask], y=ratio[mask], colour=ALERT, marker=marker, size=size)
+        Layer(name, at[mask], ratio[mask], ALERT, marker=marker, size=size)
         for mask, name, marker, size in groups
         if np.any(mask)
     ]
+
+
+def identified_residuals(identification: Identification, models: Models = None) -> Chart:
+    """The residuals, a row for every output where entries have panels of their own."""
+    chart = residual_chart(identification, models)
+    return in_rows(chart, len(identification.problem.inputs)) if chart.grid else chart

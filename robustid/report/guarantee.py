@@ -1,23 +1,47 @@
-"""The guaranteed error of a model: the sentence, the worst frequencies, the certificates, what is assumed and was tested."""
+"""The guaranteed error of a model: the sentence, the worst frequencies, the certificates, and the band of the response."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.report.charts import lighter
-from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text
-from robustid.report.identified import about, in_unit, sample_words, siso, transfer, unit
-from robustid.report.sections.assumptions import CAUTION
-from robustid.report.sections.claims import certificates, checked
-from robustid.report.sections.guarantee_charts import (
-    bounded_model,
-    nyquist_chart,
-    worst_case_charts,
-    worst_case_sigma_chart,
+from robustid.report.assumptions import CAUTION
+from robustid.report.charts import (
+    ALERT,
+    DATA,
+    FAINT,
+    MARKERS,
+    REACHED,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    band_around,
+    behind,
+    error_range,
+    lighter,
+    named,
+    side_by_side,
 )
-from robustid.report.words import HZ, at_frequencies, at_least, at_most, number
+from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text, certificates
+from robustid.report.frequency import LARGEST, frequency_charts, sigma_chart
+from robustid.report.identified import (
+    about,
+    bounded_model,
+    checked,
+    error_label,
+    in_unit,
+    model_size,
+    sample_words,
+    siso,
+    transfer,
+    unit,
+)
+from robustid.report.value_sets import nyquist_chart
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number, unit_label
 
 _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
@@ -31,9 +55,9 @@ def guarantee_section(identification: Identification, error: WorstCaseError, hol
     if error.missing.size:
         blocks.append(Text(error.unfinished))
     blocks += [
-        Text(sentence(error), id="guarantee-sentence"),
+        Text(guarantee_sentence(error), id="guarantee-sentence"),
         certificates(error.claim_count, error.verify() if holds is None else holds, "certificates"),
-        Facts(rows(error)),
+        Facts(guarantee_rows(error)),
         Heading("Worst frequencies", 3),
         worst_table(error),
         Text(_worst_words(alone), "soft"),
@@ -66,30 +90,26 @@ def guarantee_section(identification: Identification, error: WorstCaseError, hol
     return blocks
 
 
-def sentence(error: WorstCaseError) -> str:
+def guarantee_sentence(error: WorstCaseError) -> str:
     """The guarantee in plain words."""
     upper, omega, alone = error.sigma_upper, error.omega, siso(error.identification)
-    relative = upper / np.maximum(_response(error), _TINY)
+    relative = upper / np.maximum(model_size(error), _TINY)
     norm = "" if alone else " (largest singular value of the difference)"
+    model = bounded_model(error.identification, error.model)[0]
     worst = ""
     if omega.size > 1:
         worst = f" The largest error is possible at {number(omega[np.argmax(upper)] / HZ, 5)} Hz;"
     return (
         f"{about(error.identification)}Every plant that agrees with the data and the assumptions has a response within"
-        f" {in_unit(at_most(upper.max()), error.identification)} of the {bounded_model(error)[0]}{norm},"
+        f" {in_unit(at_most(upper.max()), error.identification)} of the {model}{norm},"
         f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median over the frequencies is"
         f" {at_most(100 * float(np.median(relative)))} % of the response."
     )
 
 
-def _response(error: WorstCaseError | WorstCaseOverPoles | Band) -> np.ndarray:
-    """Size of the response of the model, (F,): its largest singular value."""
-    return np.linalg.norm(error.nominal.reshape(error.upper.shape), 2, axis=(1, 2))
-
-
 def at_resonance(error: WorstCaseError | WorstCaseOverPoles | Band) -> tuple[str, float]:
     """Say where the response is largest among the frequencies that are bounded, and the error there as a share of it."""
-    size, upper = _response(error), error.sigma_upper
+    size, upper = model_size(error), error.sigma_upper
     known = error.bounded if isinstance(error, Band) else np.isfinite(upper)
     place = int(np.argmax(np.where(known, size, -1.0)))
     inside = 0 < place < size.size - 1
@@ -97,7 +117,7 @@ def at_resonance(error: WorstCaseError | WorstCaseOverPoles | Band) -> tuple[str
     return where, float(upper[place] / max(size[place], _TINY))
 
 
-def rows(error: WorstCaseError) -> list[tuple[str, str]]:
+def guarantee_rows(error: WorstCaseError) -> list[tuple[str, str]]:
     """Reach, gap, the whole circle, what is assumed and what was tested, with their words."""
     identification, upper, lower = error.identification, error.sigma_upper, error.sigma_lower
     gap = float(np.max(1 - lower / np.maximum(upper, _TINY)))
@@ -184,7 +204,7 @@ def _worst_words(alone: bool) -> str:
 
 def worst_table(error: WorstCaseError) -> Table:
     """The frequencies with the largest guaranteed errors, largest first."""
-    size = dict(zip(error.omega.tolist(), _response(error).tolist(), strict=True))
+    size = dict(zip(error.omega.tolist(), model_size(error).tolist(), strict=True))
     label = _bracketed(error.identification)
     columns = [
         Column("f [Hz]", "n"),
@@ -242,3 +262,106 @@ def parameter_table(error: WorstCaseError) -> Table:
         *(Column("reached", "n"), Column("nominal model", "n")),
     ]
     return Table(columns, rows)
+
+
+def guaranteed_bode(error: WorstCaseError) -> Chart:
+    """Every entry with the range that no consistent system leaves; of a MIMO problem the singular values below."""
+    found = worst_case_charts(error)
+    if siso(error.identification):
+        return found[0]
+    sigma = worst_case_sigma_chart(error).panels
+    return side_by_side("guarantee", lighter(found), len(error.identification.problem.inputs), sigma)
+
+
+def worst_case_charts(error: WorstCaseError) -> list[Chart]:
+    """Magnitude and phase of every entry with their guaranteed ranges, and the guaranteed error with the one that is reached.
+
+    Between the frequencies the distance of each end of a range from the model is interpolated: nothing is proved there.
+    """
+    name, further = bounded_model(error.identification, error.model)
+    drawn = frequency_charts(error.identification, further, error.omega)
+    entries = np.ndindex(error.upper.shape[1:])
+    return [_with_range(error, chart, entry, name) for chart, entry in zip(drawn, entries, strict=True)]
+
+
+def _with_range(error: WorstCaseError, chart: Chart, entry: tuple[int, int], name: str) -> Chart:
+    magnitude, phase = chart.panels
+    proved = error.omega > 0  # a logarithmic axis has no 0
+    at, place = error.omega[proved] / HZ, (proved, *entry)
+    nominal = error.nominal.reshape(error.upper.shape)[place]
+    sizes, angles = (part.reshape(*error.upper.shape, 2)[place] for part in (error.magnitude, error.phase))
+    bottom, top = magnitude.y.range or (0.0, 1.0)
+    words = f"guaranteed range ({error.omega.size} frequencies)"
+    areas = band_around(words, named(magnitude, name), at, sizes - np.abs(nominal)[:, None], bottom)
+    span = bottom, max(top, 1.2 * float(sizes.max(initial=0.0)))
+    turns = band_around(words, named(phase, name), at, _turns(angles, nominal))
+    single = siso(error.identification)
+    panels = (
+        behind(magnitude, areas, span),
+        behind(phase, turns, _widened(phase.y.range or (-225.0, 225.0), turns)),
+        _error_panel(error, magnitude.x, entry),
+    )
+    chart_name = "guarantee" if single else f"guarantee-{entry[0]}-{entry[1]}"
+    return Chart(chart_name, panels, linked=True, grid=not single)
+
+
+def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
+    """Singular values with the guaranteed range of the largest one, and that of F - model, guaranteed and reached."""
+    name, further = bounded_model(error.identification, error.model)
+    sigma = sigma_chart(error.identification, further, error.omega)
+    (panel,) = sigma.panels
+    proved = error.omega > 0
+    # No singular value moves by more than the largest one of what is added.
+    offsets = error.sigma_upper[proved, None] * np.array([-1.0, 1.0])
+    bottom, top = panel.y.range or (0.0, 1.0)
+    words = f"guaranteed range of σmax ({error.omega.size} frequencies)"
+    areas = band_around(words, named(panel, LARGEST + name), error.omega[proved] / HZ, offsets, bottom)
+    span = bottom, max(top, *(1.2 * float(area.high.max()) for area in areas if area.high is not None))
+    errors = _error_panel(error, panel.x, None)
+    return Chart("guarantee-sigma", (behind(panel, areas, span), errors), linked=True)
+
+
+def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+    """Ends of the ranges of the phase less the phase of the model, in degrees, (F, 2); NaN where the phase can be anything."""
+    offset = phase - np.angle(nominal)[:, None]
+    offset -= 2 * np.pi * np.round(offset.mean(axis=1, keepdims=True) / (2 * np.pi))
+    anything = phase[:, 1] - phase[:, 0] >= 2 * np.pi * (1 - 1e-12)
+    return np.where(anything[:, None], np.nan, np.degrees(offset))
+
+
+def _widened(span: tuple[float, float], areas: list[Layer]) -> tuple[float, float]:
+    """A range of degrees that holds the areas too."""
+    lows, highs = ([limit(end) for end in ends] for limit, ends in zip((np.min, np.max), _ends(areas), strict=True))
+    return 90 * np.floor(min([span[0], *lows]) / 90 + 0.5) - 45, 90 * np.ceil(max([span[1], *highs]) / 90 - 0.5) + 45
+
+
+def _ends(areas: list[Layer]) -> tuple[list[Any], list[Any]]:
+    return [a.low for a in areas], [a.high for a in areas]
+
+
+def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) -> Panel:
+    """Panel of the error of an entry, or of the largest singular value."""
+    identification, place = error.identification, (slice(None), *(entry or ()))
+    left = x.range[0] if x.range else 0.0
+    at = np.maximum(error.omega / HZ, left)
+    upper, lower = (error.sigma_upper, error.sigma_lower) if entry is None else (error.upper[place], error.lower[place])
+    hover = at_hz(error.omega / HZ, "at most {}, reached {}", upper, lower)
+    layers: list[Layer] = []
+    if (circle := error.known_circle) is not None:  # what has been computed; nothing is computed here
+        right = x.range[1] if x.range else np.inf
+        edges = np.clip(np.repeat(circle.edges, 2)[1:-1] / HZ, left, right)
+        own = entry is not None and not siso(identification)
+        bounds = np.repeat(circle.entries[place] if own else circle.bound, 2)
+        layers.append(Layer("guaranteed between them too", edges, bounds, FAINT, dash="solid"))
+    name = "guaranteed error"
+    layers.append(Layer(name, at, upper, ALERT, dash="dash", marker="circle", hover=hover))
+    reached = np.where(lower > 0, lower, np.nan)
+    layers.append(Layer(REACHED, at, reached, DATA, marker=MARKERS[2], hover=hover))
+    span = error_range(layers)  # none where nothing is uncertain
+    title = "Error of the model: the farthest consistent system"
+    title += ", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""
+    label = error_label(identification)
+    if entry is not None and not siso(identification):  # the name stands above
+        output, input_ = identification.problem.outputs[entry[0]], identification.problem.inputs[entry[1]]
+        title, label = "", f"error{unit_label(output.unit, input_.unit)}"
+    return Panel(title, x, Axis(label, log=True, range=span), layers)

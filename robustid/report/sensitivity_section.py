@@ -1,4 +1,4 @@
-"""The assumptions that a guarantee depends on: the table of `sensitivity`, drawn and in sentences."""
+"""The assumptions that a guarantee depends on, and the width of the class between the frequency points."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from robustid.advice import Sensitivity, Variation
+from robustid.advice import Content, Sensitivity, Variation
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel
-from robustid.report.document import Block, Column, Grid, Heading, Table, Text
+from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.curves import span_of
+from robustid.report.document import Block, Column, Drawing, Grid, Heading, Table, Text, Verdict, of_numbers
 from robustid.report.identified import unit
-from robustid.report.style import ALERT, DATA, NOMINAL
-from robustid.report.words import at_frequencies, at_most, number
+from robustid.report.words import HZ, at_frequencies, at_most, number
 
 _SAME = 2e-3  # difference of two margins of one problem, at most
 _KINDS = {"gain": "gain_bound", "decay": "decay_rate", "lines": "lines"}
@@ -35,7 +35,7 @@ def sensitivity_section(identification: Identification, table: Sensitivity) -> l
     )
     return [
         Heading("What the guarantee depends on"),
-        Text(sentence(table), id="sensitivity-sentence"),
+        Text(sensitivity_sentence(table), id="sensitivity-sentence"),
         Text(words),
         Grid([sensitivity_chart(table, identification)], 3),
         _table(table),
@@ -59,13 +59,13 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
     """Median and largest half-width over each assumption, one panel an assumption, one scale for all."""
     rows = table.variations
     largest = max((row.worst for row in rows if np.isfinite(row.worst)), default=1.0)
-    y = Axis(label="half-width / response [%]", range=(0.0, 112 * largest))
+    y = Axis("half-width / response [%]", range=(0.0, 112 * largest))
     axes = {
         "gain": ("gain bound K", unit(identification) or "–"),
         "decay": ("decay rate ρ", "–") if identification.problem.dt else ("decay α", "1/s"),
         "lines": ("frequency points", "–"),
     }
-    panels = []
+    panels: list[Panel] = []
     for kind, (name, of) in axes.items():
         found = sorted(
             (row for row in rows if row.kind in ("stated", kind)), key=lambda row: getattr(row, _KINDS[kind])
@@ -74,9 +74,9 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
             continue
         x = np.array([getattr(row, _KINDS[kind]) for row in found], dtype=float)
         room = 0.12 * np.ptp(x)
-        axis = Axis(label=f"{name} [{of}]", range=(float(x.min() - room), float(x.max() + room)))
-        panels.append(Panel(title=name, x=axis, y=y, layers=_layers(found, x)))
-    return Chart(name="sensitivity", panels=tuple(panels))
+        axis = Axis(f"{name} [{of}]", range=(float(x.min() - room), float(x.max() + room)))
+        panels.append(Panel(name, axis, y, _layers(found, x)))
+    return Chart("sensitivity", panels)
 
 
 def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
@@ -85,16 +85,17 @@ def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
         ("worst", "worst of the frequencies", {"colour": ALERT, "dash": "dash", "marker": "square"}),
         ("median", "median over the frequencies", {"colour": NOMINAL, "dash": "solid", "marker": "circle"}),
     )
-    curves, rings = [], []
+    curves: list[Layer] = []
+    rings: list[Layer] = []
     for part, name, style in looks:
         y = 100 * np.array([getattr(row, part) for row in rows])
         hover = tuple(f"{row.what}: {number(v, 3)} %" for row, v in zip(rows, y, strict=True))
-        curves.append(Layer(name=name, x=x, y=y, hover=hover, **style))
-        rings.append(Layer(name="as stated", x=x[stated], y=y[stated], colour=DATA, marker="circle-open", size=2.0))
+        curves.append(Layer(name, x, y, hover=hover, **style))
+        rings.append(Layer("as stated", x[stated], y[stated], DATA, marker="circle-open", size=2.0))
     return (*curves, *rings)
 
 
-def sentence(table: Sensitivity) -> str:
+def sensitivity_sentence(table: Sensitivity) -> str:
     """Name the assumption with which the guarantee moves most."""
     stated, *others = table.variations
     moved = [(abs(np.log(row.median / stated.median)), row) for row in others if row.median > 0 and stated.median > 0]
@@ -119,7 +120,7 @@ def _table(table: Sensitivity) -> Table:
         for row in table.variations
     ]
     heads = ("margin", "median", "worst", "median against stated")
-    return Table([Column("Assumed"), *(Column(head, "n") for head in heads)], rows)
+    return Table([Column("Assumed"), *of_numbers(*heads)], rows)
 
 
 def _margin(row: Variation) -> str:
@@ -134,3 +135,50 @@ def _percent(value: float) -> str:
 
 def _against(median: float, stated: float) -> str:
     return f"× {number(median / stated, 3)}" if median > 0 and stated > 0 else "–"
+
+
+def content_verdict(found: Content) -> Verdict:
+    """Verdict on what the class says, whatever the data: with content, little, or none."""
+    key, word = "consistent", "The class says as much between the points as on them"
+    if found.empty:
+        key, word = "inconsistent", "The class says nothing between the points"
+    elif found.signs:
+        key, word = "weak", "The class says little between the points"
+    return Verdict(key, word, found.summary(), (("between / on", number(found.ratio, 3)),), id="content")
+
+
+def content_section(found: Content | None) -> list[Block]:
+    """Build the section of the widths; nothing where there are no neighbouring points."""
+    if found is None or not found.on.size:
+        return []
+    words = "Half-widths of an ellipsoid inside the set of consistent values, relative to the response: to be compared with each"
+    return [
+        Heading("What the class says between the points"),
+        Text(found.summary()),
+        Text(f"{words} other, not a guarantee.", "soft"),
+        Drawing(content_chart(found)),
+    ]
+
+
+def content_chart(found: Content) -> Chart:
+    """Width of the set between neighbouring frequency points and on them, relative to the response."""
+    hz, ratios = found.omega / HZ, found.between / found.on
+    hover = tuple(
+        f"{number(f, 6)} Hz: {number(100 * b, 3)} % between, {number(100 * o, 3)} % on the points beside it"
+        for f, b, o in zip(hz, found.between, found.on, strict=True)
+    )
+    wide = bool(np.any(ratios > 1)) and bool(found.signs)
+    layers = (
+        Layer("on the points", hz, found.on, DATA, marker="circle", hover=hover),
+        Layer(
+            "between them", hz, found.between, ALERT if wide else NOMINAL, marker="diamond-open", hover=hover, size=1.6
+        ),
+    )
+    span = span_of(np.concatenate([found.on, found.between]), 2) or (1e-3, 1.0)
+    panel = Panel(
+        "Width of the set of consistent values",
+        frequency_axis(found.omega),
+        Axis("half-width / |response| [–]", log=True, range=span),
+        layers,
+    )
+    return Chart("content", (panel,))

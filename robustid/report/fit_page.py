@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data import FrequencyResponse
-from robustid.fitting import FitStatus, MatrixFraction, ModeRow, OrderSweep
+from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
 from robustid.report.document import (
@@ -20,12 +19,13 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
+    checks_table,
 )
-from robustid.report.sections.claims import checks_table
-from robustid.report.sections.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
-from robustid.report.sections.fit_view import FitView
-from robustid.report.sections.matrices import matrices_section
-from robustid.report.sections.order_sweep import order_sweep_section
+from robustid.report.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
+from robustid.report.fit_view import FitView
+from robustid.report.identified import Parts
+from robustid.report.order_sweep_section import order_sweep_section
+from robustid.report.small_model import matrices_section
 from robustid.report.words import HZ, drawn_words, number, title
 
 _WORDS = {
@@ -55,15 +55,9 @@ _COMMANDS = ("robustid identify --frequency FILE --report report.html", "--time-
 _MOST_MODES = 40  # at the terminal
 
 
-def fit_page(
-    fit: MatrixFraction,
-    *,
-    data: FrequencyResponse | None = None,
-    order_sweep: OrderSweep | None = None,
-    title: str | None = None,
-) -> Document:
+def fit_page(fit: MatrixFraction, title: str | None, parts: Parts) -> Document:
     """Build the page of a fit."""
-    view = FitView(fit, data)
+    view, order_sweep = FitView(fit, parts.get("data")), parts.get("order_sweep")
     sure = view.covariance is not None
     entries = response_charts(view)
     return Document(
@@ -161,10 +155,7 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
     if points < view.omega.size:
         data += f"; {view.omega.size - points} further points have no weight"
     domain = "s" if view.dt is None else f"z, sample time {number(view.dt, 6)} s"
-    rows = [
-        ("Data", data),
-        ("Model", f"{_form_words(view)}, in {domain}"),
-    ]
+    rows = [("Data", data), ("Model", f"{_form_words(view)}, in {domain}")]
     if fit.modal is not None:
         rows.append(("Structure", f"{fit.modal.words[0].upper()}{fit.modal.words[1:]}"))
     if fit.fraction.rigid_count:

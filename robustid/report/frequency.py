@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from robustid.data import FrequencyResponse
-from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, lighter, phase_axis, stacked
+from robustid.identification import Identification, MixedProblem
+from robustid.report.assumptions import shared_words
+from robustid.report.charts import DATA, FAINT, Axis, Chart, Layer, Panel, lighter, phase_axis, side_by_side, stacked
 from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
 from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import (
     Models,
     Posed,
     Shown,
+    bounded_model,
     hertz,
     numbered,
     responses,
@@ -24,9 +26,7 @@ from robustid.report.identified import (
     siso,
     transfer,
 )
-from robustid.report.sections.assumptions import shared_words
-from robustid.report.style import DATA, FAINT
-from robustid.report.words import HZ, number, unit_label
+from robustid.report.words import HZ, at_hz, unit_label
 
 LARGEST = "σmax of the "
 _MANY = 300  # points, above which their bars run into one another
@@ -95,7 +95,8 @@ def entry_chart(
     phases, span = phase_curves(values)
     measured = _measured(problem, *entry)
     reach = _range(measured, values)
-    magnitude, phase = [], []
+    magnitude: list[Layer] = []
+    phase: list[Layer] = []
     for one, value, angle in zip(shown, values, phases, strict=True):
         style: dict[str, Any] = {"name": one.name, "x": omega / HZ, "colour": one.colour, "dash": one.dash}
         magnitude.append(Layer(y=np.abs(value), **style))
@@ -104,12 +105,9 @@ def entry_chart(
         size, angle = np.abs(value), np.degrees(np.angle(value))
         turn = np.where(bound >= size, 180.0, half_angle(size, bound))  # the disc holds 0: any phase
         angle = next_to(angle, phases[0][np.searchsorted(omega, at).clip(0, omega.size - 1)])
-        hover = tuple(
-            f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}, {number(p)}°"
-            for w, a, b, p in zip(at, size, bound, angle, strict=True)
-        )
+        hover = at_hz(at / HZ, "{} ± {}, {}°", size, bound, angle)
         x = np.maximum(at, band[0]) / HZ
-        style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover}
+        style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover, "choice": True}
         ends = np.maximum(size - bound, reach[0]), size + bound
         _add_samples(magnitude, np.maximum(size, reach[0]), ends, style)
         _add_samples(phase, angle, (angle - turn, angle + turn), style)
@@ -119,15 +117,16 @@ def entry_chart(
         turn_axis = phase_axis(span, f"phase [°] of\n{output.name} / {input_.name}", tick=90.0)
     else:  # the name stands above
         titles, label, turn_axis = (title, ""), f"magnitude{unit_label(output.unit, input_.unit)}", phase_axis(span)
-    size_axis = Axis(label=label, log=True, range=reach)
+    size_axis = Axis(label, log=True, range=reach)
     chart = "frequency" if siso(identification) else f"entry-{entry[0]}-{entry[1]}"
     drawn = (size_axis, magnitude), (turn_axis, phase)
     return stacked(chart, axis, drawn, titles, grid=not siso(identification))
 
 
-def _measured(problem: Any, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+def _measured(problem: MixedProblem, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """Samples of an entry: name, frequencies in rad/s, values, and radius of the disc around what the bound leaves to it alone."""
-    responses, out = [f for f in problem.frequency if isinstance(f, FrequencyResponse)], []
+    responses = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
+    out: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]] = []
     for k, frf in enumerate(responses):
         used, place = frf.bound.used[:, output, input_], (slice(None), output, input_)
         if not used.any():
@@ -149,7 +148,7 @@ def _add_samples(
         return
     name = style["name"].replace("data with their bounds", "bounds of the data")
     layers[:0] = [
-        Layer(name=name, x=style["x"], y=y, colour=DATA, low=low, high=high, fill=True),
+        Layer(name, style["x"], y, DATA, low=low, high=high, fill=True),
         Layer(y=y, size=0.4, **style | {"name": style["name"].replace(" with their bounds", "")}),
     ]
 
@@ -169,28 +168,32 @@ def sigma_chart(identification: Identification, models: Models = None, omega: np
     ends = shown_band(identification, omega)
     at, values = responses([one.model for one in shown], problem, ends, omega)
     sizes = [np.linalg.svd(value, compute_uv=False) for value in values]
-    layers = [
-        Layer(name="further singular values", x=at / HZ, y=size, colour=FAINT, dash="solid") for size in sizes[0].T[1:]
-    ]
+    layers = [Layer("further singular values", at / HZ, size, FAINT, dash="solid") for size in sizes[0].T[1:]]
     for one, size in zip(shown, sizes, strict=True):
-        layers.append(Layer(name=LARGEST + one.name, x=at / HZ, y=size[:, 0], colour=one.colour, dash=one.dash))
+        layers.append(Layer(LARGEST + one.name, at / HZ, size[:, 0], one.colour, dash=one.dash))
     points, sigma, radius = measured_sigma(problem)
     top = max(float(size.max()) for size in (*sizes, sigma + radius) if size.size)
     low = min(float(size.min()) for size in (sizes[0][:, 0], sigma[sigma > 0]) if size.size)
     reach = magnitude_range(top, [low, 2 * low_quantile(sizes[0])])
     if points.size:
-        hover = tuple(
-            f"{number(w / HZ, 6)} Hz: {number(a)} ± {number(b)}" for w, a, b in zip(points, sigma, radius, strict=True)
-        )
+        hover = at_hz(points / HZ, "{} ± {}", sigma, radius)
         bars: dict[str, Any] = {"low": np.maximum(sigma - radius, reach[0]), "high": sigma + radius, "hover": hover}
         x, y = np.maximum(points, ends[0]) / HZ, np.maximum(sigma, reach[0])
-        layers.append(Layer(name="σmax of the data", x=x, y=y, colour=DATA, marker="circle", **bars))
-    y_axis = Axis(label=f"singular value{sigma_unit(identification)}", log=True, range=reach)
-    panel = Panel(title="Singular values", x=hertz(problem, *ends), y=y_axis, layers=tuple(layers))
-    return Chart(name="sigma", panels=(panel,), linked=True)
+        layers.append(Layer("σmax of the data", x, y, DATA, marker="circle", **bars))
+    y_axis = Axis(f"singular value{sigma_unit(identification)}", log=True, range=reach)
+    panel = Panel("Singular values", hertz(problem, *ends), y_axis, layers)
+    return Chart("sigma", (panel,), linked=True)
 
 
-def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def size_panel(identification: Identification, model: Any, omega: np.ndarray) -> tuple[str, Panel]:
+    """Name of the curve of `model` and the panel that holds it: magnitude of a SISO response, largest singular value of others."""
+    name, further = bounded_model(identification, model)
+    if siso(identification):
+        return name, frequency_charts(identification, further, omega)[0].panels[0]
+    return LARGEST + name, sigma_chart(identification, further, omega).panels[0]
+
+
+def measured_sigma(problem: MixedProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frequencies (rad/s) at which every entry was measured, the largest singular value there, and how far the true one can be.
 
     |E| <= R entry by entry has ||E|| <= ||R||. Of several experiments the one with the smallest bound counts, by entry.
@@ -206,3 +209,12 @@ def measured_sigma(problem: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     known = np.isfinite(radius).all(axis=(1, 2))
     sigma, reach = (np.linalg.norm(part[known], 2, axis=(1, 2)) for part in (values, radius))
     return problem.plane.omega(problem.angles[known]), sigma, reach
+
+
+def identified_bode(identification: Identification, models: Models = None) -> Chart:
+    """Every entry with its samples and models; of a MIMO problem the singular values below."""
+    found = frequency_charts(identification, models)
+    if siso(identification):
+        return found[0]
+    sigma = sigma_chart(identification, models).panels
+    return side_by_side("frequency", lighter(found), len(identification.problem.inputs), sigma)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.data import TimeRecord
-from robustid.identification import Identification
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.identification import Identification, Residual
 from robustid.report.document import Block, Code, Column, Facts, Heading, Table, Text
 from robustid.report.identified import DIRECTIONS, mixed, siso, started, unit, where
 from robustid.report.poles import delay_words, describe_pole, pole_rows
@@ -216,7 +216,7 @@ def _together(rows: list[Experiment]) -> list[Experiment]:
     return [rows[0]._replace(of=f"each of {len(rows)} {what}{listed}")]
 
 
-def _experiment(identification: Identification, residual: Any, data: Any) -> Experiment:
+def _experiment(identification: Identification, residual: Residual, data: FrequencyResponse | TimeRecord) -> Experiment:
     axis, bound, alone = residual.axis, residual.bound, siso(identification)
     joint = data.bound.joint
     if joint == "matrix":
@@ -241,7 +241,7 @@ def _experiment(identification: Identification, residual: Any, data: Any) -> Exp
     return Experiment(name, of, used.size, span, radius, bound_source(data))
 
 
-def bound_source(data: Any) -> str:
+def bound_source(data: FrequencyResponse | TimeRecord) -> str:
     """Kind of the bound of a response or record, and where it comes from.
 
     Examples

@@ -12,24 +12,35 @@ from robustid.core import fingerprint
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
-from robustid.report.charts import Axis, Chart, Layer, Panel, behind, lighter, named, side_by_side
-from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict
+from robustid.report.assumptions import CAUTION
+from robustid.report.charts import (
+    ALERT,
+    BAND,
+    FINE,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    behind,
+    error_range,
+    lighter,
+    named,
+    side_by_side,
+)
+from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict, proved
+from robustid.report.frequency import entry_chart, size_panel
 from robustid.report.identified import (
     Posed,
     Shown,
     about,
+    error_label,
     in_unit,
+    model_size,
     shown_band,
-    shown_models,
-    sigma_unit,
     siso,
-    transfer,
 )
-from robustid.report.sections.assumptions import CAUTION
-from robustid.report.sections.frequency import LARGEST, entry_chart, frequency_charts, sigma_chart
-from robustid.report.sections.guarantee_charts import BAND, error_range
-from robustid.report.style import ALERT, FINE, NOMINAL
-from robustid.report.words import HZ, at_most, number
+from robustid.report.words import HZ, at_hz, at_most, number
 
 _TINY = np.finfo(float).tiny
 _ENDLESS, _TALL = 1e6, 30.0  # times the largest response: where a range without end is drawn, and where the axis ends
@@ -46,10 +57,10 @@ def proved_band_section(
     words = stands_on(band, error)
     return [
         Heading("What is guaranteed at every frequency"),
-        Text(sentence(identification, band), id="band-sentence"),
+        Text(band_sentence(identification, band), id="band-sentence"),
         *([Text(words, id="band-stands-on")] if words else []),
-        verdict(band, holds),
-        Facts(rows(identification, band)),
+        band_verdict(band, holds),
+        Facts(band_rows(identification, band)),
         Drawing(band_chart(identification, band)),
     ]
 
@@ -77,13 +88,13 @@ def poles_words(band: Band) -> str:
     return f"with the pole{'s' * (count > 1)} of {count} mode{'s' * (count > 1)} anywhere in their uncertainty box"
 
 
-def sentence(identification: Posed, band: Band) -> str:
+def band_sentence(identification: Posed, band: Band) -> str:
     """The guarantee in plain words; of a problem that was not identified its band takes that place."""
     upper, known = band.sigma_upper, band.bounded
     start = about(identification)
     if not known.any():
         return f"{start}Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
-    relative = float(np.median((upper / np.maximum(_size(band), _TINY))[known]))
+    relative = float(np.median((upper / np.maximum(model_size(band), _TINY))[known]))
     norm = "" if siso(identification) else " (largest singular value of the difference)"
     largest = np.where(known, upper, -1.0)
     but = ""
@@ -112,25 +123,16 @@ def stands_on(band: Band, error: WorstCaseError | None) -> str:
     )
 
 
-def _size(band: Band) -> np.ndarray:
-    """Size of the response of the model, (F,)."""
-    return np.linalg.norm(band.nominal, 2, axis=(1, 2))
-
-
-def verdict(band: Band, holds: bool) -> Verdict:
+def band_verdict(band: Band, holds: bool) -> Verdict:
     """Verdict on the sums, which are evaluated again, and on the polygons, which were."""
     count, polygons = sum(one.angles.size for one in band.bands), band.polygons
     further = "" if polygons is None else f" and {polygons.claim_count} certificates of semidefinite programs"
-    if holds and dataclasses.replace(band, polygons=None).certified:
-        words = (
-            f"{count} discs, each from two sums over the samples,{further} were evaluated again for this page,"
-            " without a solver."
-        )
-        return Verdict("consistent", "Proved", words, id="band-certificates")
-    return Verdict("failed", "Not proved", "The proofs do not give what is stated.", id="band-certificates")
+    words = f"{count} discs, each from two sums over the samples,{further} were evaluated again for this page, without a solver."
+    holds = holds and dataclasses.replace(band, polygons=None).certified
+    return proved(holds, words, "The proofs do not give what is stated.", "band-certificates")
 
 
-def rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
+def band_rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
     """Facts: on what the band stands, between the frequencies and in its assumptions."""
     found = [
         (
@@ -165,15 +167,7 @@ def rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
 
 def band_chart(identification: Identification, band: Band) -> Chart:
     """Magnitude with its proved range, and the proved error; of matrices the largest singular value."""
-    name, own = shown_models(identification)[0][:2]
-    further = None
-    if not all(np.array_equal(getattr(band.model, part), getattr(own, part)) for part in "ABCD"):
-        name = f"model, order {band.order}"
-        further = {name: band.model}
-    if siso(identification):
-        panel = frequency_charts(identification, further, band.omega)[0].panels[0]
-    else:
-        name, panel = LARGEST + name, sigma_chart(identification, further, band.omega).panels[0]
+    name, panel = size_panel(identification, band.model, band.omega)
     curve, bottom = named(panel, name), (panel.y.range or (0.0, 1.0))[0]
     last = band.bands[0].angles[[0, -1]]
     low, high = band.problem.plane.omega(last) / HZ
@@ -183,25 +177,22 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     middle, half = _sizes(*band.at(x * HZ))
     ends = np.maximum(middle - half, bottom), np.maximum(middle + half, bottom)
     ends = ends[0], np.minimum(ends[1], _ENDLESS * max(float(y.max(initial=0.0)), _TINY))
-    area = Layer(name="proved range, at every frequency", x=x, y=y, colour=BAND, low=ends[0], high=ends[1], fill=True)
+    area = Layer("proved range, at every frequency", x, y, BAND, low=ends[0], high=ends[1], fill=True)
     top = (panel.y.range or (0.0, 1.0))[1]
     known = (middle + half)[np.isfinite(half) & ~np.isin(x, x[half > np.abs(y).max(initial=0.0)])]
     span = bottom, max(top, min(1.2 * float(known.max(initial=0.0)), _TALL * top))
     error = norm_of_bounds(sums.error_at(x * HZ))
     error = np.where(np.isfinite(error), error, np.nan)
-    hover = tuple(f"{number(f, 6)} Hz: at most {number(e)}" for f, e in zip(x, error, strict=True))
-    line = Layer(name="proved error", x=x, y=error, colour=ALERT, dash="solid", hover=hover)
+    hover = at_hz(x, "at most {}", error)
+    line = Layer("proved error", x, error, ALERT, dash="solid", hover=hover)
     bars, dots = _refined(band, bottom)
-    label = f"error |F − model| of\n{transfer(identification)}"
-    if not siso(identification):
-        label = f"σmax(F − model)\n{sigma_unit(identification).strip()}".strip()
     errors = Panel(
-        title="Error of the model: no consistent system is farther",
-        x=panel.x,
-        y=Axis(label=label, log=True, range=error_range([line, *dots])),
-        layers=(line, *dots),
+        "Error of the model: no consistent system is farther",
+        panel.x,
+        Axis(error_label(identification), log=True, range=error_range([line, *dots])),
+        (line, *dots),
     )
-    return Chart(name="proved-band", panels=(behind(panel, [area, *bars], span), errors), linked=True)
+    return Chart("proved-band", (behind(panel, [area, *bars], span), errors), linked=True)
 
 
 @functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
@@ -227,15 +218,15 @@ def with_band(band: Band, panels: Sequence[Panel], entry: tuple[int, int] = (0, 
     ends = np.maximum(np.abs(centre) - radius, bottom), np.minimum(np.abs(centre) + radius, _TALL * top)
     poles = _poles(band)
     name, x = f"proved band{poles}", omega / HZ
-    area = Layer(name=name, x=x, y=np.clip(np.abs(centre), *ends), colour=BAND, low=ends[0], high=ends[1], fill=True)
+    area = Layer(name, x, np.clip(np.abs(centre), *ends), BAND, low=ends[0], high=ends[1], fill=True)
     high = ends[1][np.isfinite(radius)].max(initial=0.0)
     first = behind(magnitude, [area], (bottom, max(top, 1.2 * float(high))))
     about = "proved error" if band.model is not None else "radius of the band"
-    line = Layer(name=about + poles, x=x, y=np.where(np.isfinite(error), error, np.nan), colour=BAND, dash="solid")
+    line = Layer(about + poles, x, np.where(np.isfinite(error), error, np.nan), BAND, dash="solid")
     layers = (line, *(() if below is None else below.layers))
-    axis = Axis(label="", log=True, range=error_range(list(layers)))
+    axis = Axis("", log=True, range=error_range(list(layers)))
     title = "Error: no consistent system is farther" if below is None else below.title
-    return first, phase, Panel(title=title, x=magnitude.x, y=axis, layers=layers)
+    return first, phase, Panel(title, magnitude.x, axis, layers)
 
 
 def _poles(band: Band) -> str:
@@ -274,11 +265,11 @@ def _refined(band: Band, bottom: float) -> tuple[list[Layer], list[Layer]]:
     here = band.narrowed & (band.omega > 0)  # a logarithmic axis has no 0
     if not here.any():
         return [], []
-    x, size, upper = band.omega[here] / HZ, _size(band)[here], band.sigma_upper[here]
+    x, size, upper = band.omega[here] / HZ, model_size(band)[here], band.sigma_upper[here]
     middle, half = _sizes(*(part[here] for part in (band.centre, band.radius)))
-    hover = tuple(f"{number(f, 6)} Hz: at most {number(e)}" for f, e in zip(x, upper, strict=True))
+    hover = at_hz(x, "at most {}", upper)
     words = f"narrowed by a semidefinite program ({x.size} frequencies)"
     ends = np.maximum(size - upper, middle - half), np.minimum(size + upper, middle + half)
     ends = tuple(np.maximum(end, bottom) for end in ends)
-    bars = Layer(name=words, x=x, y=size, colour=ALERT, marker="circle", low=ends[0], high=ends[1], size=FINE)
-    return [bars], [Layer(name=words, x=x, y=upper, colour=ALERT, marker="circle", hover=hover)]
+    bars = Layer(words, x, size, ALERT, marker="circle", low=ends[0], high=ends[1], size=FINE)
+    return [bars], [Layer(words, x, upper, ALERT, marker="circle", hover=hover)]

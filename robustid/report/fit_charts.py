@@ -6,8 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from robustid.fitting import continuous
-from robustid.report.charts import Axis, Chart, Layer, Panel, frequency_axis, phase_axis, stacked
+from robustid.data import FrequencyResponse
+from robustid.fitting import MatrixFraction, ModeRow, continuous
+from robustid.report.charts import (
+    ALERT,
+    DATA,
+    FAINT,
+    FURTHER,
+    MARKERS,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    frequency_axis,
+    phase_axis,
+    side_by_side,
+    stacked,
+)
 from robustid.report.curves import (
     cells_per_entry,
     log_axis,
@@ -22,8 +38,7 @@ from robustid.report.curves import (
     thinned,
     with_gaps,
 )
-from robustid.report.sections.fit_view import FitView
-from robustid.report.style import ALERT, DATA, FAINT, FURTHER, MARKERS, NOMINAL
+from robustid.report.fit_view import FitView
 from robustid.report.words import HZ, number, unit_label
 
 EPSILON = float(np.finfo(float).eps)
@@ -39,7 +54,7 @@ def response_charts(view: FitView) -> list[Chart]:
     values = view.response(omega)
     deviation = None if view.covariance is None else view.covariance.response_std(omega)
     cells = cells_per_entry(view.ny * view.nu)
-    charts = []
+    charts: list[Chart] = []
     for i in range(view.ny):
         for j in range(view.nu):
             here = thinned(position(omega, log), [np.abs(values[:, i, j])], cells)
@@ -60,18 +75,17 @@ def _entry(
     span = magnitude_range(top, [*floors, top / 10], _DEPTH)
     (angle,), phase_span = phase_curves([values])
     name = f"model, order {view.fit.fraction.A.shape[0]}"
-    magnitude, phase = [], []
+    magnitude: list[Layer] = []
+    phase: list[Layer] = []
     x = rounded(omega / HZ)
     if deviation is not None:
         low = np.maximum(np.abs(values) - deviation, span[0])
         bounds: dict[str, Any] = {"low": rounded(low), "high": rounded(np.abs(values) + deviation)}
-        magnitude.append(
-            Layer(name="model ± σ", x=x, y=rounded(np.abs(values)), colour=NOMINAL, dash="solid", fill=True, **bounds)
-        )
-        magnitude.append(Layer(name="σ of the model", x=x, y=rounded(deviation), colour=FURTHER[0], dash="dash"))
+        magnitude.append(Layer("model ± σ", x, rounded(np.abs(values)), NOMINAL, dash="solid", fill=True, **bounds))
+        magnitude.append(Layer("σ of the model", x, rounded(deviation), FURTHER[0], dash="dash"))
     if view.noise is not None:
         at, level = rounded(points[kept] / HZ), rounded(view.noise[kept, i, j])
-        magnitude.append(Layer(name="σ of the data", x=at, y=level, colour=FAINT, dash="dot"))
+        magnitude.append(Layer("σ of the data", at, level, FAINT, dash="dot"))
     # Drawn over the samples, thin: where both agree both are seen.
     curve: dict[str, Any] = {"name": name, "x": x, "colour": NOMINAL, "dash": "solid", "size": 0.5}
     unused = ~used & (measured != 0)  # a fit knows zeros where entries are missing
@@ -87,10 +101,10 @@ def _entry(
         phase.append(Layer(y=rounded(turned), size=0.6, **style))
     part = kept[used[kept]]
     at, left = rounded(points[part] / HZ), rounded(error[part])
-    magnitude.append(Layer(name="residual |data − model|", x=at, y=left, colour=ALERT, marker="circle", size=0.45))
+    magnitude.append(Layer("residual |data − model|", at, left, ALERT, marker="circle", size=0.45))
     magnitude.append(Layer(y=rounded(np.abs(values)), **curve))
     phase.append(Layer(y=rounded(with_gaps(angle)), **curve))
-    size = Axis(label=f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
+    size = Axis(f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
     drawn = (size, magnitude), (phase_axis(phase_span), phase)
     return stacked(f"entry-{i}-{j}", axis, drawn, (view.entry(i, j), ""))
 
@@ -110,9 +124,9 @@ def convergence_chart(view: FitView) -> Chart:
     fit = view.fit
     steps = fit.history
     iteration = np.arange(1.0, len(steps) + 1)
-    axis = Axis(label="iteration [–]", range=(-0.5, len(steps) + 0.5), tick=float(max(1, np.ceil(len(steps) / 12))))
+    axis = Axis("iteration [–]", range=(-0.5, len(steps) + 0.5), tick=float(max(1, np.ceil(len(steps) / 12))))
     cost, condition = (
-        [Layer(name="start", x=np.zeros(1), y=positive(np.array([fit.start_cost])), colour=DATA, marker="x", size=1.4)],
+        [Layer("start", np.zeros(1), positive(np.array([fit.start_cost])), DATA, marker="x", size=1.4)],
         [],
     )
     looks = zip((NOMINAL, *FURTHER, ALERT, FAINT), ("circle", *MARKERS, "circle-open", "square"), strict=False)
@@ -125,20 +139,18 @@ def convergence_chart(view: FitView) -> Chart:
         excess = np.maximum(fit.condition_numbers - 1, EPSILON)
         condition.append(Layer(x=iteration, y=np.where(mine, excess, np.nan), dash="solid", **style))
     if steps and steps[-1].former:  # the start and the end have the same weight
-        cost.append(
-            Layer(name="end", x=np.array([len(steps)]), y=positive(np.array([fit.cost])), colour=DATA, marker="x")
-        )
+        cost.append(Layer("end", np.array([len(steps)]), positive(np.array([fit.cost])), DATA, marker="x"))
     if np.isfinite(fit.unstable_cost):
         name, level = "best fit, with unstable poles", positive(np.full(2, fit.unstable_cost))
-        cost.append(Layer(name=name, x=np.array(axis.range), y=level, colour=FAINT, dash="dash"))
-    panels = [Panel(title="Cost", x=axis, y=Axis(label="cost [–]", log=True, range=_decades(cost)), layers=tuple(cost))]
+        cost.append(Layer(name, np.array(axis.range), level, FAINT, dash="dash"))
+    panels = [Panel("Cost", axis, Axis("cost [–]", log=True, range=_decades(cost)), cost)]
     if condition:
-        floor = Layer(name="machine epsilon", x=np.array(axis.range), y=np.full(2, EPSILON), colour=FAINT, dash="dot")
+        floor = Layer("machine epsilon", np.array(axis.range), np.full(2, EPSILON), FAINT, dash="dot")
         top = max(1e-10, *(float(np.nanmax(layer.y)) for layer in condition))
-        y = Axis(label="κ − 1 [–]", log=True, range=(EPSILON / 3, 3 * top))
+        y = Axis("κ − 1 [–]", log=True, range=(EPSILON / 3, 3 * top))
         title = "Condition number κ of the normal matrix, less one"
-        panels.append(Panel(title=title, x=axis, y=y, layers=(*condition, floor)))
-    return Chart(name="convergence", panels=tuple(panels), linked=True)
+        panels.append(Panel(title, axis, y, (*condition, floor)))
+    return Chart("convergence", panels, linked=True)
 
 
 def _decades(layers: list[Layer]) -> tuple[float, float] | None:
@@ -160,29 +172,29 @@ def fit_pole_chart(view: FitView) -> Chart:
     if np.all(np.isfinite(std)):
         bars = {"low": np.maximum(damping - std, damping / 100), "high": damping + std}
     hover = tuple(_words(row) for row in damped)
-    modes = Layer(name="modes", x=hz, y=damping, colour=NOMINAL, marker="x", hover=hover, size=1.3, **bars)
+    modes = Layer("modes", hz, damping, NOMINAL, marker="x", hover=hover, size=1.3, **bars)
     if dt is None:
         across = max((abs(row.pole.real) / HZ for row in rows), default=1.0) or 1.0
-        x = Axis(label="real part of s/2π [Hz]", range=(-1.1 * across, 0.15 * across))
-        y, title = Axis(label="imaginary part of s/2π [Hz]"), "Poles in the s-plane (upper half)"
+        x = Axis("real part of s/2π [Hz]", range=(-1.1 * across, 0.15 * across))
+        y, title = Axis("imaginary part of s/2π [Hz]"), "Poles in the s-plane (upper half)"
         height = 1.08 * max((row.pole.imag / HZ for row in rows), default=1.0) or 1.0
-        y = Axis(label=y.label, range=(-0.04 * height, height))
-        edge = Layer(name="stability boundary", x=np.zeros(2), y=np.array(y.range), colour=DATA, dash="solid")
+        y = Axis(y.label, range=(-0.04 * height, height))
+        edge = Layer("stability boundary", np.zeros(2), np.array(y.range), DATA, dash="solid")
     else:
         turn = np.linspace(0, 2 * np.pi, 361)
-        x, y = (Axis(label=f"{part} part of z [–]", range=(-1.12, 1.12)) for part in ("real", "imaginary"))
-        edge = Layer(name="stability boundary", x=np.cos(turn), y=np.sin(turn), colour=DATA, dash="solid")
+        x, y = (Axis(f"{part} part of z [–]", range=(-1.12, 1.12)) for part in ("real", "imaginary"))
+        edge = Layer("stability boundary", np.cos(turn), np.sin(turn), DATA, dash="solid")
         title = "Poles in the z-plane"
     log = log_axis(view.omega)
     ends = np.concatenate([hz, view.omega[view.omega > 0][[0, -1]] / HZ])
     reach = (ends.min() * 0.9, ends.max() * 1.1) if log else (0.0, ends.max() * 1.05)
-    x_hz = Axis(label="natural frequency [Hz]", log=log, range=(float(reach[0]), float(reach[1])))
-    y_damping = Axis(label="damping ratio [–]", log=True, range=(damping.min(initial=0.01) / 2, 2.0))
+    x_hz = Axis("natural frequency [Hz]", log=log, range=(float(reach[0]), float(reach[1])))
+    y_damping = Axis("damping ratio [–]", log=True, range=(damping.min(initial=0.01) / 2, 2.0))
     panels = (
-        Panel(title=title, x=x, y=y, layers=(edge, *plane), square=dt is not None),
-        Panel(title="Damping of the oscillating modes", x=x_hz, y=y_damping, layers=(modes,)),
+        Panel(title, x, y, (edge, *plane), square=dt is not None),
+        Panel("Damping of the oscillating modes", x_hz, y_damping, (modes,)),
     )
-    return Chart(name="poles", panels=panels, columns=2)
+    return Chart("poles", panels, columns=2)
 
 
 def _plane_layer(view: FitView, rigid: bool) -> Layer:
@@ -199,12 +211,10 @@ def _plane_layer(view: FitView, rigid: bool) -> Layer:
     else:
         poles, hover = np.concatenate([poles, poles.conj()]), hover + hover
     name, colour, marker = ("rigid body", ALERT, "square-open") if rigid else ("poles", NOMINAL, "x")
-    return Layer(
-        name=name, x=np.real(poles), y=np.imag(poles), colour=colour, marker=marker, hover=hover, size=1.3, **bars
-    )
+    return Layer(name, np.real(poles), np.imag(poles), colour, marker=marker, hover=hover, size=1.3, **bars)
 
 
-def _words(row: Any) -> str:
+def _words(row: ModeRow) -> str:
     if row.rigid:
         return f"rigid body, {row.count} states"
     if row.count == 1:
@@ -228,3 +238,19 @@ def with_deviation(value: float, deviation: float) -> str:
     if not 0 <= decimals <= 9:
         return f"{number(value, 6)} ± {number(deviation, 2)}"
     return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
+
+
+def fit_bode(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
+    """Every entry of a fit, outputs below each other."""
+    view = FitView(fit, data)
+    return side_by_side("fit", response_charts(view), view.nu)
+
+
+def fit_poles(fit: MatrixFraction, data: FrequencyResponse | None = None) -> Chart:
+    """Poles of a fit and their damping."""
+    return fit_pole_chart(FitView(fit, data))
+
+
+def fit_convergence(fit: MatrixFraction) -> Chart:
+    """Cost and condition number after every iteration of a fit."""
+    return convergence_chart(FitView(fit))

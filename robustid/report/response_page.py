@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from robustid.data import Bound, Caveat, FrequencyResponse, TimeRecord, joint_radius
+from robustid.data import Bound, Caveat, FrequencyResponse, joint_radius
+from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
 from robustid.report.document import (
@@ -22,9 +21,8 @@ from robustid.report.document import (
     Text,
     Verdict,
 )
-from robustid.report.sections.assumptions import bound_source
-from robustid.report.sections.response_charts import entry_charts, overview_charts, spectrum_charts
-from robustid.report.sections.response_view import ResponseView
+from robustid.report.identified import Parts
+from robustid.report.response_charts import ResponseView, entry_charts, overview_charts, spectrum_charts
 from robustid.report.words import drawn_words, number, percent, plural, title
 
 _LOW_COHERENCE, _FEW_DOF = 0.8, 10
@@ -44,14 +42,9 @@ _COMMAND = "robustid identify --frequency FILE --report report.html"
 _MOST_ENTRIES = 16  # at the terminal
 
 
-def response_page(
-    frf: FrequencyResponse,
-    *,
-    records: TimeRecord | Sequence[TimeRecord] | None = None,
-    title: str | None = None,
-) -> Document:
+def response_page(frf: FrequencyResponse, title: str | None, parts: Parts) -> Document:
     """Build the page of a measured frequency response."""
-    view = ResponseView(frf, records)
+    view = ResponseView(frf, parts.get("records"))
     several, points, spectra = view.ny * view.nu > 1, frf.omega.size, spectrum_charts(view)
     of_each = " of every entry; outputs below each other, inputs beside each other" if several else ""
     entries = entry_charts(view)
@@ -214,7 +207,7 @@ def _missing_words(view: ResponseView) -> str:
 
 
 def _coherence_words(view: ResponseView) -> str:
-    words = []
+    words: list[str] = []
     for i, output in enumerate(view.frf.outputs):
         part = view.frf.coherence[:, i]
         worst = int(np.argmin(part))
