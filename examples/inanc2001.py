@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robustid.advice.gains import smallest_gain
+from robustid.advice.smallest_gain import smallest_gain
 
 import robustid as rid
 from robustid.advice import suggest_prior

@@ -143,9 +143,9 @@ def _square(b1: Fraction, b2: Fraction | None = None) -> tuple[float, float, flo
 
 
 def arcs(angles: Real) -> tuple[Real, Real]:
-    """Ends of the cells in y = 1 - cos(angle), moved outwards by their rounding."""
+    """Ends of the cells in y = 1 - cos(angle), moved outwards by their rounding, but not beyond 2: there |W|^2 may be negative."""
     y = 2 * np.sin(angles / 2) ** 2
-    return y[:-1] * (1 - 16 * _EPS), y[1:] * (1 + 16 * _EPS)
+    return y[:-1] * (1 - 16 * _EPS), np.minimum(y[1:] * (1 + 16 * _EPS), 2.0)
 
 
 def lowest_ratio(parts: Factors, low: Real, high: Real, bound: Real, tolerance: float = 2e-4) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.run import class_choice, sequence
+from robustid.app.run import modes, sequence
 from robustid.errors import DatasetNotFoundError
 from robustid.formats import datasets
 from robustid.identification.residuals import model_residuals
@@ -204,7 +204,7 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(sequence, "identify", again)
-        patch.setattr(class_choice, "suggest_kautz", again)
+        patch.setattr(modes, "suggest_kautz", again)
         code, out, err = run(["run", "ask.toml", "-o", "out", "--resume"])
     assert code == 0, err
     assert "taken from the unfinished run" in out
