@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robustid.advice.smallest_gain import smallest_gain
 
 import robustid as rid
 from robustid.advice import suggest_prior
+from robustid.advice.smallest_gain import smallest_gain
 from robustid.core import response, simulate
 from robustid.identification.residuals import largest_ratio
 from robustid.report.charts import ALERT, DATA, FAINT, MATPLOTLIB, NOMINAL
