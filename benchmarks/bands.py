@@ -434,7 +434,6 @@ def record_halves(name):
 
 
 FIRST = ([0], [0])
-WIDE = 0.2  # end of the interval of a damping ratio above which a mode tells nothing
 MEASURED = {
     "motor torsion": motor_halves,
     "mirror (1, 1)": lambda: mirror_halves("fsm/train", FIRST),
@@ -447,24 +446,18 @@ MEASURED = {
 }
 
 
-def class_of(frf, light=False):
-    """Statement, box and whether a gain bound fits, all from these lines; `light`: modes of wide boxes are left to the class."""
+def class_of(frf):
+    """Statement, box and whether a gain bound fits, all from these lines."""
     modes = rid.suggest_kautz(frf)
-    narrow = modes.damping_interval[:, 1] < WIDE
-    kept = narrow if light else np.ones(narrow.size, bool)
-    basis = modes.basis
-    if light:
-        basis = rid.kautz(modes.omega[kept], modes.damping[kept], dt=frf.dt, delay=modes.delay) if kept.any() else None
-    box = (modes.omega_interval[kept], modes.damping_interval[kept]) if kept.any() else None
+    box = (modes.omega_interval, modes.damping_interval) if modes.omega.size else None
     scaling = None if frf.values[0].size == 1 else np.median(np.abs(frf.values), axis=0)
     prior = rid.Prior(gain_bound=1.0, decay_rate=1.1, scaling=scaling)
-    problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=basis)
+    problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=modes.basis)
     suggested = rid.suggest_prior(problem, time_limit=60.0).prior
     if suggested is None:
         typical = 1.0 if scaling is not None else float(np.median(np.abs(frf.values)))
         prior = rid.Prior(gain_bound=typical, decay_rate=1.05, scaling=scaling)
-    stated = dataclasses.replace(problem, prior=suggested or prior)
-    return stated, box, suggested is not None, int(np.sum(~narrow))
+    return dataclasses.replace(problem, prior=suggested or prior), box, suggested is not None
 
 
 def judged(band, judge):
@@ -501,12 +494,8 @@ def measured(arguments):
         train, judge = MEASURED[name]()
         own = 100 * np.median(train.bound.outer_radius / np.abs(train.values))
         print(f"{name}: {train.omega.size} lines to identify, {judge.omega.size} to judge, bounds {own:.3g} %")
-        problem, box, fits, wide = class_of(train)
+        problem, box, fits = class_of(train)
         fixed = said(problem, box, fits, train, judge)
-        if wide:
-            print(f"    {wide} of the modes in a wide box left to the class:")
-            problem, box, fits, _ = class_of(train, light=True)
-            fixed = said(problem, box, fits, train, judge)
         if train.values[0].size == 1 and train.omega.size <= 300:
             print(f"    {swept(problem, fixed, judge, arguments.time_limit)}", flush=True)
 
