@@ -56,9 +56,8 @@ def fits_of_orders(
     deadline: float,
     growing: Callable[[Found], None],
 ) -> Found:
-    """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those before.
-
-    A fit that Ctrl-C ends returns its best model; only its status tells that the sweep is to end too.
+    """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those
+    before. A fit that Ctrl-C ends returns its best model; only its status tells that the sweep is to end too.
     """
     fits: dict[int, MatrixFraction] = {}
     errors: dict[int, Exception] = {}
@@ -156,9 +155,8 @@ def _refit_local_minima(frf: FrequencyResponse, options: Mapping[str, Any], fits
 
 
 def withheld_error(fit: MatrixFraction) -> float:
-    """Weighted rms error at every fourth frequency point of the fit refined on the others, relative to the data there.
-
-    nan where constraints on coefficients don't let the state space be refined, or too few points are left.
+    """Weighted rms error at every fourth frequency point of the fit refined on the others, relative to the data there; nan
+    where constraints on coefficients don't let the state space be refined, or too few points are left.
     """
     problem, model = fit.problem, fit.fraction.matrices
     unknowns = problem.order * sum(problem.values.shape[1:])

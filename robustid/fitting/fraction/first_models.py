@@ -27,9 +27,8 @@ EXTRA = 2  # states that the richer fit has more
 
 
 def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list[StateMatrices]:
-    """Subspace estimates: with the entries' weights, with those of the noise, and relative, where they are something else.
-
-    The estimate wants the inverse noise; factors for bands of interest that differ by 1000 ruin it.
+    """Subspace estimates with the entries' weights, with those of the noise, and relative, where they are something else: the
+    estimate wants the inverse noise, and factors for bands of interest that differ by 1000 ruin it.
     """
     size = np.abs(data.values)
     used = data.weight > 0
@@ -61,10 +60,9 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
 
 
 def _few_outputs(values: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The strongest combinations of the outputs of one input, where they are too many for the frequency points.
-
-    An estimate of i block rows needs i equations for every output and for the input, and has two for every frequency point: with
-    a quarter as many outputs as points there are seven.
+    """The strongest combinations of the outputs of one input, where they are too many for the frequency points: an estimate of
+    i block rows needs i equations for every output and for the input, and has two for every frequency point; with a quarter as
+    many outputs as points there are seven.
     """
     lines, ny, nu = values.shape
     most = max(lines // _POINTS_PER_OUTPUT, 1)
@@ -145,9 +143,8 @@ def first_model(
 
 
 def strongest(found: FractionModel, data: Samples, feedthrough: bool) -> StateMatrices | None:
-    """A model with the poles of a fit but the EXTRA weakest, by what each adds to the weighted response.
-
-    None where the weakest poles can't be taken away without splitting a pair.
+    """A model with the poles of a fit but the EXTRA weakest, by what each adds to the weighted response; None where those can't
+    be taken away without splitting a pair.
     """
     A, B, C, _ = found.matrices
     flexible = len(A) - 2 * found.rigid_count

@@ -41,12 +41,9 @@ _NEAR_NYQUIST = 0.98 * math.pi  # rad/sample: where a mode begins whose poles li
 def modal_fit_from(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings, modal: Modal, given: bool
 ) -> FitEnd:
-    """Fit of this structure from a first model; one that the user gave is projected at once where it has the order.
-
-    Others are refined freely first.
-
-    `start` is the projection, and `found` keeps the structure exactly; the fraction is formed of it. The history holds the steps
-    of the free descent, too.
+    """Fit of this structure from a first model: projected at once if the user gave it in this order, else refined freely first.
+    `start` is the projection, and `found` keeps the structure exactly; the fraction is formed of it. The history holds the
+    steps of the free descent, too.
     """
     now, interrupted = time.monotonic(), False
     history: tuple[FitStep, ...] = ()
@@ -221,10 +218,9 @@ def _formed(
 
 
 class TiedOutputs(Outputs):
-    """`Outputs` of reciprocal systems: ``P = P'``, what drives a mode is also how it shows.
-
-    C is a combination of the matrices that the model names (`tied_outputs`), one or two for every mode in the place of one or
-    two for every mode and output; D is symmetric. Moving the inputs moves C, whose derivative is the transpose.
+    """`Outputs` of reciprocal systems, ``P = P'``: what drives a mode is also how it shows. C combines the matrices that the
+    model names (`tied_outputs`), one or two for every mode in the place of one or two for every mode and output; D is
+    symmetric. Moving the inputs moves C, whose derivative is the transpose.
     """
 
     def __init__(self, problem: FractionProblem | Criterion) -> None:

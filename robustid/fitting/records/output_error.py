@@ -169,10 +169,9 @@ def _descended(outputs: Outputs, found: Refined, stable: bool, budget: Budget) -
 def _best_start(
     posed: Experiments, given: Real | None, candidates: Iterator[tuple[Real, Real]], stable: bool, deadline: float
 ) -> tuple[Refined, Real]:
-    """The lowest end of a few steps from every start, and the levels of its residual.
-
-    Each has steps with all outputs weighted by their size, then by the levels of its own residual; the lowest is the one of
-    the greatest likelihood, the smallest product of these levels.
+    """The lowest end of a few steps from every start, and the levels of its residual: steps with all outputs weighted by their
+    size, then by the levels of their own residual. The lowest is the one of the greatest likelihood, the smallest product of
+    these levels.
     """
     best, lowest = None, math.inf
     try:

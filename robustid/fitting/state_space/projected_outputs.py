@@ -29,43 +29,28 @@ _CONTRADICTION = 1e-6  # conditions that contradict each other leave this much o
 
 
 class Block(NamedTuple):
-    """Data at some points: ``values = P(xi) directions``, and the weight of their residual.
-
-    A frequency response has no directions: every input alone.
+    """Data at some points: ``values = P(xi) directions``, and the weight of their residual; a frequency response has no
+    directions: every input alone.
     """
 
     at: slice | NDArray[np.int_]  # which points of the criterion
     values: Complex  # (F, ny, c)
     weight: Weight  # of that shape
     directions: Complex | None = None  # (F, m, c) of all inputs of the model
-    samples: int = (
-        0  # of a record with zero initial conditions, whose final state is no unknown; its points: the whole DFT
-    )
+    # of a record with zero initial conditions, whose final state is no unknown; its points: the whole DFT
+    samples: int = 0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Criterion:
-    """Sum over blocks of data of ``|W vec(values - P directions)|^2``, for P of a given order.
+    """Sum over blocks of data of ``|W vec(values - P directions)|^2``, for P of a given order."""
 
-    Attributes
-    ----------
-    xi : (F,) array
-        Points in the unit of the nodes, in rising order of the frequency.
-    blocks : tuple of Block
-    order : int
-    inputs : int
-        Number of inputs, the first ones of the directions; further ones (initial states) have no feed-through.
-    feedthrough : bool
-    held : tuple of ResponseCondition
-        What C and D must meet exactly.
-    """
-
-    xi: Complex
+    xi: Complex  # (F,) in the unit of the nodes, in rising order of the frequency
     blocks: tuple[Block, ...]
     order: int
-    inputs: int
+    inputs: int  # the first ones of the directions; further ones (initial states) have no feed-through
     feedthrough: bool
-    held: tuple[ResponseCondition, ...] = ()
+    held: tuple[ResponseCondition, ...] = ()  # conditions that C and D must meet exactly
 
     @classmethod
     def of(cls, problem: FractionProblem | Criterion) -> Criterion:
@@ -140,10 +125,8 @@ class Fitted(NamedTuple):
 
 
 class Outputs:
-    """The best C and D for given states, and the projection that takes them out of a Jacobian.
-
-    Where the weight is one number an entry, every output has a least-squares problem of its own (G = ny); else they
-    share one (G = 1).
+    """The best C and D for given states, and the projection that takes them out of a Jacobian. Where the weight is one number
+    an entry, every output has a least-squares problem of its own (G = ny); else they share one (G = 1).
     """
 
     def __init__(self, problem: FractionProblem | Criterion) -> None:
@@ -215,9 +198,8 @@ class Outputs:
         return coefficients if self.apart else coefficients.reshape(-1, self.ny).T
 
     def _restricted(self, model: Any, inverse: Real, u: Real) -> tuple[Restriction, Real, bool]:
-        """Directions that the conditions forbid, the nearest coordinates that meet them, and whether any do.
-
-        The coordinates are orthonormal, so that the nearest ones raise the criterion least.
+        """Directions that the conditions forbid, the nearest coordinates that meet them, and whether any do; the coordinates
+        are orthonormal, so that the nearest ones raise the criterion least.
         """
         with np.errstate(all="ignore"):
             rows = equations(self.criterion.held, model, self.criterion.feedthrough)
@@ -242,9 +224,8 @@ class Outputs:
         return Restriction(V, pseudo), flat.reshape(u.shape), allowed
 
     def directions(self, fitted: Fitted) -> Real:
-        """Weighted derivatives of the response in the coordinates of the model, outputs taken out: (rows, T).
-
-        Conditions turn with the model: the outputs follow them by the least change.
+        """Weighted derivatives (rows, T) of the response in the coordinates of the model, outputs taken out; conditions turn
+        with the model, and the outputs follow them by the least change.
         """
         changes = self.changes(fitted)
         Q = fitted.basis
@@ -302,9 +283,8 @@ class Outputs:
         return states - xi[:, None, None] * model.driven(final).states(xi)
 
     def _changes(self, block: Block, fitted: Fitted) -> Real:
-        """Weighted derivatives (G, rows, T) of what a block sees in the coordinates of the model, outputs held.
-
-        By parts of the points that stay in the cache.
+        """Weighted derivatives (G, rows, T) of what a block sees in the coordinates of the model, outputs held; by parts of the
+        points that stay in the cache.
         """
         xi, model = self.criterion.xi[block.at], fitted.model
         states = self._seen(block, model, fitted.states)
@@ -355,9 +335,8 @@ def _orthonormal(design: Real) -> tuple[Real, Real]:
 
 
 def _final(model: BlockModel, periodic: Real, samples: int) -> Real:
-    """Final states (n, T), over sqrt(N), of a record from zero initial conditions.
-
-    Periodic states that begin at p belong to the final state ``(I - A^N) p`` of those that begin at zero.
+    """Final states (n, T), over sqrt(N), of a record from zero initial conditions: periodic states that begin at p belong to
+    the final state ``(I - A^N) p`` of those that begin at zero.
     """
     A = model.matrices()[0]
     return (periodic - np.linalg.matrix_power(A, samples) @ periodic) / math.sqrt(samples)

@@ -65,9 +65,8 @@ class Descent(NamedTuple):
 
 
 def refinable(problem: FractionProblem) -> bool:
-    """Tell whether a state space can keep what is asked for by its outputs alone, for any poles and inputs.
-
-    Entries that are zero, and rigid-body modes inside, are conditions on poles and inputs: they need the fraction.
+    """Tell whether a state space can keep what is asked for by its outputs alone, for any poles and inputs: entries that are
+    zero, and rigid-body modes inside, are conditions on poles and inputs, which need the fraction.
     """
     return not np.any(problem.zeros) and (problem.rigid is None or problem.rigid.outside)
 
@@ -120,9 +119,8 @@ def _may_go_on(problem: FractionProblem, found: Refined, settings: Settings) -> 
 
 
 def _by_fractions(problem: FractionProblem, data: Samples, model: StateMatrices) -> StateMatrices | None:
-    """A model that SK steps make of a first one, as a fraction that meets the conditions; None where there is none.
-
-    The poles of a start that doesn't know the conditions may be far from those that are best with them.
+    """A model that SK steps make of a first one, as a fraction that meets the conditions; None where there is none. The poles
+    of a start that doesn't know the conditions may be far from those that are best with them.
     """
     try:
         form, first = best_form(problem, model, data, True)
@@ -214,10 +212,9 @@ def _seen_by_several(
     budget: Budget,
     found: Refined,
 ) -> tuple[Refined, float]:
-    """The fit, or where single points decide modes between them, one whose modes are as wide as half the points' spacing.
-
-    Such a mode may follow the noise of its point, and is free between the points; then the wider ones predict better
-    what is withheld. Where it is worth more than a factor of two it is a mode of the plant.
+    """The fit, or where single points decide modes between them, one whose modes are as wide as half the points' spacing. Such
+    a mode may follow the noise of its point, and is free between the points; then the wider ones predict better what is
+    withheld. Where it is worth more than a factor of two it is a mode of the plant.
     """
     outputs, model = Outputs(problem), found.fitted.model
     narrow = model.distances < SEVERAL * model.spacing(problem.xi)

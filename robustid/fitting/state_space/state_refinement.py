@@ -74,34 +74,14 @@ def refine(
     budget: Budget = UNLIMITED,
     outputs: Outputs | None = None,
 ) -> Refined:
-    """Levenberg-Marquardt from a realisation; every accepted step is the best so far.
-
-    C and D are fitted anew at every trial (variable projection), and the tangent space of what is left is made orthonormal:
-    in those coordinates ``J = Q R`` every step is an orthogonal projection. The length of a step is measured in what
-    changes the response noticeably, the distance of a pole from the nearest frequency point.
-
-    Parameters
-    ----------
-    problem : FractionProblem or Criterion
-        Data, weight and feed-through.
-    start : BlockModel or RealModes
-    stable : bool
-        Keep the poles inside the stability region; those that a step would take out, or nearer to the boundary than the
-        data resolve, end on their way (`BlockModel.least_distances`).
-    limit : int
-        Largest number of steps.
-    resolved : float
-        Part of the spacing of the frequency points that the damping of a mode has at least, if it began with more.
-    patient : bool
-        Go on when the last steps together lowered the criterion by less than 0.1 %.
-    budget : Budget
-    outputs : Outputs, optional
-        Of the problem, where the outputs are tied to the inputs.
-
-    Notes
-    -----
-    Source: `mckelvey2004` (local coordinates by data), `golub1973` (variable projection), `more1978` (radius of trust).
+    """Levenberg-Marquardt from a realisation; every accepted step is the best so far. C and D are fitted anew at every trial;
+    the tangent space of what is left is made orthonormal, ``J = Q R``, so that every step is a projection, its length that of
+    changes that the response notices: the distance of a pole from the nearest point (`mckelvey2004`, `golub1973`, `more1978`).
     """
+    # With `stable`, poles that a step would take out of the stability region, or nearer to the boundary than the data resolve,
+    # end on their way (`BlockModel.least_distances`). `limit` is the largest number of steps; `resolved` the part of the
+    # spacing of the frequency points that the damping of a mode has at least, if it began with more; `patient` goes on when the
+    # last steps together lowered the criterion by less than 0.1 %; `outputs` are given where they are tied to the inputs.
     outputs = Outputs(problem) if outputs is None else outputs
     descent = _Descent(problem, start, resolved if stable else None, 0.0 if patient else _SLOW, budget, outputs)
     status = FitStatus.LIMIT
@@ -232,10 +212,9 @@ def exchange_modes(
     outputs: Outputs | None = None,
     structured: Callable[[BlockModel, Complex], LocalModel] = lambda model, _: model,
 ) -> Refined:
-    """Add poles that a subspace estimate finds in the residual, refine, drop as many of the least important, refine.
-
-    A quarter of the blocks first, then half as many. The criterion never rises: an exchange that doesn't lower it isn't
-    made. With a structure of the model its own `outputs` are given, and the way of blocks for a response into it (`structured`).
+    """Add poles that a subspace estimate finds in the residual, refine, drop as many of the least important, refine: a quarter
+    of the blocks first, then half as many. An exchange that doesn't lower the criterion isn't made. With a structure of the
+    model its own `outputs` are given, and the way of blocks for a response into it (`structured`).
     """
     outputs = Outputs(problem) if outputs is None else outputs
     count = max(found.fitted.model.centre.size // _PART, 1)
