@@ -27,11 +27,9 @@ _ROOM = (
 
 
 def nearest_compliances(model: control.StateSpace, data: FrequencyResponse | None) -> Iterator[control.StateSpace]:
-    r"""Negative-imaginary models with the A and B of a model and the least squares of residuals over bounds, ever further inside.
-
-    .. math:: C = -B^T A^{-T} X, \qquad X \succ 0, \qquad A^T X + X A \preceq 0, \qquad D = D^T
-
-    is every negative-imaginary model with this A and B (the lemma of `lanzon2008`), linear in X and D.
+    """Negative-imaginary models with the A and B of a model and the least squares of residuals over bounds, ever further
+    inside. ``C = -B^T A^{-T} X``, X ≻ 0, ``A^T X + X A ⪯ 0``, D = D^T is every negative-imaginary model with this A and B (the
+    lemma of `lanzon2008`), linear in X and D.
     """
     cp = solver()
     popov = Popov(NEGATIVE, StateMatrices.of(model))

@@ -54,9 +54,8 @@ def radius_of(data: FrequencyResponse) -> Real:
 
 
 def nearest(model: control.StateSpace, kind: str, data: FrequencyResponse | None) -> list[control.StateSpace]:
-    """Passive models with least squares of residuals over bounds, but for what a solver leaves: one of them is the best.
-
-    Of the same A and B where there are no data, else with all matrices refined.
+    """Passive models with least squares of residuals over bounds, but for what a solver leaves: one of them is the best. They
+    are of the same A and B where there are no data, else with all matrices refined.
     """
     if data is None:
         fit = _Fit(model, kind, data)
@@ -128,7 +127,6 @@ def _nearer(model: control.StateSpace, reach: float) -> list[control.StateSpace]
 
 def _of_fewer_poles(model: control.StateSpace, data: FrequencyResponse, top: float) -> control.StateSpace | None:
     """A fit of two poles fewer (of every port, where all have them), where the model has poles beyond the band; else None.
-
     Poles that a fit puts there for little may stand in the way of passivity; those in the band don't.
     """
     poles, ports = np.asarray(model.poles()), model.ninputs
@@ -289,10 +287,9 @@ class _Fit:
         return cp.max(cp.hstack(worst))
 
     def refined(self, model: control.StateSpace, steps: int) -> control.StateSpace:
-        """The model after steps over all matrices: each a program in coordinates where P = I proves it, so that it stays passive.
-
-        With P = I the inequality is linear in A, B, C and D. The residuals are linearised, within a reach that follows from how
-        well the last steps did.
+        """The model after steps over all matrices: each a program in coordinates where P = I proves it, so that it stays
+        passive, and where the inequality is linear in A, B, C and D. The residuals are linearised, within a reach that follows
+        from how well the last steps did.
         """
         if not 0 < model.nstates <= _MOST:
             return model

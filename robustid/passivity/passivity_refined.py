@@ -45,23 +45,9 @@ def refined_proofs(
     S: Real,
     unit: float,
 ) -> Iterator[tuple[Real, Real]]:
-    """P and what is to be added to it, in the coordinates S, that may prove a bound.
-
-    Parameters
-    ----------
-    system : StateMatrices
-        In these coordinates, rounded.
-    form : callable
-        Q, S and R of the inequality of a system, for the bound.
-    slack : (n, n) array
-        Room in the first block that a gap of 1 leaves.
-    gap : float
-        Of the bound above the largest excess.
-    exact : Equation
-        As the proof means it, in the coordinates and the time of the model.
-    S : (n, n) array
-    unit : float, rad/s
-        Of the frequencies of `system`.
+    """P and what is to be added to it, in the coordinates S, that may prove a bound. `system` is rounded, in these coordinates
+    and the unit of frequency, `exact` as the proof means it, in those of the model; `form` gives Q, S and R of the inequality
+    for the bound, which lies by `gap` above the largest excess; `slack` is the room in the first block that a gap of 1 leaves.
     """
     n = len(system.A)
     if not 0 < n <= _MOST:
@@ -99,10 +85,9 @@ def _riccati(system: StateMatrices, form: Callable[[StateMatrices], Any], room: 
 def _exactly(
     P: Extended, system: StateMatrices, room: Real, exact: Equation, S: Real, unit: float
 ) -> tuple[Real, Real] | None:
-    """P as a sum of two, so that ``(A + BK)'P + P(A + BK) + Q + SK + K'S' + K'RK + room = 0`` for a feedback K of doubles.
-
-    With the K that minimises, the inequality then has the room in its first block, and next to nothing beside it: a K that is off
-    by dK costs dK'R dK. That one follows from P, and P from it, with exact residuals (Newton's method).
+    """P as a sum of two, so that ``(A + BK)'P + P(A + BK) + Q + SK + K'S' + K'RK + room = 0`` for a feedback K of doubles. With
+    the K that minimises, the inequality has the room in its first block, and next to nothing beside it: a K that is off by dK
+    costs dK'R dK. K follows from P, and P from K, with exact residuals (Newton's method).
     """
     a, b, Q, cross, R = exact
     T, inverse = Exact.of(S), np.asarray(np.linalg.inv(S), dtype=float)

@@ -109,10 +109,9 @@ def gramian_factors(parts: Parts, *, discrete: bool) -> Factors:
 
 
 def _complex_schur(a: Real) -> tuple[Complex, Complex]:
-    """Upper triangular T and unitary Q, a = Q T Q^H: from the real form, in a third of the time of a complex iteration.
-
-    LAPACK leaves every pair as [[p, b], [c, p]] with b c < 0, whose eigenvectors and poles p ± i sqrt(-b c) are written down:
-    the damping p comes through exactly.
+    """Upper triangular T and unitary Q, a = Q T Q^H, from the real form, in a third of the time of a complex iteration: LAPACK
+    leaves every pair as [[p, b], [c, p]] with b c < 0, whose eigenvectors and poles p ± i sqrt(-b c) are written down. The
+    damping p comes through exactly.
     """
     schur, basis = (matrix.astype(complex) for matrix in scipy.linalg.schur(a, output="real"))
     first = np.flatnonzero(np.diagonal(schur, -1))
@@ -136,7 +135,6 @@ def _real_factor(factor: Complex) -> Real:
 
 def _hammarling(a: Complex, b: Complex, column: _Column) -> Complex:
     """Upper triangular U, U U^H the controllability Gramian of (A, B), A upper triangular: its columns, the last one first.
-
     What a column leaves of the equation is that of the states before it, with another B.
     """
     a, b = np.asarray(a), b.astype(complex)

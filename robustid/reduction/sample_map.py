@@ -28,30 +28,16 @@ Signals = list[Samples]
 
 @dataclasses.dataclass(frozen=True)
 class Track:
-    """One experiment: the signals that enter the model, and how the samples are read from what comes out.
+    """One experiment: the signals that enter the model, and how the samples are read from what comes out."""
 
-    Attributes
-    ----------
-    signal : (L, q) array
-        Ones at the frequency points, the spectrum of periodic inputs at their spectral lines, or the inputs in time.
-    points : (L,) complex array or None
-        The z of the points or lines; None: the signals are ones of time, with zero initial conditions.
-    rows : callable
-        From what the entry (output, input) puts out, (L, m), to samples (N, m), divided by the bounds.
-    y : (N,) complex array
-        The measured samples, divided by the bounds.
-    free : (N, k) array
-        Free responses that an unknown initial state allows, divided by the bounds.
-    cone : (N,) int array
-        Number of the bound of every sample.
-    """
-
+    # (L, q): ones at frequency points, the spectrum of periodic inputs at their spectral lines, or inputs in time
     signal: Samples
-    points: Complex | None
+    points: Complex | None  # (L,) z of the points or lines; None: signals of time, from zero initial conditions
+    # from what the entry (output, input) puts out, (L, m), to samples (N, m), divided by the bounds
     rows: Callable[[int, int, Samples], Samples]
-    y: Samples
-    free: Real
-    cone: NDArray[np.intp]
+    y: Samples  # (N,) measured samples, divided by the bounds
+    free: Real  # (N, k) free responses that an unknown initial state allows, divided by the bounds
+    cone: NDArray[np.intp]  # (N,) number of the bound of every sample
 
     def behind(self, signals: Samples, pole: complex) -> Samples:
         """The responses of 1/(z - pole), (L, m)."""
@@ -164,7 +150,6 @@ class SampleMap:
 
     def outputs_of(self, A: Real, C: Real, X: Real) -> Signals:
         """Responses of C_k (zI - A)^-1 x_j to the signals of the entries (i, j), by experiment, (heads i, L, heads k, tails j).
-
         With the inputs as tails all heads i have the same signals: (1, L, heads k, tails j).
         """
         out: Signals = []

@@ -131,9 +131,8 @@ def reduce_within_bounds(
 
 
 def near_fit(identification: Identification, model: control.StateSpace) -> control.StateSpace | None:
-    """The model of the same order inside the bounds that a search finds from a model without integrators; None where it finds none.
-
-    All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
+    """The model of the same order inside the bounds that a search finds from a model without integrators; None where it finds
+    none. All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
     """
     plane = identification.problem.plane
     models = BestModels(image_of(identification), 0)
@@ -227,9 +226,8 @@ class _Search:
         return _between(low, high, self.suffices)
 
     def _smallest_of_matrix(self) -> int:
-        """Twice as many poles until they suffice, then the orders between by halves; after a narrow miss the next order.
-
-        Below what truncation leads to, which takes hardly any time.
+        """Twice as many poles until they suffice, then the orders between by halves; after a narrow miss the next order. Below
+        what truncation leads to, which takes hardly any time.
         """
         chains, low, high = self.models.chains, self.models.chains - 1, self._truncated()
         while high - low > 1:
