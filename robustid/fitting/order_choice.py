@@ -6,7 +6,7 @@ import dataclasses
 import inspect
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,15 @@ from robustid.fitting.fraction.fit_statement import one_weight, stated
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction, fit_mfd
 from robustid.fitting.modal.modal_structure import as_modal
-from robustid.fitting.order_fits import Found, fit_one, fits_of_orders, outside_bound, unresolved_poles, withheld_error
+from robustid.fitting.order_fits import (
+    Found,
+    Options,
+    fit_one,
+    fits_of_orders,
+    outside_bound,
+    unresolved_poles,
+    withheld_error,
+)
 from robustid.fitting.order_sweep import OrderSweep
 from robustid.fitting.state_space.subspace import subspace_estimate
 
@@ -180,7 +188,7 @@ def _assembled(
     )
 
 
-def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]) -> str:
+def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Options) -> str:
     """Say where a feed-through would predict as well with fewer states, or better with as many, and where a roll-off is free."""
     order = sweep.suggested
     error = float(sweep.withheld[sweep.orders == order][0])
@@ -202,7 +210,7 @@ def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]
     return _roll_off(frf, sweep, settings, error)
 
 
-def _roll_off(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any], error: float) -> str:
+def _roll_off(frf: FrequencyResponse, sweep: OrderSweep, settings: Options, error: float) -> str:
     """Say where a response that falls like 1/omega^2 describes the data in fewer words, and predicts them as well."""
     order = sweep.suggested
     free = sweep.fits[order]
@@ -235,11 +243,12 @@ def subspace_singular_values(
 ) -> tuple[np.ndarray, float]:
     """Singular values of a subspace estimate of sufficient order, and the edge of those that are noise."""
     data = stated(frf, 1, domain, "shared" if form == "shared" else "right", weight, feedthrough, None).data
-    options: dict[str, Any] = {"weight": data.weight, "feedthrough": feedthrough, "domain": data.domain}
     best, probe = None, _FIRST_PROBE
     while True:
         try:
-            found = subspace_estimate(data.values, data.points, probe, **options).singular_values
+            found = subspace_estimate(
+                data.values, data.points, probe, weight=data.weight, feedthrough=feedthrough, domain=data.domain
+            ).singular_values
         except InputError:  # too few points for this order
             if best is not None:
                 return best

@@ -22,6 +22,8 @@ from robustid.fitting.state_space.pole_distances import RESOLVED, SEVERAL
 from robustid.fitting.state_space.state_descent import blocks_of, flipped, refinable
 from robustid.fitting.state_space.withheld_points import withheld, withheld_residual
 
+Options = Mapping[str, Any]  # further arguments of `fit_mfd`
+
 _log = logging.getLogger("robustid")
 
 _WAVE = 4  # orders fitted before it is looked whether more are worth it: none of them predicted better by this part
@@ -41,7 +43,7 @@ class Found(NamedTuple):
     interrupted: bool = False
 
 
-def fit_one(frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> MatrixFraction:
+def fit_one(frf: FrequencyResponse, options: Options, order: int) -> MatrixFraction:
     """One item of the sweep; at the top of the module so that a process pool finds it."""
     return fit_mfd(frf, order=order, **options)
 
@@ -49,7 +51,7 @@ def fit_one(frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> M
 def fits_of_orders(
     frf: FrequencyResponse,
     orders: list[int],
-    options: Mapping[str, Any],
+    options: Options,
     executor: Executor | None,
     progress: Callable[[int, int], object] | None,
     may_stop: bool,
@@ -104,7 +106,7 @@ def _sentences(errors: Mapping[int, Exception]) -> dict[int, str]:
 
 
 def _wave(
-    frf: FrequencyResponse, orders: list[int], options: Mapping[str, Any], executor: Executor | None
+    frf: FrequencyResponse, orders: list[int], options: Options, executor: Executor | None
 ) -> Generator[tuple[int, MatrixFraction | Exception], None, None]:
     """Fits of some orders as they end; one that fails is tried again in this process."""
     jobs: dict[Future[MatrixFraction], int] = {}
@@ -126,9 +128,7 @@ def _wave(
             job.cancel()
 
 
-def _submitted(
-    executor: Executor, frf: FrequencyResponse, options: Mapping[str, Any], order: int
-) -> Future[MatrixFraction]:
+def _submitted(executor: Executor, frf: FrequencyResponse, options: Options, order: int) -> Future[MatrixFraction]:
     """The job, or a failed one where the executor is broken and takes none."""
     try:
         return executor.submit(fit_one, frf, options, order)
@@ -138,7 +138,7 @@ def _submitted(
         return job
 
 
-def _refit_local_minima(frf: FrequencyResponse, options: Mapping[str, Any], fits: dict[int, MatrixFraction]) -> None:
+def _refit_local_minima(frf: FrequencyResponse, options: Options, fits: dict[int, MatrixFraction]) -> None:
     """Fit orders that cost more than a lower one again, from its model."""
     best = None
     for order in sorted(fits):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ _ROUNDS = 4  # congruences that are tried: each brings a definite matrix nearer 
 class Exact:
     """A matrix ``digits * 2**power`` of integers of any length: sums and products of matrices of doubles without any rounding."""
 
-    digits: NDArray[Any]  # (p, q) of int objects
+    digits: NDArray[np.object_]  # (p, q) of int
     power: int
 
     @classmethod
@@ -91,7 +91,7 @@ class Exact:
         return [np.array(column, dtype=float).T for column in columns]
 
 
-def _product(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+def _product(left: NDArray[np.object_], right: NDArray[np.object_]) -> NDArray[np.object_]:
     """The product of matrices of integers; large ones by the library FLINT where it is installed, in a tenth of the time."""
     if len(left) * right.shape[1] * right.shape[0] < _LARGE or not (flint := _flint()):
         return left.dot(right)
@@ -99,7 +99,7 @@ def _product(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
     return np.array([[int(x) for x in row] for row in product.tolist()], dtype=object)
 
 
-def _flint() -> Any:
+def _flint() -> ModuleType | None:
     try:
         import flint
     except ImportError:
@@ -161,7 +161,7 @@ def is_positive_definite(matrix: Exact) -> bool:
     return False
 
 
-def _shortened(digits: NDArray[Any]) -> NDArray[Any]:
+def _shortened(digits: NDArray[np.object_]) -> NDArray[np.object_]:
     """A matrix of few digits below a congruent one, scaled by powers of two to diagonal entries of about `_ONE`. Digits are cut
     off, by less than one unit each, which a unit a row on the diagonal outweighs: if this is positive definite, so is the
     matrix.

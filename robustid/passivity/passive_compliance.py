@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -51,8 +51,8 @@ def nearest_compliances(model: control.StateSpace, data: FrequencyResponse | Non
     size = float(np.linalg.norm(triangle[:, -1])) or 1.0
     rates = np.diag(np.abs(np.diagonal(A)))
     for room in _ROOM:
-        X: Any = cp.Variable((n, n), symmetric=True)
-        D: Any = cp.Variable((m, m), symmetric=True)
+        X = cp.Variable((n, n), symmetric=True)
+        D = cp.Variable((m, m), symmetric=True)
         unknown = cp.hstack([cp.vec(X, order="C"), cp.vec(D, order="C")])
         cost = cp.norm(triangle[:, :-1] @ unknown - triangle[:, -1]) / size
         scale = float(np.abs(popov.system.C).max()) or 1.0

@@ -9,10 +9,11 @@ residuals into the sum of two matrices of doubles.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.core import Real, StateMatrices
 from robustid.passivity.exact_matrices import Exact
@@ -33,12 +34,13 @@ class Equation(NamedTuple):
     R: Exact
 
 
-Extended = np.ndarray[Any, np.dtype[np.longdouble]]
+Extended = NDArray[np.longdouble]
+Form = Callable[[StateMatrices], tuple[Real, Real, Real]]  # Q, S and R of an inequality of a system
 
 
 def refined_proofs(
     system: StateMatrices,
-    form: Callable[[StateMatrices], tuple[Any, Any, Any]],
+    form: Form,
     slack: Real,
     gap: float,
     exact: Equation,
@@ -59,7 +61,7 @@ def refined_proofs(
                 yield found
 
 
-def _riccati(system: StateMatrices, form: Callable[[StateMatrices], Any], room: Real, point: float) -> Extended | None:
+def _riccati(system: StateMatrices, form: Form, room: Real, point: float) -> Extended | None:
     """P of the equation, by that of discrete time: the same where s = point (z - 1)/(z + 1)."""
     A, B, C, D = (np.asarray(part, dtype=np.longdouble) for part in system)
     n = len(A)
@@ -118,11 +120,11 @@ def _even(matrix: Real) -> Real:
     return (matrix + matrix.T) / 2
 
 
-def _rounded(array: Any) -> Real:
+def _rounded(array: Extended) -> Real:
     return np.asarray(array, dtype=float)
 
 
-def _solved(matrix: Any, right: Any) -> Extended:
+def _solved(matrix: Real | Extended, right: Real | Extended) -> Extended:
     """The solution of a small system in extended precision: elimination with pivots."""
     M, Y = np.array(matrix, dtype=np.longdouble), np.array(right, dtype=np.longdouble)
     n = len(M)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
 from robustid.core import Budget, Real, points_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
-from robustid.fitting import MatrixFraction, fit_mfd
+from robustid.fitting import MatrixFraction, RigidBody, fit_mfd
 
 if TYPE_CHECKING:
     import control
@@ -24,6 +24,14 @@ _NO_WEIGHT = 1e-9  # of the largest: values that aren't used
 _AIM = 0.97  # of the bound, so that the limit is reached in a few rounds
 
 Fitted = Callable[[FrequencyResponse, "control.StateSpace"], "control.StateSpace | None"]
+
+
+class Structure(TypedDict):
+    """Arguments of a fit that give it the structure of a model."""
+
+    domain: str
+    feedthrough: bool
+    rigid_body: RigidBody | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +83,7 @@ def drawn_inside(
 
 
 def drawn_fits(
-    frf: FrequencyResponse, fit: MatrixFraction, bounds: Bounds, budget: Budget, **stated: Any
+    frf: FrequencyResponse, fit: MatrixFraction, bounds: Bounds, budget: Budget, **stated: Unpack[Structure]
 ) -> Iterator[control.StateSpace]:
     """A least-squares fit of a response, and fits of its order with more weight where it lies outside a bound. They begin with
     the weight of that fit; a sequence that goes astray, to three times the smallest error over its bound, is ended.

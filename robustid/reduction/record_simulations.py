@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -57,7 +57,7 @@ class Simulated(Frozen):
         return text
 
 
-def percent(values: Any) -> str:
+def percent(values: Real) -> str:
     """Fits of the outputs in words."""
     return ", ".join(f"{value:.1f}" for value in values) + " %"
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from robustid.bases import Sections
 from robustid.core import Budget, Complex, DampedSteps, Real
 from robustid.reduction.gramians import Parts, gramian_factors
-from robustid.reduction.sample_map import SampleMap, Signals
+from robustid.reduction.sample_map import SampleMap, Samples, Signals
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
 
 Poles = NDArray[Any]  # complex, or real where all of them are
@@ -144,7 +144,7 @@ def with_poles(pair: Pair, mapped: Callable[[Poles], Poles]) -> Pair:
     return Pair(np.real(V @ (mapped(values)[:, None] * np.linalg.inv(V))), pair.C)
 
 
-def numerators(samples: SampleMap, pair: Pair) -> Complex:
+def numerators(samples: SampleMap, pair: Pair) -> Samples:
     """The columns of X and of what is fixed, (N, tails n + k)."""
     return np.hstack([samples.columns(pair.A, pair.C), samples.fixed])
 

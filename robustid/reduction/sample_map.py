@@ -18,11 +18,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
-from robustid.data import FrequencyResponse, TimeRecord, tilted
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, tilted
 from robustid.identification import MixedProblem, excited_lines
 from robustid.identification.formulation import initial_state, measured_entries
 
-Samples = NDArray[Any]  # real in time, complex at frequency points and spectral lines
+Samples = NDArray[np.float64 | np.complex128]  # real in time, complex at frequency points and spectral lines
 Signals = list[Samples]
 
 
@@ -209,7 +209,7 @@ def with_lines(samples: SampleMap, frf: FrequencyResponse, problem: MixedProblem
     return dataclasses.replace(samples, tracks=(track, *samples.tracks), discs=samples.discs + track.y.size)
 
 
-def _line_track(frf: Any, problem: MixedProblem) -> Track:
+def _line_track(frf: FrequencyResponse | TangentialResponse, problem: MixedProblem) -> Track:
     """A sample is sum_ij W_ij G_ij at its line, tilted where its bound is an ellipse."""
     lines, points = int(frf.omega.size), np.exp(1j * frf.omega * problem.dt)
     p, q = problem.entries.outputs, problem.entries.inputs
@@ -237,7 +237,7 @@ def _line_track(frf: Any, problem: MixedProblem) -> Track:
     return Track(np.ones((lines, q), complex), points, rows, y, np.zeros((y.size, 0)), cone)
 
 
-def _directions(frf: Any) -> tuple[NDArray[np.intp], Complex, Complex, None]:
+def _directions(frf: TangentialResponse) -> tuple[NDArray[np.intp], Complex, Complex, None]:
     """Points, weights and values of tangential samples, divided by their bounds."""
     parts: list[tuple[NDArray[np.intp], Complex, Complex]] = []
     for row, column in measured_entries(frf):
@@ -263,7 +263,7 @@ def _periodic_track(record: TimeRecord) -> Track:
     used, lines = _used(record), excited_lines(record)
     samples = record.u.shape[0]
 
-    def in_time(v: Complex) -> Real:
+    def in_time(v: Samples) -> Samples:
         spectrum = np.zeros((samples // 2 + 1, v.shape[1]), complex)
         spectrum[lines] = v
         return np.fft.irfft(spectrum, samples, axis=0)
@@ -285,7 +285,7 @@ def _record_track(
     signal: Samples,
     points: Complex | None,
     bounds: dict[int, Real],
-    in_time: Callable[[Samples], Real],
+    in_time: Callable[[Samples], Samples],
     free: Real,
 ) -> Track:
     """One output after the other."""

@@ -22,7 +22,12 @@ def orthonormal_columns(stacked: Real) -> tuple[Real, Real]:
 
 
 def smallest_maximum(
-    G: Complex, y: Complex, discs: int, first: Real, reach: Real, cone: NDArray[np.intp] | None = None
+    G: NDArray[np.float64 | np.complex128],
+    y: Complex,
+    discs: int,
+    first: Real,
+    reach: Real,
+    cone: NDArray[np.intp] | None = None,
 ) -> tuple[Real, float]:
     """The v with the smallest max_k |y - G v|_k subject to |v_j| <= reach_j (inf: free), from a `first` one inside, and that
     maximum. The first `discs` of the N samples are complex, the imaginary parts of the others zero; `cone` (N,) numbers the

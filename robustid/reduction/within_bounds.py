@@ -6,7 +6,7 @@ import dataclasses
 import enum
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def reduce_within_bounds(
     identification: Identification,
     *,
     rigid_body: RigidBody | None = None,
-    band: Any = None,
+    band: Known | None = None,
     time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> Reduction:
@@ -173,7 +173,7 @@ class _TimeIsOver(Exception):
 class _Search:
     """Orders tried, with the best model of each."""
 
-    def __init__(self, identification: Identification, integrators: int, budget: Budget, band: Any):
+    def __init__(self, identification: Identification, integrators: int, budget: Budget, band: Known | None):
         self.identification, self.budget, self.band = identification, budget, band
         self.models = BestModels(identification, integrators, budget)
 

@@ -106,7 +106,7 @@ def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
 def first_model(
     problem: FractionProblem,
     data: Samples,
-    start: Any,
+    start: Any,  # a model or poles, not checked yet
     form: str,
     body: RigidBody | None,
     deadline: float = math.inf,
@@ -154,12 +154,10 @@ def strongest(found: FractionModel, data: Samples, feedthrough: bool) -> StateMa
     strength = np.sqrt(
         np.einsum("kij,km,im,mj->m", data.weight**2, lines, np.abs(left) ** 2, np.abs(right) ** 2, optimize=True)
     )
-    units = [(strength[k], [k]) for k in np.flatnonzero(np.imag(poles) == 0)]
-    pairs = [(2 * strength[k], [int(k), _conjugate(poles, int(k))]) for k in np.flatnonzero(np.imag(poles) > 0)]
-    reals: list[Any] = sorted(units, key=lambda unit: unit[0])[:EXTRA]
-    choices: list[Any] = (
-        [(sum(size for size, _ in reals), [k for _, ks in reals for k in ks])] if len(reals) == EXTRA else []
-    )
+    units = [(float(strength[k]), [int(k)]) for k in np.flatnonzero(np.imag(poles) == 0)]
+    pairs = [(float(2 * strength[k]), [int(k), _conjugate(poles, int(k))]) for k in np.flatnonzero(np.imag(poles) > 0)]
+    reals = sorted(units, key=lambda unit: unit[0])[:EXTRA]
+    choices = [(sum(size for size, _ in reals), [k for _, ks in reals for k in ks])] if len(reals) == EXTRA else []
     if pairs:
         choices.append(min(pairs, key=lambda pair: pair[0]))
     if not choices:

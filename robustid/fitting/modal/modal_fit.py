@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import math
 import time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from robustid.fitting.modal.modal_structure import Modal
 from robustid.fitting.modal.mode_gains import gains
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.given_poles import Samples
-from robustid.fitting.state_space.projected_outputs import Criterion, Fitted, LocalModel, Outputs
+from robustid.fitting.state_space.projected_outputs import Criterion, Fitted, LocalModel, Numbers, Outputs
 from robustid.fitting.state_space.real_modes import RealModes
 from robustid.fitting.state_space.state_descent import (
     Settings,
@@ -230,7 +229,7 @@ class TiedOutputs(Outputs):
 
     def design(self, model: LocalModel, states: Complex) -> Real:
         """Weighted response (1, rows, columns) of every coefficient: of C first, then of D."""
-        changes: Any = np.einsum("tok,fku->fout", model.tied_outputs(), states, optimize=True)
+        changes: Numbers = np.einsum("tok,fku->fout", model.tied_outputs(), states, optimize=True)
         if self.criterion.feedthrough:
             through = symmetric_matrices(self.ny).transpose(1, 2, 0)
             through = np.broadcast_to(through, (*changes.shape[:3], through.shape[2]))

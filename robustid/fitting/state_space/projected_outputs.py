@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from robustid.fitting.state_space.given_poles import diagonal_blocks
 from robustid.fitting.state_space.real_modes import RealModes
 
 LocalModel = BlockModel | RealModes
+Numbers = NDArray[np.float64 | np.complex128]
 
 _RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one
 _LINES = 500  # points at which the derivatives of all states are held at once
@@ -137,25 +139,25 @@ class Outputs:
         self.alike = self.apart and all(bool(np.all(w.entries == w.entries[:, :1])) for w in weights)
         self.target = self.rows([block.values[..., None] for block in criterion.blocks])[..., 0]
 
-    def rows(self, changes: list[Complex]) -> Real:
+    def rows(self, changes: Sequence[Numbers]) -> Real:
         """Weighted changes (F, ny, c, T) of the blocks' values, real parts over imaginary ones: (G, rows, T)."""
         pairs = zip(self.criterion.blocks, changes, strict=True)
         return self._joined([self._weighted(block, change) for block, change in pairs])
 
-    def _weighted(self, block: Block, change: Complex, part: slice = slice(None)) -> Complex:
+    def _weighted(self, block: Block, change: Numbers, part: slice = slice(None)) -> Numbers:
         """Weighted changes of a block's values at a part of its points, from (F, ny, c, T): (G, F, rows of one point, T)."""
         if self.apart:
             return (block.weight.entries[part][..., None] * change).transpose(1, 0, 2, 3)
         weight = block.weight if part == slice(None) else block.weight.select(part)
         return weight.apply_all(change)[None]
 
-    def _joined(self, parts: list[NDArray[Any]]) -> Real:
+    def _joined(self, parts: Sequence[Numbers]) -> Real:
         """Weighted columns (G, F, rows of one point, T) of the blocks, real parts over imaginary ones: (G, rows, T)."""
         return np.concatenate([_real(part.reshape(len(part), -1, part.shape[3])) for part in parts], axis=1)
 
     def design(self, model: LocalModel, states: Complex) -> Real:
         """Weighted response (G, rows, columns) of every coefficient of [C D], row by row or column by column."""
-        stack: list[NDArray[Any]] = []
+        stack: list[Numbers] = []
         for block in self.criterion.blocks:
             rows = self._seen(block, model, states).transpose(0, 2, 1)
             lines, ny, count = block.values.shape
@@ -303,7 +305,7 @@ class Outputs:
             out[:, 0, part], out[:, 1, part] = weighted.real, weighted.imag
         return out.reshape(len(out), -1, out.shape[-1])
 
-    def _final_changes(self, block: Block, model: Any, states: Complex) -> Real:
+    def _final_changes(self, block: Block, model: BlockModel, states: Complex) -> Real:
         """Derivatives (n, T) of the final states of a record from zero initial conditions."""
         xi = self.criterion.xi[block.at]
         total = np.zeros((model.order, 1))
@@ -349,6 +351,6 @@ def _sum(spectrum: Complex, samples: int, first: int = 0) -> Real:
     return np.tensordot(np.where(single, 1.0, 2.0), spectrum.real, axes=1) / math.sqrt(samples)
 
 
-def _real(rows: NDArray[Any]) -> Real:
+def _real(rows: Numbers) -> Real:
     """Real parts over imaginary ones, (G, 2 rows, T)."""
     return np.concatenate([np.real(rows), np.imag(rows)], axis=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -80,13 +79,21 @@ def withheld_residual(
     return problem.values[mask] - found.C @ found.model.states(problem.xi[mask]) - found.D
 
 
-def withheld_residuals(problem: FractionProblem, model: BlockModel, **options: Any) -> Complex:
-    """Residual (F, ny, nu), without its weight, at every frequency point but the last, each withheld once; 0 at the last.
-    Options are those of `withheld_residual`.
-    """
+def withheld_residuals(
+    problem: FractionProblem,
+    model: BlockModel,
+    *,
+    stable: bool,
+    resolved: float = RESOLVED,
+    steps: int = STEPS,
+    budget: Budget = UNLIMITED,
+) -> Complex:
+    """Residual (F, ny, nu), without its weight, at every frequency point but the last, each withheld once; 0 at the last."""
     out = np.zeros(problem.values.shape, dtype=complex)
     for first in range(EVERY):
         mask = withheld(problem, first)
         if np.any(mask):
-            out[mask] = withheld_residual(problem, model, mask, **options)
+            out[mask] = withheld_residual(
+                problem, model, mask, stable=stable, resolved=resolved, steps=steps, budget=budget
+            )
     return out
