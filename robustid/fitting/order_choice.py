@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
-import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import as_count, as_function, as_kind, as_positive, one_thread
+from robustid.core import Budget, Progress, as_count, as_function, as_kind, one_thread
 from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.fitting.fraction.constraints import RollOff, as_constraints
@@ -60,7 +59,7 @@ def suggest_order(
     domain: str | None = None,
     time_limit: float | None = 60.0,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     grown: Callable[[OrderSweep], object] | None = None,
     **options: Any,
 ) -> OrderSweep:
@@ -147,9 +146,9 @@ def suggest_order(
     )
     step = 2 if as_modal(options.get("modal")) is not None else 1  # states of a mode
     tried = _orders(orders, int(np.sum(singular_values > edge)), frf, step)
-    deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
+    budget = Budget(time_limit, progress)
     settings = options | {"weight": weight, "domain": domain}
-    on_wave, tell = as_function("grown", grown), as_function("progress", progress)
+    on_wave = as_function("grown", grown)
 
     def assembled(found: Found) -> OrderSweep:
         return _assembled(frf, noise_known, singular_values, edge, found)
@@ -158,8 +157,8 @@ def suggest_order(
         if on_wave is not None:
             on_wave(assembled(found))
 
-    sweep = assembled(fits_of_orders(frf, tried, settings, executor, tell, orders is None, deadline, growing))
-    ended = sweep.interrupted or time.monotonic() > deadline
+    sweep = assembled(fits_of_orders(frf, tried, settings, executor, budget, orders is None, growing))
+    ended = sweep.interrupted or budget.over
     return sweep if ended else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
 
 

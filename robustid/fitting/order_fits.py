@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Executor, Future, as_completed
 from functools import partial
@@ -12,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import StateMatrices
+from robustid.core import Budget, StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction, fit_mfd
@@ -53,9 +52,8 @@ def fits_of_orders(
     orders: list[int],
     options: Options,
     executor: Executor | None,
-    progress: Callable[[int, int], object] | None,
+    budget: Budget,
     may_stop: bool,
-    deadline: float,
     growing: Callable[[Found], None],
 ) -> Found:
     """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those
@@ -72,15 +70,14 @@ def fits_of_orders(
                 done += 1
                 (errors if isinstance(outcome, Exception) else fits)[order] = outcome  # type: ignore[assignment]
                 _pass_on(outcome)
-                if progress is not None:
-                    progress(done, len(orders))
+                budget.tell(done, len(orders))
             _refit_local_minima(frf, options, fits)
             here = {order: withheld_error(fits[order]) for order in wave if order in fits}
             withheld |= here
             if fits:
                 growing(Found(fits, _sentences(errors), withheld))
             reached = min(here.values(), default=math.nan)
-            if time.monotonic() > deadline or (may_stop and reached > (1 - _BETTER) * best):
+            if budget.over or (may_stop and reached > (1 - _BETTER) * best):
                 break
             best = min(best, reached) if math.isfinite(reached) else best
         if not fits:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import StateMatrices, as_array, response_at
+from robustid.core import Budget, StateMatrices, as_array, response_at
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.fraction_forms import fitted, states_of_poles
 from robustid.fitting.fraction.fraction_iteration import fit_fraction
@@ -26,7 +24,7 @@ _POINTS_PER_OUTPUT = 4  # frequency points for every output that an estimate tak
 EXTRA = 2  # states that the richer fit has more
 
 
-def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list[StateMatrices]:
+def _estimates(problem: FractionProblem, data: Samples, budget: Budget) -> list[StateMatrices]:
     """Subspace estimates with the entries' weights, with those of the noise, and relative, where they are something else: the
     estimate wants the inverse noise, and factors for bands of interest that differ by 1000 ruin it.
     """
@@ -41,7 +39,7 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
         weights.append(relative)
     found: list[StateMatrices] = []
     for weight in weights:
-        if not found or time.monotonic() < deadline:
+        if not found or not budget.over:
             values, reduced = _few_outputs(data.values, weight)
             one = subspace_estimate(
                 values,
@@ -50,7 +48,7 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
                 weight=reduced,
                 feedthrough=problem.feedthrough,
                 domain=data.domain,
-                deadline=deadline,
+                budget=budget,
             )
             outputs = one.C, one.D
             if values is not data.values:
@@ -109,11 +107,11 @@ def first_model(
     start: Any,  # a model or poles, not checked yet
     form: str,
     body: RigidBody | None,
-    deadline: float = math.inf,
+    budget: Budget,
 ) -> StateMatrices:
     """The subspace estimate, the model that was given, or what SK makes of poles."""
     if start is None:
-        return min(_estimates(problem, data, deadline), key=lambda model: _start_cost(problem, data, model))
+        return min(_estimates(problem, data, budget), key=lambda model: _start_cost(problem, data, model))
     import control
 
     if not isinstance(start, control.StateSpace):

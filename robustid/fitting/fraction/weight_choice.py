@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robustid.core import Complex, Real, StateMatrices
+from robustid.core import Budget, Complex, Real, StateMatrices
 from robustid.errors import InputError
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.first_models import first_model
@@ -32,7 +31,7 @@ from robustid.fitting.state_space.state_descent import (
     white,
     with_rigid_modes,
 )
-from robustid.fitting.state_space.state_refinement import Budget, refine
+from robustid.fitting.state_space.state_refinement import refine
 from robustid.fitting.state_space.withheld_points import withheld_residuals
 
 _STEPS, _OTHERS = 20, 3  # of the fit that is judged, and of those without a quarter of the points
@@ -70,8 +69,7 @@ def chosen(
     judgeable = settings.phases == ["lm"] and refinable(own) and unknowns <= own.equations // 2 and not dear(own)
     if len(questions) < 2 or not judgeable:
         return questions[0]
-    now = time.monotonic()
-    budget = Budget(now + _TIME * (settings.deadline - now))
+    budget = settings.budget.share(_TIME)
     errors: list[float] = []
     for problem, data in questions:
         try:
@@ -79,7 +77,7 @@ def chosen(
         except (InputError, np.linalg.LinAlgError):
             error = math.inf
         errors.append(error if math.isfinite(error) else math.inf)
-        if budget.spent:
+        if budget.over:
             return questions[0]
     best = int(np.argmin(errors))
     if not errors[best] < _BETTER * errors[0]:
@@ -136,13 +134,13 @@ def levelled(
     history: tuple[FitStep, ...] = ()
     for again in range(_TIMES):
         weight = level_weight(level.fit.problem, level.fit.fraction.response, alone=not again)
-        if weight is None or level.fit.status is FitStatus.INTERRUPTED or time.monotonic() > settings.deadline:
+        if weight is None or level.fit.status is FitStatus.INTERRUPTED or settings.budget.over:
             break
         history += former(level.fit.history, former_weight(again + 1))
         problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)
         model = level.found.matrices
         if not again and start is None:
-            model = first_model(problem, data, None, settings.form, settings.body, settings.deadline)
+            model = first_model(problem, data, None, settings.form, settings.body, settings.budget)
         level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
         if not white(level.fit.problem.residual(level.fit.fraction.response)):
             return None

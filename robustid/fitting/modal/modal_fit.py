@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-import time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ from robustid.fitting.state_space.state_descent import (
     suspicious,
     with_rigid_modes,
 )
-from robustid.fitting.state_space.state_refinement import Budget, Refined, exchange_modes, refine
+from robustid.fitting.state_space.state_refinement import Refined, exchange_modes, refine
 from robustid.fitting.state_space.withheld_points import STEPS
 
 _FREE = 0.5  # part of the time for the fit without structure
@@ -44,11 +43,11 @@ def modal_fit_from(
     `start` is the projection, and `found` keeps the structure exactly; the fraction is formed of it. The history holds the
     steps of the free descent, too.
     """
-    now, interrupted = time.monotonic(), False
+    interrupted = False
     history: tuple[FitStep, ...] = ()
     problem, model = with_rigid_modes(problem, data, model, settings.body)
     if not given or len(model.A) != problem.order:
-        part = dataclasses.replace(settings, deadline=now + _FREE * (settings.deadline - now))
+        part = dataclasses.replace(settings, budget=settings.budget.share(_FREE))
         free = descended(problem, data, model, part)
         problem, model, interrupted = free.problem, free.model, free.refined.status is FitStatus.INTERRUPTED
         history = former(free.refined.history, "without structure")
@@ -80,8 +79,14 @@ def _refined(
     limit: int,
 ) -> Refined:
     """End of the descent in this structure."""
-    budget = Budget(settings.deadline, settings.progress)
-    descend = functools.partial(refine, problem, stable=settings.stable, budget=budget, outputs=outputs)
+    descend = functools.partial(
+        refine,
+        problem,
+        stable=settings.stable,
+        budget=settings.budget,
+        report=settings.progress,
+        outputs=outputs,
+    )
     found = descend(start, limit=limit)
     if limit and settings.rounds and suspicious(problem, found.fitted.response, found.status):
         found = exchange_modes(
@@ -90,11 +95,12 @@ def _refined(
             found,
             stable=settings.stable,
             rounds=settings.rounds,
-            budget=budget,
+            budget=settings.budget,
+            report=settings.progress,
             outputs=outputs,
             structured=functools.partial(_structured, problem, modal),
         )
-    if found.status is FitStatus.SLOW and not budget.spent:
+    if found.status is FitStatus.SLOW and not settings.budget.over:
         more = descend(found.fitted.model, limit=limit, patient=True)
         found = more._replace(history=found.history + more.history)
     return found

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_count, as_flag, freeze, one_thread, response_at
+from robustid.core import Budget, Frozen, as_array, as_count, as_flag, freeze, one_thread, response_at
 from robustid.errors import InputError
 from robustid.fitting.fraction.householder import triangle
 from robustid.fitting.state_space.given_poles import Samples, band, fit_inputs, real_rows, reflected
@@ -51,7 +50,7 @@ def subspace_estimate(
     feedthrough: bool = False,
     domain: str = "s",
     stable: bool = True,
-    deadline: float = math.inf,
+    budget: Budget | None = None,
 ) -> SubspaceEstimate:
     """A state-space model of given order from samples on any grid, by one singular value decomposition.
 
@@ -78,8 +77,8 @@ def subspace_estimate(
     domain : {"s", "z"}
     stable : bool
         Reflect unstable poles at the stability boundary and fit B and D anew.
-    deadline : float
-        Time, of `time.monotonic`, after which nothing further is tried.
+    budget : Budget, optional
+        Of time, after which nothing further is tried.
 
     Returns
     -------
@@ -122,7 +121,7 @@ def subspace_estimate(
         choices = pole_choices(data.points, rows - 1, domain)
         much = best is not None and data.values.size * data.values.shape[1] * rows**2 > _MUCH
         for number in [leading] if much else range(len(choices)):  # the one that was best with half as many rows
-            if best is not None and time.monotonic() > deadline:
+            if best is not None and budget is not None and budget.over:
                 return best
             dynamics, outputs, singular_values = _dynamics(data, order, choices[number])
             T, Z = scipy.linalg.schur(dynamics, output="real")[:2]

@@ -6,14 +6,14 @@ import dataclasses
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Real
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.householder import triangle
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.pole_distances import RESOLVED
 from robustid.fitting.state_space.projected_outputs import Fitted, Outputs
-from robustid.fitting.state_space.state_refinement import UNLIMITED, Budget, refine
+from robustid.fitting.state_space.state_refinement import UNLIMITED, refine
 
 EVERY = 4  # points, of which one is withheld
 STEPS = 10
