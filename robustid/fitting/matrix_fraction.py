@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
-import time
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, Savable, StateMatrices, as_flag, as_function, as_positive, one_thread
+from robustid.core import Budget, Frozen, Savable, StateMatrices, as_flag, as_function, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.figures import Drawable
@@ -248,17 +246,13 @@ def fit_mfd(
     >>> fit.model.nstates, fit.stable, fit.status.converged
     (2, True, True)
     """
-    deadline = math.inf
-    if time_limit is not None:
-        deadline = time.monotonic() + _SEARCHING * as_positive("time_limit", time_limit)
+    budget = Budget(time_limit).share(_SEARCHING)
     stable, restart = as_flag("stable", stable), as_flag("restart", restart)
     structure, rigid_body = as_modal(modal), as_rigid_body(rigid_body)
     through = as_flag("feedthrough", feedthrough) or (structure is not None and structure.power == 2)
     problem, data, form, shape, relative, others = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
-    settings = Settings(
-        phases_of(method), rigid_body, form, stable, as_function("progress", progress), rounds, deadline
-    )
+    settings = Settings(phases_of(method), rigid_body, form, stable, as_function("progress", progress), rounds, budget)
     if structure is not None:
         _check_modal(structure, problem, settings, constraints)
     for constraint in as_constraints(constraints):
@@ -266,11 +260,11 @@ def fit_mfd(
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         held = constraint_of(constraint, form, shape)
         problem, others = held.apply(problem), tuple((held.apply(other), samples) for other, samples in others)
-    begin = functools.partial(first_model, start=start, form=form, body=rigid_body, deadline=deadline)
+    begin = functools.partial(first_model, start=start, form=form, body=rigid_body, budget=budget)
     try:
         problem, data = chosen([(problem, data), *others], begin, settings)
     except KeyboardInterrupt:
-        settings = dataclasses.replace(settings, deadline=-math.inf)  # the start is what there is so far
+        settings = dataclasses.replace(settings, budget=Budget(1e-9))  # the start is what there is so far
     search: Callable[..., FitEnd] = fit_from
     if structure is not None:
         search = functools.partial(modal_fit_from, modal=structure, given=start is not None)
@@ -344,7 +338,7 @@ def _second(problem: FractionProblem, data: Samples, settings: Settings) -> FitE
         richer = dataclasses.replace(problem, order=problem.order + EXTRA)
         quiet = dataclasses.replace(settings, progress=None)
         found = fit_from(
-            richer, data, first_model(richer, data, None, settings.form, settings.body, settings.deadline), quiet
+            richer, data, first_model(richer, data, None, settings.form, settings.body, settings.budget), quiet
         ).found
     except (InputError, np.linalg.LinAlgError):
         return None

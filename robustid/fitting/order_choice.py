@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
-import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import as_count, as_function, as_kind, as_positive, one_thread
+from robustid.core import Budget, Progress, as_count, as_function, as_kind, one_thread
 from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.fitting.fraction.constraints import RollOff, as_constraints
@@ -22,7 +21,15 @@ from robustid.fitting.fraction.fit_statement import one_weight, stated
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction, fit_mfd
 from robustid.fitting.modal.modal_structure import as_modal
-from robustid.fitting.order_fits import Found, fit_one, fits_of_orders, outside_bound, unresolved_poles, withheld_error
+from robustid.fitting.order_fits import (
+    Found,
+    Options,
+    fit_one,
+    fits_of_orders,
+    outside_bound,
+    unresolved_poles,
+    withheld_error,
+)
 from robustid.fitting.order_sweep import OrderSweep
 from robustid.fitting.state_space.subspace import subspace_estimate
 
@@ -52,7 +59,7 @@ def suggest_order(
     domain: str | None = None,
     time_limit: float | None = 60.0,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     grown: Callable[[OrderSweep], object] | None = None,
     **options: Any,
 ) -> OrderSweep:
@@ -139,9 +146,9 @@ def suggest_order(
     )
     step = 2 if as_modal(options.get("modal")) is not None else 1  # states of a mode
     tried = _orders(orders, int(np.sum(singular_values > edge)), frf, step)
-    deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
+    budget = Budget(time_limit, progress)
     settings = options | {"weight": weight, "domain": domain}
-    on_wave, tell = as_function("grown", grown), as_function("progress", progress)
+    on_wave = as_function("grown", grown)
 
     def assembled(found: Found) -> OrderSweep:
         return _assembled(frf, noise_known, singular_values, edge, found)
@@ -150,8 +157,8 @@ def suggest_order(
         if on_wave is not None:
             on_wave(assembled(found))
 
-    sweep = assembled(fits_of_orders(frf, tried, settings, executor, tell, orders is None, deadline, growing))
-    ended = sweep.interrupted or time.monotonic() > deadline
+    sweep = assembled(fits_of_orders(frf, tried, settings, executor, budget, orders is None, growing))
+    ended = sweep.interrupted or budget.over
     return sweep if ended else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
 
 
@@ -180,7 +187,7 @@ def _assembled(
     )
 
 
-def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]) -> str:
+def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Options) -> str:
     """Say where a feed-through would predict as well with fewer states, or better with as many, and where a roll-off is free."""
     order = sweep.suggested
     error = float(sweep.withheld[sweep.orders == order][0])
@@ -202,7 +209,7 @@ def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any]
     return _roll_off(frf, sweep, settings, error)
 
 
-def _roll_off(frf: FrequencyResponse, sweep: OrderSweep, settings: Mapping[str, Any], error: float) -> str:
+def _roll_off(frf: FrequencyResponse, sweep: OrderSweep, settings: Options, error: float) -> str:
     """Say where a response that falls like 1/omega^2 describes the data in fewer words, and predicts them as well."""
     order = sweep.suggested
     free = sweep.fits[order]
@@ -235,11 +242,12 @@ def subspace_singular_values(
 ) -> tuple[np.ndarray, float]:
     """Singular values of a subspace estimate of sufficient order, and the edge of those that are noise."""
     data = stated(frf, 1, domain, "shared" if form == "shared" else "right", weight, feedthrough, None).data
-    options: dict[str, Any] = {"weight": data.weight, "feedthrough": feedthrough, "domain": data.domain}
     best, probe = None, _FIRST_PROBE
     while True:
         try:
-            found = subspace_estimate(data.values, data.points, probe, **options).singular_values
+            found = subspace_estimate(
+                data.values, data.points, probe, weight=data.weight, feedthrough=feedthrough, domain=data.domain
+            ).singular_values
         except InputError:  # too few points for this order
             if best is not None:
                 return best

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Executor, Future, as_completed
 from functools import partial
@@ -12,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import StateMatrices
+from robustid.core import Budget, StateMatrices
 from robustid.data import FrequencyResponse
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction, fit_mfd
@@ -21,6 +20,8 @@ from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.pole_distances import RESOLVED, SEVERAL
 from robustid.fitting.state_space.state_descent import blocks_of, flipped, refinable
 from robustid.fitting.state_space.withheld_points import withheld, withheld_residual
+
+Options = Mapping[str, Any]  # further arguments of `fit_mfd`
 
 _log = logging.getLogger("robustid")
 
@@ -41,7 +42,7 @@ class Found(NamedTuple):
     interrupted: bool = False
 
 
-def fit_one(frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> MatrixFraction:
+def fit_one(frf: FrequencyResponse, options: Options, order: int) -> MatrixFraction:
     """One item of the sweep; at the top of the module so that a process pool finds it."""
     return fit_mfd(frf, order=order, **options)
 
@@ -49,16 +50,14 @@ def fit_one(frf: FrequencyResponse, options: Mapping[str, Any], order: int) -> M
 def fits_of_orders(
     frf: FrequencyResponse,
     orders: list[int],
-    options: Mapping[str, Any],
+    options: Options,
     executor: Executor | None,
-    progress: Callable[[int, int], object] | None,
+    budget: Budget,
     may_stop: bool,
-    deadline: float,
     growing: Callable[[Found], None],
 ) -> Found:
-    """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those before.
-
-    A fit that Ctrl-C ends returns its best model; only its status tells that the sweep is to end too.
+    """Fits, failures and errors at withheld points; with `may_stop` none after a wave that predicts no better than those
+    before. A fit that Ctrl-C ends returns its best model; only its status tells that the sweep is to end too.
     """
     fits: dict[int, MatrixFraction] = {}
     errors: dict[int, Exception] = {}
@@ -71,15 +70,14 @@ def fits_of_orders(
                 done += 1
                 (errors if isinstance(outcome, Exception) else fits)[order] = outcome  # type: ignore[assignment]
                 _pass_on(outcome)
-                if progress is not None:
-                    progress(done, len(orders))
+                budget.tell(done, len(orders))
             _refit_local_minima(frf, options, fits)
             here = {order: withheld_error(fits[order]) for order in wave if order in fits}
             withheld |= here
             if fits:
                 growing(Found(fits, _sentences(errors), withheld))
             reached = min(here.values(), default=math.nan)
-            if time.monotonic() > deadline or (may_stop and reached > (1 - _BETTER) * best):
+            if budget.over or (may_stop and reached > (1 - _BETTER) * best):
                 break
             best = min(best, reached) if math.isfinite(reached) else best
         if not fits:
@@ -105,7 +103,7 @@ def _sentences(errors: Mapping[int, Exception]) -> dict[int, str]:
 
 
 def _wave(
-    frf: FrequencyResponse, orders: list[int], options: Mapping[str, Any], executor: Executor | None
+    frf: FrequencyResponse, orders: list[int], options: Options, executor: Executor | None
 ) -> Generator[tuple[int, MatrixFraction | Exception], None, None]:
     """Fits of some orders as they end; one that fails is tried again in this process."""
     jobs: dict[Future[MatrixFraction], int] = {}
@@ -127,9 +125,7 @@ def _wave(
             job.cancel()
 
 
-def _submitted(
-    executor: Executor, frf: FrequencyResponse, options: Mapping[str, Any], order: int
-) -> Future[MatrixFraction]:
+def _submitted(executor: Executor, frf: FrequencyResponse, options: Options, order: int) -> Future[MatrixFraction]:
     """The job, or a failed one where the executor is broken and takes none."""
     try:
         return executor.submit(fit_one, frf, options, order)
@@ -139,7 +135,7 @@ def _submitted(
         return job
 
 
-def _refit_local_minima(frf: FrequencyResponse, options: Mapping[str, Any], fits: dict[int, MatrixFraction]) -> None:
+def _refit_local_minima(frf: FrequencyResponse, options: Options, fits: dict[int, MatrixFraction]) -> None:
     """Fit orders that cost more than a lower one again, from its model."""
     best = None
     for order in sorted(fits):
@@ -156,9 +152,8 @@ def _refit_local_minima(frf: FrequencyResponse, options: Mapping[str, Any], fits
 
 
 def withheld_error(fit: MatrixFraction) -> float:
-    """Weighted rms error at every fourth frequency point of the fit refined on the others, relative to the data there.
-
-    nan where constraints on coefficients don't let the state space be refined, or too few points are left.
+    """Weighted rms error at every fourth frequency point of the fit refined on the others, relative to the data there; nan
+    where constraints on coefficients don't let the state space be refined, or too few points are left.
     """
     problem, model = fit.problem, fit.fraction.matrices
     unknowns = problem.order * sum(problem.values.shape[1:])

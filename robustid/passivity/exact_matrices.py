@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,21 +20,9 @@ _ROUNDS = 4  # congruences that are tried: each brings a definite matrix nearer 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Exact:
-    """A matrix ``digits * 2**power`` of integers of any length: sums and products of matrices of doubles without any rounding.
+    """A matrix ``digits * 2**power`` of integers of any length: sums and products of matrices of doubles without any rounding."""
 
-    Attributes
-    ----------
-    digits : (p, q) array of int objects
-    power : int
-
-    Examples
-    --------
-    >>> a = Exact.of(np.array([[0.1, 3.0]]))
-    >>> (a @ a.T).digits[0, 0] == (a.digits[0, 0] ** 2 + a.digits[0, 1] ** 2)
-    True
-    """
-
-    digits: NDArray[Any]
+    digits: NDArray[np.object_]  # (p, q) of int
     power: int
 
     @classmethod
@@ -103,7 +91,7 @@ class Exact:
         return [np.array(column, dtype=float).T for column in columns]
 
 
-def _product(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+def _product(left: NDArray[np.object_], right: NDArray[np.object_]) -> NDArray[np.object_]:
     """The product of matrices of integers; large ones by the library FLINT where it is installed, in a tenth of the time."""
     if len(left) * right.shape[1] * right.shape[0] < _LARGE or not (flint := _flint()):
         return left.dot(right)
@@ -111,7 +99,7 @@ def _product(left: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
     return np.array([[int(x) for x in row] for row in product.tolist()], dtype=object)
 
 
-def _flint() -> Any:
+def _flint() -> ModuleType | None:
     try:
         import flint
     except ImportError:
@@ -151,19 +139,12 @@ def solved(A: Exact, B: Exact) -> tuple[Exact, int]:
 
 
 def is_positive_definite(matrix: Exact) -> bool:
-    """Say whether a symmetric matrix is proved positive definite: some congruent one is dominated by its diagonal, exactly.
-
-    The congruence is any matrix of doubles, taken from a Cholesky factor in rounded numbers; what it leads to is computed and
-    compared in integers (`horn2013`, theorem 6.1.10: a symmetric matrix whose diagonal entries exceed the sums of the others of
-    their rows is positive definite, and the matrix it is congruent to with it). False proves nothing.
-
-    Examples
-    --------
-    >>> is_positive_definite(Exact.of(np.array([[1.0, 1.0], [1.0, 1.0 + 2**-50]])))
-    True
-    >>> is_positive_definite(Exact.of(np.ones((2, 2))))
-    False
+    """Say whether a symmetric matrix is proved positive definite: some congruent one is dominated by its diagonal, exactly. The
+    congruence is any matrix of doubles, taken from a Cholesky factor in rounded numbers; what it leads to is computed and
+    compared in integers. False proves nothing.
     """
+    # `horn2013`, theorem 6.1.10: a symmetric matrix whose diagonal entries exceed the sums of the others of their rows is
+    # positive definite, and the matrix it is congruent to with it.
     for _ in range(_ROUNDS):
         if any(x <= 0 for x in np.diagonal(matrix.digits)):
             return False
@@ -180,11 +161,10 @@ def is_positive_definite(matrix: Exact) -> bool:
     return False
 
 
-def _shortened(digits: NDArray[Any]) -> NDArray[Any]:
-    """A matrix of few digits below a congruent one, scaled by powers of two to diagonal entries of about `_ONE`.
-
-    Digits are cut off, by less than one unit each, which a unit a row on the diagonal outweighs: if this is positive definite,
-    so is the matrix.
+def _shortened(digits: NDArray[np.object_]) -> NDArray[np.object_]:
+    """A matrix of few digits below a congruent one, scaled by powers of two to diagonal entries of about `_ONE`. Digits are cut
+    off, by less than one unit each, which a unit a row on the diagonal outweighs: if this is positive definite, so is the
+    matrix.
     """
     halves = [x.bit_length() // 2 for x in np.diagonal(digits)]
     rows = [

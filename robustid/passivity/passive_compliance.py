@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -27,11 +27,9 @@ _ROOM = (
 
 
 def nearest_compliances(model: control.StateSpace, data: FrequencyResponse | None) -> Iterator[control.StateSpace]:
-    r"""Negative-imaginary models with the A and B of a model and the least squares of residuals over bounds, ever further inside.
-
-    .. math:: C = -B^T A^{-T} X, \qquad X \succ 0, \qquad A^T X + X A \preceq 0, \qquad D = D^T
-
-    is every negative-imaginary model with this A and B (the lemma of `lanzon2008`), linear in X and D.
+    """Negative-imaginary models with the A and B of a model and the least squares of residuals over bounds, ever further
+    inside. ``C = -B^T A^{-T} X``, X ≻ 0, ``A^T X + X A ⪯ 0``, D = D^T is every negative-imaginary model with this A and B (the
+    lemma of `lanzon2008`), linear in X and D.
     """
     cp = solver()
     popov = Popov(NEGATIVE, StateMatrices.of(model))
@@ -53,8 +51,8 @@ def nearest_compliances(model: control.StateSpace, data: FrequencyResponse | Non
     size = float(np.linalg.norm(triangle[:, -1])) or 1.0
     rates = np.diag(np.abs(np.diagonal(A)))
     for room in _ROOM:
-        X: Any = cp.Variable((n, n), symmetric=True)
-        D: Any = cp.Variable((m, m), symmetric=True)
+        X = cp.Variable((n, n), symmetric=True)
+        D = cp.Variable((m, m), symmetric=True)
         unknown = cp.hstack([cp.vec(X, order="C"), cp.vec(D, order="C")])
         cost = cp.norm(triangle[:, :-1] @ unknown - triangle[:, -1]) / size
         scale = float(np.abs(popov.system.C).max()) or 1.0

@@ -28,21 +28,11 @@ def cut(
     model: control.StateSpace, kind: str, omega: Real, triangles: list[Real], into: tuple[Real, Real]
 ) -> StateMatrices | None:
     """A, B, C and D with the least squares of C and D that keep a passive model, in the time units of `into`; None where far.
-
-    ``Re u'S v <= 1`` for all unit vectors u and v, at every frequency, infinity included ("positive real": ``Re u'S u >= 0``), is
-    linear in C and D. Cuts at the singular vectors of what violates it most are added until nothing does: the nearest passive
-    model, whose violation a semidefinite program could not resolve.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-    kind : str
-    omega : (F,) array, rad/s
-    triangles : list of (n + m, n + m + 1) arrays
-        [R, r] of every row of [C, D]: its squares are ``|R g - r|^2``.
-    into : (A, B)
-        Of the model, in units of its `Popov`.
+    ``Re u'S v <= 1`` for all unit vectors u and v, at every frequency, infinity included ("positive real": ``Re u'S u >= 0``),
+    is linear in C and D. Cuts at the singular vectors of what violates it most are added until nothing does.
     """
+    # That is the nearest passive model, whose violation a semidefinite program could not resolve. `triangles` are [R, r] (n +
+    # m, n + m + 1) of every row of [C, D]: its squares are |R g - r|^2; `into` is (A, B) of the model in units of its `Popov`.
     A, B = into
     popov = Popov(kind, StateMatrices.of(model))
     violation = popov.peak()[0] - popov.limit
@@ -60,23 +50,10 @@ def cut(
 
 def step(system: StateMatrices, popov: Popov, omega: Real, residual: Complex, weight: Real) -> StateMatrices | None:
     """Change of A, B, C and D to the least squares among passive models, to first order; None where cuts find none.
-
-    .. math:: dS = [C (sI - A)^{-1}, I] [dA, dB; dC, dD] [(sI - A)^{-1} B; I]
-
-    is linear in the changes, and so are the cuts. Changes that the data do not see, of the coordinates of the states above all,
-    are left out.
-
-    Parameters
-    ----------
-    system : (A, B, C, D)
-        Of a passive model, in the time units of `popov` and in coordinates in which its states are about as large as the inputs.
-    popov : Popov
-        Of the same model.
-    omega : (F,) array, rad/s
-    residual : (F, m, m) array
-        Data minus response.
-    weight : (F, m, m) array
+    ``dS = [C (sI - A)^{-1}, I] [dA, dB; dC, dD] [(sI - A)^{-1} B; I]`` is linear in the changes, and so are the cuts. Changes
+    that the data do not see, of the coordinates of the states above all, are left out.
     """
+    # The system is in the time units of `popov` and in coordinates in which its states are about as large as the inputs.
     n = len(system.A)
     reduced = linearised(system, omega / popov.unit, residual, weight)
     U, sizes, V = np.linalg.svd(reduced[:, :-1], full_matrices=False)
@@ -97,9 +74,8 @@ def step(system: StateMatrices, popov: Popov, omega: Real, residual: Complex, we
 
 
 def linearised(system: StateMatrices, omega: Real, residual: Complex, weight: Real) -> Real:
-    """A small problem [R, r] of the squares of residuals after changes ``[dA, dB; dC, dD]``, row by row, to first order.
-
-    Frequencies (F,) are in the units of the system, residuals and weights (F, m, m).
+    """A small problem [R, r] of the squares of residuals (F, m, m) after changes ``[dA, dB; dC, dD]``, row by row, to first
+    order. Frequencies (F,) are in the units of the system.
     """
     left, right = _sides(system, omega)
     terms = np.einsum("fij,fik,flj->fijkl", weight, left, right).reshape(-1, left.shape[2] ** 2)
@@ -237,9 +213,8 @@ def _worst(values: Complex, bounded: bool) -> tuple[Real, Complex, Complex]:
 
 
 def _least(rows: Real, room: Real) -> Real | None:
-    """The shortest y with ``rows y <= room``; None where there is none.
-
-    Source: least distance programming by non-negative least squares, `lawson1974` chapter 23.
+    """The shortest y with ``rows y <= room``; None where there is none: least distance programming by non-negative least
+    squares, `lawson1974` chapter 23.
     """
     sizes = np.linalg.norm(rows, axis=1)
     rows, room = rows / sizes[:, None], room / sizes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     import control
 
 STRICT = 1e-9  # relative distance from the limit of what is made passive
+Expression = Any  # of cvxpy, which states no types
+
 _INSIDE = 1e-3  # the same of where the refinement starts: at the limit itself it could not move
 _HEATS, _STEPS = 10, 100  # steps of every start, and further ones of the best
 _MOST = 24  # states of which A and B are moved too: the steps take their square as unknowns
@@ -54,9 +57,8 @@ def radius_of(data: FrequencyResponse) -> Real:
 
 
 def nearest(model: control.StateSpace, kind: str, data: FrequencyResponse | None) -> list[control.StateSpace]:
-    """Passive models with least squares of residuals over bounds, but for what a solver leaves: one of them is the best.
-
-    Of the same A and B where there are no data, else with all matrices refined.
+    """Passive models with least squares of residuals over bounds, but for what a solver leaves: one of them is the best. They
+    are of the same A and B where there are no data, else with all matrices refined.
     """
     if data is None:
         fit = _Fit(model, kind, data)
@@ -128,7 +130,6 @@ def _nearer(model: control.StateSpace, reach: float) -> list[control.StateSpace]
 
 def _of_fewer_poles(model: control.StateSpace, data: FrequencyResponse, top: float) -> control.StateSpace | None:
     """A fit of two poles fewer (of every port, where all have them), where the model has poles beyond the band; else None.
-
     Poles that a fit puts there for little may stand in the way of passivity; those in the band don't.
     """
     poles, ports = np.asarray(model.poles()), model.ninputs
@@ -189,13 +190,13 @@ class _Fit:
         marks = self.popov.marks
         return np.unique(np.concatenate([marks, (marks[1:] + marks[:-1]) / 2, 10 * marks[-1:], 100 * marks[-1:]]))
 
-    def of_gains(self, cost: Callable[[Any, Complex], Any]) -> control.StateSpace | None:
+    def of_gains(self, cost: Callable[[Expression, Complex], Expression]) -> control.StateSpace | None:
         """The passive model of least cost with the A and B of the model; None where the solver fails."""
         cp = solver()
         A, B, *_ = self._input_normal()
         n, m = B.shape
-        gains: Any = cp.Variable((m, n + m))
-        P: Any = cp.Variable((n, n), symmetric=True) if n else np.zeros((0, 0))
+        gains = cp.Variable((m, n + m))
+        P = cp.Variable((n, n), symmetric=True) if n else np.zeros((0, 0))
         if not _solved(
             cost(gains, self._basis(A, B)), self._inequality(A.T @ P + P @ A, P @ B, gains[:, :n], gains[:, n:])
         ):
@@ -269,17 +270,17 @@ class _Fit:
         popov = Popov(self.kind, StateMatrices.of(model))
         return popov.peak()[0] <= popov.limit + _SOLVED * self.size
 
-    def squares(self, gains: Any, basis: Complex) -> Any:
+    def squares(self, gains: Expression, basis: Complex) -> Expression:
         """Root of the sum of squared residuals over bounds, relative to that of the best gains without a limit."""
         cp = solver()
         triangles = self._triangles(basis)
         scale = _scale(triangles)
         return cp.norm(cp.hstack([(t[:, :-1] @ gains[i] - t[:, -1]) / scale for i, t in enumerate(triangles)]))
 
-    def largest(self, gains: Any, basis: Complex) -> Any:
+    def largest(self, gains: Expression, basis: Complex) -> Expression:
         """The largest ratio of residual to bound."""
         cp = solver()
-        worst: list[Any] = []
+        worst: list[Expression] = []
         for i in range(self.ports):
             for j in range(self.ports):
                 weight = 1 / self.radius[:, i, j]
@@ -289,10 +290,9 @@ class _Fit:
         return cp.max(cp.hstack(worst))
 
     def refined(self, model: control.StateSpace, steps: int) -> control.StateSpace:
-        """The model after steps over all matrices: each a program in coordinates where P = I proves it, so that it stays passive.
-
-        With P = I the inequality is linear in A, B, C and D. The residuals are linearised, within a reach that follows from how
-        well the last steps did.
+        """The model after steps over all matrices: each a program in coordinates where P = I proves it, so that it stays
+        passive, and where the inequality is linear in A, B, C and D. The residuals are linearised, within a reach that follows
+        from how well the last steps did.
         """
         if not 0 < model.nstates <= _MOST:
             return model
@@ -340,7 +340,7 @@ class _Fit:
         n, m = system.B.shape
         residual = self.values - system.D - system.C @ self._states(system.A, system.B)
         reduced = linearised(system, self.omega / self.popov.unit, residual, 1 / self.radius)
-        change: Any = cp.Variable((n + m, n + m))
+        change = cp.Variable((n + m, n + m))
         A, B = system.A + change[:n, :n], system.B + change[:n, n:]
         C, D = system.C + change[n:, :n], system.D + change[n:, n:]
         cost = cp.norm(reduced[:, :-1] @ cp.vec(change, order="C") - reduced[:, -1]) / _scale([reduced])
@@ -354,7 +354,7 @@ class _Fit:
     def _states(self, A: Real, B: Real) -> Complex:
         return input_states(A, B, 1j * self.omega / self.popov.unit)
 
-    def _inequality(self, corner: Any, side: Any, C: Any, D: Any) -> Any:
+    def _inequality(self, corner: Expression, side: Expression, C: Expression, D: Expression) -> Expression:
         """The block that is to be negative semidefinite."""
         cp = solver()
         eye = np.eye(self.ports)
@@ -371,14 +371,14 @@ class _Fit:
         return like(self.model, system.A * root**2, system.B * root, system.C * root, system.D)
 
 
-def solver() -> Any:
+def solver() -> ModuleType:
     """Return the module that poses semidefinite programs, imported where it is needed."""
     import cvxpy
 
     return cvxpy
 
 
-def _solved(cost: Any, block: Any, *others: Any) -> bool:
+def _solved(cost: Expression, block: Expression, *others: Expression) -> bool:
     """Say whether the solver found the minimum of a cost where a block is negative semidefinite; the variables hold it then."""
     cp = solver()
     problem = cp.Problem(cp.Minimize(cost), [block << 0, *others])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Frozen, StateMatrices, as_float, scaled_states, threads_for
+from robustid.core import Frozen, Real, StateMatrices, as_float, scaled_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.passivity.passivity_certificate import (
@@ -271,7 +271,7 @@ def _refined(
     zero = np.zeros(popov.S.shape)
     posed = PassivityCertificate(kind, decay=decay, bound=bound, coordinates=popov.S, P=zero)
 
-    def form(system: StateMatrices) -> Any:
+    def form(system: StateMatrices) -> tuple[Real, Real, Real]:
         return inequality(system, bound, bounded=popov.bounded)
 
     exact = equation_of(posed, model)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class PassivityCertificate(Frozen):
     bound: float
     coordinates: Real
     P: Real
-    P_rest: Any = None
+    P_rest: Real | None = None
     exact_limit: bool = False
 
     def __post_init__(self) -> None:

@@ -9,10 +9,11 @@ residuals into the sum of two matrices of doubles.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.core import Real, StateMatrices
 from robustid.passivity.exact_matrices import Exact
@@ -33,35 +34,22 @@ class Equation(NamedTuple):
     R: Exact
 
 
-Extended = np.ndarray[Any, np.dtype[np.longdouble]]
+Extended = NDArray[np.longdouble]
+Form = Callable[[StateMatrices], tuple[Real, Real, Real]]  # Q, S and R of an inequality of a system
 
 
 def refined_proofs(
     system: StateMatrices,
-    form: Callable[[StateMatrices], tuple[Any, Any, Any]],
+    form: Form,
     slack: Real,
     gap: float,
     exact: Equation,
     S: Real,
     unit: float,
 ) -> Iterator[tuple[Real, Real]]:
-    """P and what is to be added to it, in the coordinates S, that may prove a bound.
-
-    Parameters
-    ----------
-    system : StateMatrices
-        In these coordinates, rounded.
-    form : callable
-        Q, S and R of the inequality of a system, for the bound.
-    slack : (n, n) array
-        Room in the first block that a gap of 1 leaves.
-    gap : float
-        Of the bound above the largest excess.
-    exact : Equation
-        As the proof means it, in the coordinates and the time of the model.
-    S : (n, n) array
-    unit : float, rad/s
-        Of the frequencies of `system`.
+    """P and what is to be added to it, in the coordinates S, that may prove a bound. `system` is rounded, in these coordinates
+    and the unit of frequency, `exact` as the proof means it, in those of the model; `form` gives Q, S and R of the inequality
+    for the bound, which lies by `gap` above the largest excess; `slack` is the room in the first block that a gap of 1 leaves.
     """
     n = len(system.A)
     if not 0 < n <= _MOST:
@@ -73,7 +61,7 @@ def refined_proofs(
                 yield found
 
 
-def _riccati(system: StateMatrices, form: Callable[[StateMatrices], Any], room: Real, point: float) -> Extended | None:
+def _riccati(system: StateMatrices, form: Form, room: Real, point: float) -> Extended | None:
     """P of the equation, by that of discrete time: the same where s = point (z - 1)/(z + 1)."""
     A, B, C, D = (np.asarray(part, dtype=np.longdouble) for part in system)
     n = len(A)
@@ -99,10 +87,9 @@ def _riccati(system: StateMatrices, form: Callable[[StateMatrices], Any], room: 
 def _exactly(
     P: Extended, system: StateMatrices, room: Real, exact: Equation, S: Real, unit: float
 ) -> tuple[Real, Real] | None:
-    """P as a sum of two, so that ``(A + BK)'P + P(A + BK) + Q + SK + K'S' + K'RK + room = 0`` for a feedback K of doubles.
-
-    With the K that minimises, the inequality then has the room in its first block, and next to nothing beside it: a K that is off
-    by dK costs dK'R dK. That one follows from P, and P from it, with exact residuals (Newton's method).
+    """P as a sum of two, so that ``(A + BK)'P + P(A + BK) + Q + SK + K'S' + K'RK + room = 0`` for a feedback K of doubles. With
+    the K that minimises, the inequality has the room in its first block, and next to nothing beside it: a K that is off by dK
+    costs dK'R dK. K follows from P, and P from K, with exact residuals (Newton's method).
     """
     a, b, Q, cross, R = exact
     T, inverse = Exact.of(S), np.asarray(np.linalg.inv(S), dtype=float)
@@ -133,11 +120,11 @@ def _even(matrix: Real) -> Real:
     return (matrix + matrix.T) / 2
 
 
-def _rounded(array: Any) -> Real:
+def _rounded(array: Extended) -> Real:
     return np.asarray(array, dtype=float)
 
 
-def _solved(matrix: Any, right: Any) -> Extended:
+def _solved(matrix: Real | Extended, right: Real | Extended) -> Extended:
     """The solution of a small system in extended precision: elimination with pivots."""
     M, Y = np.array(matrix, dtype=np.longdouble), np.array(right, dtype=np.longdouble)
     n = len(M)

@@ -40,20 +40,9 @@ class Band(NamedTuple):
 
 
 class Popov:
-    """A square continuous response and what its kind asks of it: the excess, at most `limit` where the model is passive.
-
-    The excess is the largest singular value ("bounded real", limit 1) or minus the smallest eigenvalue of the Hermitian part of
-    the response ("positive real", limit 0), of s (F - D) for "negative imaginary".
-
-    Attributes
-    ----------
-    system : StateMatrices
-        In balanced coordinates ``z = S x`` with frequencies in units of `unit`.
-    S : (n, n) array
-    unit : float, rad/s
-    limit : float
-    size : float
-        Of the response, where "negligible" is meant.
+    """A square continuous response and the excess of its kind, at most `limit` where the model is passive: the largest singular
+    value ("bounded real", limit 1) or minus the smallest eigenvalue of the Hermitian part of the response ("positive real",
+    limit 0), of s (F - D) for "negative imaginary".
     """
 
     def __init__(self, kind: str, given: StateMatrices) -> None:
@@ -63,10 +52,12 @@ class Popov:
         self.response = Response((*scaled_states(A, B, C), D))
         self.poles = self.response.poles
         self.unit = float(np.exp(np.mean(np.log(np.abs(self.poles))))) if len(A) else 1.0
+        # in balanced coordinates z = S x, with frequencies in units of `unit` (rad/s)
         self.system, self.S = self._balanced(A / self.unit, B / np.sqrt(self.unit), C / np.sqrt(self.unit), D)
         marks = np.concatenate([[0.0], np.abs(self.poles), np.abs(np.imag(self.poles))])
         self.marks: Real = np.unique(np.concatenate([marks, marks * 1.05, marks / 1.05]))
         largest = np.linalg.norm(self.values(np.append(self.marks, np.inf)), 2, axis=(1, 2))
+        # of the response, where "negligible" is meant
         self.size = 1.0 if self.bounded else float(np.max(largest)) or 1.0
 
     def _balanced(self, A: Real, B: Real, C: Real, D: Real) -> tuple[StateMatrices, Real]:
@@ -185,9 +176,8 @@ class Popov:
                 yield P
 
     def proofs_in_the_limit(self, F: Real, K: Real, vanishing: int) -> Iterator[Real]:
-        """Matrices P with P F = K, but for rounding, that may prove the bound 0; A'P + PA vanishes in the last columns of F.
-
-        In coordinates ``z = [F, N] (f, g)`` with K'N = 0, P is diag(F'K, p), and p solves the inequality of a smaller system.
+        """Matrices P with P F = K, but for rounding, that may prove the bound 0; A'P + PA vanishes in the last columns of F. In
+        coordinates ``z = [F, N] (f, g)`` with K'N = 0, P is diag(F'K, p), and p solves the inequality of a smaller system.
         """
         A, n, k = self.system.A, *F.shape
         size = np.linalg.norm(self.S @ F, axis=0)

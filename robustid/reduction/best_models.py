@@ -55,20 +55,9 @@ class Found(NamedTuple):
 
 
 class BestModels:
-    """The best model found of each order that was tried, and how near to the bounds it comes.
-
-    Attributes
-    ----------
-    found : dict
-        Order to model.
-    fits : dict
-        Order to the same model in the coordinates of the samples.
-    limit : float
-        What a model must keep to: 1, or of inconsistent data, once `widen` was called, their margin.
-    chains : int
-        States of the integrators.
-    radius : float
-        Largest modulus of a pole.
+    """The best model `found` of each order that was tried, and how near to the bounds it comes; `fits` are the same in the
+    coordinates of the samples. A model must keep to `limit`: 1, or of inconsistent data, once `widen` was called, their margin.
+    `chains` are the states of the integrators, `radius` is the largest modulus of a pole.
     """
 
     def __init__(self, identification: Identification, integrators: int, budget: Budget | None = None):
@@ -146,10 +135,8 @@ class BestModels:
         return self._guard.check(model, self.limit)[1] is None
 
     def _try(self, order: int, pairs: Iterable[Pair | None]) -> None:
-        """Refine these starts; the best model of the order is kept, judged anew at every sample.
-
-        Where it leaves the identified model too far between or beyond them, points are added there, for all orders to come, and it
-        is refined again.
+        """Refine these starts; the best model of the order is kept, judged anew at every sample. Where it leaves the identified
+        model too far between or beyond them, points are added there, for all orders to come, and it is refined again.
         """
         n = order - self.chains
         fit = self._refined(n, pairs)
@@ -310,13 +297,9 @@ def _quiet(attempt: Callable[[], Fit]) -> Fit | None:
 
 
 class ResponseFits:
-    """Fits of a problem's responses, all points of all experiments, each weighted by the inverse of its bound.
-
-    Integrators are taken from the data first: ``integrals`` (count, ny, nu) are the coefficients of 1/(z - 1), 1/(z - 1)^2, ...
-    of a model of them.
-
-    No model with the largest ratio s has a weighted root mean square above s: a fit that misses the bounds by much leaves no hope
-    for its order, as far as it is the best one.
+    """Fits of a problem's responses, all points of all experiments, each weighted by the inverse of its bound; integrators, of
+    coefficients (count, ny, nu) of 1/(z - 1), 1/(z - 1)^2, ..., are taken out first. No model with the largest ratio s has a
+    weighted rms above s: a fit that misses the bounds by much leaves no hope for its order, as far as it is the best one.
     """
 
     def __init__(self, problem: MixedProblem, integrals: Real):

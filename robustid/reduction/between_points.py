@@ -20,10 +20,9 @@ _NEAR = 0.1  # relative: a resonance that has moved by less is the same one
 
 
 class Guard:
-    r"""\|G - F\| <= K S + the largest \|F\| within a tenth of the frequency, of a model G and the identified F; K S of the prior.
-
-    At every angle; where G has integrators, from the lowest frequency point on. `times` as much where F itself misses its data
-    by so much.
+    r"""\|G - F\| <= K S + the largest \|F\| within a tenth of the frequency, of a model G and the identified F; K S of the
+    prior. At every angle; where G has integrators, from the lowest frequency point on. `times` as much where F itself misses
+    its data by so much.
     """
 
     def __init__(self, identification: Identification, integrators: int, times: float = 1.0):
@@ -59,9 +58,8 @@ class Guard:
         return FrequencyResponse(self._angles[at] / self._dt, self._response[at], bound=self._allowed[at], dt=self._dt)
 
     def check(self, model: control.StateSpace, limit: float) -> tuple[float, FrequencyResponse | None]:
-        r"""The largest \|G - F\| over what is allowed; and the points that hold a model to `limit` where it is beyond, if any.
-
-        One point for every stretch of angles, with the identified model as data.
+        r"""The largest \|G - F\| over what is allowed; and the points that hold a model to `limit` where it is beyond, if any:
+        one for every stretch of angles, with the identified model as data.
         """
         own = np.setdiff1d(resonances(model), self._angles)
         own = own[own >= self._lowest]

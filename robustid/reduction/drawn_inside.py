@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
 from robustid.core import Budget, Real, points_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
-from robustid.fitting import MatrixFraction, fit_mfd
+from robustid.fitting import MatrixFraction, RigidBody, fit_mfd
 
 if TYPE_CHECKING:
     import control
@@ -26,23 +26,22 @@ _AIM = 0.97  # of the bound, so that the limit is reached in a few rounds
 Fitted = Callable[[FrequencyResponse, "control.StateSpace"], "control.StateSpace | None"]
 
 
+class Structure(TypedDict):
+    """Arguments of a fit that give it the structure of a model."""
+
+    domain: str
+    feedthrough: bool
+    rigid_body: RigidBody | None
+
+
 @dataclasses.dataclass(frozen=True)
 class Bounds:
-    """Largest error of a model over its bound, and what holds it where nothing was measured.
+    """Largest error of a model over its bound, and what holds it where nothing was measured."""
 
-    Attributes
-    ----------
-    ratio : callable
-        Of a model; 1 is inside.
-    beyond : callable
-        Frequency points that hold a model where nothing was measured and it is too far from what is known; None: it isn't.
-    times : float
-        Factor on the bounds of the points within which a model is inside.
-    """
-
-    ratio: Callable[[control.StateSpace], float]
+    ratio: Callable[[control.StateSpace], float]  # of a model; 1 is inside
+    # frequency points that hold a model where nothing was measured, if it is too far from what is known there
     beyond: Callable[[control.StateSpace], FrequencyResponse | None]
-    times: float = 1.0
+    times: float = 1.0  # factor on the bounds of the points within which a model is inside
 
 
 def drawn_inside(
@@ -54,26 +53,13 @@ def drawn_inside(
     deviation: Real | None = None,
     power: float = 1.0,
 ) -> Iterator[control.StateSpace]:
-    """A fit, and fits with more weight where the one before lies outside a bound, until none does.
-
-    Weights that are multiplied by what is outside end, where they end, at the least largest error of the points outside
-    (`lawson1961`); the points inside keep the fit from going further than it must.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        The first fit.
-    points : FrequencyResponse or None
-        With a known variance, as of `as_known`; further ones are added where nothing was measured.
-    fitted : callable
-        Model of points and a start, or None where there is none.
-    bounds : Bounds
-    budget : Budget
-    deviation : (F, ny, nu) array, optional
-        Standard deviations that the first fit was made with; default: those that the bounds are taken for.
-    power : float
-        Of the error over its bound by which a weight is multiplied; more than 1 where few points are far outside.
+    """A fit, and fits with more weight where the one before lies outside a bound, until none does. Weights that are multiplied
+    by what is outside end, where they end, at the least largest error of the points outside (`lawson1961`); the points inside
+    keep the fit from going further than it must.
     """
+    # The points have a known variance, as of `as_known`, and further ones are added where nothing was measured; `deviation` (F,
+    # ny, nu) are the standard deviations of the first fit, by default those that the bounds are taken for. A weight is
+    # multiplied by the `power` of the error over its bound: more than 1 where few points are far outside.
     if deviation is None and points is not None:
         deviation = _deviation(points)
     for _ in range(_ROUNDS + 1):
@@ -97,11 +83,10 @@ def drawn_inside(
 
 
 def drawn_fits(
-    frf: FrequencyResponse, fit: MatrixFraction, bounds: Bounds, budget: Budget, **stated: Any
+    frf: FrequencyResponse, fit: MatrixFraction, bounds: Bounds, budget: Budget, **stated: Unpack[Structure]
 ) -> Iterator[control.StateSpace]:
-    """A least-squares fit of a response, and fits of its order with more weight where it lies outside a bound.
-
-    They begin with the weight of that fit; a sequence that goes astray, to three times the smallest error over its bound, is ended.
+    """A least-squares fit of a response, and fits of its order with more weight where it lies outside a bound. They begin with
+    the weight of that fit; a sequence that goes astray, to three times the smallest error over its bound, is ended.
     """
     shape, order = frf.values.shape, len(fit.poles)
     units = np.eye(shape[1] * shape[2]).reshape(-1, *shape[1:])

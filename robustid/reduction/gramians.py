@@ -14,7 +14,7 @@ holds is a matrix between 0 and I, a function of A alone:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -109,10 +109,9 @@ def gramian_factors(parts: Parts, *, discrete: bool) -> Factors:
 
 
 def _complex_schur(a: Real) -> tuple[Complex, Complex]:
-    """Upper triangular T and unitary Q, a = Q T Q^H: from the real form, in a third of the time of a complex iteration.
-
-    LAPACK leaves every pair as [[p, b], [c, p]] with b c < 0, whose eigenvectors and poles p ± i sqrt(-b c) are written down:
-    the damping p comes through exactly.
+    """Upper triangular T and unitary Q, a = Q T Q^H, from the real form, in a third of the time of a complex iteration: LAPACK
+    leaves every pair as [[p, b], [c, p]] with b c < 0, whose eigenvectors and poles p ± i sqrt(-b c) are written down. The
+    damping p comes through exactly.
     """
     schur, basis = (matrix.astype(complex) for matrix in scipy.linalg.schur(a, output="real"))
     first = np.flatnonzero(np.diagonal(schur, -1))
@@ -136,7 +135,6 @@ def _real_factor(factor: Complex) -> Real:
 
 def _hammarling(a: Complex, b: Complex, column: _Column) -> Complex:
     """Upper triangular U, U U^H the controllability Gramian of (A, B), A upper triangular: its columns, the last one first.
-
     What a column leaves of the equation is that of the states before it, with another B.
     """
     a, b = np.asarray(a), b.astype(complex)
@@ -181,7 +179,12 @@ def _solve_shifted(a: Complex, shift: complex, factor: complex, right: Complex) 
 
 
 def partial_gramian_factors(
-    model: control.StateSpace, stable: Parts, *, band_hz: Any, horizon: Any, weight: Any
+    model: control.StateSpace,
+    stable: Parts,
+    *,
+    band_hz: tuple[float, float] | None,
+    horizon: float | None,
+    weight: control.StateSpace | None,
 ) -> Factors:
     """Factors of the Gramians of the stable part of `model`, for the one of the three that isn't None."""
     if weight is not None:
@@ -190,7 +193,7 @@ def partial_gramian_factors(
     return _limited_factors(stable, share, discrete=model.dt != 0)
 
 
-def _band_share(model: control.StateSpace, band_hz: Any) -> Share:
+def _band_share(model: control.StateSpace, band_hz: tuple[float, float] | None) -> Share:
     """The part between two frequencies in Hz of a Gramian that is the identity, a function of A."""
     band = as_array("band_hz", band_hz, ndim=1, finite=False)
     if band.size != 2 or not 0 <= band[0] < band[1]:
@@ -223,7 +226,7 @@ def _below(a: Real, omega: float, step: float) -> Real:
     return np.imag(scipy.linalg.logm(1j * omega * eye - a)) / np.pi
 
 
-def _horizon_share(model: control.StateSpace, horizon: Any) -> Share:
+def _horizon_share(model: control.StateSpace, horizon: float | None) -> Share:
     """The part of the first seconds of a Gramian that is the identity, a function of A."""
     seconds, step = as_positive("horizon", horizon), _sample_time("horizon", model)
     samples = int(seconds / step * (1 + 1e-9)) if step else 0
@@ -263,7 +266,7 @@ def _root(share: Real) -> Real:
     return vectors[:, held] * np.sqrt(values[held])
 
 
-def _weighted_factors(parts: Parts, model: control.StateSpace, weight: Any) -> Factors:
+def _weighted_factors(parts: Parts, model: control.StateSpace, weight: control.StateSpace) -> Factors:
     """The observability Gramian of weight times model, in the states of the model, with its own controllability Gramian."""
     weight = check_model("weight", weight)
     outputs = model.noutputs

@@ -76,11 +76,9 @@ def discs_of(band: Known, model: control.StateSpace) -> Discs:
 
 
 def move_towards(models: BestModels, order: int, band: Known) -> None:
-    r"""Replace the best model of an order by one whose guaranteed error is smaller, if one is found.
-
-    Least squares of (F - centre)/radius over all its parameters, from the model that is there; where that leaves a bound of a
-    sample, the numerators between it and the ones with the smallest largest ratio that its poles allow, as near to it as the
-    bounds allow: both keep to the poles, and the bounds are convex in the numerators.
+    """Replace the best model of an order by one of smaller guaranteed error, if any: by least squares of (F - centre)/radius over
+    all its parameters; where that leaves a bound of a sample, by numerators as near to it as the bounds allow, towards those with
+    the smallest largest ratio. Both keep to the poles, and the bounds are convex in the numerators.
     """
     fit = models.fits.get(order)
     if fit is None or not models.within(order) or not 0 < fit.pair.A.shape[0] <= REFINED:

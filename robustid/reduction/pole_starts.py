@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from robustid.core import Real, StateMatrices
 from robustid.data import FrequencyResponse
@@ -16,7 +15,7 @@ from robustid.fitting import subspace_estimate
 from robustid.identification import Identification
 from robustid.reduction.balanced import balanced_truncations
 from robustid.reduction.sample_fits import Fit, Pair, Poles, moved, pole_columns, pole_functions, with_poles
-from robustid.reduction.sample_map import SampleMap
+from robustid.reduction.sample_map import SampleMap, Samples
 from robustid.reduction.smallest_maximum import orthonormal_columns
 
 if TYPE_CHECKING:
@@ -124,7 +123,7 @@ def _rank_one(identification: Identification, samples: SampleMap) -> Family:
     return of_modes
 
 
-def mode_pair(pole: complex, direction: NDArray[Any]) -> Pair:
+def mode_pair(pole: complex, direction: Samples) -> Pair:
     """The functions of a pole (and its conjugate) with one direction at the heads."""
     if abs(pole.imag) <= _REAL:
         return Pair(np.array([[pole.real]]), np.real(direction)[:, None])
@@ -236,7 +235,7 @@ def grown(samples: SampleMap, fit: Fit, count: int) -> Iterator[Pair]:
             yield joined(fit.pair, mode_pair(best, _gain(samples, U, rest, best)[1]))
 
 
-def _gain(samples: SampleMap, U: Real, rest: Real, pole: complex) -> tuple[float, NDArray[Any]]:
+def _gain(samples: SampleMap, U: Real, rest: Real, pole: complex) -> tuple[float, Samples]:
     """Length that a further pole of full rank removes; and the direction at the heads of its best part of rank one."""
     one = pole_functions(np.array([pole, pole.conjugate()] if pole.imag else [pole]))
     h, m = samples.heads, one.A.shape[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -28,26 +28,15 @@ _MOST = 20000  # samples in all: longer records are for spectra
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Simulated(Frozen):
-    """Simulations of the records, each from the initial state that fits it best.
+    """Simulations of the records, each from the initial state that fits it best."""
 
-    Attributes
-    ----------
-    fits, before, best : (ny,) arrays, %
-        100 (1 - rms error/rms output) of the recommended model, of the one that was chosen without the records, and of the
-        best fit of records (and response) among orders that the samples justify; the worst of all records.
-    best_order : int
-    samples : int
-        In all records.
-    worse : bool
-        Whether the error of the recommended model is more than 5 % above that of the best fit.
-    """
-
-    fits: Real
-    before: Real
-    best: Real
+    # 100 (1 - rms error/rms output) (ny,), the worst of all records
+    fits: Real  # of the recommended model
+    before: Real  # of the one that was chosen without the records
+    best: Real  # of the best fit of records (and response) among orders that the samples justify
     best_order: int
-    samples: int
-    worse: bool
+    samples: int  # in all records
+    worse: bool  # the error of the recommended model is more than 5 % above that of the best fit
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("fits", "before", "best")})
@@ -68,24 +57,14 @@ class Simulated(Frozen):
         return text
 
 
-def percent(values: Any) -> str:
+def percent(values: Real) -> str:
     """Fits of the outputs in words."""
     return ", ".join(f"{value:.1f}" for value in values) + " %"
 
 
 class Simulations:
-    """Records of a problem, fits of them of several orders, and the error of any model over them.
-
-    Parameters
-    ----------
-    records : sequence of TimeRecord
-        Those that the data of the problem come from.
-    frf : FrequencyResponse, optional
-        Fitted beside them, with the bounds as they were measured.
-    orders : sequence of int
-        Rising.
-    feedthrough : bool
-        Of the fits.
+    """Records that the data of a problem come from, fits of them of several (rising) orders, and the error of any model over
+    them. A response is fitted beside them, with the bounds as they were measured.
     """
 
     def __init__(
@@ -147,10 +126,9 @@ class Simulations:
             return math.inf
 
     def carried(self) -> int:
-        """Order that the records carry: of least description length, or a lower one that predicts their ends as well.
-
-        The state that each record begins with is unknown, too. Coloured noise makes the description length choose too many states;
-        so fits to the first part of every record are judged by the rest of it.
+        """Order that the records carry: of least description length, or a lower one that predicts their ends as well. The state
+        that each record begins with is unknown, too. Coloured noise makes the description length choose too many states; so
+        fits to the first part of every record are judged by the rest of it.
         """
         length: dict[int, float] = {}
         outputs, inputs = self.records[0].y.shape[1], self.records[0].u.shape[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.special
@@ -13,6 +13,7 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction, OrderSweep, RigidBody, suggest_order
 from robustid.identification import Identification
 from robustid.reduction.balanced import Reduction
+from robustid.reduction.drawn_inside import Structure
 from robustid.reduction.record_simulations import AS_WELL, with_transients
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def response_sweep(
     return sweep
 
 
-def structure_of(identification: Identification, smallest: Reduction) -> dict[str, Any]:
+def structure_of(identification: Identification, smallest: Reduction) -> Structure:
     """Structure of the fits: that of the small model."""
     problem = identification.problem
     return {
@@ -132,6 +133,6 @@ class ResponseJudge:
         ratio = (cost - self._best) / extra / max(self._best / free, np.finfo(float).tiny)
         return float(scipy.special.fdtr(extra, free, ratio)) > _SURE
 
-    def rms(self, cost: Any) -> Any:
+    def rms(self, cost: Real | float) -> Real:
         """Root mean square from a sum of squares."""
         return np.sqrt(cost / max(self._count, 1))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from robustid.bases import Sections
 from robustid.core import Budget, Complex, DampedSteps, Real
 from robustid.reduction.gramians import Parts, gramian_factors
-from robustid.reduction.sample_map import SampleMap, Signals
+from robustid.reduction.sample_map import SampleMap, Samples, Signals
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
 
 Poles = NDArray[Any]  # complex, or real where all of them are
@@ -36,9 +36,8 @@ _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-4  # of the trust region, in units of a p
 
 
 class Pair(NamedTuple):
-    """The functions C (zI - A)^-1: A (n, n), C (heads, n).
-
-    In their normal form `size` (n,) is that of a d that moves the pole of each by about its distance to the circle.
+    """Functions C (zI - A)^-1: A (n, n), C (heads, n). In their normal form `size` (n,) is that of a d that moves the pole of
+    each by about its distance to the circle.
     """
 
     A: Real
@@ -53,30 +52,14 @@ class Pair(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """A model with its residuals at the samples.
+    """A model with its residuals at the samples."""
 
-    Attributes
-    ----------
-    pair : Pair
-        Of the functions C (zI - A)^-1.
-    X : (n, tails) array
-        Their coefficients.
-    fixed : (k,) array
-        Coefficients of `SampleMap.fixed`: D, those of the integrators, those of the free responses.
-    outputs : list of arrays
-        What the entries of the stable part put out, by experiment: see `SampleMap.outputs_of`.
-    error : (N,) complex array
-        In units of the bounds.
-    sizes : (M,) array
-        The norm of the errors under each bound.
-    """
-
-    pair: Pair
-    X: Real
-    fixed: Real
-    outputs: Signals
-    error: Complex
-    sizes: Real
+    pair: Pair  # of the functions C (zI - A)^-1
+    X: Real  # (n, tails), their coefficients
+    fixed: Real  # (k,) coefficients of `SampleMap.fixed`: D, those of the integrators, those of the free responses
+    outputs: Signals  # of the entries of the stable part, by experiment: see `SampleMap.outputs_of`
+    error: Complex  # (N,), in units of the bounds
+    sizes: Real  # (M,) norm of the errors under each bound
 
     @property
     def poles(self) -> Poles:
@@ -161,7 +144,7 @@ def with_poles(pair: Pair, mapped: Callable[[Poles], Poles]) -> Pair:
     return Pair(np.real(V @ (mapped(values)[:, None] * np.linalg.inv(V))), pair.C)
 
 
-def numerators(samples: SampleMap, pair: Pair) -> Complex:
+def numerators(samples: SampleMap, pair: Pair) -> Samples:
     """The columns of X and of what is fixed, (N, tails n + k)."""
     return np.hstack([samples.columns(pair.A, pair.C), samples.fixed])
 
@@ -254,10 +237,9 @@ def moves(samples: SampleMap, fit: Fit, radius: float, held: Poles) -> Moves:
 
 
 def _seen(samples: SampleMap, U: Real, ways: Moves) -> Moves:
-    """Moves without those, in units of their sizes, that other numerators undo: similarities, above all.
-
-    What is left has one set of steps for one change of the residuals, so that a region of trust holds the numerators nowhere.
-    U has the span of the numerators' columns.
+    """Moves, in units of their sizes, without those that other numerators (whose columns have the span of U) undo:
+    similarities, above all. What is left has one set of steps for one change of the residuals, so that a region of trust holds
+    the numerators nowhere.
     """
     J = samples.real(ways.columns) * ways.size
     _, values, right = np.linalg.svd(np.linalg.qr(J - U @ (U.T @ J), mode="r"))
@@ -323,9 +305,8 @@ def levelled(
     held: Poles = _NONE,
     budget: Budget = _UNLIMITED,
 ) -> Fit:
-    """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region; poles that are held stay.
-
-    Ends where a step gains less than 0.1 %, 2 % once `limit` is met; or where it cannot meet it.
+    """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region; poles that are held stay. Ends
+    where a step gains less than 0.1 %, 2 % once `limit` is met; or where it cannot meet it.
     """
     trust, gain = _FIRST_RADIUS, np.inf
     fit = numerators_levelled(samples, fit)

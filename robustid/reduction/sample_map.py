@@ -18,40 +18,26 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
-from robustid.data import FrequencyResponse, TimeRecord, tilted
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, tilted
 from robustid.identification import MixedProblem, excited_lines
 from robustid.identification.formulation import initial_state, measured_entries
 
-Samples = NDArray[Any]  # real in time, complex at frequency points and spectral lines
+Samples = NDArray[np.float64 | np.complex128]  # real in time, complex at frequency points and spectral lines
 Signals = list[Samples]
 
 
 @dataclasses.dataclass(frozen=True)
 class Track:
-    """One experiment: the signals that enter the model, and how the samples are read from what comes out.
+    """One experiment: the signals that enter the model, and how the samples are read from what comes out."""
 
-    Attributes
-    ----------
-    signal : (L, q) array
-        Ones at the frequency points, the spectrum of periodic inputs at their spectral lines, or the inputs in time.
-    points : (L,) complex array or None
-        The z of the points or lines; None: the signals are ones of time, with zero initial conditions.
-    rows : callable
-        From what the entry (output, input) puts out, (L, m), to samples (N, m), divided by the bounds.
-    y : (N,) complex array
-        The measured samples, divided by the bounds.
-    free : (N, k) array
-        Free responses that an unknown initial state allows, divided by the bounds.
-    cone : (N,) int array
-        Number of the bound of every sample.
-    """
-
+    # (L, q): ones at frequency points, the spectrum of periodic inputs at their spectral lines, or inputs in time
     signal: Samples
-    points: Complex | None
+    points: Complex | None  # (L,) z of the points or lines; None: signals of time, from zero initial conditions
+    # from what the entry (output, input) puts out, (L, m), to samples (N, m), divided by the bounds
     rows: Callable[[int, int, Samples], Samples]
-    y: Samples
-    free: Real
-    cone: NDArray[np.intp]
+    y: Samples  # (N,) measured samples, divided by the bounds
+    free: Real  # (N, k) free responses that an unknown initial state allows, divided by the bounds
+    cone: NDArray[np.intp]  # (N,) number of the bound of every sample
 
     def behind(self, signals: Samples, pole: complex) -> Samples:
         """The responses of 1/(z - pole), (L, m)."""
@@ -164,7 +150,6 @@ class SampleMap:
 
     def outputs_of(self, A: Real, C: Real, X: Real) -> Signals:
         """Responses of C_k (zI - A)^-1 x_j to the signals of the entries (i, j), by experiment, (heads i, L, heads k, tails j).
-
         With the inputs as tails all heads i have the same signals: (1, L, heads k, tails j).
         """
         out: Signals = []
@@ -224,7 +209,7 @@ def with_lines(samples: SampleMap, frf: FrequencyResponse, problem: MixedProblem
     return dataclasses.replace(samples, tracks=(track, *samples.tracks), discs=samples.discs + track.y.size)
 
 
-def _line_track(frf: Any, problem: MixedProblem) -> Track:
+def _line_track(frf: FrequencyResponse | TangentialResponse, problem: MixedProblem) -> Track:
     """A sample is sum_ij W_ij G_ij at its line, tilted where its bound is an ellipse."""
     lines, points = int(frf.omega.size), np.exp(1j * frf.omega * problem.dt)
     p, q = problem.entries.outputs, problem.entries.inputs
@@ -252,7 +237,7 @@ def _line_track(frf: Any, problem: MixedProblem) -> Track:
     return Track(np.ones((lines, q), complex), points, rows, y, np.zeros((y.size, 0)), cone)
 
 
-def _directions(frf: Any) -> tuple[NDArray[np.intp], Complex, Complex, None]:
+def _directions(frf: TangentialResponse) -> tuple[NDArray[np.intp], Complex, Complex, None]:
     """Points, weights and values of tangential samples, divided by their bounds."""
     parts: list[tuple[NDArray[np.intp], Complex, Complex]] = []
     for row, column in measured_entries(frf):
@@ -278,7 +263,7 @@ def _periodic_track(record: TimeRecord) -> Track:
     used, lines = _used(record), excited_lines(record)
     samples = record.u.shape[0]
 
-    def in_time(v: Complex) -> Real:
+    def in_time(v: Samples) -> Samples:
         spectrum = np.zeros((samples // 2 + 1, v.shape[1]), complex)
         spectrum[lines] = v
         return np.fft.irfft(spectrum, samples, axis=0)
@@ -300,7 +285,7 @@ def _record_track(
     signal: Samples,
     points: Complex | None,
     bounds: dict[int, Real],
-    in_time: Callable[[Samples], Real],
+    in_time: Callable[[Samples], Samples],
     free: Real,
 ) -> Track:
     """One output after the other."""

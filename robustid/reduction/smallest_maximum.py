@@ -22,20 +22,16 @@ def orthonormal_columns(stacked: Real) -> tuple[Real, Real]:
 
 
 def smallest_maximum(
-    G: Complex, y: Complex, discs: int, first: Real, reach: Real, cone: NDArray[np.intp] | None = None
+    G: NDArray[np.float64 | np.complex128],
+    y: Complex,
+    discs: int,
+    first: Real,
+    reach: Real,
+    cone: NDArray[np.intp] | None = None,
 ) -> tuple[Real, float]:
-    """The v with the smallest max_k |y - G v|_k subject to |v_j| <= reach_j, and that maximum.
-
-    Parameters
-    ----------
-    G, y : (N, m), (N,) complex arrays
-        The first `discs` samples are complex, the imaginary parts of the others zero.
-    first : (m,) array
-        Where to start; |first_j| < reach_j.
-    reach : (m,) array
-        inf where v is free.
-    cone : (N,) int array, optional
-        Number of the bound of each sample, whose norm counts where several share one; default: each has its own.
+    """The v with the smallest max_k |y - G v|_k subject to |v_j| <= reach_j (inf: free), from a `first` one inside, and that
+    maximum. The first `discs` of the N samples are complex, the imaginary parts of the others zero; `cone` (N,) numbers the
+    bound of each sample, whose norm counts where several share one.
     """
     count, stacked = y.size, np.concatenate([np.real(G), np.imag(G[:discs])])
     U, V = orthonormal_columns(stacked)

@@ -6,7 +6,7 @@ import dataclasses
 import enum
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def reduce_within_bounds(
     identification: Identification,
     *,
     rigid_body: RigidBody | None = None,
-    band: Any = None,
+    band: Known | None = None,
     time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> Reduction:
@@ -131,9 +131,8 @@ def reduce_within_bounds(
 
 
 def near_fit(identification: Identification, model: control.StateSpace) -> control.StateSpace | None:
-    """The model of the same order inside the bounds that a search finds from a model without integrators; None where it finds none.
-
-    All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
+    """The model of the same order inside the bounds that a search finds from a model without integrators; None where it finds
+    none. All poles are refined by least squares at all samples, then made minimax only until every sample is inside.
     """
     plane = identification.problem.plane
     models = BestModels(image_of(identification), 0)
@@ -174,7 +173,7 @@ class _TimeIsOver(Exception):
 class _Search:
     """Orders tried, with the best model of each."""
 
-    def __init__(self, identification: Identification, integrators: int, budget: Budget, band: Any):
+    def __init__(self, identification: Identification, integrators: int, budget: Budget, band: Known | None):
         self.identification, self.budget, self.band = identification, budget, band
         self.models = BestModels(identification, integrators, budget)
 
@@ -227,9 +226,8 @@ class _Search:
         return _between(low, high, self.suffices)
 
     def _smallest_of_matrix(self) -> int:
-        """Twice as many poles until they suffice, then the orders between by halves; after a narrow miss the next order.
-
-        Below what truncation leads to, which takes hardly any time.
+        """Twice as many poles until they suffice, then the orders between by halves; after a narrow miss the next order. Below
+        what truncation leads to, which takes hardly any time.
         """
         chains, low, high = self.models.chains, self.models.chains - 1, self._truncated()
         while high - low > 1:

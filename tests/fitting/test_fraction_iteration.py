@@ -188,8 +188,20 @@ def test_bad_problems_are_named():
         fit_fraction(problem, denominators=np.zeros((20, 2, 2)))
     with pytest.raises(dataclasses.FrozenInstanceError):
         problem.order = 5
-    assert staircase(3, range(5)).tolist() == [1, 1, 1, 0, 0]
     assert not NodeFraction(values, values).numerators.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("order", "priority", "pivots", "step", "degrees"),
+    [
+        (3, range(5), [], 1, [1, 1, 1, 0, 0]),
+        (7, range(3), [], 1, [3, 2, 2]),
+        (7, range(4), [1, 2, 3], 1, [1, 2, 2, 2]),
+        (12, [3, 1, 0, 2], [], 2, [2, 4, 2, 4]),
+    ],
+)
+def test_degrees_differ_as_little_as_they_can(order, priority, pivots, step, degrees):
+    assert staircase(order, priority, pivots, step=step).tolist() == degrees
 
 
 @pytest.mark.parametrize("method", ["sk", "sk-relaxed", "sk+lm", "sk-relaxed+lm", "gn", "iv", "iv+lm", "sk+iv+gn+lm"])

@@ -7,11 +7,11 @@ import pytest
 import scipy.optimize
 
 import robustid as rid
-from robustid.core import response_at
+from robustid.core import Budget, response_at
 from robustid.fitting import FitStatus, FractionProblem, Weight, fit_mfd, subspace_estimate
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.given_poles import Samples
-from robustid.fitting.state_space.state_refinement import Budget, Outputs, exchange_modes, refine
+from robustid.fitting.state_space.state_refinement import Outputs, exchange_modes, refine
 from support.mfd_systems import noisy, random_modal_system, relative_error, stand_in
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 120)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robustid.errors import InputError
+from robustid.fitting.fraction.krylov_blocks import block_layout
 from robustid.fitting.fraction.vector_polynomials import orthonormal_polynomials, polynomial_nodes
 
 pytestmark = pytest.mark.quick
@@ -113,6 +114,14 @@ def test_units_scale_exactly(power):
     nodes, unit = polynomial_nodes(factor * np.array([1.0, 6.0]), None)
     np.testing.assert_array_equal(nodes, [0.125j, 0.75j])
     assert unit == 8 * factor
+
+
+def test_components_of_the_largest_limits_come_first_and_all_end_in_the_last_block():
+    assert [(block.here, block.fresh.tolist()) for block in block_layout(np.array([1, 2, -1, 2]))] == [
+        (slice(0, 2), [1, 3]),
+        (slice(2, 5), [0]),
+        (slice(5, 8), []),
+    ]
 
 
 def test_bad_input_is_named():

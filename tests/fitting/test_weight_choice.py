@@ -1,12 +1,12 @@
 """The weight that a fit takes: the one whose fit predicts withheld frequency points best, by one measure for all."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import Budget
 from robustid.fitting import Weight, fit_mfd
 from robustid.fitting.fraction.first_models import first_model
 from robustid.fitting.fraction.fraction_problem import FractionProblem
@@ -30,7 +30,7 @@ def question(weight, *, values=TRUTH, order=2):
 
 
 def begin(problem, data):
-    return first_model(problem, data, None, "right", None)
+    return first_model(problem, data, None, "right", None, UNLIMITED)
 
 
 def test_a_weight_that_takes_the_wrong_mode_is_left():
@@ -48,7 +48,7 @@ def test_the_first_one_stays_where_the_others_are_as_good():
 
 
 @pytest.mark.parametrize(
-    "settings", [dataclasses.replace(SETTINGS, phases=["sk"]), dataclasses.replace(SETTINGS, deadline=-math.inf)]
+    "settings", [dataclasses.replace(SETTINGS, phases=["sk"]), dataclasses.replace(SETTINGS, budget=Budget(1e-9))]
 )
 def test_other_methods_and_no_time_take_the_first_one(settings):
     questions = [question(w) for w in (STRANGE, np.ones(TRUTH.shape))]

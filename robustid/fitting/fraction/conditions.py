@@ -15,11 +15,9 @@ from robustid.fitting.state_space.block_model import BlockModel
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Condition(Frozen):
-    """``sum_t left_t X^(derivative)(point) right_t = 0`` on X = [D; N], point in the unit of the nodes.
-
-    Every linear constraint on coefficients that the library knows has this form; at infinity X stands for its
-    coefficients of the highest degrees that are free. It says what the coordinates in the orthonormal basis must
-    satisfy; their null space is orthonormal again, so that the condition number stays one.
+    """``sum_t left_t X^(derivative)(point) right_t = 0`` on X = [D; N], point in the unit of the nodes: every linear constraint
+    on coefficients has this form. At infinity X stands for its coefficients of the highest free degrees. The null space of the
+    conditions on coordinates in the orthonormal basis is orthonormal again, so that the condition number stays one.
     """
 
     point: complex
@@ -46,22 +44,15 @@ class Condition(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RigidModes(Frozen):
-    """Undamped rigid-body modes: chains of two integrators with constant directions.
-
-    Outside (``P = N D~^{-1} I_RB^{-1} T_u^{-1}``): ``B D(xi) = O((xi - origin)^2)``, `directions` = B (count, nu), the
-    inputs that drive the modes. Inside (``P = N I_RB^{-1} D~^{-1}``): ``D(xi) V = O((xi - origin)^2)``,
-    `directions` = V (nu, count). The `pivots` columns of B (rows of V) are the identity; with `free` the others
-    are refined with the fit.
-
-    Notes
-    -----
-    Source: `voorhoeve2016` section III.
+    """Undamped rigid-body modes: chains of two integrators with constant directions (`voorhoeve2016` section III). Outside
+    (``P = N D~^{-1} I_RB^{-1} T_u^{-1}``): ``B D(xi) = O((xi - origin)^2)``, with B = `directions`. Inside
+    (``P = N I_RB^{-1} D~^{-1}``): ``D(xi) V = O((xi - origin)^2)``, with V = `directions`.
     """
 
-    directions: np.ndarray
-    pivots: NDArray[np.int_]
+    directions: np.ndarray  # B (count, nu), the inputs that drive the modes, or V (nu, count)
+    pivots: NDArray[np.int_]  # columns of B (rows of V) that are the identity
     outside: bool
-    free: bool
+    free: bool  # the other columns (rows) are refined with the fit
 
     def __post_init__(self) -> None:
         self._set(directions=freeze(self.directions), pivots=freeze(self.pivots))
@@ -115,24 +106,13 @@ def orthonormal_rows(rows: np.ndarray) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ResponseCondition(Frozen):
-    """``left P(point) right = value``; at infinity P stands for the Markov parameter ``C A^power B``.
+    """``left P(point) right = value``; at infinity P stands for the Markov parameter ``C A^power B``."""
 
-    Attributes
-    ----------
-    left : (a, ny) array
-    right : (nu, c) array
-    value : (a, c) array
-    point : complex
-        In the unit of the nodes, or inf.
-    power : int
-        Of A, at infinity.
-    """
-
-    left: Real
-    right: Real
-    value: Real
-    point: complex
-    power: int = 0
+    left: Real  # (a, ny)
+    right: Real  # (nu, c)
+    value: Real  # (a, c)
+    point: complex  # in the unit of the nodes, or inf
+    power: int = 0  # of A, at infinity
 
     def __post_init__(self) -> None:
         self._set(left=freeze(self.left), right=freeze(self.right), value=freeze(self.value))

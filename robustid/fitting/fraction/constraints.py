@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -33,14 +33,13 @@ class Constraint(Protocol):
 
 def as_constraints(constraints: object) -> tuple[Constraint, ...]:
     """The constraints of a fit, checked."""
-    items: tuple[Any, ...] = (
-        tuple(cast("Iterable[Any]", constraints)) if isinstance(constraints, Iterable) else (constraints,)
-    )
-    wrong = [item for item in items if not isinstance(item, Constraint)]
-    if wrong or not isinstance(constraints, Iterable):
-        got = type(wrong[0] if wrong else cast("Any", constraints)).__name__
+    items = tuple(cast("Iterable[object]", constraints)) if isinstance(constraints, Iterable) else (constraints,)
+    good = tuple(item for item in items if isinstance(item, Constraint))
+    if len(good) < len(items) or not isinstance(constraints, Iterable):
+        wrong = next((item for item in items if not isinstance(item, Constraint)), items[0])
+        got = type(wrong).__name__
         raise InputTypeError(f"`constraints` must be a sequence of constraints, such as [RollOff(2)]; got {got}")
-    return items
+    return good
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -183,7 +182,7 @@ class ZeroEntries(Frozen):
     mask: np.ndarray
 
     def __post_init__(self) -> None:
-        mask: Any = np.asarray(self.mask)
+        mask = np.asarray(self.mask)
         if mask.dtype != bool or mask.ndim != 2:
             raise InputError(f"`mask` must be a (ny, nu) array of bool; got {mask.dtype}, shape {mask.shape}")
         self._set(mask=freeze(mask))

@@ -39,18 +39,10 @@ class Coordinates(Protocol):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class JointCoordinates(Frozen):
-    """Coordinates of ``vec [dD; dN]`` in polynomials that the data make orthonormal: the covariance is ``I - R^T R``.
+    """Coordinates of ``vec [dD; dN]`` in polynomials that the data make orthonormal: the covariance is ``I - R^T R``."""
 
-    Attributes
-    ----------
-    basis : VectorPolynomials
-        The orthonormal polynomials, without their values at the frequency points.
-    forbidden : (m, parameters + m) array
-        R, the directions that constraints forbid; with modal structure also those that it forbids.
-    """
-
-    basis: VectorPolynomials
-    forbidden: Real
+    basis: VectorPolynomials  # without its values at the frequency points
+    forbidden: Real  # R (m, parameters + m): directions that constraints, and modal structure, forbid
 
     def __post_init__(self) -> None:
         self._set(basis=_without_values(self.basis), forbidden=freeze(self.forbidden))
@@ -79,36 +71,18 @@ class JointCoordinates(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class EntryCoordinates(Frozen):
-    r"""Coordinates of a scalar denominator that many entries share, and of the numerator of every entry.
-
-    With polynomials psi for dD, orthonormal for the whole weighted response, and phi_i for dN_i, orthonormal for the entry i
-    alone, the weighted change of that entry is ``Q_i c_i - E_i d``. Its numerator takes up ``T_i = Q_i^T E_i``, and only the
-    projected columns ``E_i - Q_i T_i`` of all entries together determine d:
-
-    .. math:: \operatorname{Cov}(d) = S S^T = \Big(\sum_i E_i^T (I - Q_i Q_i^T) E_i\Big)^{-1}, \qquad c_i = h_i + T_i d
-
-    with h_i independent of d, of covariance one. The result is that of `JointCoordinates` with one factorisation an entry
-    (variable projection, `golub1973`).
-
-    Attributes
-    ----------
-    denominator : VectorPolynomials
-        psi, n of them, without their values at the frequency points, as those of the numerators.
-    numerators : tuple of ny VectorPolynomials
-        phi_i, m of them each.
-    taken : (ny, m, n) array
-        T_i.
-    root : (n, k) array
-        S.
-    unseen : (n, n - k) array
-        Directions of d that the data don't see.
+    """Coordinates of a scalar denominator that many entries share, and of the numerator of every entry: ``Q_i c_i - E_i d`` is
+    the weighted change of entry i, ``Cov(d) = S S^T = (sum_i E_i^T (I - Q_i Q_i^T) E_i)^{-1}`` and ``c_i = h_i + T_i d``,
+    ``T_i = Q_i^T E_i``, with h_i independent of d, of covariance one (variable projection, `golub1973`).
     """
 
-    denominator: VectorPolynomials
-    numerators: tuple[VectorPolynomials, ...]
-    taken: Real
-    root: Real
-    unseen: Real
+    # The result is that of `JointCoordinates` with one factorisation an entry. The polynomials psi (for dD) are orthonormal for
+    # the whole weighted response, phi_i (for dN_i) for the entry i alone; both are without their values on the data.
+    denominator: VectorPolynomials  # psi, n of them
+    numerators: tuple[VectorPolynomials, ...]  # phi_i, m of them for each of ny entries
+    taken: Real  # T_i (ny, m, n)
+    root: Real  # S (n, k)
+    unseen: Real  # (n, n - k), directions of d that the data don't see
 
     def __post_init__(self) -> None:
         self._set(
@@ -196,9 +170,8 @@ def response_changes(basis: VectorPolynomials, xi: Complex, D: Complex, P: Compl
 
 
 def _carried(basis: VectorPolynomials, xi: Complex, rows: Complex) -> Complex:
-    """``rows Phi`` (m, r, n) at points xi (m,), by the recursion: what the rows (m, r, b) see of every polynomial.
-
-    Rows first: D^{-1} is large where Phi is large, and only their product is known well.
+    """``rows Phi`` (m, r, n) at points xi (m,), by the recursion from the rows (m, r, b): D^{-1} is large where Phi is large,
+    and only their product is known well.
     """
     out = np.empty((2 * xi.size * rows.shape[1], basis.size), order="F")
     for G, (before, here, fresh) in zip(basis.recursion, basis.blocks, strict=True):

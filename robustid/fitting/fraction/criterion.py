@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,7 +65,7 @@ class Weight(Frozen):
             raise InputError(
                 "the weight is zero everywhere: no frequency point is left to fit; zeros mask single entries"
             )
-        parts: dict[str, Any] = {"entries": freeze(entries)}
+        parts: dict[str, np.ndarray | None] = {"entries": freeze(entries)}
         for name, size in (("output", ny), ("input", nu), ("matrix", ny * nu)):
             value = getattr(self, name)
             if value is not None:
@@ -178,9 +177,10 @@ class Weight(Frozen):
 
     def select(self, points: np.ndarray | slice) -> Weight:
         """The weight at some frequency points: indices, a mask or a slice."""
-        parts: list[Any] = [None if part is None else part[points] for part in (self.output, self.input, self.matrix)]
-        chosen = dict(zip(("output", "input", "matrix"), parts, strict=True))
-        return dataclasses.replace(self, entries=self.entries[points], **chosen)
+        output, input_, matrix = (
+            None if part is None else part[points] for part in (self.output, self.input, self.matrix)
+        )
+        return dataclasses.replace(self, entries=self.entries[points], output=output, input=input_, matrix=matrix)
 
     def scaled(self, factors: ArrayLike) -> Weight:
         """Multiplied by a factor >= 0 per frequency point (F,), or per point and entry (F, ny, nu); 0 or False masks.

@@ -24,33 +24,17 @@ _SHRUNK = "the covariance of the data, shrunk as it is known from {:.4g} degrees
 
 
 def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_], *, correlated: bool = True) -> Weight:
-    """Weight of the residual where the user gives none, with a sentence in `Weight.note`.
-
-    A covariance that counts as exact: its inverse root (maximum likelihood). One that was estimated: the inverse root of
-
-    ``C = S^(1/2) ((1 - a) R + a I) S^(1/2) + m^2 L``,  ``S = (d V + d0 V0)/(d + d0)``
-
-    V the variances, d their degrees of freedom, V0 their mean over neighbouring frequency points, d0 = 20, R the correlations,
-    L the squares of the response's level, which is smooth over frequency, and m = 0.1. With many degrees of freedom
-    (thousands) a and m vanish. No covariance: relative.
-
-    Parameters
-    ----------
-    frf : FrequencyResponse
-        Finite; entries that are missing have errors that are independent of all others.
-    measured : (F, ny, nu) bool array
-    correlated : bool
-        False: every entry by its own variance in C, so that the weight is one number an entry.
-
-    Notes
-    -----
-    An inverse sample covariance of 2 to 10 degrees of freedom believes in its smallest eigenvalues, which are the least known; and
-    where a model of few states errs by more than the noise, weights by noise alone are spent where the noise is small rather
-    than where the response is. Both made the error on withheld points of a measured mirror twice that of unit weights.
-
-    Sources: `schaefer2005` for the intensity a of complex correlations, ``sum (1 - |r|^2)^2/d / sum |r|^2``, here at least
-    n/(n + d) for n entries; `smyth2004` for S.
+    """Weight of the residual where the user gives none: of a covariance that counts as exact its inverse root (maximum
+    likelihood), of an estimated one that of ``C = S^(1/2) ((1 - a) R + a I) S^(1/2) + m^2 L``, ``S = (d V + d0 V0)/(d + d0)``;
+    without one, relative. If not `correlated`, every entry is weighted by its own variance in C: one number an entry.
     """
+    # V are the variances, d their degrees of freedom, V0 their mean over neighbouring frequency points, d0 = 20 (`smyth2004`);
+    # R the correlations, shrunk by the intensity a = sum (1 - |r|^2)^2/d / sum |r|^2 of complex ones (`schaefer2005`), here at
+    # least n/(n + d) for n entries; L the squares of the response's level, smooth over frequency, m = 0.1. With thousands of
+    # degrees of freedom a and m vanish. Missing entries have errors that are independent of all others. An inverse sample
+    # covariance of 2 to 10 degrees of freedom believes in its smallest eigenvalues, which are the least known; and where a
+    # model of few states errs by more than the noise, weights by noise alone are spent where the noise is small rather than
+    # where the response is. Both made the error on withheld points of a measured mirror twice that of unit weights.
     if not np.any(frf.values):
         raise InputError("`frf` is zero everywhere; there is nothing to fit")
     if frf.covariance is None:
@@ -72,10 +56,9 @@ def default_weight(frf: FrequencyResponse, measured: NDArray[np.bool_], *, corre
 
 
 def other_weights(frf: FrequencyResponse, measured: NDArray[np.bool_]) -> tuple[Weight, ...]:
-    """Weights that may predict better than the default where the covariance was estimated from few degrees of freedom.
-
-    The level of every entry alone, as if the noise were nothing beside what the model misses, and the noise alone (m = 0). None
-    where the covariance is known well, or missing, or where every entry has a number of its own.
+    """Weights that may predict better than the default where the covariance was estimated from few degrees of freedom: every
+    entry's level alone, as if the noise were nothing beside what the model misses, and the noise alone (m = 0). None where the
+    covariance is known well, or missing, or where every entry has a number of its own.
     """
     if frf.covariance is None or exact_covariance(frf) or (dof := _freedom(frf)) >= _KNOWN:
         return ()
@@ -138,10 +121,9 @@ def _shrunk(frf: FrequencyResponse, measured: NDArray[np.bool_], dof: float, mis
 
 
 def _level(frf: FrequencyResponse, known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Square of the response's level (F, n), columns stacked.
-
-    The level in the whole band, moved an eighth of the way (of its logarithm) to that in the octave: modes far below the highest
-    count a little more than with unit weights. All the way made errors on withheld points up to 1.4 times those of unit weights.
+    """Square of the response's level (F, n), columns stacked: that in the whole band, moved an eighth of the way (of its
+    logarithm) to that in the octave, so that modes far below the highest count a little more than with unit weights. All the
+    way made errors on withheld points up to 1.4 times those of unit weights.
     """
     power = np.where(known, np.abs(frf.values.transpose(0, 2, 1).reshape(known.shape)) ** 2, 0.0)
     band = power.sum(axis=0) / np.maximum(known.sum(axis=0), 1)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import StateMatrices, as_array, response_at
+from robustid.core import Budget, StateMatrices, as_array, response_at
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.fraction_forms import fitted, states_of_poles
 from robustid.fitting.fraction.fraction_iteration import fit_fraction
@@ -26,10 +24,9 @@ _POINTS_PER_OUTPUT = 4  # frequency points for every output that an estimate tak
 EXTRA = 2  # states that the richer fit has more
 
 
-def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list[StateMatrices]:
-    """Subspace estimates: with the entries' weights, with those of the noise, and relative, where they are something else.
-
-    The estimate wants the inverse noise; factors for bands of interest that differ by 1000 ruin it.
+def _estimates(problem: FractionProblem, data: Samples, budget: Budget) -> list[StateMatrices]:
+    """Subspace estimates with the entries' weights, with those of the noise, and relative, where they are something else: the
+    estimate wants the inverse noise, and factors for bands of interest that differ by 1000 ruin it.
     """
     size = np.abs(data.values)
     used = data.weight > 0
@@ -42,7 +39,7 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
         weights.append(relative)
     found: list[StateMatrices] = []
     for weight in weights:
-        if not found or time.monotonic() < deadline:
+        if not found or not budget.over:
             values, reduced = _few_outputs(data.values, weight)
             one = subspace_estimate(
                 values,
@@ -51,7 +48,7 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
                 weight=reduced,
                 feedthrough=problem.feedthrough,
                 domain=data.domain,
-                deadline=deadline,
+                budget=budget,
             )
             outputs = one.C, one.D
             if values is not data.values:
@@ -61,10 +58,9 @@ def _estimates(problem: FractionProblem, data: Samples, deadline: float) -> list
 
 
 def _few_outputs(values: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The strongest combinations of the outputs of one input, where they are too many for the frequency points.
-
-    An estimate of i block rows needs i equations for every output and for the input, and has two for every frequency point: with
-    a quarter as many outputs as points there are seven.
+    """The strongest combinations of the outputs of one input, where they are too many for the frequency points: an estimate of
+    i block rows needs i equations for every output and for the input, and has two for every frequency point; with a quarter as
+    many outputs as points there are seven.
     """
     lines, ny, nu = values.shape
     most = max(lines // _POINTS_PER_OUTPUT, 1)
@@ -108,14 +104,14 @@ def _from_poles(problem: FractionProblem, poles: np.ndarray) -> StateMatrices:
 def first_model(
     problem: FractionProblem,
     data: Samples,
-    start: Any,
+    start: Any,  # a model or poles, not checked yet
     form: str,
     body: RigidBody | None,
-    deadline: float = math.inf,
+    budget: Budget,
 ) -> StateMatrices:
     """The subspace estimate, the model that was given, or what SK makes of poles."""
     if start is None:
-        return min(_estimates(problem, data, deadline), key=lambda model: _start_cost(problem, data, model))
+        return min(_estimates(problem, data, budget), key=lambda model: _start_cost(problem, data, model))
     import control
 
     if not isinstance(start, control.StateSpace):
@@ -145,9 +141,8 @@ def first_model(
 
 
 def strongest(found: FractionModel, data: Samples, feedthrough: bool) -> StateMatrices | None:
-    """A model with the poles of a fit but the EXTRA weakest, by what each adds to the weighted response.
-
-    None where the weakest poles can't be taken away without splitting a pair.
+    """A model with the poles of a fit but the EXTRA weakest, by what each adds to the weighted response; None where those can't
+    be taken away without splitting a pair.
     """
     A, B, C, _ = found.matrices
     flexible = len(A) - 2 * found.rigid_count
@@ -157,12 +152,10 @@ def strongest(found: FractionModel, data: Samples, feedthrough: bool) -> StateMa
     strength = np.sqrt(
         np.einsum("kij,km,im,mj->m", data.weight**2, lines, np.abs(left) ** 2, np.abs(right) ** 2, optimize=True)
     )
-    units = [(strength[k], [k]) for k in np.flatnonzero(np.imag(poles) == 0)]
-    pairs = [(2 * strength[k], [int(k), _conjugate(poles, int(k))]) for k in np.flatnonzero(np.imag(poles) > 0)]
-    reals: list[Any] = sorted(units, key=lambda unit: unit[0])[:EXTRA]
-    choices: list[Any] = (
-        [(sum(size for size, _ in reals), [k for _, ks in reals for k in ks])] if len(reals) == EXTRA else []
-    )
+    units = [(float(strength[k]), [int(k)]) for k in np.flatnonzero(np.imag(poles) == 0)]
+    pairs = [(float(2 * strength[k]), [int(k), _conjugate(poles, int(k))]) for k in np.flatnonzero(np.imag(poles) > 0)]
+    reals = sorted(units, key=lambda unit: unit[0])[:EXTRA]
+    choices = [(sum(size for size, _ in reals), [k for _, ks in reals for k in ks])] if len(reals) == EXTRA else []
     if pairs:
         choices.append(min(pairs, key=lambda pair: pair[0]))
     if not choices:

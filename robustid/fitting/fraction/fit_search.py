@@ -44,16 +44,8 @@ class FitEnd(NamedTuple):
 
 
 def fit_from(problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings) -> FitEnd:
-    """Fit from a first model.
-
-    Parameters
-    ----------
-    problem : FractionProblem
-        Of a right fraction, without its rigid-body modes.
-    data : Samples
-        The same data for linear least squares.
-    model : StateMatrices
-        Of any order; only A and C matter with rigid-body modes.
+    """Fit a right fraction, posed without its rigid-body modes, from a first model of any order; only its A and C matter with
+    rigid-body modes. `data` are the same for linear least squares.
     """
     problem, model = with_rigid_modes(problem, data, model, settings.body)
     if settings.phases == ["lm"] and refinable(problem):

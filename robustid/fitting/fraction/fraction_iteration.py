@@ -86,16 +86,7 @@ def former(history: tuple[FitStep, ...], words: str) -> tuple[FitStep, ...]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FractionFit(Frozen):
-    """The best fraction that an iteration met, and how it got there.
-
-    Attributes
-    ----------
-    problem : FractionProblem
-    fraction : NodeFraction
-    cost : float
-    status : FitStatus
-    history : tuple of FitStep
-    """
+    """The best fraction that an iteration met, and how it got there."""
 
     problem: FractionProblem
     fraction: NodeFraction
@@ -298,11 +289,9 @@ class _Run:
 def _cheapest(
     problem: FractionProblem, best: NodeFraction, direction: NodeFraction, step: float, enough: float
 ) -> tuple[NodeFraction, float]:
-    """The moved fraction; where it doesn't keep what the linear model promises, the fraction nearest to that model.
-
-    Moving D and N moves a lightly damped pole only as long as the move is small against its damping; moving the
-    response, which is what the Jacobian speaks of, and coming back from there has no such limit. Constraints that
-    aren't linear allow nothing else.
+    """The moved fraction; where it doesn't keep what the linear model promises, the fraction nearest to that model. Moving D
+    and N moves a lightly damped pole only as long as the move is small against its damping; moving the response, of which the
+    Jacobian speaks, and coming back has no such limit. Constraints that aren't linear allow nothing else.
     """
     trial, reached = best.moved(step, direction), np.inf
     if direction.held.directions is None and direction.held.highest is None:

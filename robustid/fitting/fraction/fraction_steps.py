@@ -57,10 +57,7 @@ Terms = tuple[np.ndarray, np.ndarray, np.ndarray]
 def _constrained(
     problem: FractionProblem, held: Held, bases: list[VectorPolynomials], terms: list[Terms]
 ) -> list[Terms]:
-    """The polynomials moved as little as it takes to fulfil the conditions.
-
-    One basis for vec X, or one for each column of X.
-    """
+    """The polynomials moved as little as it takes to fulfil the conditions, in one basis for vec X or one for each column of X."""
     conditions = problem.conditions_at(held)
     if not conditions:
         return terms
@@ -100,25 +97,14 @@ class Direction(NamedTuple):
     """A Gauss-Newton direction."""
 
     fraction: NodeFraction
-    slope: float
-    condition: float
+    slope: float  # part of the residual in the tangent space: 0 at a stationary point, at most 1
+    condition: float  # of the normal matrix
 
 
 def gauss_newton_direction(problem: FractionProblem, fraction: NodeFraction) -> Direction:
-    """Gauss-Newton direction of the true criterion, from ``d vec(P) = -(D^{-T} kron [P -I]) vec(d[D; N])``.
-
-    The Jacobian's columns are orthonormal, so that the direction is minus the projection of the residual, and
-    Levenberg-Marquardt's damping in these coordinates is a shorter step along it. Constraints, and rigid-body
-    directions that turn with the fit, take a part of the coordinates away: the tangent space of the constrained set.
-
-    Returns
-    -------
-    fraction : NodeFraction
-        The direction.
-    slope : float
-        Part of the residual that lies in the tangent space: 0 at a stationary point, at most 1.
-    condition : float
-        Of the normal matrix.
+    """Gauss-Newton direction of the true criterion, from ``d vec(P) = -(D^{-T} kron [P -I]) vec(d[D; N])``. The Jacobian's columns
+    are orthonormal: it is minus the projection of the residual, and Levenberg-Marquardt's damping is a shorter step along it.
+    Constraints and turning rigid-body directions leave the tangent space of the constrained set.
     """
     response = fraction.response
     basis = problem.basis(fraction.denominators, response)
@@ -198,10 +184,8 @@ def into_form(problem: FractionProblem, response: np.ndarray, held: Held = NOTHI
 def nearest_form(
     problems: Sequence[FractionProblem], response: np.ndarray, held: Held = NOTHING_HELD, *, full: bool = True
 ) -> tuple[FractionProblem, NodeFraction]:
-    """The form among those of some problems, and the fraction of that form, that is nearest to a response.
-
-    Steps column by column of each; with `full` one more of the best, which costs nu^2 times as much, where they leave more than
-    rounding.
+    """The form among those of some problems, and the fraction of that form, nearest to a response: steps column by column of
+    each; with `full` one more of the best, which costs nu^2 times as much, where they leave more than rounding.
     """
     lines, nu = response.shape[0], response.shape[2]
     identity = np.broadcast_to(np.eye(nu), (lines, nu, nu))
@@ -234,10 +218,9 @@ def scalar_form(problem: FractionProblem, poles: np.ndarray, response: np.ndarra
 
 
 def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held = NOTHING_HELD) -> NodeFraction:
-    """SK step with ``|W| |D_old^{-1}|``, a number per frequency point, as weight: the columns of [D; N] come apart.
-
-    nu^2 times cheaper than `sk_step`, and as exact where the data are those of a fraction; with noise it weighs them
-    wrongly wherever D_old is ill-conditioned.
+    """SK step with ``|W| |D_old^{-1}|``, a number per frequency point, as weight: the columns of [D; N] come apart. It is nu^2
+    times cheaper than `sk_step`, and as exact where the data are those of a fraction; with noise it weighs them wrongly
+    wherever D_old is ill-conditioned.
     """
     lines, ny, nu = problem.values.shape
     smallest = np.linalg.svd(denominators, compute_uv=False)[:, -1]
@@ -259,14 +242,9 @@ def column_step(problem: FractionProblem, denominators: np.ndarray, held: Held =
 def relaxed_step(
     problem: FractionProblem, denominators: np.ndarray, held: Held = NOTHING_HELD
 ) -> tuple[NodeFraction, float]:
-    """SK step under ``mean_k Re(D D_old^{-1}) = I`` instead of monic D, so that noise does not decide on the leading term.
-
-    In the orthonormal basis of the full degrees it is the shortest solution of these few equations. The fraction comes
-    as D U, N U with a constant U, which no response sees.
-
-    Notes
-    -----
-    Source: the relaxed nontriviality of `gustavsen2006`, as a matrix.
+    """SK step under ``mean_k Re(D D_old^{-1}) = I`` instead of monic D (`gustavsen2006`, as a matrix), so that noise does not
+    decide on the leading term: the shortest solution of these few equations in the orthonormal basis of the full degrees. The
+    fraction comes as D U, N U with a constant U, which no response sees.
     """
     basis, rows_held, pattern = _full(problem, denominators, held)
     wanted = np.eye(problem.values.shape[2]).T.ravel()[pattern]

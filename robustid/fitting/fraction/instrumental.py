@@ -35,32 +35,15 @@ class BreakdownError(RobustIdError, np.linalg.LinAlgError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BiorthonormalPolynomials(VectorPolynomials):
-    """Trial polynomials phi_c with tests psi_c: ``Re sum_k (J_k psi_c(xi_k))^H A_k phi_d(xi_k) = delta_cd``.
-
-    The matrix of the oblique equations ``Re sum_k (J_k psi)^H A_k x(xi_k) = 0`` for all psi is the identity. Both sides
-    span all vector polynomials whose l-th component has a degree of at most ``limits[l]``. The polynomials themselves
-    are the trial side, everything inherited is about them; `project` is oblique, and `monic` so gives the x with the
-    leading term asked that solves the equations.
-
-    Attributes
-    ----------
-    columns : (F, r, b) complex array
-        A_k.
-    values : (2*F*r, n) array
-        ``A_k phi_c(xi_k)``, real parts above imaginary parts. Not orthonormal: lengths up to 1/sqrt(cosine), as those of
-        the tests.
-    tests : (2*F*r, n) array
-        ``J_k psi_c(xi_k)``.
-    cosine : float
-        How near the process came to a breakdown: smallest cosine between the two sides in what a block adds.
-
-    Notes
-    -----
-    Source: `vanherpen2014`, `voorhoeve2016` section IV.
+    """Trial polynomials phi_c with tests psi_c: ``Re sum_k (J_k psi_c(xi_k))^H A_k phi_d(xi_k) = delta_cd``, so that the matrix
+    of the oblique equations ``Re sum_k (J_k psi)^H A_k x(xi_k) = 0`` for all psi is the identity. Inherited is the trial side;
+    `project` is oblique, and `monic` gives the x that solves the equations (`vanherpen2014`, `voorhoeve2016` section IV).
     """
 
-    tests: np.ndarray
-    cosine: float
+    # Both sides span all vector polynomials whose l-th component has a degree of at most `limits[l]`. `columns` are A_k; the
+    # `values` A_k phi_c(xi_k) are not orthonormal: lengths up to 1/sqrt(cosine), as those of the tests.
+    tests: np.ndarray  # J_k psi_c(xi_k) (2*F*r, n)
+    cosine: float  # smallest between the two sides in what a block adds: how near a breakdown was
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,46 +63,13 @@ class BiorthonormalPolynomials(VectorPolynomials):
 def biorthonormal_polynomials(
     trial: np.ndarray, test: np.ndarray, xi: np.ndarray, limits: np.ndarray
 ) -> BiorthonormalPolynomials:
-    """Pair of vector polynomials that the data make bi-orthonormal, by a two-sided block Krylov process.
-
-    Both sides grow by multiplication with xi, as in `orthonormal_polynomials`; every new block is made orthogonal to
-    the other side twice, then ``tests^T values`` of the block is brought to the identity by its singular values.
-
-    Parameters
-    ----------
-    trial, test : (F, r, b) complex arrays
-        A_k and J_k: what the equations and the tests see of each component.
-    xi : (F,) complex array
-        Nodes from `polynomial_nodes`.
-    limits : (b,) int array
-        Largest degree per component; -1 leaves it out.
-
-    Returns
-    -------
-    BiorthonormalPolynomials
-
-    Raises
-    ------
-    InputError
-        On wrong shapes, or when there are fewer real equations than coefficients.
-    BreakdownError
-        When the block Gram matrix is singular to 1e-8, or a column of one side vanishes on the data (an exact fit of
-        an order too high).
-
-    Notes
-    -----
-    A breakdown may be one of the process alone, the whole system being regular; there is no look-ahead.
-    Source: `vanherpen2014`.
-
-    Examples
-    --------
-    >>> from robustid.fitting.fraction.vector_polynomials import polynomial_nodes
-    >>> xi, _ = polynomial_nodes(np.linspace(1, 9, 30), None)
-    >>> test = (1 / (1 + xi))[:, None, None]
-    >>> pair = biorthonormal_polynomials(np.ones((30, 1, 1)), test, xi, np.array([5]))
-    >>> pair.size, bool(np.max(np.abs(pair.tests.T @ pair.values - np.eye(6))) < 1e-13)
-    (6, True)
+    """Pair of vector polynomials that the data make bi-orthonormal, by a two-sided block Krylov process (`vanherpen2014`), of
+    trial and test (F, r, b). Both sides grow by multiplication with xi; every new block is made orthogonal to the other side
+    twice, then its ``tests^T values`` is brought to the identity by its singular values.
     """
+    # A BreakdownError is raised when the block Gram matrix is singular to 1e-8, or a column of one side vanishes on the data
+    # (an exact fit of an order too high). It may be one of the process alone, the whole system being regular; there is no
+    # look-ahead.
     trial, test = (as_array(name, value, dtype=complex, ndim=3) for name, value in (("trial", trial), ("test", test)))
     xi = as_array("xi", xi, dtype=complex, ndim=1)
     limits = np.asarray(limits, dtype=int)
@@ -177,48 +127,14 @@ def _append(values: np.ndarray, tests: np.ndarray, blocks: list[np.ndarray], sta
 
 
 def iv_step(problem: FractionProblem, fraction: NodeFraction) -> tuple[NodeFraction, float]:
-    """One instrumental-variable step, whose fixed points are the stationary points of the criterion.
-
-    ``Re sum_k (J_k psi(xi_k))^H A_k x(xi_k) = 0`` for x = vec([D; N]) and all polynomials psi of its free degrees, with
-    ``A = W (D_old^{-T} kron [P_o -I])`` and ``J = W (D_old^{-T} kron [P_old -I])``. At x = x_old, A x is the residual
-    and J psi (but for the sign) the change of the model along psi: the equations are those of a vanishing gradient.
-
-    Parameters
-    ----------
-    problem : FractionProblem
-    fraction : NodeFraction
-        D_old and N_old, in the form of the problem. Constraints and rigid-body modes of the problem are not looked at.
-
-    Returns
-    -------
-    fraction : NodeFraction
-    condition : float
-        Of the matrix of the equations.
-
-    Raises
-    ------
-    BreakdownError
-        When the pair of bases does not exist (see `biorthonormal_polynomials`); numpy's LinAlgError, of which it is
-        one, when D_old is singular at a frequency point.
-
-    Notes
-    -----
-    It is no descent method and need not converge: keep the best fraction met. Source: `vanherpen2014`, `voorhoeve2016`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from robustid.fitting import Weight
-    >>> from robustid.fitting.fraction.fraction_steps import gauss_newton_direction, sk_step
-    >>> omega = np.linspace(1, 9, 40)
-    >>> values = ((1 + 0.1 * np.cos(9 * omega)) / ((1j * omega) ** 2 + 0.2j * omega + 16))[:, None, None]
-    >>> problem = FractionProblem(omega, values, 2, Weight.relative(values))
-    >>> fraction, _ = sk_step(problem, np.ones((40, 1, 1)))
-    >>> for _ in range(20):
-    ...     fraction, condition = iv_step(problem, fraction)
-    >>> gauss_newton_direction(problem, fraction).slope < 1e-8, condition - 1 < 1e-12
-    (True, True)
+    """One instrumental-variable step and the condition of its matrix: ``Re sum_k (J_k psi(xi_k))^H A_k x(xi_k) = 0`` for x =
+    vec([D; N]) and all psi of its free degrees, ``A = W (D_old^{-T} kron [P_o -I])``, ``J = W (D_old^{-T} kron [P_old -I])``. No
+    descent method, it need not converge: keep the best fraction met (`vanherpen2014`, `voorhoeve2016`).
     """
+    # At x = x_old, A x is the residual and J psi (but for the sign) the change of the model along psi: the equations are those
+    # of a vanishing gradient, and fixed points are the stationary points of the criterion. Constraints and rigid-body modes of
+    # the problem are not looked at. Where the pair of bases does not exist a BreakdownError is raised, and its base, numpy's
+    # LinAlgError, where D_old is singular at a frequency point.
     pair = instrumental_pair(problem, fraction)
     solution = pair.monic(problem.leading)
     return problem.split(pair.evaluate(pair.xi, *solution[:3])), pair.condition

@@ -26,15 +26,9 @@ class Block(NamedTuple):
 
 
 def block_layout(limits: np.ndarray) -> tuple[Block, ...]:
-    """The blocks of all vector polynomials whose l-th component has a degree of at most ``limits[l]`` (-1: absent).
-
-    Components by falling limit: those of the largest limit L start in block 0, those of limit L - 1 in block 1, and so
-    on, so that all reach their limit in block L together and xi times a block stays in the span up to there.
-
-    Examples
-    --------
-    >>> [(block.here, block.fresh.tolist()) for block in block_layout(np.array([1, 2, -1, 2]))]
-    [(slice(0, 2, None), [1, 3]), (slice(2, 5, None), [0]), (slice(5, 8, None), [])]
+    """Blocks of all vector polynomials whose l-th component has a degree of at most ``limits[l]`` (-1: absent), by falling
+    limit: components of the largest limit L start in block 0, those of L - 1 in block 1, and so on, so that all reach their
+    limit in block L together and xi times a block stays in the span up to there.
     """
     order, last = np.argsort(-limits, kind="stable"), int(limits.max(initial=-1))
     blocks: list[Block] = []

@@ -78,17 +78,7 @@ def right_divide(numerators: np.ndarray, denominators: np.ndarray) -> np.ndarray
 def staircase(
     order: int, priority: Sequence[int], pivots: Sequence[int] | np.ndarray = (), *, step: int = 1
 ) -> np.ndarray:
-    """Degrees that add up to `order` and differ as little as they can, at least 2 for the pivots; by twos for ``step=2``.
-
-    Examples
-    --------
-    >>> staircase(7, range(3))
-    array([3, 2, 2])
-    >>> staircase(7, range(4), pivots=[1, 2, 3])
-    array([1, 2, 2, 2])
-    >>> staircase(12, [3, 1, 0, 2], step=2)
-    array([2, 4, 2, 4])
-    """
+    """Degrees that add up to `order` and differ as little as they can, at least 2 for the pivots; by twos for ``step=2``."""
     degrees = np.zeros(len(priority), dtype=int)
     degrees[list(pivots)] = 2
     while (left := order - int(degrees.sum())) > 0:

@@ -122,15 +122,9 @@ def as_rigid_body(body: object) -> RigidBody | None:
 def rigid_start(
     data: Samples, A: np.ndarray, C: np.ndarray, body: RigidBody, *, feedthrough: bool
 ) -> tuple[StateMatrices, np.ndarray]:
-    """A model with exact rigid-body modes from an estimate that has them somewhere near.
-
-    The 2*count poles nearest to the origin make place for chains of two integrators; free chains at every output show
-    the gains of 1/s^2, whose row space is what drives the modes; then everything linear is fitted anew.
-
-    Returns
-    -------
-    model : StateMatrices
-    directions : (count, nu) array
+    """A model with exact rigid-body modes, and their directions (count, nu), from an estimate that has them somewhere near: the
+    2*count poles nearest to the origin make place for chains of two integrators; free chains at every output show the gains of
+    1/s^2, whose row space is what drives the modes; then everything linear is fitted anew.
     """
     origin = 0.0 if data.domain == "s" else 1.0
     count, (ny, nu) = body.count, data.values.shape[1:]
@@ -149,10 +143,9 @@ def rigid_start(
 
 
 def _row_space(gains: np.ndarray, data: Samples, count: int) -> np.ndarray:
-    """The rows (count, nu) of the low-rank gains of 1/s^2 that are nearest, every entry in its own standard deviation.
-
-    A cross approximation on the most significant entries, then alternating least squares. No scaling of rows and
-    columns would do: where a signal is decoupled from the rigid body, its own entry is noise of any size.
+    """The nearest rows (count, nu) of the low-rank gains of 1/s^2, every entry in its own standard deviation: a cross
+    approximation on the most significant entries, then alternating least squares. No scaling of rows and columns would do:
+    where a signal is decoupled from the rigid body, its own entry is noise of any size.
     """
     deviation = _deviations(data)
     rest, variance = np.array(gains), deviation**2

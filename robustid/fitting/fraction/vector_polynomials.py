@@ -57,40 +57,20 @@ def polynomial_nodes(omega: np.ndarray, dt: float | None) -> tuple[np.ndarray, f
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class VectorPolynomials(Frozen):
-    """Vector polynomials phi_c with real coefficients, orthonormal where the data look at them.
-
-    ``Re sum_k (M_k phi_c(xi_k))^H M_k phi_d(xi_k) = delta_cd``: the normal matrix of the least squares problem
-    ``min sum_k |M_k x(xi_k)|^2`` over vector polynomials x is the identity. They span all x whose l-th component has a
-    degree of at most ``limits[l]``, and are known by the recursion ``xi Phi_{k-1} = (Phi_0 .. Phi_k) G_k`` only;
-    monomials never appear.
-
-    Attributes
-    ----------
-    xi : (F,) complex array
-        Nodes, on the imaginary axis or on the unit circle.
-    limits : (b,) int array
-        Largest degree per component (-1: absent).
-    recursion : tuple of L + 1 arrays
-        ``(xi Phi_{k-1}, fresh components) = (Phi_0 .. Phi_k) recursion[k]``, for the `blocks`; the square last part is
-        triangular.
-    columns : (F, r, b) complex array
-        M_k.
-    values : (2*F*r, n) array
-        ``M_k phi_c(xi_k)``, real parts above imaginary parts, orthonormal columns.
-    null : (n,) bool array
-        Columns that vanish on the data (an exact fit): their values are zero, the polynomials go on as
-        ``(xi + 1) phi`` (s) or ``xi phi`` (z) so that the factors that cancel are stable.
-
-    Notes
-    -----
-    Source: `bultheel2005`, `voorhoeve2016` section IV; block Lanczos with full reorthogonalisation (twice is enough).
+    """Vector polynomials phi_c with real coefficients: ``Re sum_k (M_k phi_c(xi_k))^H M_k phi_d(xi_k) = delta_cd``, so that the
+    normal matrix of ``min sum_k |M_k x(xi_k)|^2`` is the identity; known by their recursion only, monomials never appear.
+    `bultheel2005`, `voorhoeve2016` section IV; block Lanczos with full reorthogonalisation (twice is enough).
     """
 
-    xi: np.ndarray
-    limits: np.ndarray
+    xi: np.ndarray  # (F,) nodes, on the imaginary axis or on the unit circle
+    limits: np.ndarray  # (b,) largest degree per component (-1: absent): the span holds all x below these
+    # (xi Phi_{k-1}, fresh components) = (Phi_0 .. Phi_k) recursion[k], k = 0 .. L, for the `blocks`; the square last
+    # part is triangular
     recursion: tuple[np.ndarray, ...]
-    columns: np.ndarray
-    values: np.ndarray
+    columns: np.ndarray  # M_k (F, r, b)
+    values: np.ndarray  # M_k phi_c(xi_k) (2*F*r, n), real parts above imaginary parts, orthonormal columns
+    # (n,) columns that vanish on the data (an exact fit): their values are zero, the polynomials go on as (xi + 1)
+    # phi (s) or xi phi (z), so that the factors that cancel are stable
     null: np.ndarray
 
     def __post_init__(self) -> None:
@@ -128,9 +108,8 @@ class VectorPolynomials(Frozen):
         return self._recur(points[:, None, None], np.ones(points.size))
 
     def derivatives(self, point: complex, count: int) -> np.ndarray:
-        """All polynomials and their first derivatives at one point, (count, b, n); index = order of the derivative.
-
-        At infinity: the coefficients of degree ``limits``, ``limits - 1``, ... of every component (two at most).
+        """All polynomials and their first derivatives at one point, (count, b, n), by order of the derivative; at infinity the
+        coefficients of degree ``limits``, ``limits - 1``, ... of every component (two at most).
         """
         if np.isinf(point):
             return self._highest()[:count]
@@ -189,15 +168,7 @@ class VectorPolynomials(Frozen):
         shifted: np.ndarray | None = None,
         constant: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Values (m, b) of the polynomial ``Phi coordinates + xi Phi shifted + constant``, by Clenshaw's recursion.
-
-        Parameters
-        ----------
-        points : (m,) complex array
-            Anywhere in the plane, in the unit of the nodes.
-        coordinates, shifted : (n,) real arrays
-        constant : (b,) real array
-        """
+        """Values (m, b) of ``Phi coordinates + xi Phi shifted + constant`` anywhere in the plane, by Clenshaw's recursion."""
         points = np.asarray(points, dtype=complex)
         work = np.repeat(coordinates.astype(complex)[:, None], points.size, axis=1)
         if shifted is not None:
@@ -212,13 +183,8 @@ class VectorPolynomials(Frozen):
         return out.T if constant is None else out.T + constant
 
     def monic(self, leading: np.ndarray) -> MonicPolynomial:
-        """The smallest x on the data whose component l is ``leading[l] xi^(limits[l] + 1)`` + less.
-
-        Nothing is left to solve: the minimum is the leading term with its projection on the basis taken out.
-
-        Parameters
-        ----------
-        leading : (b,) real array
+        """The smallest x on the data whose component l is ``leading[l] xi^(limits[l] + 1)`` + less: nothing is left to solve,
+        as the minimum is the leading term with its projection on the basis taken out.
         """
         leading = np.asarray(leading, dtype=float)
         top = np.zeros(0)

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robustid.core import Complex, Real, StateMatrices
+from robustid.core import Budget, Complex, Real, StateMatrices
 from robustid.errors import InputError
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.first_models import first_model
@@ -32,7 +31,7 @@ from robustid.fitting.state_space.state_descent import (
     white,
     with_rigid_modes,
 )
-from robustid.fitting.state_space.state_refinement import Budget, refine
+from robustid.fitting.state_space.state_refinement import refine
 from robustid.fitting.state_space.withheld_points import withheld_residuals
 
 _STEPS, _OTHERS = 20, 3  # of the fit that is judged, and of those without a quarter of the points
@@ -59,32 +58,18 @@ Question = tuple[FractionProblem, Samples]
 def chosen(
     questions: Sequence[Question], first: Callable[[FractionProblem, Samples], StateMatrices], settings: Settings
 ) -> Question:
-    """The question in the weight whose fit predicts best; the first one unless another is better by 5 %.
-
-    All are judged by the same measure, none of their own weights: the root of the mean of ``11 |e|^2/(|P|^2 + 10 mean |P|^2)``
-    over entries and frequency points, each point withheld once (`predicted_error`), and a quarter more with a pole at the
-    stability boundary. Not where steps are dear: so many states miss little, and the choice would take as long as half the fit.
-
-    Parameters
-    ----------
-    questions : sequence of (FractionProblem, Samples)
-        The same in several weights.
-    first : callable
-        The first model for a question.
-    settings : Settings
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Nothing is known then that could be returned.
+    """The question in the weight whose fit predicts best; the first one unless another is better by 5 %. All are judged by one
+    measure, none of their own weights: the root of the mean of ``11 |e|^2/(|P|^2 + 10 mean |P|^2)`` over entries and frequency
+    points, each point withheld once, and a quarter more with a pole at the stability boundary.
     """
+    # Not where steps are dear: so many states miss little, and the choice would take as long as half the fit. Ctrl-C is not
+    # kept back, as nothing is known then that could be returned.
     own = questions[0][0]
     unknowns = own.order * sum(own.values.shape[1:])
     judgeable = settings.phases == ["lm"] and refinable(own) and unknowns <= own.equations // 2 and not dear(own)
     if len(questions) < 2 or not judgeable:
         return questions[0]
-    now = time.monotonic()
-    budget = Budget(now + _TIME * (settings.deadline - now))
+    budget = settings.budget.share(_TIME)
     errors: list[float] = []
     for problem, data in questions:
         try:
@@ -92,7 +77,7 @@ def chosen(
         except (InputError, np.linalg.LinAlgError):
             error = math.inf
         errors.append(error if math.isfinite(error) else math.inf)
-        if budget.spent:
+        if budget.over:
             return questions[0]
     best = int(np.argmin(errors))
     if not errors[best] < _BETTER * errors[0]:
@@ -108,9 +93,8 @@ def chosen(
 def predicted_error(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings, budget: Budget
 ) -> float:
-    """Error at frequency points that are withheld, a quarter of them at a time, of a short fit refined on the others.
-
-    A quarter more where the short fit ends at the stability boundary.
+    """Error at frequency points that are withheld, a quarter of them at a time, of a short fit refined on the others; a quarter
+    more where the short fit ends at the stability boundary.
     """
     problem, model = with_rigid_modes(problem, data, model, settings.body)
     if len(model.A) != problem.order:
@@ -142,21 +126,21 @@ def levelled(
     settings: Settings,
     search: Callable[..., FitEnd],
 ) -> FitEnd | None:
-    """The fit in the weight that the residuals of a relative fit ask for; None unless noise of a level is all that is left then.
-
-    From the start anew, as the relative fit may lie in another valley; then in the weights that the better residuals ask for.
+    """The fit in the weight that the residuals of a relative fit ask for; None unless noise of a level is all that is left
+    then. From the start anew, as the relative fit may lie in another valley; then in the weights that the better residuals ask
+    for.
     """
     level = best
     history: tuple[FitStep, ...] = ()
     for again in range(_TIMES):
         weight = level_weight(level.fit.problem, level.fit.fraction.response, alone=not again)
-        if weight is None or level.fit.status is FitStatus.INTERRUPTED or time.monotonic() > settings.deadline:
+        if weight is None or level.fit.status is FitStatus.INTERRUPTED or settings.budget.over:
             break
         history += former(level.fit.history, former_weight(again + 1))
         problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)
         model = level.found.matrices
         if not again and start is None:
-            model = first_model(problem, data, None, settings.form, settings.body, settings.deadline)
+            model = first_model(problem, data, None, settings.form, settings.body, settings.budget)
         level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
         if not white(level.fit.problem.residual(level.fit.fraction.response)):
             return None
@@ -166,19 +150,9 @@ def levelled(
 
 
 def level_weight(problem: FractionProblem, response: Complex, *, alone: bool = False) -> Weight | None:
-    """Inverse standard deviations ``(a^2 + b^2 |P|^2)^(-1/2)`` per entry, from the residuals of a relative fit.
-
-    a and b are those of the greatest likelihood, for every entry its own; |P| is that of the model. None where the residuals
-    speak of no level, or of what the model misses rather than of noise.
-
-    Parameters
-    ----------
-    problem : FractionProblem
-        Its weight has a number an entry.
-    response : (F, ny, nu) complex array
-        Of the model that was fitted.
-    alone : bool
-        Leave the relative part out of entries that have a level: a poor fit errs where the response is large, which looks like one.
+    """Inverse standard deviations ``(a^2 + b^2 |P|^2)^(-1/2)`` of the greatest likelihood, every entry its own, from the
+    residuals of a relative fit of response P; None where they speak of no level, or of what the model misses rather than of
+    noise. `alone` leaves b out of entries that have a level: a poor fit errs where the response is large, which looks like one.
     """
     residual, used = problem.values - response, problem.weight.entries > 0
     weighted = problem.residual(response)
@@ -211,9 +185,8 @@ def level_weight(problem: FractionProblem, response: Complex, *, alone: bool = F
 
 
 def gaussian(residual: Complex) -> bool:
-    """Tell whether weighted residuals (F, n) have no heavier tails than Gaussian noise: ``E|e|^4 = 2 (E|e|^2)^2``.
-
-    What a model of too low an order misses is large near few resonances, however little neighbours there resemble each other.
+    """Tell whether weighted residuals (F, n) have no heavier tails than Gaussian noise, ``E|e|^4 = 2 (E|e|^2)^2``: what a model
+    of too low an order misses is large near few resonances, however little neighbours there resemble each other.
     """
     power: Real = np.abs(residual) ** 2
     size: Real = power.mean(axis=0)

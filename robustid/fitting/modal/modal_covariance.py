@@ -24,24 +24,12 @@ _UNSEEN = 1e-12  # directions that the response sees less than this are not dete
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModeShapes(Frozen):
-    """Shapes of the modes of a fit: ``shape drive'`` stands over ``s^2 + 2 zeta omega s + omega^2`` (times s^q).
+    """Shapes of the modes of a fit: ``shape drive'`` stands over ``s^2 + 2 zeta omega s + omega^2`` (times s^q)."""
 
-    Attributes
-    ----------
-    poles : (m,) complex array
-        In s (rad/s) or z, those above the real axis; nan of overdamped modes with general damping.
-    shape : (m, ny) array
-        The largest entry is 1; complex with general damping.
-    drive : (m, nu) array
-        Unit of the response times s^-2 (rad/s).
-    shape_std, drive_std : (m, ny), (m, nu) arrays
-        Standard deviations ``sqrt(E|d|^2)``; nan without a covariance.
-    """
-
-    poles: Complex
-    shape: NDArray[np.generic]
-    drive: NDArray[np.generic]
-    shape_std: Real
+    poles: Complex  # (m,) in s (rad/s) or z, those above the real axis; nan of overdamped modes with general damping
+    shape: NDArray[np.generic]  # (m, ny), the largest entry is 1; complex with general damping
+    drive: NDArray[np.generic]  # (m, nu), unit of the response times s^-2 (rad/s)
+    shape_std: Real  # standard deviations sqrt(E|d|^2), as `drive_std`; nan without a covariance
     drive_std: Real
 
     def __post_init__(self) -> None:
@@ -94,19 +82,10 @@ def modal_covariance(fit: MatrixFraction, basis: VectorPolynomials) -> ModalCova
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModalCovariance(Frozen):
-    """First-order uncertainty in the coordinates of a modal structure, per unit variance of the residual.
+    """First-order uncertainty in the coordinates of a modal structure, per unit variance of the residual."""
 
-    Attributes
-    ----------
-    factor : (P, r) array
-        ``factor factor'`` is the covariance of the P coordinates.
-    forbidden : (m, n) array
-        Orthonormal rows: directions of the fraction's coordinates that the structure forbids.
-    variance : float
-    """
-
-    factor: Real
-    forbidden: Real
+    factor: Real  # (P, r): factor factor' is the covariance of the P coordinates
+    forbidden: Real  # (m, n), orthonormal rows: directions of the fraction's coordinates that the structure forbids
     variance: float = 1.0
 
     def deviation(self, changes: Complex) -> Real:

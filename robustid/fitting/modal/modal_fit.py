@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-import time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from robustid.fitting.modal.modal_structure import Modal
 from robustid.fitting.modal.mode_gains import gains
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.given_poles import Samples
-from robustid.fitting.state_space.projected_outputs import Criterion, Fitted, LocalModel, Outputs
+from robustid.fitting.state_space.projected_outputs import Criterion, Fitted, LocalModel, Numbers, Outputs
 from robustid.fitting.state_space.real_modes import RealModes
 from robustid.fitting.state_space.state_descent import (
     Settings,
@@ -30,7 +28,7 @@ from robustid.fitting.state_space.state_descent import (
     suspicious,
     with_rigid_modes,
 )
-from robustid.fitting.state_space.state_refinement import Budget, Refined, exchange_modes, refine
+from robustid.fitting.state_space.state_refinement import Refined, exchange_modes, refine
 from robustid.fitting.state_space.withheld_points import STEPS
 
 _FREE = 0.5  # part of the time for the fit without structure
@@ -41,18 +39,15 @@ _NEAR_NYQUIST = 0.98 * math.pi  # rad/sample: where a mode begins whose poles li
 def modal_fit_from(
     problem: FractionProblem, data: Samples, model: StateMatrices, settings: Settings, modal: Modal, given: bool
 ) -> FitEnd:
-    """Fit of this structure from a first model; one that the user gave is projected at once where it has the order.
-
-    Others are refined freely first.
-
-    `start` is the projection, and `found` keeps the structure exactly; the fraction is formed of it. The history holds the steps
-    of the free descent, too.
+    """Fit of this structure from a first model: projected at once if the user gave it in this order, else refined freely first.
+    `start` is the projection, and `found` keeps the structure exactly; the fraction is formed of it. The history holds the
+    steps of the free descent, too.
     """
-    now, interrupted = time.monotonic(), False
+    interrupted = False
     history: tuple[FitStep, ...] = ()
     problem, model = with_rigid_modes(problem, data, model, settings.body)
     if not given or len(model.A) != problem.order:
-        part = dataclasses.replace(settings, deadline=now + _FREE * (settings.deadline - now))
+        part = dataclasses.replace(settings, budget=settings.budget.share(_FREE))
         free = descended(problem, data, model, part)
         problem, model, interrupted = free.problem, free.model, free.refined.status is FitStatus.INTERRUPTED
         history = former(free.refined.history, "without structure")
@@ -84,8 +79,14 @@ def _refined(
     limit: int,
 ) -> Refined:
     """End of the descent in this structure."""
-    budget = Budget(settings.deadline, settings.progress)
-    descend = functools.partial(refine, problem, stable=settings.stable, budget=budget, outputs=outputs)
+    descend = functools.partial(
+        refine,
+        problem,
+        stable=settings.stable,
+        budget=settings.budget,
+        report=settings.progress,
+        outputs=outputs,
+    )
     found = descend(start, limit=limit)
     if limit and settings.rounds and suspicious(problem, found.fitted.response, found.status):
         found = exchange_modes(
@@ -94,11 +95,12 @@ def _refined(
             found,
             stable=settings.stable,
             rounds=settings.rounds,
-            budget=budget,
+            budget=settings.budget,
+            report=settings.progress,
             outputs=outputs,
             structured=functools.partial(_structured, problem, modal),
         )
-    if found.status is FitStatus.SLOW and not budget.spent:
+    if found.status is FitStatus.SLOW and not settings.budget.over:
         more = descend(found.fitted.model, limit=limit, patient=True)
         found = more._replace(history=found.history + more.history)
     return found
@@ -221,10 +223,9 @@ def _formed(
 
 
 class TiedOutputs(Outputs):
-    """`Outputs` of reciprocal systems: ``P = P'``, what drives a mode is also how it shows.
-
-    C is a combination of the matrices that the model names (`tied_outputs`), one or two for every mode in the place of one or
-    two for every mode and output; D is symmetric. Moving the inputs moves C, whose derivative is the transpose.
+    """`Outputs` of reciprocal systems, ``P = P'``: what drives a mode is also how it shows. C combines the matrices that the
+    model names (`tied_outputs`), one or two for every mode in the place of one or two for every mode and output; D is
+    symmetric. Moving the inputs moves C, whose derivative is the transpose.
     """
 
     def __init__(self, problem: FractionProblem | Criterion) -> None:
@@ -234,7 +235,7 @@ class TiedOutputs(Outputs):
 
     def design(self, model: LocalModel, states: Complex) -> Real:
         """Weighted response (1, rows, columns) of every coefficient: of C first, then of D."""
-        changes: Any = np.einsum("tok,fku->fout", model.tied_outputs(), states, optimize=True)
+        changes: Numbers = np.einsum("tok,fku->fout", model.tied_outputs(), states, optimize=True)
         if self.criterion.feedthrough:
             through = symmetric_matrices(self.ny).transpose(1, 2, 0)
             through = np.broadcast_to(through, (*changes.shape[:3], through.shape[2]))

@@ -14,10 +14,9 @@ _DIFFERENCE = 1e-6  # of central differences, in units of a block's coupling
 
 
 def gains(model: LocalModel, C: Real, power: int) -> Complex:
-    """Matrices (m, ny, nu) of rank one for outputs C: ``c_k b_k'`` of real modes; of blocks the residue over that of a real mode.
-
-    In the unit of the nodes; nan for real poles of blocks. ``(xi - A)^{-1}`` of a block has the residue
-    ``[1; jw] [1, -j/w]/2`` at the upper pole, w = sqrt(v/s).
+    """Matrices (m, ny, nu) of rank one for outputs C, in the unit of the nodes: ``c_k b_k'`` of real modes; of blocks the
+    residue over that of a real mode, as ``(xi - A)^{-1}`` of a block has the residue ``[1; jw] [1, -j/w]/2`` at the upper pole,
+    w = sqrt(v/s). They are nan for real poles of blocks.
     """
     if isinstance(model, RealModes):
         return (C[:, : model.centre.size].T[:, :, None] * model.inputs[:, None]).astype(np.complex128)

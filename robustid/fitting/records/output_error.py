@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Real, StateMatrices, as_count, as_flag, as_float, as_positive, threads_for
+from robustid.core import Budget, Real, StateMatrices, as_count, as_flag, as_float, threads_for
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, former, former_weight
@@ -27,7 +27,7 @@ from robustid.fitting.records.record_statement import (
 )
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.projected_outputs import Outputs
-from robustid.fitting.state_space.state_refinement import Budget, Refined, refine
+from robustid.fitting.state_space.state_refinement import Refined, Report, refine
 
 if TYPE_CHECKING:
     import control
@@ -111,7 +111,7 @@ def fit_records(
     >>> fit.poles.round(6), fit.fit_percent.round(3)
     (array([0.8+0.5j, 0.8-0.5j]), array([[100.]]))
     """
-    deadline = math.inf if time_limit is None else time.monotonic() + as_positive("time_limit", time_limit)
+    budget = Budget(time_limit)
     order = as_count("order", order, least=1)
     experiments = checked_records(records)
     response = None if frf is None else checked_response(frf, experiments[0])
@@ -123,11 +123,11 @@ def fit_records(
     question = posed(experiments, response, order, feedthrough, as_flag("offset", offset))
     given = None if weight is None else given_levels(weight, question.size.size)
     if start is None:
-        candidates = starts(experiments, response, order, feedthrough, deadline)
+        candidates = starts(experiments, response, order, feedthrough, budget)
     else:
         candidates = iter([given_start(start, order, experiments[0])])
     with threads_for(order * question.inputs):
-        found, levels, outputs = _fitted(question, given, candidates, stable, Budget(deadline, progress))
+        found, levels, outputs = _fitted(question, given, candidates, stable, budget, progress)
     return _result(question, experiments, outputs, found, levels, seconds)
 
 
@@ -137,13 +137,14 @@ def _fitted(
     candidates: Iterator[tuple[Real, Real]],
     stable: bool,
     budget: Budget,
+    report: Report | None,
 ) -> tuple[Refined, Real, Outputs]:
     """End of the descent from the best start; the levels that its criterion has, and that criterion."""
-    found, levels = _best_start(question, given, candidates, stable, budget.deadline)
+    found, levels = _best_start(question, given, candidates, stable, budget)
     history, rounds = former(found.history, former_weight(1)), 1
     while True:
         outputs = Outputs(question.criterion(levels[:-1], float(levels[-1])))
-        found = _descended(outputs, found, stable, budget)
+        found = _descended(outputs, found, stable, budget, report)
         before, levels = levels, _levels(question, outputs, found, given)
         same = bool(np.all(np.abs(levels - before) <= _SAME_LEVELS * before))
         if found.status in _ENDED or same or rounds == _WEIGHTINGS:
@@ -152,27 +153,27 @@ def _fitted(
         rounds += 1
 
 
-def _descended(outputs: Outputs, found: Refined, stable: bool, budget: Budget) -> Refined:
+def _descended(outputs: Outputs, found: Refined, stable: bool, budget: Budget, report: Report | None) -> Refined:
     """The end of the descent from the best so far: in patience, where the first part of it ended slowly."""
-    stopped = FitStatus.TIME if budget.spent else None
+    stopped = FitStatus.TIME if budget.over else None
     stopped = FitStatus.INTERRUPTED if found.status is FitStatus.INTERRUPTED else stopped
     limit = _STEPS if stopped is None else 0
-    end = refine(outputs.criterion, found.fitted.model, stable=stable, limit=limit, budget=budget)
+    descend = functools.partial(refine, outputs.criterion, stable=stable, limit=limit, budget=budget, report=report)
+    end = descend(found.fitted.model)
     if stopped is not None:
         return end._replace(status=stopped)
-    if end.status is not FitStatus.SLOW or budget.spent:
+    if end.status is not FitStatus.SLOW or budget.over:
         return end
-    more = refine(outputs.criterion, end.fitted.model, stable=stable, limit=limit, patient=True, budget=budget)
+    more = descend(end.fitted.model, patient=True)
     return more._replace(history=end.history + more.history)
 
 
 def _best_start(
-    posed: Experiments, given: Real | None, candidates: Iterator[tuple[Real, Real]], stable: bool, deadline: float
+    posed: Experiments, given: Real | None, candidates: Iterator[tuple[Real, Real]], stable: bool, budget: Budget
 ) -> tuple[Refined, Real]:
-    """The lowest end of a few steps from every start, and the levels of its residual.
-
-    Each has steps with all outputs weighted by their size, then by the levels of its own residual; the lowest is the one of
-    the greatest likelihood, the smallest product of these levels.
+    """The lowest end of a few steps from every start, and the levels of its residual: steps with all outputs weighted by their
+    size, then by the levels of their own residual. The lowest is the one of the greatest likelihood, the smallest product of
+    these levels.
     """
     best, lowest = None, math.inf
     try:
@@ -183,10 +184,10 @@ def _best_start(
             if stable:
                 inside, xi = model.reflected(), outputs.criterion.xi
                 model = min(inside, inside.resolved(xi), key=lambda one: outputs.fitted(one).cost)
-            first = refine(outputs.criterion, model, stable=stable, limit=_BRIEF, budget=Budget(deadline))
+            first = refine(outputs.criterion, model, stable=stable, limit=_BRIEF, budget=budget)
             outputs, _ = _weighted(posed, outputs, first, given)
-            limit = 0 if time.monotonic() > deadline and first.history else _BRIEF
-            one = refine(outputs.criterion, first.fitted.model, stable=stable, limit=limit, budget=Budget(deadline))
+            limit = 0 if budget.over and first.history else _BRIEF
+            one = refine(outputs.criterion, first.fitted.model, stable=stable, limit=limit, budget=budget)
             outputs, levels = _weighted(posed, outputs, one, given)
             height = posed.height(outputs, outputs.fitted(one.fitted.model))
             if best is None or height < lowest:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,10 +89,10 @@ class RecordFit(Frozen, Savable):
         """The `control.StateSpace`."""
         import control
 
-        names: dict[str, Any] = {
-            axis: [signal.name for signal in getattr(self.records[0], axis)] for axis in ("inputs", "outputs")
-        }
-        return control.ss(*self.matrices, self.dt, **names)
+        inputs, outputs = (
+            [signal.name for signal in axis] for axis in (self.records[0].inputs, self.records[0].outputs)
+        )
+        return control.ss(*self.matrices, self.dt, inputs=inputs, outputs=outputs)
 
     def to_control(self) -> control.StateSpace:
         """`model`, for those who look for this name on every object that python-control understands."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Real, StateMatrices, balancing, lengths, points_of
+from robustid.core import Budget, Real, StateMatrices, balancing, lengths, points_of
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.estimation import first_response
@@ -25,15 +24,15 @@ _HORIZON = 400  # samples of the Gramians
 
 
 def starts(
-    records: Sequence[TimeRecord], frf: FrequencyResponse | None, order: int, feedthrough: bool, deadline: float
+    records: Sequence[TimeRecord], frf: FrequencyResponse | None, order: int, feedthrough: bool, budget: Budget
 ) -> Iterator[tuple[Real, Real]]:
     """A and C of stable models, one after the other; the first whatever the time."""
     found = False
-    for make in (_differences(records, order), _responses(records, frf, order, feedthrough, deadline)):
+    for make in (_differences(records, order), _responses(records, frf, order, feedthrough, budget)):
         for A, C in make:
             found = True
             yield A, C
-            if time.monotonic() > deadline:
+            if budget.over:
                 return
     if not found:
         raise InputError(
@@ -42,7 +41,7 @@ def starts(
 
 
 def _responses(
-    records: Sequence[TimeRecord], frf: FrequencyResponse | None, order: int, feedthrough: bool, deadline: float
+    records: Sequence[TimeRecord], frf: FrequencyResponse | None, order: int, feedthrough: bool, budget: Budget
 ) -> Iterator[tuple[Real, Real]]:
     """Subspace estimates from the response that is given, and from that of the records."""
     responses = [] if frf is None else [frf]
@@ -63,7 +62,7 @@ def _responses(
                     weight=weight,
                     feedthrough=feedthrough,
                     domain="z",
-                    deadline=deadline,
+                    budget=budget,
                 )
             except (InputError, np.linalg.LinAlgError):
                 continue

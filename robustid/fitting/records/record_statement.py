@@ -147,38 +147,20 @@ class Lines(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Experiments:
-    """Records, and a frequency response beside them, in the units in which they are fitted.
-
-    With ``z_k = exp(2 pi i k/N)`` the unitary DFTs of N samples satisfy exactly
-
-    ``Y(k) = P(z_k) U(k) + C (z_k I - A)^{-1} z_k b``,  ``sqrt(N) b = x(0) - x(N)``
-
-    and b is one to one with x(0), as ``I - A^N`` is regular. So a sum of squares over all samples is the same sum over all
-    lines (Parseval), and a transient is one input more, of spectrum z_k. From zero initial conditions b is known:
-    ``Block.samples``. In periodic steady state it is zero.
-
-    Attributes
-    ----------
-    lines : tuple of Lines
-    unit : (nu,) array
-        Root mean square of the inputs, to a power of two: the transient's columns have that size, too.
-    size : (ny,) array
-        Root mean square of the outputs over all records.
-    order : int
-    feedthrough : bool
-    response : FractionProblem or None
-        Of the frequency response, in units of the outputs over those of the inputs `unit`.
-    exact : bool
-        Whether its weight is that of a covariance that is known.
+    """Records, and a frequency response beside them, in the units in which they are fitted. With ``z_k = exp(2 pi i k/N)`` the
+    unitary DFTs satisfy exactly ``Y(k) = P(z_k) U(k) + C (z_k I - A)^{-1} z_k b``, ``sqrt(N) b = x(0) - x(N)``: a sum of
+    squares over samples is that over lines (Parseval), and a transient is one input more, of spectrum z_k.
     """
 
+    # b is one to one with x(0), as I - A^N is regular. From zero initial conditions it is known (`Block.samples`); in periodic
+    # steady state it is zero.
     lines: tuple[Lines, ...]
-    unit: Real
-    size: Real
+    unit: Real  # (nu,) rms of the inputs, to a power of two: the transient's columns have that size, too
+    size: Real  # (ny,) rms of the outputs over all records
     order: int
     feedthrough: bool
-    response: FractionProblem | None = None
-    exact: bool = False
+    response: FractionProblem | None = None  # of the frequency response, in units of the outputs over `unit`
+    exact: bool = False  # its weight is that of a covariance that is known
 
     @property
     def inputs(self) -> int:
@@ -249,9 +231,8 @@ def spectra(record: TimeRecord, unit: Real, column: int | None, offset: bool) ->
 
 
 def fit_driven(criterion: Criterion, A: Real, C: Real) -> Real:
-    """The best inputs B of a model with these poles and outputs, (n, m) with the columns of the initial states.
-
-    Linear least squares. The final state of a record from zero initial conditions is an unknown here.
+    """The best inputs B of a model with these poles and outputs, (n, m) with the columns of the initial states: linear least
+    squares, in which the final state of a record from zero initial conditions is an unknown.
     """
     n, nu = len(A), criterion.inputs
     seen = output_rows(A, C, criterion.xi)

@@ -22,37 +22,21 @@ _PAIRED = ("centre", "coupling", "fall", "inputs")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BlockModel(Frozen):
-    """A and B of a realisation: blocks ``[[a, s], [-v, a]]`` of two poles ``a ± sqrt(-s v)``, single poles, chains.
-
-    The coupling s is fixed, so that a complex pair becomes two real poles smoothly where v passes zero. Modulo
-    similarities the model has n*nu coordinates in (A, B): two a block for its poles, and what of the inputs isn't moved by
-    the block's commutant (I and the off-diagonal part of the block), which C takes up. With C, n*(ny + nu) in all: the
-    dimension of the model set.
-
-    Attributes
-    ----------
-    centre, coupling, fall : (m,) arrays
-        a, s and v of the blocks.
-    inputs : (m, 2, nu) array
-        B of the blocks, of norm one.
-    single : (r,) array
-        Real poles without a partner.
-    single_inputs : (r, nu) array
-    directions : (count, nu) array
-        Velocity rows of the rigid-body chains (count may be 0).
-    free : (count, nu) bool array
-        Entries of the directions that are refined.
-    discrete : bool
+    """A and B of a realisation: blocks ``[[a, s], [-v, a]]`` of two poles ``a ± sqrt(-s v)``, single poles, chains. The
+    coupling s is fixed, so that a complex pair becomes two real poles smoothly where v passes zero. Modulo similarities the
+    model has n*nu coordinates in (A, B), with C n*(ny + nu) in all: the dimension of the model set.
     """
 
-    centre: Real
+    # The coordinates are two a block for its poles, and what of the inputs isn't moved by the block's commutant (I and the
+    # off-diagonal part of the block), which C takes up.
+    centre: Real  # a, s and v of the blocks, (m,)
     coupling: Real
     fall: Real
-    inputs: Real
-    single: Real
-    single_inputs: Real
-    directions: Real
-    free: NDArray[np.bool_]
+    inputs: Real  # B of the blocks (m, 2, nu), of norm one
+    single: Real  # (r,) real poles without a partner
+    single_inputs: Real  # (r, nu)
+    directions: Real  # (count, nu) velocity rows of the rigid-body chains (count may be 0)
+    free: NDArray[np.bool_]  # entries of the directions that are refined
     discrete: bool
 
     width = 2  # columns of C that a block of two poles has
@@ -168,9 +152,8 @@ class BlockModel(Frozen):
         return out
 
     def tangent(self, xi: Complex, states: Complex, C: Real, directions: Complex | None = None) -> Complex:
-        """Derivatives (F, ny, nu, T) of the response in the coordinates of `moved`: ``dP = C R (dA R B + dB)``.
-
-        With directions (F, nu, c) of the inputs, ``R B directions`` for the states: those of ``P directions``, (F, ny, c, T).
+        """Derivatives (F, ny, nu, T) of the response in the coordinates of `moved`, ``dP = C R (dA R B + dB)``. With directions
+        (F, nu, c) of the inputs, ``R B directions`` for the states, those of ``P directions``, (F, ny, c, T).
         """
         rows = self.output_rows(xi, C)
         return np.concatenate([self._pole_changes(rows, states), self._input_changes(rows, directions)], axis=3)

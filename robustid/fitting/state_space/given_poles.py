@@ -62,9 +62,8 @@ def fit_outputs(data: Samples, A: np.ndarray, B: np.ndarray, feedthrough: bool) 
 
 
 def output_rows(A: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """C (xi I - A)^{-1} at all points, (F, ny, n); inf or nan at a pole.
-
-    The states of the dual system, in reversed order: so a Schur form of A is one of the dual, too.
+    """C (xi I - A)^{-1} at all points, (F, ny, n), inf or nan at a pole: the states of the dual system in reversed order, so
+    that a Schur form of A is one of the dual, too.
     """
     dual = (A.T[::-1, ::-1], C.T[::-1], np.eye(len(A))[::-1], np.zeros((len(A), len(C))))
     return response_at(dual, points).transpose(0, 2, 1)

@@ -57,16 +57,9 @@ def sorted_schur(A: np.ndarray, origin: float, count: int) -> tuple[np.ndarray, 
 
 
 def split_rigid(model: StateMatrices, count: int, origin: float, directions: np.ndarray | None) -> StateMatrices:
-    """Transform a model so that its rigid-body modes are exact chains in a block of their own.
-
-    ``A = diag(A_f, [[0, I], [0, 0]] + origin I)`` and, with constant input directions, ``B = [B_f; 0; directions]``:
-    the poles are exact by structure, which no eigenvalue routine would tell (it splits a double pole by sqrt(eps)).
-
-    Parameters
-    ----------
-    model : StateMatrices
-        Of this form but for rounding and noise.
-    directions : (count, nu) array or None
+    """Transform a model of this form, but for rounding and noise, to exact rigid-body chains in a block of their own:
+    ``A = diag(A_f, [[0, I], [0, 0]] + origin I)`` and, with constant input directions (count, nu), ``B = [B_f; 0; directions]``.
+    No eigenvalue routine tells poles that are exact by structure (it splits a double pole by sqrt(eps)).
     """
     A, B, C, D = model
     T, Z = sorted_schur(A, origin, 2 * count)
@@ -92,18 +85,9 @@ def split_rigid(model: StateMatrices, count: int, origin: float, directions: np.
 
 
 def input_priority(model: StateMatrices, states: np.ndarray, step: int) -> tuple[int, ...]:
-    """The inputs, those first whose A^k B adds most when all have had the same number of turns.
-
-    Block Arnoldi from B until less than a whole round of `step` blocks is left; which inputs take part in the rest is
-    a pivoted QR of what they still add.
-
-    Parameters
-    ----------
-    model : StateMatrices
-    states : (F, n, nu) complex array
-        Weighted response of the states on the lines, which says how much a direction of the state space matters.
-    step : int
-        Degrees that an input gains at once.
+    """The inputs, those first whose A^k B adds most when all have had the same number of turns, of `step` degrees each: block
+    Arnoldi from B until less than a whole round is left, then a pivoted QR of what they still add. `states` (F, n, nu), the
+    weighted response of the states, says how much a direction of the state space matters.
     """
     n, nu = model.B.shape
     flat = states.transpose(1, 0, 2).reshape(n, -1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from robustid.fitting.state_space.given_poles import diagonal_blocks
 from robustid.fitting.state_space.real_modes import RealModes
 
 LocalModel = BlockModel | RealModes
+Numbers = NDArray[np.float64 | np.complex128]
 
 _RANK = 1e-12  # columns of the outputs' problem that are this dependent count as one
 _LINES = 500  # points at which the derivatives of all states are held at once
@@ -29,43 +31,28 @@ _CONTRADICTION = 1e-6  # conditions that contradict each other leave this much o
 
 
 class Block(NamedTuple):
-    """Data at some points: ``values = P(xi) directions``, and the weight of their residual.
-
-    A frequency response has no directions: every input alone.
+    """Data at some points: ``values = P(xi) directions``, and the weight of their residual; a frequency response has no
+    directions: every input alone.
     """
 
     at: slice | NDArray[np.int_]  # which points of the criterion
     values: Complex  # (F, ny, c)
     weight: Weight  # of that shape
     directions: Complex | None = None  # (F, m, c) of all inputs of the model
-    samples: int = (
-        0  # of a record with zero initial conditions, whose final state is no unknown; its points: the whole DFT
-    )
+    # of a record with zero initial conditions, whose final state is no unknown; its points: the whole DFT
+    samples: int = 0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Criterion:
-    """Sum over blocks of data of ``|W vec(values - P directions)|^2``, for P of a given order.
+    """Sum over blocks of data of ``|W vec(values - P directions)|^2``, for P of a given order."""
 
-    Attributes
-    ----------
-    xi : (F,) array
-        Points in the unit of the nodes, in rising order of the frequency.
-    blocks : tuple of Block
-    order : int
-    inputs : int
-        Number of inputs, the first ones of the directions; further ones (initial states) have no feed-through.
-    feedthrough : bool
-    held : tuple of ResponseCondition
-        What C and D must meet exactly.
-    """
-
-    xi: Complex
+    xi: Complex  # (F,) in the unit of the nodes, in rising order of the frequency
     blocks: tuple[Block, ...]
     order: int
-    inputs: int
+    inputs: int  # the first ones of the directions; further ones (initial states) have no feed-through
     feedthrough: bool
-    held: tuple[ResponseCondition, ...] = ()
+    held: tuple[ResponseCondition, ...] = ()  # conditions that C and D must meet exactly
 
     @classmethod
     def of(cls, problem: FractionProblem | Criterion) -> Criterion:
@@ -140,10 +127,8 @@ class Fitted(NamedTuple):
 
 
 class Outputs:
-    """The best C and D for given states, and the projection that takes them out of a Jacobian.
-
-    Where the weight is one number an entry, every output has a least-squares problem of its own (G = ny); else they
-    share one (G = 1).
+    """The best C and D for given states, and the projection that takes them out of a Jacobian. Where the weight is one number
+    an entry, every output has a least-squares problem of its own (G = ny); else they share one (G = 1).
     """
 
     def __init__(self, problem: FractionProblem | Criterion) -> None:
@@ -154,25 +139,25 @@ class Outputs:
         self.alike = self.apart and all(bool(np.all(w.entries == w.entries[:, :1])) for w in weights)
         self.target = self.rows([block.values[..., None] for block in criterion.blocks])[..., 0]
 
-    def rows(self, changes: list[Complex]) -> Real:
+    def rows(self, changes: Sequence[Numbers]) -> Real:
         """Weighted changes (F, ny, c, T) of the blocks' values, real parts over imaginary ones: (G, rows, T)."""
         pairs = zip(self.criterion.blocks, changes, strict=True)
         return self._joined([self._weighted(block, change) for block, change in pairs])
 
-    def _weighted(self, block: Block, change: Complex, part: slice = slice(None)) -> Complex:
+    def _weighted(self, block: Block, change: Numbers, part: slice = slice(None)) -> Numbers:
         """Weighted changes of a block's values at a part of its points, from (F, ny, c, T): (G, F, rows of one point, T)."""
         if self.apart:
             return (block.weight.entries[part][..., None] * change).transpose(1, 0, 2, 3)
         weight = block.weight if part == slice(None) else block.weight.select(part)
         return weight.apply_all(change)[None]
 
-    def _joined(self, parts: list[NDArray[Any]]) -> Real:
+    def _joined(self, parts: Sequence[Numbers]) -> Real:
         """Weighted columns (G, F, rows of one point, T) of the blocks, real parts over imaginary ones: (G, rows, T)."""
         return np.concatenate([_real(part.reshape(len(part), -1, part.shape[3])) for part in parts], axis=1)
 
     def design(self, model: LocalModel, states: Complex) -> Real:
         """Weighted response (G, rows, columns) of every coefficient of [C D], row by row or column by column."""
-        stack: list[NDArray[Any]] = []
+        stack: list[Numbers] = []
         for block in self.criterion.blocks:
             rows = self._seen(block, model, states).transpose(0, 2, 1)
             lines, ny, count = block.values.shape
@@ -215,9 +200,8 @@ class Outputs:
         return coefficients if self.apart else coefficients.reshape(-1, self.ny).T
 
     def _restricted(self, model: Any, inverse: Real, u: Real) -> tuple[Restriction, Real, bool]:
-        """Directions that the conditions forbid, the nearest coordinates that meet them, and whether any do.
-
-        The coordinates are orthonormal, so that the nearest ones raise the criterion least.
+        """Directions that the conditions forbid, the nearest coordinates that meet them, and whether any do; the coordinates
+        are orthonormal, so that the nearest ones raise the criterion least.
         """
         with np.errstate(all="ignore"):
             rows = equations(self.criterion.held, model, self.criterion.feedthrough)
@@ -242,9 +226,8 @@ class Outputs:
         return Restriction(V, pseudo), flat.reshape(u.shape), allowed
 
     def directions(self, fitted: Fitted) -> Real:
-        """Weighted derivatives of the response in the coordinates of the model, outputs taken out: (rows, T).
-
-        Conditions turn with the model: the outputs follow them by the least change.
+        """Weighted derivatives (rows, T) of the response in the coordinates of the model, outputs taken out; conditions turn
+        with the model, and the outputs follow them by the least change.
         """
         changes = self.changes(fitted)
         Q = fitted.basis
@@ -302,9 +285,8 @@ class Outputs:
         return states - xi[:, None, None] * model.driven(final).states(xi)
 
     def _changes(self, block: Block, fitted: Fitted) -> Real:
-        """Weighted derivatives (G, rows, T) of what a block sees in the coordinates of the model, outputs held.
-
-        By parts of the points that stay in the cache.
+        """Weighted derivatives (G, rows, T) of what a block sees in the coordinates of the model, outputs held; by parts of the
+        points that stay in the cache.
         """
         xi, model = self.criterion.xi[block.at], fitted.model
         states = self._seen(block, model, fitted.states)
@@ -323,7 +305,7 @@ class Outputs:
             out[:, 0, part], out[:, 1, part] = weighted.real, weighted.imag
         return out.reshape(len(out), -1, out.shape[-1])
 
-    def _final_changes(self, block: Block, model: Any, states: Complex) -> Real:
+    def _final_changes(self, block: Block, model: BlockModel, states: Complex) -> Real:
         """Derivatives (n, T) of the final states of a record from zero initial conditions."""
         xi = self.criterion.xi[block.at]
         total = np.zeros((model.order, 1))
@@ -355,9 +337,8 @@ def _orthonormal(design: Real) -> tuple[Real, Real]:
 
 
 def _final(model: BlockModel, periodic: Real, samples: int) -> Real:
-    """Final states (n, T), over sqrt(N), of a record from zero initial conditions.
-
-    Periodic states that begin at p belong to the final state ``(I - A^N) p`` of those that begin at zero.
+    """Final states (n, T), over sqrt(N), of a record from zero initial conditions: periodic states that begin at p belong to
+    the final state ``(I - A^N) p`` of those that begin at zero.
     """
     A = model.matrices()[0]
     return (periodic - np.linalg.matrix_power(A, samples) @ periodic) / math.sqrt(samples)
@@ -370,6 +351,6 @@ def _sum(spectrum: Complex, samples: int, first: int = 0) -> Real:
     return np.tensordot(np.where(single, 1.0, 2.0), spectrum.real, axes=1) / math.sqrt(samples)
 
 
-def _real(rows: NDArray[Any]) -> Real:
+def _real(rows: Numbers) -> Real:
     """Real parts over imaginary ones, (G, 2 rows, T)."""
     return np.concatenate([np.real(rows), np.imag(rows)], axis=1)

@@ -39,33 +39,18 @@ class _Curve(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RealModes(Frozen):
-    """Modes of real shape ``h_k(xi) c_k b_k'`` and rigid-body modes ``g(xi) C_r B_r``, with g the samples of 1/s^2.
-
-    With poles ``a ± sqrt(-w)`` in s, h and its samples are smooth in (a, w), also where the two poles become real. Modulo
-    scalings that C takes up, a mode has two coordinates for its poles and nu - 1 for its direction; with C, 1 + nu + ny in all.
-
-    Attributes
-    ----------
-    centre, square : (m,) arrays
-        a and w: decay and square of the damped frequency, in the unit of the nodes or rad/sample.
-    inputs : (m, nu) array
-        b, of norm one.
-    directions : (count, nu) array
-        B_r (count may be 0).
-    free : (count, nu) bool array
-        Entries of the directions that are refined.
-    discrete : bool
-    power : int
-        q: 0 for positions, 1 for velocities, 2 for accelerations.
+    """Modes of real shape ``h_k(xi) c_k b_k'`` and rigid-body modes ``g(xi) C_r B_r``, with g the samples of 1/s^2. With poles
+    ``a ± sqrt(-w)`` in s, h and its samples are smooth in (a, w), also where the two poles become real. Modulo scalings that C
+    takes up, a mode has two coordinates for its poles and nu - 1 for its direction; with C, 1 + nu + ny in all.
     """
 
-    centre: Real
+    centre: Real  # a and w (m,): decay and square of the damped frequency, in the unit of the nodes or rad/sample
     square: Real
-    inputs: Real
-    directions: Real
-    free: NDArray[np.bool_]
+    inputs: Real  # b (m, nu), of norm one
+    directions: Real  # B_r (count, nu); count may be 0
+    free: NDArray[np.bool_]  # entries of the directions that are refined
     discrete: bool
-    power: int
+    power: int  # q: 0 for positions, 1 for velocities, 2 for accelerations
 
     width = 1  # columns of C that a mode has
 
@@ -298,9 +283,8 @@ def mode_gains(upper: Complex, discrete: bool, power: int) -> Complex:
 
 
 def zero_order_held(p: Complex, power: int) -> tuple[Complex, Complex]:
-    """Residue ``k = p^q (e^p - 1)/p`` of ``p^q/(s - p)`` behind a zero-order hold, ``k/(z - e^p)``, and its slope.
-
-    For q = 2 there is a constant 1 beside it.
+    """Residue ``k = p^q (e^p - 1)/p`` of ``p^q/(s - p)`` behind a zero-order hold, ``k/(z - e^p)``, and its slope; for q = 2
+    there is a constant 1 beside it.
     """
     first = np.expm1(p) / p
     slope = (np.exp(p) - first) / p

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-import time
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, StateMatrices, response_at
+from robustid.core import Budget, Complex, StateMatrices, response_at
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, fit_fraction
 from robustid.fitting.fraction.fraction_model import realise
@@ -22,7 +20,7 @@ from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.given_poles import Samples, diagonal_blocks
 from robustid.fitting.state_space.integrator_chains import input_priority
 from robustid.fitting.state_space.pole_distances import RESOLVED, SEVERAL
-from robustid.fitting.state_space.state_refinement import PER_ROUND, Budget, Outputs, Refined, exchange_modes, refine
+from robustid.fitting.state_space.state_refinement import PER_ROUND, UNLIMITED, Outputs, Refined, exchange_modes, refine
 from robustid.fitting.state_space.subspace import subspace_estimate
 from robustid.fitting.state_space.withheld_points import left_out_cost, withheld_residuals
 
@@ -47,7 +45,7 @@ class Settings:
     stable: bool
     progress: Callable[[FitStep], None] | None
     rounds: int = 0  # of the way out of local minima
-    deadline: float = math.inf
+    budget: Budget = UNLIMITED
     # Whether a refined model is enough: no mode is exchanged then, and nothing is tried beyond the stability boundary.
     enough: Callable[[FractionProblem, Complex], bool] | None = None
 
@@ -65,9 +63,8 @@ class Descent(NamedTuple):
 
 
 def refinable(problem: FractionProblem) -> bool:
-    """Tell whether a state space can keep what is asked for by its outputs alone, for any poles and inputs.
-
-    Entries that are zero, and rigid-body modes inside, are conditions on poles and inputs: they need the fraction.
+    """Tell whether a state space can keep what is asked for by its outputs alone, for any poles and inputs: entries that are
+    zero, and rigid-body modes inside, are conditions on poles and inputs, which need the fraction.
     """
     return not np.any(problem.zeros) and (problem.rigid is None or problem.rigid.outside)
 
@@ -115,14 +112,13 @@ def _may_go_on(problem: FractionProblem, found: Refined, settings: Settings) -> 
     response = found.fitted.response
     if flipped(problem):
         response = response.transpose(0, 2, 1)
-    stopped = found.status is FitStatus.INTERRUPTED or time.monotonic() > settings.deadline
+    stopped = found.status is FitStatus.INTERRUPTED or settings.budget.over
     return bool(settings.rounds) and not stopped and suspicious(problem, response, found.status)
 
 
 def _by_fractions(problem: FractionProblem, data: Samples, model: StateMatrices) -> StateMatrices | None:
-    """A model that SK steps make of a first one, as a fraction that meets the conditions; None where there is none.
-
-    The poles of a start that doesn't know the conditions may be far from those that are best with them.
+    """A model that SK steps make of a first one, as a fraction that meets the conditions; None where there is none. The poles
+    of a start that doesn't know the conditions may be far from those that are best with them.
     """
     try:
         form, first = best_form(problem, model, data, True)
@@ -169,38 +165,59 @@ def _descended(
     if flipped(problem):
         problem, data, model = problem.transposed(), data.transposed(), model.transposed()
     start = start_of(problem, model, stable=settings.stable)
-    budget = Budget(settings.deadline, settings.progress)
-    found = _first(problem, start, settings, budget, RESOLVED)
-    ended = found.status is FitStatus.INTERRUPTED or budget.spent
+    found = _first(problem, start, settings, RESOLVED)
+    ended = found.status is FitStatus.INTERRUPTED or settings.budget.over
     if settings.enough is not None and not ended and settings.enough(problem, found.fitted.response):
         return found, 0, np.nan, True
-    found = _further(problem, data, found, settings, budget, RESOLVED)
-    if settings.stable and found.status is not FitStatus.INTERRUPTED and not budget.spent:
-        found, resolved = _seen_by_several(problem, data, start, settings, budget, found)
-        if found.bound and not budget.spent:
-            return *_beyond(problem, found, resolved, budget), False
+    found = _further(problem, data, found, settings, RESOLVED)
+    if settings.stable and found.status is not FitStatus.INTERRUPTED and not settings.budget.over:
+        found, resolved = _seen_by_several(problem, data, start, settings, found)
+        if found.bound and not settings.budget.over:
+            return *_beyond(problem, found, resolved, settings), False
     return found, 0, np.nan, False
 
 
-def _first(problem: FractionProblem, start: BlockModel, settings: Settings, budget: Budget, resolved: float) -> Refined:
+def _first(problem: FractionProblem, start: BlockModel, settings: Settings, resolved: float) -> Refined:
     """End of the refinement from the start."""
     steps = min(_STEPS, _allowance(problem))
-    return refine(problem, start, stable=settings.stable, limit=steps, resolved=resolved, budget=budget)
+    return refine(
+        problem,
+        start,
+        stable=settings.stable,
+        limit=steps,
+        resolved=resolved,
+        budget=settings.budget,
+        report=settings.progress,
+    )
 
 
-def _further(
-    problem: FractionProblem, data: Samples, found: Refined, settings: Settings, budget: Budget, resolved: float
-) -> Refined:
+def _further(problem: FractionProblem, data: Samples, found: Refined, settings: Settings, resolved: float) -> Refined:
     """End of the exchange of modes, and of the steps that are left."""
-    steps, stable = _allowance(problem), settings.stable
+    steps = _allowance(problem)
     rounds = min(settings.rounds, (steps - len(found.history)) // PER_ROUND)
     if rounds > 0 and suspicious(problem, found.fitted.response, found.status):
-        found = exchange_modes(problem, data, found, stable=stable, rounds=rounds, resolved=resolved, budget=budget)
+        found = exchange_modes(
+            problem,
+            data,
+            found,
+            stable=settings.stable,
+            rounds=rounds,
+            resolved=resolved,
+            budget=settings.budget,
+            report=settings.progress,
+        )
         steps -= rounds * PER_ROUND
     left = steps - len(found.history)
-    if found.status is FitStatus.SLOW and left > 0 and not budget.spent:
+    if found.status is FitStatus.SLOW and left > 0 and not settings.budget.over:
         more = refine(
-            problem, found.fitted.model, stable=stable, limit=left, resolved=resolved, patient=True, budget=budget
+            problem,
+            found.fitted.model,
+            stable=settings.stable,
+            limit=left,
+            resolved=resolved,
+            patient=True,
+            budget=settings.budget,
+            report=settings.progress,
         )
         found = more._replace(history=found.history + more.history)
     return found
@@ -211,27 +228,24 @@ def _seen_by_several(
     data: Samples,
     start: BlockModel,
     settings: Settings,
-    budget: Budget,
     found: Refined,
 ) -> tuple[Refined, float]:
-    """The fit, or where single points decide modes between them, one whose modes are as wide as half the points' spacing.
-
-    Such a mode may follow the noise of its point, and is free between the points; then the wider ones predict better
-    what is withheld. Where it is worth more than a factor of two it is a mode of the plant.
+    """The fit, or where single points decide modes between them, one whose modes are as wide as half the points' spacing. Such
+    a mode may follow the noise of its point, and is free between the points; then the wider ones predict better what is
+    withheld. Where it is worth more than a factor of two it is a mode of the plant.
     """
     outputs, model = Outputs(problem), found.fitted.model
     narrow = model.distances < SEVERAL * model.spacing(problem.xi)
     if not np.any(narrow) or left_out_cost(outputs, found.fitted) <= _BY_ITSELF * found.fitted.cost:
         return found, RESOLVED
-    wide = _first(problem, start.resolved(problem.xi, SEVERAL), settings, budget, SEVERAL)
-    wide = _further(problem, data, wide, settings, budget, SEVERAL)
-    if budget.spent or wide.fitted.cost > min(_WORTH * found.fitted.cost, outputs.fitted(start).cost):
+    wide = _first(problem, start.resolved(problem.xi, SEVERAL), settings, SEVERAL)
+    wide = _further(problem, data, wide, settings, SEVERAL)
+    if settings.budget.over or wide.fitted.cost > min(_WORTH * found.fitted.cost, outputs.fitted(start).cost):
         return found, RESOLVED
-    quiet = budget._replace(report=None)
     costs: list[float] = []
     try:
         for part, one in ((RESOLVED, found), (SEVERAL, wide)):
-            left = withheld_residuals(problem, one.fitted.model, stable=True, resolved=part, budget=quiet)
+            left = withheld_residuals(problem, one.fitted.model, stable=True, resolved=part, budget=settings.budget)
             costs.append(float(np.linalg.norm(problem.weight.apply(left))))
     except KeyboardInterrupt:
         return found._replace(status=FitStatus.INTERRUPTED), RESOLVED
@@ -240,13 +254,23 @@ def _seen_by_several(
     return wide._replace(history=found.history + wide.history), SEVERAL
 
 
-def _beyond(problem: FractionProblem, found: Refined, resolved: float, budget: Budget) -> tuple[Refined, int, float]:
+def _beyond(
+    problem: FractionProblem, found: Refined, resolved: float, settings: Settings
+) -> tuple[Refined, int, float]:
     """Look beyond the boundary: the end of the way back where it is lower, unstable poles of the best model there, its cost."""
-    free = refine(problem, found.fitted.model, stable=False, limit=_BEYOND, budget=budget._replace(report=None))
+    free = refine(problem, found.fitted.model, stable=False, limit=_BEYOND, budget=settings.budget)
     poles = free.fitted.model.poles
     unstable = int(np.sum(np.abs(poles) >= 1 if problem.dt is not None else poles.real >= 0))
     inside = free.fitted.model.resolved(problem.xi, resolved)
-    back = refine(problem, inside, stable=True, limit=_BEYOND, resolved=resolved, budget=budget)
+    back = refine(
+        problem,
+        inside,
+        stable=True,
+        limit=_BEYOND,
+        resolved=resolved,
+        budget=settings.budget,
+        report=settings.progress,
+    )
     if back.fitted.cost < found.fitted.cost:
         found = back._replace(history=found.history + back.history)
     if not unstable or free.fitted.cost >= found.fitted.cost:

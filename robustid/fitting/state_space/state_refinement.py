@@ -6,13 +6,12 @@ The exchange leads out of a local minimum: a block more where the residual asks 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, DampedSteps, Real
+from robustid.core import Budget, Complex, DampedSteps, Real
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
 from robustid.fitting.fraction.fraction_problem import FractionProblem
@@ -39,19 +38,8 @@ _RICHER, _AFTER = 12, 40  # steps with the blocks more, and after as many were t
 PER_ROUND = 2 * _RICHER + _AFTER  # the richer ones cost more
 
 
-class Budget(NamedTuple):
-    """Steps and time that a refinement may use, and whom it tells."""
-
-    deadline: float = math.inf  # of `time.monotonic`
-    report: Callable[[FitStep], None] | None = None
-
-    @property
-    def spent(self) -> bool:
-        """True when the time is over."""
-        return time.monotonic() > self.deadline
-
-
 UNLIMITED = Budget()
+Report = Callable[[FitStep], None]  # told of every step
 
 
 class Refined(NamedTuple):
@@ -72,38 +60,19 @@ def refine(
     resolved: float = RESOLVED,
     patient: bool = False,
     budget: Budget = UNLIMITED,
+    report: Report | None = None,
     outputs: Outputs | None = None,
 ) -> Refined:
-    """Levenberg-Marquardt from a realisation; every accepted step is the best so far.
-
-    C and D are fitted anew at every trial (variable projection), and the tangent space of what is left is made orthonormal:
-    in those coordinates ``J = Q R`` every step is an orthogonal projection. The length of a step is measured in what
-    changes the response noticeably, the distance of a pole from the nearest frequency point.
-
-    Parameters
-    ----------
-    problem : FractionProblem or Criterion
-        Data, weight and feed-through.
-    start : BlockModel or RealModes
-    stable : bool
-        Keep the poles inside the stability region; those that a step would take out, or nearer to the boundary than the
-        data resolve, end on their way (`BlockModel.least_distances`).
-    limit : int
-        Largest number of steps.
-    resolved : float
-        Part of the spacing of the frequency points that the damping of a mode has at least, if it began with more.
-    patient : bool
-        Go on when the last steps together lowered the criterion by less than 0.1 %.
-    budget : Budget
-    outputs : Outputs, optional
-        Of the problem, where the outputs are tied to the inputs.
-
-    Notes
-    -----
-    Source: `mckelvey2004` (local coordinates by data), `golub1973` (variable projection), `more1978` (radius of trust).
+    """Levenberg-Marquardt from a realisation; every accepted step is the best so far. C and D are fitted anew at every trial;
+    the tangent space of what is left is made orthonormal, ``J = Q R``, so that every step is a projection, its length that of
+    changes that the response notices: the distance of a pole from the nearest point (`mckelvey2004`, `golub1973`, `more1978`).
     """
+    # With `stable`, poles that a step would take out of the stability region, or nearer to the boundary than the data resolve,
+    # end on their way (`BlockModel.least_distances`). `limit` is the largest number of steps; `resolved` the part of the
+    # spacing of the frequency points that the damping of a mode has at least, if it began with more; `patient` goes on when the
+    # last steps together lowered the criterion by less than 0.1 %; `outputs` are given where they are tied to the inputs.
     outputs = Outputs(problem) if outputs is None else outputs
-    descent = _Descent(problem, start, resolved if stable else None, 0.0 if patient else _SLOW, budget, outputs)
+    descent = _Descent(problem, start, resolved if stable else None, 0.0 if patient else _SLOW, budget, report, outputs)
     status = FitStatus.LIMIT
     try:
         while len(descent.history) < limit:
@@ -128,10 +97,11 @@ class _Descent:
         resolved: float | None,
         slow: float,
         budget: Budget,
+        report: Report | None,
         outputs: Outputs,
     ) -> None:
         self.problem, self.resolved, self.slow, self.budget = problem, resolved, slow, budget
-        self.outputs = outputs
+        self.report, self.outputs = report, outputs
         self.best = self.outputs.fitted(start)
         self.radius, self.bound = math.sqrt(problem.order), False
         self.history: list[FitStep] = []
@@ -161,7 +131,7 @@ class _Descent:
             trial = self.outputs.fitted(best.model.moved(reach * step, least))
             if self._trusted(trial, promised, length):
                 return self._record(trial, min(1.0, length), slope)
-            if self.budget.spent:
+            if self.budget.over:
                 return FitStatus.TIME
         return FitStatus.FLAT if promised <= self.worth * best.cost else FitStatus.STALLED
 
@@ -179,14 +149,14 @@ class _Descent:
         """Take the trial; the status where the last steps together, or the time, say that it is the last."""
         self.best = trial
         self.history.append(FitStep("lm", trial.cost, trial.condition, step, slope))
-        if self.budget.report is not None:
-            self.budget.report(self.history[-1])
+        if self.report is not None:
+            self.report(self.history[-1])
         fall = self.history[-1 - _WINDOW].cost / trial.cost - 1 if len(self.history) > _WINDOW else math.inf
         if fall <= self.worth:
             return FitStatus.FLAT
         if fall <= self.slow:
             return FitStatus.SLOW
-        return FitStatus.TIME if self.budget.spent else None
+        return FitStatus.TIME if self.budget.over else None
 
 
 def _orthonormal(J: Real, r: Real) -> tuple[Real, Real]:
@@ -228,19 +198,19 @@ def exchange_modes(
     stable: bool,
     rounds: int,
     budget: Budget,
+    report: Report | None = None,
     resolved: float = RESOLVED,
     outputs: Outputs | None = None,
     structured: Callable[[BlockModel, Complex], LocalModel] = lambda model, _: model,
 ) -> Refined:
-    """Add poles that a subspace estimate finds in the residual, refine, drop as many of the least important, refine.
-
-    A quarter of the blocks first, then half as many. The criterion never rises: an exchange that doesn't lower it isn't
-    made. With a structure of the model its own `outputs` are given, and the way of blocks for a response into it (`structured`).
+    """Add poles that a subspace estimate finds in the residual, refine, drop as many of the least important, refine: a quarter
+    of the blocks first, then half as many. An exchange that doesn't lower the criterion isn't made. With a structure of the
+    model its own `outputs` are given, and the way of blocks for a response into it (`structured`).
     """
     outputs = Outputs(problem) if outputs is None else outputs
     count = max(found.fitted.model.centre.size // _PART, 1)
     for _ in range(rounds):
-        if budget.spent or found.status in (FitStatus.EXACT, FitStatus.INTERRUPTED):
+        if budget.over or found.status in (FitStatus.EXACT, FitStatus.INTERRUPTED):
             break
         more = _blocks(problem, data, found, count)
         if more is None:
@@ -252,7 +222,7 @@ def exchange_modes(
             stable=stable,
             limit=_RICHER,
             resolved=resolved,
-            budget=budget._replace(report=None),
+            budget=budget,
             outputs=outputs,
         )
         fitted = richer.fitted
@@ -265,6 +235,7 @@ def exchange_modes(
             limit=_AFTER,
             resolved=resolved,
             budget=budget,
+            report=report,
             outputs=outputs,
         )
         before = found.fitted.cost

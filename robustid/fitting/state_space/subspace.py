@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, as_array, as_count, as_flag, freeze, one_thread, response_at
+from robustid.core import Budget, Frozen, as_array, as_count, as_flag, freeze, one_thread, response_at
 from robustid.errors import InputError
 from robustid.fitting.fraction.householder import triangle
 from robustid.fitting.state_space.given_poles import Samples, band, fit_inputs, real_rows, reflected
@@ -21,25 +20,16 @@ _MUCH = 1e9  # products that an estimate of so many block rows takes: then poles
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SubspaceEstimate(Frozen):
-    """State-space matrices of P(xi) = C (xi I - A)^{-1} B + D with the singular values that show the order.
+    """State-space matrices of P(xi) = C (xi I - A)^{-1} B + D with the singular values that show the order."""
 
-    Attributes
-    ----------
-    A, B, C, D : (n, n), (n, nu), (ny, n), (ny, nu) arrays
-        Real, A in real Schur form; xi = s (A in rad/s) or xi = z.
-    singular_values : (r,) array
-        Of the noise-whitened data, falling. A gap after the n-th says that the data hold n states; where `weight` is
-        the inverse standard deviation, noise alone gives values near 1, at most about 1 + sqrt(r/(2 F nu)).
-    residual : float
-        Root mean square of ``weight * (values - P)`` over the entries with weight.
-    """
-
-    A: np.ndarray
+    A: np.ndarray  # in real Schur form; xi = s (A in rad/s) or xi = z
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
+    # (r,) of the noise-whitened data, falling: a gap after the n-th says that the data hold n states; where the
+    # weight is the inverse standard deviation, noise alone gives values near 1, at most about 1 + sqrt(r/(2 F nu))
     singular_values: np.ndarray
-    residual: float
+    residual: float  # root mean square of weight * (values - P) over the entries with weight
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("A", "B", "C", "D", "singular_values")})
@@ -60,7 +50,7 @@ def subspace_estimate(
     feedthrough: bool = False,
     domain: str = "s",
     stable: bool = True,
-    deadline: float = math.inf,
+    budget: Budget | None = None,
 ) -> SubspaceEstimate:
     """A state-space model of given order from samples on any grid, by one singular value decomposition.
 
@@ -87,8 +77,8 @@ def subspace_estimate(
     domain : {"s", "z"}
     stable : bool
         Reflect unstable poles at the stability boundary and fit B and D anew.
-    deadline : float
-        Time, of `time.monotonic`, after which nothing further is tried.
+    budget : Budget, optional
+        Of time, after which nothing further is tried.
 
     Returns
     -------
@@ -131,7 +121,7 @@ def subspace_estimate(
         choices = pole_choices(data.points, rows - 1, domain)
         much = best is not None and data.values.size * data.values.shape[1] * rows**2 > _MUCH
         for number in [leading] if much else range(len(choices)):  # the one that was best with half as many rows
-            if best is not None and time.monotonic() > deadline:
+            if best is not None and budget is not None and budget.over:
                 return best
             dynamics, outputs, singular_values = _dynamics(data, order, choices[number])
             T, Z = scipy.linalg.schur(dynamics, output="real")[:2]
@@ -175,10 +165,9 @@ def _dynamics(data: Samples, order: int, poles: np.ndarray) -> tuple[np.ndarray,
 
 
 def _noise(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviation of each entry, and a weight per point and input (0 where an entry of the column is unused).
-
-    The inverse rms deviation of the column: an entry with a tiny deviation (in an antiresonance) must not lift its
-    whole column, which an average of the weights would do (measured: twice the error).
+    """Standard deviation of each entry, and a weight per point and input (0 where an entry of the column is unused): the
+    inverse rms deviation of the column. An entry with a tiny deviation (in an antiresonance) must not lift its whole column,
+    which an average of the weights would do (measured: twice the error).
     """
     with np.errstate(divide="ignore"):
         column = 1 / np.sqrt(np.mean((1 / weight) ** 2, axis=1))
@@ -263,13 +252,12 @@ def pole_choices(points: np.ndarray, count: int, domain: str) -> list[np.ndarray
 def rational_krylov(
     points: np.ndarray, weight: np.ndarray, poles: np.ndarray, domain: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rational functions f (F, i), orthonormal under the weight, and S, T (i, i-1) with xi * f S = f T.
-
-    Real inner product Re sum_k weight_k^2 conj(f_k) g_k; the first function is constant. Each new one starts as an
-    all-pass times the last, (pole + s)/(pole - s) with pole > 0 or (z - pole)/(1 - pole z) with |pole| < 1: it has the
-    modulus of the last one at every point, and its pole lies where the last one, like a Szegő polynomial, has no zero,
-    so that no step can be lost. f(A) exists for stable A.
+    """Rational functions f (F, i), orthonormal in ``Re sum_k weight_k^2 conj(f_k) g_k``, the first one constant, and S, T (i,
+    i-1) with xi * f S = f T. Each new one starts as an all-pass times the last, (pole + s)/(pole - s) with pole > 0 or (z -
+    pole)/(1 - pole z) with |pole| < 1. f(A) exists for stable A.
     """
+    # The all-pass times the last has the modulus of the last one at every point, and its pole lies where the last one, like a
+    # Szegő polynomial, has no zero, so that no step can be lost.
     count = len(poles) + 1
     Q = np.zeros((len(points), count), dtype=complex)
     S, T = np.zeros((2, count, count - 1))

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Real
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.householder import triangle
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.pole_distances import RESOLVED
 from robustid.fitting.state_space.projected_outputs import Fitted, Outputs
-from robustid.fitting.state_space.state_refinement import UNLIMITED, Budget, refine
+from robustid.fitting.state_space.state_refinement import UNLIMITED, refine
 
 EVERY = 4  # points, of which one is withheld
 STEPS = 10
@@ -23,11 +22,9 @@ _ALONE = 1e-12  # 1 - leverage of a point that alone decides a direction
 
 
 def left_out_cost(outputs: Outputs, fitted: Fitted) -> float:
-    """Criterion of the points of a frequency response, each predicted by the fit to the others.
-
-    To first order the residual of a point that is left out is ``(I - H_ii)^-1 r_i``, with H the projection on the tangent
-    space of the response (leave-one-out, `allen1974`). A mode that only one point sees decides that point alone: there
-    H_ii has an eigenvalue near one, and the sum grows without bound, however small the criterion itself is.
+    """Criterion of the points of a frequency response, each predicted by the fit to the others: to first order
+    ``(I - H_ii)^-1 r_i``, H the projection on the response's tangent space (leave-one-out, `allen1974`). A mode that one point
+    alone sees decides it: H_ii has an eigenvalue near one, and the sum grows without bound, however small the criterion is.
     """
     lines = outputs.criterion.xi.size
     _, sizes, Vt = np.linalg.svd(triangle(columns := outputs.directions(fitted)), full_matrices=False)
@@ -50,9 +47,8 @@ def _by_line(rows: Real, groups: int, lines: int) -> Real:
 
 
 def withheld(problem: FractionProblem, first: int) -> np.ndarray:
-    """Mask of every fourth frequency point; none of them where the remaining ones say nothing.
-
-    The last point stays: it says what the unit of the nodes is.
+    """Mask of every fourth frequency point; none of them where the remaining ones say nothing. The last point stays: it says
+    what the unit of the nodes is.
     """
     points = np.arange(problem.omega.size)
     mask = (points % EVERY == first) & (points < points.size - 1)
@@ -70,9 +66,8 @@ def withheld_residual(
     steps: int = STEPS,
     budget: Budget = UNLIMITED,
 ) -> Complex:
-    """Residual (m, ny, nu), without its weight, at the withheld points of the model refined on the others.
-
-    Ctrl-C is not kept back here: without the points a fit is of no use.
+    """Residual (m, ny, nu), without its weight, at the withheld points of the model refined on the others. Ctrl-C is not kept
+    back here: without the points a fit is of no use.
     """
     others = dataclasses.replace(
         problem, omega=problem.omega[~mask], values=problem.values[~mask], weight=problem.weight.select(~mask)
@@ -84,14 +79,21 @@ def withheld_residual(
     return problem.values[mask] - found.C @ found.model.states(problem.xi[mask]) - found.D
 
 
-def withheld_residuals(problem: FractionProblem, model: BlockModel, **options: Any) -> Complex:
-    """Residual (F, ny, nu), without its weight, at every frequency point but the last, each withheld once; 0 at the last.
-
-    Options are those of `withheld_residual`.
-    """
+def withheld_residuals(
+    problem: FractionProblem,
+    model: BlockModel,
+    *,
+    stable: bool,
+    resolved: float = RESOLVED,
+    steps: int = STEPS,
+    budget: Budget = UNLIMITED,
+) -> Complex:
+    """Residual (F, ny, nu), without its weight, at every frequency point but the last, each withheld once; 0 at the last."""
     out = np.zeros(problem.values.shape, dtype=complex)
     for first in range(EVERY):
         mask = withheld(problem, first)
         if np.any(mask):
-            out[mask] = withheld_residual(problem, model, mask, **options)
+            out[mask] = withheld_residual(
+                problem, model, mask, stable=stable, resolved=resolved, steps=steps, budget=budget
+            )
     return out
