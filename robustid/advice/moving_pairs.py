@@ -30,18 +30,10 @@ class _Pair:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MovingPairs(Frozen):
-    """A parametric basis taken apart: Kautz pairs, which can move, and blocks that stay as they are.
-
-    Attributes
-    ----------
-    parts : tuple of ParametricBasis or _Pair
-    start : (M, 2) array
-        log of natural frequency [rad/s] and log of damping ratio of every pair.
-    dt : float, s
-    """
+    """A parametric basis taken apart: Kautz pairs, which can move, and blocks that stay as they are."""
 
     parts: tuple[ParametricBasis | _Pair, ...]
-    start: Real
+    start: Real  # (M, 2), log of natural frequency [rad/s] and log of damping ratio of every pair
     dt: float
 
     def __post_init__(self) -> None:

@@ -77,30 +77,12 @@ def given_lines(lines: Any, period: int) -> np.ndarray:
 def low_crest_phases(
     rng: np.random.Generator, amplitude: np.ndarray, lines: np.ndarray, period: int, rotations: np.ndarray
 ) -> np.ndarray:
-    """Phases (F,) of a multisine with a small peak, from a random start: a random local minimum.
+    """Phases (F,) [rad, of cosines] of a multisine with a small peak at all (R,) `rotations` of its phases: a random local minimum.
 
-    Minimises ``log (mean |u|^(2p))^(1/2p)`` over the phases for p = 2, 4, ..., 512, each from the minimum before
-    (`guillaume1991`; the sums are FFTs, and a quasi-Newton method in place of Gauss–Newton needs no Jacobian). The
-    result is never worse than its own start or Schroeder's phases.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of the starting phases.
-    amplitude : (F,) array
-        Of the lines; any scale.
-    lines : (F,) array of int
-        Between 0 and Nyquist, both excluded.
-    period : int
-        Samples.
-    rotations : (R,) array
-        Angles: ``u`` is to have a small peak with every one of them added to all phases.
-
-    Returns
-    -------
-    (F,) array
-        In rad, of cosines.
+    Minimises ``log (mean |u|^(2p))^(1/2p)`` over the phases for p = 2, 4, ..., 512, each from the minimum before (`guillaume1991`);
+    never worse than its own start or Schroeder's phases. The `lines` lie between 0 and Nyquist, both excluded.
     """
+    # The sums are FFTs, and a quasi-Newton method in place of Gauss–Newton needs no Jacobian.
     schroeder = schroeder_phases(amplitude)
     goal = _peak(schroeder, amplitude, lines, period, rotations)
     phases = schroeder

@@ -207,22 +207,10 @@ def _rounding(records: list[TimeRecord], values: np.ndarray, inverse: np.ndarray
 
 
 def transient_periods(spectra: np.ndarray, index: np.ndarray) -> tuple[int, bool]:
-    """Number of periods at the start that differ from the later ones more than these among themselves.
+    """Number of periods at the start, at most half, that differ more than the later ones do; whether those are steady.
 
     ``x_k = |Y_p(k) - mean|^2/(s^2 (1 + 1/m))``, mean and variance s^2 over the m periods after p, is F(2, 2(m-1)) distributed in
-    steady state; the mean of log x over all lines and over every few of them is compared with what it would be.
-
-    Parameters
-    ----------
-    spectra : (R, P, K, n) array
-        Of every record and period.
-    index : (F,) array
-        Lines that are used: the lines in between count too.
-
-    Returns
-    -------
-    int, bool
-        Periods, at most half of them, and whether the later ones are steady.
+    steady state; the mean of log x over all lines of (R, P, K, n), those between the used ones too, and over every few is tested.
     """
     from scipy.special import polygamma, psi
 
@@ -256,24 +244,13 @@ def transient_periods(spectra: np.ndarray, index: np.ndarray) -> tuple[int, bool
 
 
 def without_drift(signals: np.ndarray, period: int) -> tuple[Real, Real]:
-    """Signals of whole periods without what drifts, and how much that was.
+    """Signals (R, T, n) of whole periods in steady state without their drift, and its range (R, n): 0 where noise hides it.
 
-    ``y(t) = s(t mod period) + sum_j c_j t^j + e(t)``, least squares over s and c together: the powers of t, less their mean over
-    the periods at every sample of a period, are regressed on y less its own. A drift repeats in every period as a sawtooth, which
-    no scatter between periods shows; it is removed as well. Exact for a polynomial of third degree, or of one less than there are
-    periods.
-
-    Parameters
-    ----------
-    signals : (R, T, n) array
-        Of R records, each a whole number of periods in steady state.
-    period : int
-
-    Returns
-    -------
-    (R, T, n) array, (R, n) array
-        The signals, and the range of the drift that was removed; 0 where none stood out of the noise.
+    ``y(t) = s(t mod period) + sum_j c_j t^j + e(t)``, least squares over s and c together. Exact for a polynomial of third degree,
+    or of one less than there are periods.
     """
+    # The powers of t, less their mean over the periods at every sample of a period, are regressed on y less its own. A drift
+    # repeats in every period as a sawtooth, which no scatter between periods shows; it is removed as well.
     records, samples, count = signals.shape
     degree = min(_DRIFT_DEGREE, samples // period - 1)
     powers = legendre.legvander(np.linspace(-1, 1, samples), degree)[:, 1:]

@@ -24,14 +24,7 @@ _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "outpu
 
 
 def example(table: Table, *, dt: bool) -> list[str | Remedy]:
-    """Sentences with arguments that `load` takes, as far as the arrays can be signals; else none.
-
-    Parameters
-    ----------
-    table : Table
-    dt : bool
-        Whether the sample time must be given: neither the file nor the user says it.
-    """
+    """Sentences with arguments that `load` takes, as far as the arrays can be signals; else none. `dt`: it must be given."""
     array = table.columns.get(NAMELESS)
     if isinstance(array, np.ndarray) and array.ndim > 2:
         return _axes(table, array, dt)
