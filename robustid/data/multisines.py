@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import as_array, as_count
 from robustid.errors import InputError
@@ -22,7 +21,13 @@ _SAMPLES_PER_CYCLE = 16
 
 
 def chosen_lines(
-    band_hz: Any, lines: Any, spacing: str, lines_per_decade: int, period: int, dt: float, seed: int
+    band_hz: ArrayLike | None,
+    lines: ArrayLike | None,
+    spacing: str,
+    lines_per_decade: int,
+    period: int,
+    dt: float,
+    seed: int,
 ) -> np.ndarray:
     """The lines in the band, spaced as asked, or those given."""
     if spacing not in SPACINGS:
@@ -60,7 +65,7 @@ def chosen_lines(
     return chosen
 
 
-def given_lines(lines: Any, period: int) -> np.ndarray:
+def given_lines(lines: ArrayLike, period: int) -> np.ndarray:
     """Lines (F,) between 0 and Nyquist, ascending."""
     index = as_array("lines", lines, ndim=1)
     last = (period - 1) // 2
@@ -111,10 +116,8 @@ def synthesise(phases: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, per
     return np.fft.irfft(spectrum, period, axis=-1)
 
 
-def _peak(
-    phases: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, period: int, rotations: np.ndarray
-) -> np.floating[Any]:
-    return np.abs(synthesise(phases + rotations[:, None], amplitude, lines, period)).max()
+def _peak(phases: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, period: int, rotations: np.ndarray) -> float:
+    return float(np.abs(synthesise(phases + rotations[:, None], amplitude, lines, period)).max())
 
 
 def _descend(
