@@ -6,7 +6,6 @@ import csv
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from robustid.core import as_array, atomic_write, written_by
 from robustid.data import Excitation
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.readers import read_table
-from robustid.formats.table import Table
+from robustid.formats.table import Options, Table
 
 _MARK = "# robustid.excitation "
 _FACTS = ("dt", "periods", "seed")
@@ -22,7 +21,7 @@ _FACTS = ("dt", "periods", "seed")
 
 def write(path: str | os.PathLike[str], excitation: Excitation) -> None:
     """`Excitation.save`: whole or not at all."""
-    facts: dict[str, Any] = {name: getattr(excitation, name) for name in _FACTS}
+    facts: Options = {name: getattr(excitation, name) for name in _FACTS}
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
         with atomic_write(path, "wb") as file:

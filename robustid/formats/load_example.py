@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -59,7 +58,7 @@ def _complex(columns: list[tuple[str, np.ndarray]]) -> bool:
     return any(np.iscomplexobj(values) for _, values in columns)
 
 
-def _parts(columns: list[tuple[str, np.ndarray]], axis: Any) -> dict[str, object]:
+def _parts(columns: list[tuple[str, np.ndarray]], axis: tuple[str, np.ndarray] | None) -> dict[str, object]:
     """Roles of the parts of a response, by names and units; the first two are taken for real and imaginary part."""
     if _complex(columns):
         return {"values": next(address for address, values in columns if np.iscomplexobj(values))}
