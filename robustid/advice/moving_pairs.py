@@ -144,15 +144,12 @@ def moved_samples(pairs: MovingPairs, formulation: Formulation, p: Real, poles: 
     def projected(which: int, sign: int) -> Complex:
         moved = poles.ravel().copy()
         moved[which] += sign * step[which]
-        P = _columns(dataclasses.replace(problem, parametric=pairs.at(moved.reshape(-1, 2))))
+        other = dataclasses.replace(problem, parametric=pairs.at(moved.reshape(-1, 2)))
+        # The non-parametric part, which isn't used, has one column here.
+        P: Complex = formulate_in(other, Sections.shift(1)).rows.P
         return P @ np.linalg.lstsq(rows.real(P), rows.real(given), rcond=None)[0]
 
     return np.stack([(projected(i, 1) - projected(i, -1)) / (2 * step[i]) for i in range(step.size)], axis=1)
-
-
-def _columns(problem: MixedProblem) -> Complex:
-    """The columns of the parameters at the samples; those of the non-parametric part are left out but for one."""
-    return formulate_in(problem, Sections.shift(1)).rows.P
 
 
 def pairs_of(problem: MixedProblem) -> MovingPairs:

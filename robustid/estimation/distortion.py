@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -114,7 +114,7 @@ def _left(
 
 def _continued(lines: np.ndarray, index: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The response between the excited lines, interpolated, and beyond them, by powers of the frequency."""
-    flat: Any = values.reshape(len(index), -1)
+    flat: Complex = values.reshape(len(index), -1)
     columns: list[Complex] = [
         np.asarray(np.interp(lines, index, part.real) + 1j * np.interp(lines, index, part.imag), dtype=complex)
         for part in flat.T

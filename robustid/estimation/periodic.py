@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import ArrayLike
 
 from robustid.core import Real, as_array, as_count
 from robustid.data import Caveat, TimeRecord
@@ -15,7 +15,7 @@ from robustid.estimation.distortion import detected
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.scatter import scattered
 
-_Spectra = dict[str, Any]  # of u, y and reference: (K, blocks, periods, signals, experiments)
+_Spectra = dict[str, np.ndarray]  # of u, y and reference: (K, blocks, periods, signals, experiments)
 _log = logging.getLogger("robustid")
 
 # A line counts as excited from a fifth of the largest line on: measured inputs carry disturbance lines of
@@ -29,7 +29,7 @@ _DRIFT_SIGNIFICANT = 6.0  # standard deviations of white noise
 _TRANSIENT_BAND = 8  # lines over which a transient is looked for: that of a lightly damped mode fills a few only
 
 
-def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estimate:
+def periodic(records: list[TimeRecord], period: int | None, lines: ArrayLike | None) -> Estimate:
     """Ratios of the spectra averaged over the periods, nu experiments a block: see `estimate_frf`."""
     first = records[0]
     samples, nu = len(first.u), first.u.shape[1]
@@ -105,7 +105,9 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
     )
 
 
-def _response(u: Any, y: Any, r: Any, index: Any, period: int, dt: float) -> tuple[np.ndarray, np.ndarray, str]:
+def _response(
+    u: np.ndarray, y: np.ndarray, r: np.ndarray | None, index: np.ndarray, period: int, dt: float
+) -> tuple[np.ndarray, np.ndarray, str]:
     """Values (F, ny, nu), the inverse of the inputs of every block, (F, blocks, nu, nu), and by what they were found."""
     if r is not None and r.shape[3] == u.shape[3] and u.shape[1] > 1:
         # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
@@ -123,7 +125,7 @@ def _skipped(count: int, steady: bool) -> str:
     return f"; the first {count} left out (transient)" + ("" if steady else ", still not steady")
 
 
-def _steady(records: list[TimeRecord], name: str, period: int, skipped: int, drifts: bool) -> tuple[Any, Any]:
+def _steady(records: list[TimeRecord], name: str, period: int, skipped: int, drifts: bool) -> tuple[Real, Real]:
     """Signals (R, T, n) after the periods that are left out, without drift, and the range of the drift."""
     signals = np.stack([getattr(r, name) for r in records])[:, skipped * period :]
     return without_drift(signals, period) if drifts else (signals, np.zeros(signals[:, 0].shape))
@@ -137,7 +139,7 @@ def _drifted(signals: np.ndarray, drift: np.ndarray) -> str:
     return f"; drifts of the outputs of up to {100 * size.max():.2g} % of their rms removed"
 
 
-def _checked_lines(lines: Any, period: int) -> np.ndarray:
+def _checked_lines(lines: ArrayLike, period: int) -> np.ndarray:
     index = as_array("lines", lines, ndim=1)
     if index.size == 0 or np.any(index != np.round(index)) or index.min() < 0 or index.max() > period // 2:
         raise InputError(f"`lines` must be whole numbers from 0 to period//2 = {period // 2}; got {lines!r}")
