@@ -104,7 +104,11 @@ def model_of(table: Table, dt: float | None = None) -> control.StateSpace:
         return _state_space(path, own, "abcd", dt, texts)
     step = _step(path, own, texts) if dt is None else dt
     try:
-        first, second, *gain = (_vector(name, own[name]) for name in names)
+        vectors = {name: own[name].reshape(-1) for name in names}
+        first, second, *gain = (
+            as_array(name, vector, dtype=complex if np.iscomplexobj(vector) else float)
+            for name, vector in vectors.items()
+        )
         return of_roots(first, second, gain[0].item(), step) if gain else of_polynomials(first, second, step)
     except (InputError, InputTypeError) as error:
         raise FileFormatError(f"{path.name} is no model: {error}") from None
@@ -130,10 +134,6 @@ def _fits(names: str | tuple[str, ...], own: list[np.ndarray]) -> bool:
         return own[0].ndim == 2 and own[0].shape[0] == own[0].shape[1]
     gain = own[2].size == 1 if len(own) == 3 else True
     return gain and all(part.size == max(part.shape, default=1) or not part.size for part in own)
-
-
-def _vector(name: str, value: np.ndarray) -> np.ndarray:
-    return as_array(name, np.asarray(value).reshape(-1), dtype=complex if np.iscomplexobj(value) else float)
 
 
 def _state_space(

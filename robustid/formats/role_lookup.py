@@ -211,7 +211,7 @@ class Lookup:
     def whole(self, name: str) -> np.ndarray:
         """An array of the file; without a name the only one, or all columns side by side."""
         if name in self.columns:
-            return _numbers(self.columns[name])
+            return self.table.numbers(name)
         arrays = [values for values in self.columns.values() if isinstance(values, np.ndarray)]
         if len(self.columns) == len(arrays) == 1:
             return arrays[0]
@@ -253,13 +253,6 @@ class Lookup:
             )
         entries = _equal(role, [self.column(role, item) for row in rows for item in row])
         return np.stack(entries, axis=-1).reshape(-1, len(rows), len(rows[0]))
-
-
-def _numbers(values: np.ndarray | FileFormatError) -> np.ndarray:
-    """The numbers of a column, or why it has none."""
-    if isinstance(values, FileFormatError):
-        raise values
-    return values
 
 
 def _shown(name: str, values: np.ndarray | FileFormatError) -> str:

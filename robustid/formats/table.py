@@ -41,6 +41,12 @@ class Table:
     how: str = ""  # format, and for text what its lines were taken for
     text: bool = False
 
+    def numbers(self, name: str) -> np.ndarray:
+        """The numbers of a column, or raise why it has none."""
+        if isinstance(values := self.columns[name], FileFormatError):
+            raise values
+        return values
+
 
 def keep(name: str, value: object, table: Table) -> None:
     """Keep numbers and texts; nothing else is plain."""
