@@ -6,9 +6,10 @@ import dataclasses
 import enum
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Budget, Complex, Plane, Real
@@ -28,6 +29,8 @@ _SPARE = 1.1  # of bounds that are widened
 _OF_UNITS = 300.0
 _IN_PER_CENT = 0.1  # damping ratios from here on may be in per cent
 _AS_UNITS = ", as where values are in a unit 1000 times smaller than their bound"
+# Kind of the data, number of the experiment, rad/s or s, and dual weight of an active constraint.
+Active = tuple[str, int, float, float]
 SLIGHTLY = 1.5  # margin up to which bounds are the first suspicion
 
 _UNIT = "times 0.001"
@@ -231,7 +234,7 @@ def _other_modes(problem: MixedProblem) -> Iterator[Cause]:
 _AXES = {MISTAKES["frequency in Hz"], MISTAKES["frequency in rad/s"], _OF_MODES[0][2], _OF_MODES[1][2]}
 
 
-def tried_causes(problem: MixedProblem, margin: float, active: Sequence[Any], budget: Budget) -> list[Cause]:
+def tried_causes(problem: MixedProblem, margin: float, active: Sequence[Active], budget: Budget) -> list[Cause]:
     """Corrections that leave a margin at least three times smaller; no more after one that makes the data consistent."""
     small, limit = _smaller(problem, active), max(1.0, margin / HELPS)
     found: list[Cause] = []
@@ -321,11 +324,11 @@ def _rounded_up(factor: float) -> float:
     return math.ceil(factor / unit - 1e-9) * unit
 
 
-def _smaller(problem: MixedProblem, active: Sequence[Any]) -> list[Any] | None:
+def _smaller(problem: MixedProblem, active: Sequence[Active]) -> list[NDArray[np.intp]] | None:
     """Frequency points of each response to try with: those of the active constraints, and some spread over all; None for all."""
     if problem.coefficients <= _MOST or not problem.frequency:
         return None
-    chosen: list[Any] = []
+    chosen: list[NDArray[np.intp]] = []
     for k, frf in enumerate(problem.frequency):
         spread = [round(at) for at in np.linspace(0, len(frf.omega) - 1, min(_POINTS, len(frf.omega))).tolist()]
         at = [omega for kind, index, omega, _ in active if kind == "frequency" and index == k]
@@ -334,7 +337,7 @@ def _smaller(problem: MixedProblem, active: Sequence[Any]) -> list[Any] | None:
     return chosen
 
 
-def _part(problem: MixedProblem, chosen: list[Any]) -> MixedProblem:
+def _part(problem: MixedProblem, chosen: list[NDArray[np.intp]]) -> MixedProblem:
     frequency = [frf.select(points) for frf, points in zip(problem.frequency, chosen, strict=True)]
     return dataclasses.replace(problem, frequency=frequency)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -160,7 +159,7 @@ def content(identification: Identification) -> Content:
     )
 
 
-def _relative(identification: Identification, widths: Real, *omega: Any) -> Real:
+def _relative(identification: Identification, widths: Real, *omega: Real) -> Real:
     """Largest width of the entries relative to the norm of the response, (3, P)."""
     size = np.linalg.norm(
         identification.problem.plane.values_at(identification.model, np.concatenate(omega)), axis=(1, 2)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 from collections.abc import Sequence
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +24,22 @@ from robustid.advice.pole_fit import (
     wanted_in_basis,
 )
 from robustid.advice.pole_interval import damped_outside, pole_interval
-from robustid.advice.relaxations import Relaxations, over_decades
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
+from robustid.estimation import PoleFit
+
+_log = logging.getLogger("robustid")
 
 _FASTER, _FASTEST = (
     30.0,
     300.0,
 )  # times the highest frequency point: where a real pole over decades may lie, and a further one
 _FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
+_POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
+# Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
+_WORTH, _WORTH_LEFT = 1e-4, 0.75
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -210,7 +216,7 @@ def suggest_kautz(
     )
 
 
-def _relaxes(found: Relaxations, left: Real, pairs: int) -> bool:
+def _relaxes(found: _Relaxations, left: Real, pairs: int) -> bool:
     """Return whether poles over decades explain most of what pairs leave; or all of it, by fewer, mostly real."""
     simpler = (
         found.largest <= 1 and found.omega.size < 2 * pairs and 2 * int(np.sum(found.damping == 1)) > found.omega.size
@@ -218,7 +224,7 @@ def _relaxes(found: Relaxations, left: Real, pairs: int) -> bool:
     return bool(found.left < _FEWER * (left @ left) or simpler)
 
 
-def _of_decades(fit: LineData, found: Relaxations, lowest: float, repeat: int) -> KautzSuggestion:
+def _of_decades(fit: LineData, found: _Relaxations, lowest: float, repeat: int) -> KautzSuggestion:
     """Pairs with the intervals that the points leave, real poles with all that was searched: their places are a choice."""
     top = float(fit.plane.omega(fit.angle[-1:])[0])
     # The fastest one stands for the constant, which no other pole has; one that is faster than the last for a straight line.
@@ -277,7 +283,7 @@ def mode_intervals(edges: Real, plane: Plane) -> Real:
     return np.stack([np.stack([part.min(axis=(1, 2)), part.max(axis=(1, 2))], axis=1) for part in corners], axis=1)
 
 
-def _checked(frf: Any, dt: Any) -> LineData:
+def _checked(frf: object, dt: float | None) -> LineData:
     if not isinstance(frf, FrequencyResponse):
         raise InputTypeError(
             f"`frf` must be a FrequencyResponse; got {type(frf).__name__}. From a periodic record: estimate_frf"
@@ -314,3 +320,51 @@ def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
     if size.shape[1] == 1:
         return LineData(angle[order], value[:, 0], bound[:, 0], plane)
     return LineData(angle[order], value[:, seen], bound[:, seen], plane)
+
+
+# --- poles over decades -----------------------------------------------------------------------------------------------------------
+
+
+class _Relaxations(NamedTuple):
+    """Natural frequencies in rad/s and damping ratios (1 of a real pole), and what they leave, in units of the bounds."""
+
+    omega: Real
+    damping: Real
+    left: float  # sum of squares
+    largest: float
+
+
+def over_decades(frf: FrequencyResponse) -> _Relaxations | None:
+    """Poles of partial fractions that keep a continuous response inside its bounds, or of the order beyond which little is won.
+
+    None for less than two decades, or without a real pole among them. A battery, a cable, a viscoelastic mount has no few poles:
+    real ones over the decades follow it all the same, and their places are a choice.
+    """
+    fit = PoleFit(frf, feedthrough=True)
+    if frf.dt or frf.omega.size < 2 * _POINTS_A_POLE or not fit.wide:
+        return None
+    size = np.abs(np.where(frf.missing, 0, frf.values))
+    radius = 0.05 * np.maximum(size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.bound.outer_radius
+    fit.weight = 1 / np.where(frf.missing, np.inf, radius).swapaxes(1, 2).reshape(frf.omega.size, -1)
+    fit.values = np.where(fit.weight > 0, fit.values, 0)
+    best = _left(fit, np.zeros(0, complex))
+    whole = best.left
+    for order in range(_ORDERS, min(_MOST_POLES, frf.omega.size // _POINTS_A_POLE) + 1, _ORDERS):
+        _, (poles,) = fit.search(order, np.zeros(1))
+        found = _left(fit, poles)
+        gain = best.left - found.left
+        _log.debug("%d poles over decades: largest |residual|/bound %.3g", order, found.largest)
+        if gain <= 0 or (gain < _WORTH * whole and gain < _WORTH_LEFT * best.left):
+            break
+        best = found
+        if best.largest <= 1:
+            break
+    return best if np.any(best.damping == 1) else None
+
+
+def _left(fit: PoleFit, poles: np.ndarray) -> _Relaxations:
+    left = np.abs(fit.residuals(poles))
+    s = poles * fit.omega[-1]
+    return _Relaxations(
+        np.abs(s), np.where(s.imag == 0, 1.0, -s.real / np.abs(s)), float(np.sum(left**2)), float(left.max())
+    )

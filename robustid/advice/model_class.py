@@ -6,9 +6,10 @@ import dataclasses
 import functools
 import logging
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion, choice, rank
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
@@ -35,9 +36,9 @@ def suggest_class(
     *,
     frequency: FrequencyResponse | Sequence[FrequencyResponse] | None = None,
     time: TimeRecord | Sequence[TimeRecord] | None = None,
-    modes: Any = None,
+    modes: ArrayLike | None = None,
     delay: int | None = None,
-    scaling: Any = None,
+    scaling: ArrayLike | str | None = None,
     time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> ClassSuggestion:
@@ -189,7 +190,7 @@ def _with_priors(problem: MixedProblem, budget: Budget) -> tuple[MixedProblem, .
     return tuple(dataclasses.replace(problem, prior=prior) for prior in found.by_slope())
 
 
-def _at_given_poles(data: MixedProblem, modes: Any, delay: int, budget: Budget) -> tuple[list[_Part], Real]:
+def _at_given_poles(data: MixedProblem, modes: ArrayLike, delay: int, budget: Budget) -> tuple[list[_Part], Real]:
     modes = as_array("modes", modes, ndim=2)
     if modes.shape[1] != 2:
         raise InputError(f"`modes` must have one row (rad/s, damping ratio) per mode; got shape {modes.shape}")

@@ -30,18 +30,10 @@ class _Pair:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MovingPairs(Frozen):
-    """A parametric basis taken apart: Kautz pairs, which can move, and blocks that stay as they are.
-
-    Attributes
-    ----------
-    parts : tuple of ParametricBasis or _Pair
-    start : (M, 2) array
-        log of natural frequency [rad/s] and log of damping ratio of every pair.
-    dt : float, s
-    """
+    """A parametric basis taken apart: Kautz pairs, which can move, and blocks that stay as they are."""
 
     parts: tuple[ParametricBasis | _Pair, ...]
-    start: Real
+    start: Real  # (M, 2), log of natural frequency [rad/s] and log of damping ratio of every pair
     dt: float
 
     def __post_init__(self) -> None:
@@ -152,15 +144,12 @@ def moved_samples(pairs: MovingPairs, formulation: Formulation, p: Real, poles: 
     def projected(which: int, sign: int) -> Complex:
         moved = poles.ravel().copy()
         moved[which] += sign * step[which]
-        P = _columns(dataclasses.replace(problem, parametric=pairs.at(moved.reshape(-1, 2))))
+        other = dataclasses.replace(problem, parametric=pairs.at(moved.reshape(-1, 2)))
+        # The non-parametric part, which isn't used, has one column here.
+        P: Complex = formulate_in(other, Sections.shift(1)).rows.P
         return P @ np.linalg.lstsq(rows.real(P), rows.real(given), rcond=None)[0]
 
     return np.stack([(projected(i, 1) - projected(i, -1)) / (2 * step[i]) for i in range(step.size)], axis=1)
-
-
-def _columns(problem: MixedProblem) -> Complex:
-    """The columns of the parameters at the samples; those of the non-parametric part are left out but for one."""
-    return formulate_in(problem, Sections.shift(1)).rows.P
 
 
 def pairs_of(problem: MixedProblem) -> MovingPairs:

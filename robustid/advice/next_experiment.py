@@ -7,8 +7,9 @@ import logging
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Progress, Real, as_array, as_count, as_kind, as_positive, one_thread
+from robustid.core import Budget, Progress, Real, StateSpace, as_array, as_count, as_kind, as_positive, one_thread
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees import WorstCaseError, bounds_of_entries, output_errors, worst_case_error
@@ -80,8 +81,8 @@ class NextMeasurement:
 def suggest_next(
     identification: Identification | WorstCaseError,
     *,
-    candidates: Any = None,
-    bound: Any = None,
+    candidates: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
     count: int = 5,
     time_limit: float | None = None,
     progress: Progress | None = None,
@@ -193,7 +194,7 @@ def _measured(
     return NextMeasurement(kind, at, float(lower), float(upper), float(eps), entry, name)
 
 
-def _stated(bound: Any, problem: MixedProblem) -> Real:
+def _stated(bound: ArrayLike, problem: MixedProblem) -> Real:
     """The bound of every entry, checked, (ny, nu)."""
     shape = problem.entries.shape
     if np.ndim(bound) == 0:
@@ -244,7 +245,7 @@ def _between(problem: MixedProblem) -> Real:
     return np.concatenate(grid)
 
 
-def _continued(given: Identification, model: Any, scales: Real) -> list[NextMeasurement]:
+def _continued(given: Identification, model: StateSpace, scales: Real) -> list[NextMeasurement]:
     """The sample of the continued record at which the prediction is worst, for every output that it measures."""
     records = [t for t in given.problem.time if t.initial == "rest"]
     if not records:

@@ -40,7 +40,7 @@ class LineData:
     bound: Real
     plane: Plane
 
-    def select(self, index: Any) -> LineData:
+    def select(self, index: NDArray[np.bool_] | NDArray[np.intp] | slice) -> LineData:
         """Some of the frequency points."""
         return LineData(self.angle[index], self.value[index], self.bound[index], self.plane)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.advice.sensitivity import default_points, guaranteed
 from robustid.advice.smallest_gain import (
@@ -92,7 +92,7 @@ class PriorSuggestion(Frozen):
         )
         lines = [head + ("    guaranteed error" if known else "")]
         for rho, gain, error in zip(self.decay_rates, self.gains, self.errors, strict=True):
-            slope = gain / (2 * rho) if self.continuous else gain * _slope(rho)
+            slope = gain / (2 * rho) if self.continuous else gain * (rho / (rho**2 - 1))
             mark = "   <- recommended" if self.prior is not None and rho == self.prior.rate else ""
             lines.append(
                 f"{rho:10.5g}    {gain:10.4g}    {slope:10.4g}" + (f"    {100 * error:16.3g}%" if known else "") + mark
@@ -108,7 +108,7 @@ class PriorSuggestion(Frozen):
 def suggest_prior(
     problem: MixedProblem,
     *,
-    decay_rates: Any = None,
+    decay_rates: ArrayLike | None = None,
     criterion: str = "slope",
     time_limit: float | None = None,
     progress: Progress | None = None,
@@ -338,10 +338,6 @@ def _default_rates(problem: MixedProblem) -> Real:
     high = min(max(widest), 0.3)
     low = float(np.clip(min(finest), high / 300, high / 8))
     return 1 + np.asarray(np.geomspace(low, high, _RATES), dtype=float)
-
-
-def _slope(rho: Any) -> Any:
-    return rho / (rho**2 - 1)
 
 
 def _rate_words(rate: float, problem: MixedProblem) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.advice.prior import representatives, suggest_prior
 from robustid.advice.smallest_gain import response_sizes, selected, smallest_gain
@@ -28,7 +29,7 @@ _PARTS = 8  # of the interval between two rows of the table: jumps between neigh
 
 
 def prior_weight(
-    omega: Any, level: Any, *, dt: float | None = None, order: int | None = None, tightness: float = 1.5
+    omega: ArrayLike, level: ArrayLike, *, dt: float | None = None, order: int | None = None, tightness: float = 1.5
 ) -> control.StateSpace:
     r"""Return a small stable minimum-phase W above a table, for `Prior` (`weight`).
 
@@ -102,7 +103,7 @@ def _finer(omega: Real, level: Real) -> tuple[Real, Real]:
     return edges, levels
 
 
-def _table(omega: Any, level: Any, top: float) -> tuple[Real, Real]:
+def _table(omega: ArrayLike, level: ArrayLike, top: float) -> tuple[Real, Real]:
     """Both columns, checked."""
     omega, level = as_array("omega", omega, ndim=1), as_array("level", level, ndim=1)
     if omega.shape != level.shape or omega.size < 2:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
@@ -11,10 +12,11 @@ from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import MixedProblem
 
+Measured = FrequencyResponse | TimeRecord | TangentialResponse
 KINDS = ("signals", "outputs", "inputs", "entries")
 
 
-def suggest_scaling(data: Any, *, by: str = "signals") -> Real:
+def suggest_scaling(data: Measured | Sequence[Measured] | MixedProblem, *, by: str = "signals") -> Real:
     r"""The scaling of a `Prior` for MIMO plants, from the sizes of the data.
 
     .. math:: S_{ij} = s_i / t_j, \quad \min_{s, t} \sum_{ij} (\log m_{ij} - \log s_i + \log t_j)^2
@@ -67,21 +69,22 @@ def suggest_scaling(data: Any, *, by: str = "signals") -> Real:
     return np.exp(rows + columns - mean)
 
 
-def _experiments(data: Any) -> list[Any]:
+def _experiments(data: object) -> list[Measured]:
     if isinstance(data, MixedProblem):
         return [*data.frequency, *data.time]
-    items: list[Any] = [*data] if isinstance(data, list | tuple) else [data]
-    for item in items:
-        if not isinstance(item, FrequencyResponse | TimeRecord | TangentialResponse):
+    items: list[Measured] = []
+    for item in cast("Sequence[object]", data) if isinstance(data, list | tuple) else [data]:
+        if not isinstance(item, Measured):
             raise InputTypeError(
                 f"`data` must be a FrequencyResponse, a TimeRecord, a sequence of them or a MixedProblem; got {type(item).__name__}"
             )
+        items.append(item)
     if not items:
         raise InputError("`data` is empty; give at least one experiment")
     return items
 
 
-def _sizes(items: list[Any]) -> Real:
+def _sizes(items: list[Measured]) -> Real:
     """Size of every entry, (ny, nu), positive."""
     responses = [item for item in items if isinstance(item, FrequencyResponse)]
     records = [item for item in items if isinstance(item, TimeRecord)]

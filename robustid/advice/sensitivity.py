@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Budget, Frozen, Progress, Real, as_kind, one_thread
 from robustid.errors import InputError, SolverError
@@ -91,7 +91,11 @@ class Sensitivity(Frozen):
 
 @one_thread()
 def sensitivity(
-    problem: MixedProblem, *, omega: Any = None, time_limit: float | None = None, progress: Progress | None = None
+    problem: MixedProblem,
+    *,
+    omega: ArrayLike | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> Sensitivity:
     """Guaranteed error with half and twice the gain bound, slower and faster decay, and fewer frequency points.
 

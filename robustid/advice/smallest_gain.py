@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, threads_for
-from robustid.data import TangentialResponse
+from robustid.core import Complex, Real, StateSpace, threads_for
+from robustid.data import FrequencyResponse, TangentialResponse
 from robustid.errors import SolverError
 from robustid.identification import MixedProblem, model_residuals
 from robustid.identification.formulation import formulate
@@ -77,18 +76,18 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
     return max(*values, *bounds), min(bounds)
 
 
-def entry_sizes(problem: MixedProblem, f: Any) -> Real:
+def entry_sizes(problem: MixedProblem, f: FrequencyResponse | TangentialResponse) -> Real:
     """Absolute values of the measured samples of a frequency response, over scaling and weight of the prior."""
     scales = problem.prior.scales(len(problem.outputs), len(problem.inputs))
     return (np.abs(f.values) / (_largest_weights(f, scales) * _weight(problem, f)))[f.bound.used]
 
 
-def _weight(problem: MixedProblem, f: Any) -> Real:
+def _weight(problem: MixedProblem, f: FrequencyResponse | TangentialResponse) -> Real:
     """The weight of the class at the points of a frequency response, (F, 1, 1)."""
     return problem.weighting.sizes(problem.plane.angles(f.omega))[:, None, None]
 
 
-def _largest_weights(f: Any, scales: Real) -> Real:
+def _largest_weights(f: FrequencyResponse | TangentialResponse, scales: Real) -> Real:
     """Factor of the scaling for every sample; of one in directions, of the largest gain in them."""
     if isinstance(f, TangentialResponse):
         return np.linalg.svd(f.weights * scales, compute_uv=False).max(axis=-1)
@@ -115,7 +114,7 @@ def selected(problem: MixedProblem, masks: tuple[Mask, ...]) -> MixedProblem:
     return dataclasses.replace(problem, frequency=parts)
 
 
-def missed(problem: MixedProblem, masks: tuple[Mask, ...], model: Any) -> tuple[Mask, ...] | None:
+def missed(problem: MixedProblem, masks: tuple[Mask, ...], model: StateSpace) -> tuple[Mask, ...] | None:
     """The masks and the worst points that a model of these misses by more than 1.5 bounds; None where there are none."""
     worst = [np.where(mask, 0.0, one) for mask, one in zip(masks, _ratios(problem, model), strict=True)]
     peaks = [_peaks(one) for one in worst]
@@ -150,7 +149,7 @@ def _of_response(angles: Real, poles: Complex, share: int) -> Mask:
     return used
 
 
-def _ratios(problem: MixedProblem, model: Any) -> list[Real]:
+def _ratios(problem: MixedProblem, model: StateSpace) -> list[Real]:
     """Largest |residual|/bound at every point of every response."""
     out = [np.zeros(f.omega.size) for f in problem.frequency]
     for residual in model_residuals(dataclasses.replace(problem, time=()), model):

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.data.bound_checks import as_probability, as_radius, broadcast, projected
 from robustid.data.error_sets import as_ellipsoid, as_tilt, bound_ratio, correlations, stacked
 from robustid.errors import InputError
 
+# A mask (which numpy types as one bool, too), indices or a slice of the first axis.
+Points = np.bool_ | NDArray[np.bool_] | NDArray[np.intp] | Sequence[bool] | Sequence[int] | slice
 JOINT = ("entry", "column", "matrix")
 KINDS = {
     "hard": "hard bound",
@@ -140,7 +143,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
             )
 
     @classmethod
-    def of(cls, value: Any, shape: tuple[int, ...], axis: str = "F") -> Self | None:
+    def of(cls, value: object, shape: tuple[int, ...], axis: str = "F") -> Self | None:
         """The bound that an argument `bound` of data of this shape gives: a number or an array is a hard bound, None is none."""
         if value is None:
             return None
@@ -158,15 +161,15 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         ellipsoid = as_ellipsoid(self.ellipsoid, shape)
         return self._with(radius=projected(ellipsoid, self.radius, shape, axis), ellipsoid=ellipsoid)
 
-    def _with(self, **changes: Any) -> Self:
+    def _with(self, **changes: object) -> Self:
         return dataclasses.replace(self, **changes)
 
     # --- in the place of its radius -------------------------------------------------------------------------------------------
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> np.ndarray:
         return np.array(self.radius, dtype=dtype, copy=copy)
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **options: object) -> Any:
         plain = (value.radius if isinstance(value, Bound) else value for value in inputs)
         return getattr(ufunc, method)(*plain, **options)
 
@@ -181,7 +184,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     def __len__(self) -> int:
         return len(self.radius)
 
-    def __iter__(self) -> Any:
+    def __iter__(self) -> Iterator[Any]:
         return iter(self.radius)
 
     def __repr__(self) -> str:
@@ -218,7 +221,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         """L^-1 with ellipsoid = LL', (F, ny*nu, ny*nu): the norm of L^-1 vec(e) is at most 1 where e is inside."""
         return np.asarray(np.linalg.inv(np.asarray(np.linalg.cholesky(self.ellipsoid), dtype=complex)), dtype=complex)
 
-    def ratio(self, error: Any) -> NDArray[np.float64]:
+    def ratio(self, error: ArrayLike) -> NDArray[np.float64]:
         """Size of an error in units of the bound, at most 1 inside: as the bound means it; what is missing counts as 0.
 
         ``|e + tilt conj(e)|/radius``, of the shape of the values, for joint="entry"; ``||e[:, j]/radius[:, j]||_2``, (F, 1, nu),
@@ -266,7 +269,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         """The bound of every entry with so much added to its radius; its shape (`tilt`) and kind stay."""
         return self._with(radius=self.radius + extra, joint="entry", ellipsoid=None)
 
-    def select(self, index: Any) -> Self:
+    def select(self, index: Points) -> Self:
         """The bound of some frequency points or samples: a mask, indices or a slice of the first axis."""
         return self._with(
             **{
@@ -276,7 +279,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
             }
         )
 
-    def entries(self, *index: Any) -> Self:
+    def entries(self, *index: Points) -> Self:
         """Bound that is left to some entries, each alone: indices of the axes after the first, which keep them."""
         place = (slice(None), *index)
         tilt = None if self.tilt is None else self.tilt[place]

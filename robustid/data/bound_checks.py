@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +9,7 @@ from robustid.core import as_array, as_float
 from robustid.errors import InputError
 
 
-def in_part(value: Any, size: NDArray[np.float64]) -> Any:
+def in_part(value: object, size: NDArray[np.float64]) -> object:
     """A text such as "5%" as that part of the size of each value; anything else as it is."""
     if not isinstance(value, str):
         return value
@@ -29,7 +27,7 @@ def in_part(value: Any, size: NDArray[np.float64]) -> Any:
     return np.where(np.isfinite(size), part * size, np.inf)
 
 
-def as_radius(value: Any) -> NDArray[np.float64]:
+def as_radius(value: object) -> NDArray[np.float64]:
     """Positive numbers; infinite where nothing is known."""
     radius = as_array("bound", value, finite=False)
     if np.any(np.isnan(radius)):
@@ -53,7 +51,9 @@ def broadcast(radius: NDArray[np.float64], shape: tuple[int, ...], axis: str) ->
     return np.broadcast_to(radius, shape)
 
 
-def projected(ellipsoid: NDArray[np.complex128], radius: Any, shape: tuple[int, ...], axis: str) -> NDArray[np.float64]:
+def projected(
+    ellipsoid: NDArray[np.complex128], radius: NDArray[np.float64] | None, shape: tuple[int, ...], axis: str
+) -> NDArray[np.float64]:
     """Radius that an ellipsoid leaves to every entry alone; a radius that was given must be the same."""
     points, ny, nu = shape
     projection = np.sqrt(np.einsum("fii->fi", ellipsoid).real).reshape(points, nu, ny).transpose(0, 2, 1)
@@ -72,9 +72,9 @@ def projected(ellipsoid: NDArray[np.complex128], radius: Any, shape: tuple[int, 
     return projection
 
 
-def as_probability(value: Any) -> float:
+def as_probability(value: object) -> float:
     """A number between 0 and 1."""
-    value = as_float("probability", value)
-    if not 0 < value < 1:
-        raise InputError(f"`probability` must be between 0 and 1; got {value:g}")
-    return value
+    number = as_float("probability", value)
+    if not 0 < number < 1:
+        raise InputError(f"`probability` must be between 0 and 1; got {number:g}")
+    return number

@@ -79,12 +79,10 @@ def correlations(E: Complex) -> Complex:
 
 
 def ellipse_of(covariance: object, points: int, deviations: float) -> tuple[Real, Complex]:
-    """Radius and kappa, (F,) each, of the ellipses e'C^-1 e <= deviations^2 for e = (Re e, Im e).
-
-    With s1 >= s2 the roots of the eigenvalues of C: radius = 2 deviations s1 s2/(s1 + s2) and
-    kappa = -(C11 - C22 + 2j C12)/(s1 + s2)^2, since |e + kappa conj(e)| <= radius has the semi-axes radius/(1 + |kappa|), in the
-    direction arg(kappa)/2, and radius/(1 - |kappa|), across.
-    """
+    """Radius and kappa, (F,) each, of the ellipses e'C^-1 e <= deviations^2 for e = (Re e, Im e)."""
+    # With s1 >= s2 the roots of the eigenvalues of C: radius = 2 deviations s1 s2/(s1 + s2) and
+    # kappa = -(C11 - C22 + 2j C12)/(s1 + s2)^2, since |e + kappa conj(e)| <= radius has the semi-axes radius/(1 + |kappa|), in the
+    # direction arg(kappa)/2, and radius/(1 - |kappa|), across.
     C = as_array("covariance", covariance)
     if C.shape != (points, 2, 2):
         raise InputError(f"`covariance` must have shape (F, 2, 2) = {(points, 2, 2)}; got {C.shape}")

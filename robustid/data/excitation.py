@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Frozen, Savable, as_array, as_count, as_flag, as_positive, freeze
 from robustid.data.multisines import chosen_lines, given_lines, low_crest_phases, random_phases, synthesise
 from robustid.errors import InputError
+
+Spectrum = ArrayLike | Callable[[np.ndarray], ArrayLike]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class Excitation(Frozen, Savable):
     u: np.ndarray
     _: dataclasses.KW_ONLY
     dt: float
-    lines: Any
+    lines: np.ndarray
     periods: int = 1
     seed: int = 0
 
@@ -100,15 +102,15 @@ def multisine(
     period: int,
     dt: float,
     band_hz: Sequence[float] | None = None,
-    lines: Any = None,
+    lines: ArrayLike | None = None,
     spacing: str = "all",
     lines_per_decade: int = 20,
-    spectrum: Any = None,
+    spectrum: Spectrum | None = None,
     inputs: int = 1,
     realisations: int = 1,
     periods: int = 1,
-    amplitude: Any = None,
-    rms: Any = None,
+    amplitude: ArrayLike | None = None,
+    rms: ArrayLike | None = None,
     minimise_crest: bool = True,
     seed: int = 0,
 ) -> Excitation:
@@ -219,7 +221,7 @@ def _rotations(nu: int) -> np.ndarray:
     return 2 * np.pi * (np.outer(np.arange(nu), np.arange(nu)) % nu) / nu
 
 
-def _spectrum(spectrum: Any | Callable[[np.ndarray], Any], freq_hz: np.ndarray, nu: int) -> np.ndarray:
+def _spectrum(spectrum: Spectrum | None, freq_hz: np.ndarray, nu: int) -> np.ndarray:
     """Relative amplitudes (F, nu), the largest of every input 1."""
     if spectrum is None:
         return np.ones((freq_hz.size, nu))
@@ -236,7 +238,7 @@ def _spectrum(spectrum: Any | Callable[[np.ndarray], Any], freq_hz: np.ndarray, 
     return np.broadcast_to(values / values.max(axis=0), (freq_hz.size, nu))
 
 
-def _per_input(name: str, value: Any, nu: int) -> np.ndarray:
+def _per_input(name: str, value: ArrayLike, nu: int) -> np.ndarray:
     array = as_array(name, value)
     if array.shape not in ((), (nu,)):
         raise InputError(f"`{name}` must be one number or one for each of {nu} inputs; got shape {array.shape}")

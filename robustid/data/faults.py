@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from robustid.errors import InputTypeError
@@ -83,7 +84,7 @@ class Fault(NamedTuple):
         return self.kind is FaultKind.DRIFT
 
 
-def as_faults(name: str, value: Any) -> tuple[Fault, ...]:
+def as_faults(name: str, value: Iterable[Sequence[Any]]) -> tuple[Fault, ...]:
     """Faults, also as their parts, which files hold."""
     try:
         given: list[tuple[str, list[Any]]] = [(kind, parts) for kind, *parts in value]

@@ -7,10 +7,10 @@ import operator
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Frozen, Savable, Signal, as_array, as_positive
-from robustid.data.bound import Bound
+from robustid.data.bound import Bound, Points
 from robustid.data.bound_checks import in_part
 from robustid.errors import InputError, InputTypeError, Remedy
 
@@ -22,8 +22,8 @@ class FrequencyPoints(Frozen, Savable):
     """Base of frozen dataclasses of samples at frequencies, sorted, with an infinite bound where nothing was measured."""
 
     PER_POINT: ClassVar[tuple[str, ...]]  # names of what has a part for every frequency point, beside the bound
-    omega: Any
-    values: Any
+    omega: np.ndarray
+    values: np.ndarray
     bound: Any
     dt: float | None
 
@@ -37,7 +37,7 @@ class FrequencyPoints(Frozen, Savable):
         """True where a value was not measured, which an infinite bound says; shaped as `values`."""
         return np.zeros_like(self.values, dtype=bool) if self.bound is None else self.bound.missing
 
-    def select(self, points: Any) -> Self:
+    def select(self, points: Points) -> Self:
         """Keep some frequency points: a boolean mask, indices or a slice along the frequency axis."""
         try:
             index: NDArray[np.intp] = np.atleast_1d(np.asarray(np.arange(self.omega.size)[points], dtype=np.intp))
@@ -58,7 +58,7 @@ class FrequencyPoints(Frozen, Savable):
             )
         return self.select(inside)
 
-    def ratio(self, error: Any) -> NDArray[np.float64]:
+    def ratio(self, error: ArrayLike) -> NDArray[np.float64]:
         """Size of an error, shaped as `values`, in units of the bound, at most 1 inside: see `Bound.ratio`.
 
         Raises
@@ -77,22 +77,22 @@ class FrequencyPoints(Frozen, Savable):
             raise InputError("`ratio` needs the bound of the data; give one by with_bound(...)")
         return self.bound.ratio(error)
 
-    def with_bound(self, bound: Any, note: str = "") -> Self:
+    def with_bound(self, bound: Bound | ArrayLike | None, note: str = "") -> Self:
         """Return the samples with a `Bound`, or a radius of your own for every value, of the same tilt, in the place of any other.
 
         A text such as "5%" is that part of the size of each value. What was not measured stays so.
         """
-        bound = in_part(bound, np.abs(self.values))
-        if bound is not None and not isinstance(bound, Bound):
-            bound = Bound(bound, tilt=None if self.bound is None else self.bound.tilt)
-        bound = Bound.of(bound, self.values.shape)
+        radius = in_part(bound, np.abs(self.values))
+        if radius is not None and not isinstance(radius, Bound):
+            radius = Bound(radius, tilt=None if self.bound is None else self.bound.tilt)
+        fitted = Bound.of(radius, self.values.shape)
         if np.any(self.missing):
-            if bound is None:
+            if fitted is None:
                 raise InputError("`bound` is needed: its infinite values say which entries were not measured; got None")
-            bound = bound.only(~self.missing)
-        return self._with(bound=bound, note=note)
+            fitted = fitted.only(~self.missing)
+        return self._with(bound=fitted, note=note)
 
-    def _with(self, **changes: Any) -> Self:
+    def _with(self, **changes: object) -> Self:
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def require_complete(self, what: str) -> None:
@@ -108,14 +108,14 @@ class FrequencyPoints(Frozen, Savable):
         )
 
 
-def _moved(values: Any, points: int) -> str:
+def _moved(values: np.ndarray, points: int) -> str:
     """Advice where the frequency is another axis than the first."""
     axes = [axis for axis in range(1, values.ndim) if values.shape[axis] == points]
     return f". Is axis {axes[0]} the frequency? Then give np.moveaxis(values, {axes[0]}, 0)" if axes else ""
 
 
 def as_points(
-    omega: Any, values: Any, dt: Any, axes: str
+    omega: ArrayLike, values: ArrayLike, dt: object, axes: str
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128], float | None]:
     """Frequencies, values of three dimensions and sample time, checked but for what the bound says; not yet sorted."""
     omega = as_array("omega", omega, ndim=1)
@@ -157,7 +157,7 @@ def check_measured(values: NDArray[np.complex128], bound: Bound | None) -> None:
         )
 
 
-def as_note(note: Any) -> str:
+def as_note(note: object) -> str:
     """Text."""
     if not isinstance(note, str):
         raise InputTypeError(f"`note` must be text; got {type(note).__name__}")
@@ -180,7 +180,7 @@ def signal_index(name: str, wanted: int | str, signals: tuple[Signal, ...]) -> i
     return index % len(signals)
 
 
-def as_level(name: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+def as_level(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
     """A coherence or standard deviation of every frequency point, not negative."""
     if value is None:
         return None

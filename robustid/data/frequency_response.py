@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import as_array, as_float, as_positive, as_signals, freeze
 from robustid.data.bound import Bound
@@ -24,6 +25,9 @@ from robustid.data.frequency_points import (
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
+
+if TYPE_CHECKING:
+    import control
 
 _ENTRIES = ("values", "noise", "distortion")  # one number per frequency point and entry of the matrix
 
@@ -99,7 +103,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
-        if cast("Any", self.values) is None:
+        if cast("object", self.values) is None:
             if not hasattr(self.omega, "frdata"):
                 raise InputError("`values` is missing: give frequencies and values, or a control.FRD in place of both")
             given = {
@@ -185,7 +189,9 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         turn = np.exp(1j * self.omega * as_float("seconds", seconds))[:, None, None]
         return self._with(values=self.values * turn, bound=None if self.bound is None else self.bound.turned(turn))
 
-    def tangential(self, *, right: Any = None, left: Any = None, bound: Any = None) -> TangentialResponse:
+    def tangential(
+        self, *, right: ArrayLike | None = None, left: ArrayLike | None = None, bound: ArrayLike | None = None
+    ) -> TangentialResponse:
         """Responses that sensors `left` see when inputs move in directions `right`: ``left @ values @ right``.
 
         Parameters
@@ -223,7 +229,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         )
         return made if bound is None else made.with_bound(bound)
 
-    def with_column_bound(self, radius: Any, note: str = "") -> FrequencyResponse:
+    def with_column_bound(self, radius: ArrayLike, note: str = "") -> FrequencyResponse:
         """Return the samples, the errors of each column together in a ball: ``||e[:, j]||_2 <= radius[j]``.
 
         One experiment with one input leaves such errors on all outputs. For other weights than equal ones use `with_bound` and a
@@ -256,7 +262,9 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         each = radius if radius.ndim == 0 else radius.reshape(points, 1, -1)
         return self.with_bound(Bound(np.broadcast_to(each, self.values.shape), joint="column"), note)
 
-    def with_ellipsoid(self, deviations: float, covariance: Any = None, note: str = "") -> FrequencyResponse:
+    def with_ellipsoid(
+        self, deviations: float, covariance: ArrayLike | None = None, note: str = ""
+    ) -> FrequencyResponse:
         """Return the samples, all errors of a frequency point together in ``vec(e)^H C^-1 vec(e) <= deviations^2``.
 
         Parameters
@@ -291,11 +299,11 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         self.require_complete("`with_ellipsoid`")
         if covariance is None and self.covariance is None:
             raise InputError("`covariance` is needed: the response has none")
-        covariance = self.covariance if covariance is None else as_array("covariance", covariance, dtype=complex)
-        bound = Bound(joint="matrix", ellipsoid=deviations**2 * covariance, kind="confidence")
+        C = self.covariance if covariance is None else as_array("covariance", covariance, dtype=complex)
+        bound = Bound(joint="matrix", ellipsoid=deviations**2 * C, kind="confidence")
         return self.with_bound(bound, note or self.note)
 
-    def with_ellipses(self, covariance: Any, deviations: float, note: str = "") -> FrequencyResponse:
+    def with_ellipses(self, covariance: ArrayLike, deviations: float, note: str = "") -> FrequencyResponse:
         """Return the samples, each in the ellipse ``e'C^-1 e <= deviations^2`` with e = (Re e, Im e).
 
         Parameters
@@ -375,7 +383,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
                 options.setdefault(side, labels)
         return cls(frd.omega, np.moveaxis(frd.frdata, -1, 0), **options)
 
-    def to_control(self) -> Any:
+    def to_control(self) -> control.FrequencyResponseData:
         """As `control.FrequencyResponseData`."""
         import control
 
@@ -383,7 +391,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         return control.FRD(np.moveaxis(self.values, 0, -1), self.omega, dt=0 if self.dt is None else self.dt)
 
 
-def as_frequency_response(name: str, value: Any) -> FrequencyResponse:
+def as_frequency_response(name: str, value: object) -> FrequencyResponse:
     """A FrequencyResponse as it is, or what a `control.FRD` says."""
     if isinstance(value, FrequencyResponse):
         return value

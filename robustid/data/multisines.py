@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import as_array, as_count
 from robustid.errors import InputError
@@ -22,7 +21,13 @@ _SAMPLES_PER_CYCLE = 16
 
 
 def chosen_lines(
-    band_hz: Any, lines: Any, spacing: str, lines_per_decade: int, period: int, dt: float, seed: int
+    band_hz: ArrayLike | None,
+    lines: ArrayLike | None,
+    spacing: str,
+    lines_per_decade: int,
+    period: int,
+    dt: float,
+    seed: int,
 ) -> np.ndarray:
     """The lines in the band, spaced as asked, or those given."""
     if spacing not in SPACINGS:
@@ -60,7 +65,7 @@ def chosen_lines(
     return chosen
 
 
-def given_lines(lines: Any, period: int) -> np.ndarray:
+def given_lines(lines: ArrayLike, period: int) -> np.ndarray:
     """Lines (F,) between 0 and Nyquist, ascending."""
     index = as_array("lines", lines, ndim=1)
     last = (period - 1) // 2
@@ -77,30 +82,12 @@ def given_lines(lines: Any, period: int) -> np.ndarray:
 def low_crest_phases(
     rng: np.random.Generator, amplitude: np.ndarray, lines: np.ndarray, period: int, rotations: np.ndarray
 ) -> np.ndarray:
-    """Phases (F,) of a multisine with a small peak, from a random start: a random local minimum.
+    """Phases (F,) [rad, of cosines] of a multisine with a small peak at all (R,) `rotations` of its phases: a random local minimum.
 
-    Minimises ``log (mean |u|^(2p))^(1/2p)`` over the phases for p = 2, 4, ..., 512, each from the minimum before
-    (`guillaume1991`; the sums are FFTs, and a quasi-Newton method in place of Gauss–Newton needs no Jacobian). The
-    result is never worse than its own start or Schroeder's phases.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of the starting phases.
-    amplitude : (F,) array
-        Of the lines; any scale.
-    lines : (F,) array of int
-        Between 0 and Nyquist, both excluded.
-    period : int
-        Samples.
-    rotations : (R,) array
-        Angles: ``u`` is to have a small peak with every one of them added to all phases.
-
-    Returns
-    -------
-    (F,) array
-        In rad, of cosines.
+    Minimises ``log (mean |u|^(2p))^(1/2p)`` over the phases for p = 2, 4, ..., 512, each from the minimum before (`guillaume1991`);
+    never worse than its own start or Schroeder's phases. The `lines` lie between 0 and Nyquist, both excluded.
     """
+    # The sums are FFTs, and a quasi-Newton method in place of Gauss–Newton needs no Jacobian.
     schroeder = schroeder_phases(amplitude)
     goal = _peak(schroeder, amplitude, lines, period, rotations)
     phases = schroeder
@@ -129,10 +116,8 @@ def synthesise(phases: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, per
     return np.fft.irfft(spectrum, period, axis=-1)
 
 
-def _peak(
-    phases: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, period: int, rotations: np.ndarray
-) -> np.floating[Any]:
-    return np.abs(synthesise(phases + rotations[:, None], amplitude, lines, period)).max()
+def _peak(phases: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, period: int, rotations: np.ndarray) -> float:
+    return float(np.abs(synthesise(phases + rotations[:, None], amplitude, lines, period)).max())
 
 
 def _descend(

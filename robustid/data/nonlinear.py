@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -130,12 +130,14 @@ def nonlinear_records(
     u = play.u[:, :, 0]
     y = _steady(_PLANTS[kind], u)
     rng = np.random.default_rng([seed, 1])
-    names: Any = {"inputs": ["force"], "outputs": [_PLANTS[kind].what]}
+    inputs, outputs = ["force"], [_PLANTS[kind].what]
     records: list[TimeRecord] = []
     for one, answer in zip(u, y, strict=True):
         measured = np.tile(answer, periods)
         measured += noise * answer.std() * rng.standard_normal(measured.size)
-        records.append(TimeRecord(np.tile(one, periods), measured, dt=_DT, initial="periodic", **names))
+        records.append(
+            TimeRecord(np.tile(one, periods), measured, dt=_DT, initial="periodic", inputs=inputs, outputs=outputs)
+        )
     return records
 
 

@@ -6,9 +6,9 @@ Every operation says what it does to the bound, so that a hard bound stays hard.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import as_array, as_count, as_float, as_positive
 from robustid.data.time_record import TimeRecord
@@ -21,7 +21,7 @@ _REACH = 26  # samples of the new rate that the filter reaches to either side: w
 _BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
 
 
-def sample_time(time: Any) -> float:
+def sample_time(time: ArrayLike) -> float:
     """Sample time of a vector of sample instants in s; InputError says where they are not uniform.
 
     Examples
@@ -30,8 +30,8 @@ def sample_time(time: Any) -> float:
     >>> rid.sample_time([0.0, 0.5, 1.0])
     0.5
     """
-    time = as_array("time", time, ndim=1)
-    return uniform_step(time, time.size)
+    instants = as_array("time", time, ndim=1)
+    return uniform_step(instants, instants.size)
 
 
 def detrend(record: TimeRecord, *, kind: str = "mean", until: float | None = None) -> TimeRecord:
@@ -155,20 +155,23 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
     if periodic:
         long = {name: np.concatenate([signal[-reach:], signal, signal[:reach]]) for name, signal in long.items()}
     bound = long.pop("bound", None)
-    slow: dict[str, Any] = {name: _slowed(signal, taps, factor) for name, signal in long.items()}
-    if record.bound is not None and bound is not None:
+    slow = {name: _slowed(signal, taps, factor) for name, signal in long.items()}
+    slow_bound = record.bound
+    if slow_bound is not None and bound is not None:
         used = np.isfinite(bound)
         unused = _slowed((~used).astype(float), np.ones(taps.size), factor) > 0.5
-        slow["bound"] = np.where(unused, np.inf, _slowed(np.where(used, bound, 0.0), np.abs(taps), factor))
-        if not np.any(np.isfinite(slow["bound"])):
+        radius = np.where(unused, np.inf, _slowed(np.where(used, bound, 0.0), np.abs(taps), factor))
+        if not np.any(np.isfinite(radius)):
             raise InputError(
                 "`record` has too few used samples in a row (a finite `bound`) for the filter; decimate first"
             )
-        slow["bound"] = dataclasses.replace(record.bound, radius=slow["bound"])
+        slow_bound = dataclasses.replace(slow_bound, radius=radius)
     if periodic:
-        return dataclasses.replace(record, **slow, dt=factor * record.dt)
+        return dataclasses.replace(record, **slow, bound=slow_bound, dt=factor * record.dt)
     past = np.abs(taps).sum() * max(np.abs(record.u).max(), record.largest_past_input)
-    return dataclasses.replace(record, **slow, dt=factor * record.dt, initial="free", past_input_bound=past)
+    return dataclasses.replace(
+        record, **slow, bound=slow_bound, dt=factor * record.dt, initial="free", past_input_bound=past
+    )
 
 
 def _fitted_stretch(record: TimeRecord, kind: str, until: float | None) -> int:
@@ -225,7 +228,7 @@ def _slowed(signal: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:
     return scipy.signal.upfirdn(taps, signal, 1, factor, axis=0)[2 * _REACH : (signal.shape[0] - 1) // factor + 1]
 
 
-def _check_record(record: Any) -> None:
+def _check_record(record: object) -> None:
     if not isinstance(record, TimeRecord):
         raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
 

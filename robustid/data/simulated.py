@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from robustid.core import Frozen, as_array, as_count, as_positive, freeze
 from robustid.data.frequency_response import FrequencyResponse
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    import control
 
 # frequency [Hz] and damping ratio of each mode
 _MODES = ((9.0, 0.1), (17.67, 0.004))
@@ -38,7 +41,7 @@ class SimulatedExperiment(Frozen):
 
     frequency: FrequencyResponse
     time: TimeRecord
-    truth: Any
+    truth: control.StateSpace
     modes: np.ndarray
 
     def __post_init__(self) -> None:
@@ -124,17 +127,21 @@ def flexible_structure(
     # A hair inside: rounding must not put a sample of the truth outside its disc.
     disc = (1 - 1e-9) * bound * radius * np.exp(1j * angle)
     values = truth(np.exp(1j * omega * dt))
-    names: dict[str, Any] = {"inputs": [("force", "N")], "outputs": [("displacement", "mm")]}
+    inputs, outputs = [("force", "N")], [("displacement", "mm")]
     note = "simulated errors, uniform within the bound"
     return SimulatedExperiment(
-        frequency=FrequencyResponse(omega, values + disc, bound=bound, dt=dt, note=note, **names),
-        time=TimeRecord(np.ones(samples), y + (1 - 1e-9) * errors, bound=bound, dt=dt, note=note, **names),
+        frequency=FrequencyResponse(
+            omega, values + disc, bound=bound, dt=dt, note=note, inputs=inputs, outputs=outputs
+        ),
+        time=TimeRecord(
+            np.ones(samples), y + (1 - 1e-9) * errors, bound=bound, dt=dt, note=note, inputs=inputs, outputs=outputs
+        ),
         truth=truth,
         modes=np.array([(2 * np.pi * f, d) for f, d in _MODES]),
     )
 
 
-def _plant(dt: float, gains: tuple[float, ...]) -> Any:
+def _plant(dt: float, gains: tuple[float, ...]) -> control.StateSpace:
     import control
 
     a, b, c = np.zeros((4, 4)), np.zeros((4, 1)), np.zeros((1, 4))

@@ -145,7 +145,7 @@ def combined(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.einsum("fia,fbj->fijab", left, right)
 
 
-def as_right(value: Any, points: int, inputs: int | None) -> np.ndarray:
+def as_right(value: object, points: int, inputs: int | None) -> np.ndarray:
     """Directions of the inputs, (F, nu, r), checked; the identity of that size where there are none."""
     array = np.eye(inputs or 1, dtype=complex) if value is None else as_array("right", value, dtype=complex)
     array = array[:, None] if array.ndim == 1 else array
@@ -153,7 +153,7 @@ def as_right(value: Any, points: int, inputs: int | None) -> np.ndarray:
     return np.broadcast_to(array, (points, *array.shape[-2:]))
 
 
-def as_left(value: Any, points: int, outputs: int | None) -> np.ndarray:
+def as_left(value: object, points: int, outputs: int | None) -> np.ndarray:
     """Combinations of the outputs that are seen, (F, l, ny), checked; the identity of that size where nothing is given."""
     array = np.eye(outputs or 1, dtype=complex) if value is None else as_array("left", value, dtype=complex)
     array = array[None, :] if array.ndim == 1 else array

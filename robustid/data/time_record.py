@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Frozen, Savable, as_array, as_float, as_positive, as_signals, freeze
 from robustid.data.bound import Bound
@@ -113,7 +113,7 @@ class TimeRecord(Frozen, Savable):
         """True where a sample counts: where its bound is finite, or everywhere without a bound; shaped as `y`."""
         return np.ones(self.y.shape, dtype=bool) if self.bound is None else self.bound.used
 
-    def ratio(self, error: Any) -> NDArray[np.float64]:
+    def ratio(self, error: ArrayLike) -> NDArray[np.float64]:
         """Size of an error (T, ny) of the output in units of its bound, at most 1 inside; 0 where a sample is not used."""
         if self.bound is None:
             raise InputError("`ratio` needs the bound of the record; give one by with_bound(...)")
@@ -214,7 +214,7 @@ class TimeRecord(Frozen, Savable):
     def _past_of_cut(self) -> float | None:
         return self.largest_past_input if self.initial == "free" else None
 
-    def _cut(self, samples: slice, **changes: Any) -> TimeRecord:
+    def _cut(self, samples: slice, **changes: object) -> TimeRecord:
         """Some samples of everything that has one entry per sample."""
         arrays = {name: getattr(self, name) for name in ("u", "y", "reference")}
         cut = {name: array[samples] for name, array in arrays.items() if array is not None}
@@ -260,7 +260,7 @@ class TimeRecord(Frozen, Savable):
         early = self._cut(slice(0, total - whole))
         return dataclasses.replace(late, u=early.u, reference=early.reference)
 
-    def with_bound(self, bound: Any, note: str = "") -> TimeRecord:
+    def with_bound(self, bound: Bound | ArrayLike | None, note: str = "") -> TimeRecord:
         """Return the samples with a `Bound`, or a half-width of your own, in the place of any other."""
         return dataclasses.replace(self, bound=bound, note=note)
 
@@ -279,16 +279,16 @@ def _later(signal: np.ndarray, samples: float) -> np.ndarray:
     return np.fft.irfft(spectrum * turn[:, None], total, axis=0)
 
 
-def _labels(stated: Any, values: Any) -> Any:
+def _labels(stated: object, values: object) -> object:
     """The names that are stated, else those that pandas gives the columns."""
     names = getattr(values, "columns", None) if stated is None else None
     if names is None:
         return stated
-    names = list(cast("Sequence[Any]", names))
+    names = list(cast("Sequence[object]", names))
     return names if all(isinstance(name, str) for name in names) else None
 
 
-def _signal(name: str, value: Any) -> np.ndarray:
+def _signal(name: str, value: object) -> np.ndarray:
     array = as_array(name, value)
     if array.ndim == 1:
         array = array[:, None]
@@ -303,15 +303,19 @@ def _signal(name: str, value: Any) -> np.ndarray:
     return array
 
 
-def as_records(name: str, value: Any) -> list[TimeRecord]:
+def as_records(name: str, value: object) -> list[TimeRecord]:
     """A record, or a sequence of them, as a list that is not empty; else a sentence."""
-    several: Any = [value] if isinstance(value, TimeRecord) else value
-    listed = isinstance(several, Sequence) and not isinstance(several, str)
-    records: list[Any] = list(cast("Sequence[Any]", several)) if listed else []
-    wrong = next((k for k, record in enumerate(records) if not isinstance(record, TimeRecord)), None)
-    if not records or wrong is not None:
-        got = type(value).__name__ + (
-            f" with {type(records[wrong]).__name__} at position {wrong}" if wrong is not None else ""
-        )
-        raise InputTypeError(f"`{name}` must be a TimeRecord or a sequence of them; got {got}")
+    if isinstance(value, TimeRecord):
+        return [value]
+    kind = type(value).__name__
+    items = cast("Sequence[object]", value) if isinstance(value, Sequence) and not isinstance(value, str) else ()
+    records: list[TimeRecord] = []
+    wrong = ""
+    for k, record in enumerate(items):
+        if isinstance(record, TimeRecord):
+            records.append(record)
+        else:
+            wrong = wrong or f" with {type(record).__name__} at position {k}"
+    if wrong or not records:
+        raise InputTypeError(f"`{name}` must be a TimeRecord or a sequence of them; got {kind}{wrong}")
     return records

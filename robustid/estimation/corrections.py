@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import as_float, as_kind
 from robustid.data import Bound, FrequencyResponse, TimeRecord
@@ -108,7 +109,7 @@ def _parsed(words: str, known: dict[str, tuple[Callable[..., Any], bool]]) -> tu
 # --- of responses ---------------------------------------------------------------------------------------------------------------
 
 
-def _scaled(frf: FrequencyResponse, factor: Any) -> FrequencyResponse:
+def _scaled(frf: FrequencyResponse, factor: ArrayLike) -> FrequencyResponse:
     """The response times a number, or one for every frequency point, with all that has its unit."""
     by: NDArray[np.complex128] = np.broadcast_to(np.asarray(factor, complex), frf.omega.shape)[:, None, None]
     if np.any(by == 0) or not np.all(np.isfinite(by)):
@@ -124,10 +125,6 @@ def _scaled(frf: FrequencyResponse, factor: Any) -> FrequencyResponse:
     levels = {name: size * level for name in ("noise", "distortion") if (level := getattr(frf, name)) is not None}
     covariance = None if frf.covariance is None else size**2 * frf.covariance
     return dataclasses.replace(frf, values=by * frf.values, bound=bound, covariance=covariance, **levels)
-
-
-def _negated(frf: FrequencyResponse) -> FrequencyResponse:
-    return _scaled(frf, -1.0)
 
 
 def _differentiated(frf: FrequencyResponse) -> FrequencyResponse:
@@ -193,14 +190,6 @@ def _stretched(frf: FrequencyResponse, factor: float) -> FrequencyResponse:
     return dataclasses.replace(frf, omega=factor * frf.omega)
 
 
-def _in_hz(frf: FrequencyResponse) -> FrequencyResponse:
-    return _stretched(frf, 2 * math.pi)
-
-
-def _in_rad(frf: FrequencyResponse) -> FrequencyResponse:
-    return _stretched(frf, 1 / (2 * math.pi))
-
-
 def _radians(frf: FrequencyResponse) -> FrequencyResponse:
     angle = np.angle(frf.values) / _DEGREE
     return dataclasses.replace(frf, values=np.abs(frf.values) * np.exp(1j * angle), covariance=None)
@@ -249,16 +238,12 @@ def _outputs_times(record: TimeRecord, factor: float) -> TimeRecord:
     return dataclasses.replace(record, y=factor * record.y, bound=bound)
 
 
-def _outputs_negated(record: TimeRecord) -> TimeRecord:
-    return _outputs_times(record, -1.0)
-
-
 def _exchanged(record: TimeRecord) -> TimeRecord:
     bound = record.bound
     if bound is not None:
         if record.u.shape != record.y.shape:
             raise InputError('"exchange" of a record with a bound needs as many inputs as outputs')
-        size: Any = np.sqrt(np.mean(record.u**2, axis=0)) / np.sqrt(np.mean(record.y**2, axis=0))
+        size = np.sqrt(np.mean(record.u**2, axis=0)) / np.sqrt(np.mean(record.y**2, axis=0))
         bound = dataclasses.replace(bound, radius=bound.radius * size)
     return dataclasses.replace(
         record, u=record.y, y=record.u, bound=bound, inputs=record.outputs, outputs=record.inputs
@@ -293,14 +278,14 @@ def _outputs_delayed(record: TimeRecord, samples: float) -> TimeRecord:
 
 _OF_RESPONSES: dict[str, tuple[Callable[..., FrequencyResponse], bool]] = {
     "conjugate": (_conjugated, False),
-    "negate": (_negated, False),
+    "negate": (functools.partial(_scaled, factor=-1.0), False),
     "transpose": (_transposed, False),
     "exchange": (_inverted, False),
     "times": (_scaled, True),
     "differentiate": (_differentiated, False),
     "integrate": (_integrated, False),
-    "frequency in Hz": (_in_hz, False),
-    "frequency in rad/s": (_in_rad, False),
+    "frequency in Hz": (functools.partial(_stretched, factor=2 * math.pi), False),
+    "frequency in rad/s": (functools.partial(_stretched, factor=1 / (2 * math.pi)), False),
     "frequency times": (_stretched, True),
     "phase in radians": (_radians, False),
     "magnitude linear": (_linear, False),
@@ -310,7 +295,7 @@ _OF_RESPONSES: dict[str, tuple[Callable[..., FrequencyResponse], bool]] = {
     "bound times": (_bound_times, True),
 }
 _OF_RECORDS: dict[str, tuple[Callable[..., TimeRecord], bool]] = {
-    "negate": (_outputs_negated, False),
+    "negate": (functools.partial(_outputs_times, factor=-1.0), False),
     "times": (_outputs_times, True),
     "exchange": (_exchanged, False),
     "time times": (_slower, True),

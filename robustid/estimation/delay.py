@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Frozen, as_array, as_count, as_flag, as_float, as_kind, as_positive, freeze
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation.pole_fit import PoleFit, Refined
+
+if TYPE_CHECKING:
+    import control
 
 # In units of pi over the highest omega, the sample time of a record that just holds this frequency point.
 _STEP = 0.5
@@ -177,11 +181,11 @@ class DelayedModel(NamedTuple):
         Order of the all-pass filter that does the fraction of a sample; 0: whole samples, exact.
     """
 
-    model: Any
+    model: control.StateSpace
     seconds: float
     all_pass: int
 
-    def error(self, omega: Any) -> np.ndarray:
+    def error(self, omega: ArrayLike) -> np.ndarray:
         """|all-pass - exp(-1j omega seconds)|: the error relative to the delayed response at frequencies in rad/s."""
         omega, dt = as_array("omega", omega), float(self.model.dt)
         if not self.all_pass:
@@ -192,7 +196,7 @@ class DelayedModel(NamedTuple):
         return np.abs(late - z**-part)
 
 
-def with_delay(model: Any, seconds: float) -> DelayedModel:
+def with_delay(model: control.StateSpace, seconds: float) -> DelayedModel:
     """Put a delay at the inputs of a discrete model: whole samples exactly, a fraction by an all-pass filter.
 
     Whole samples are poles at zero. With a fraction Thiran's filter of order N = 1 to 8 does the delay D (in samples,
@@ -271,7 +275,7 @@ def _thiran(samples: float, order: int) -> np.ndarray:
     )
 
 
-def _quotient(above: np.ndarray, below: np.ndarray, dt: float) -> Any:
+def _quotient(above: np.ndarray, below: np.ndarray, dt: float) -> control.StateSpace:
     """Polynomials in z as a state space; `below` starts with 1 and is at least as long."""
     import control
 

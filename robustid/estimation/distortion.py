@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,32 +43,15 @@ class _Lines(NamedTuple):
 def detected(
     drive: np.ndarray, u: np.ndarray, y: np.ndarray, index: np.ndarray, values: np.ndarray, inverse: np.ndarray
 ) -> Distortion | None:
-    """Distortion at unexcited lines in the band, or beside it, interpolated to the excited ones, times a factor.
+    """Distortion at unexcited lines in the band, or beside it, interpolated to the excited ones of `index`, times a factor.
 
-    Parameters
-    ----------
-    drive, u, y : (K, P, n, E) arrays
-        Spectra of the excitation (reference or input), inputs and outputs of E = nu experiments, at all lines of a period.
-    index : (F,) array
-        Excited lines that are used.
-    values : (F, ny, nu) array
-        The response there.
-    inverse : (F, nu, nu) array
-        ``U^-1`` there.
-
-    Returns
-    -------
-    Distortion or None
-        None without periods to tell noise by, or with fewer than four unexcited lines.
-
-    Notes
-    -----
-    At an unexcited line ``D = Y - G U``, G interpolated, is distortion and noise, whose variance over the periods is subtracted.
-    Its variance, a part of one size and a part relative to the linear response, is fitted to the unexcited lines nearest to each
-    excited one. An estimate from below: the excited lines may hold more, which the factor allows for. Of excited lines that are all
-    odd, the unexcited odd ones are taken where there are enough: even distortion stays on even lines. Source: `pintelon2012`,
-    chapter 4.
+    From below: the excited lines may hold more (`pintelon2012`, chapter 4). None without periods to tell noise by, or with fewer
+    than four unexcited lines. The spectra `drive`, u and y, (K, P, n, nu), are at all lines of a period; `inverse` is U^-1.
     """
+    # At an unexcited line D = Y - G U, G interpolated, is distortion and noise, whose variance over the periods is subtracted. Its
+    # variance, a part of one size and a part relative to the linear response, is fitted to the unexcited lines nearest to each
+    # excited one. Of excited lines that are all odd, the unexcited odd ones are taken where there are enough: even distortion stays
+    # on even lines.
     if u.shape[1] < 2:
         return None
     lines = _unexcited(drive, index)
@@ -131,7 +114,7 @@ def _left(
 
 def _continued(lines: np.ndarray, index: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The response between the excited lines, interpolated, and beyond them, by powers of the frequency."""
-    flat: Any = values.reshape(len(index), -1)
+    flat: Complex = values.reshape(len(index), -1)
     columns: list[Complex] = [
         np.asarray(np.interp(lines, index, part.real) + 1j * np.interp(lines, index, part.imag), dtype=complex)
         for part in flat.T

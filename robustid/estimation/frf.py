@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import as_count
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
@@ -26,7 +26,7 @@ def estimate_frf(
     *,
     method: str | None = None,
     period: int | None = None,
-    lines: Any = None,
+    lines: ArrayLike | None = None,
     probability: float = 0.95,
     about: str = "mean",
 ) -> FrequencyResponse:
@@ -152,7 +152,7 @@ def _usual(records: Sequence[TimeRecord], period: int | None) -> str:
     return "periodic" if period is not None or all(r.initial == "periodic" for r in records) else "local"
 
 
-def _estimated(records: list[TimeRecord], method: str, period: int | None, lines: Any) -> Estimate:
+def _estimated(records: list[TimeRecord], method: str, period: int | None, lines: ArrayLike | None) -> Estimate:
     if method == "periodic":
         return periodic(records, period, lines)
     return (local if method == "local" else welch)(records, lines)
@@ -193,7 +193,7 @@ def _refuse_dead(records: list[TimeRecord]) -> None:
             )
 
 
-def checked_records(record: Any) -> list[TimeRecord]:
+def checked_records(record: TimeRecord | Sequence[TimeRecord]) -> list[TimeRecord]:
     """Experiments with the same signals, sample time and length."""
     records = as_records("record", record)
     first = records[0]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import as_array
 from robustid.data import Caveat, TimeRecord
@@ -20,7 +21,7 @@ _MOST = 5000  # lines by default
 _CHUNK = 2**22  # numbers in the largest array
 
 
-def local(records: list[TimeRecord], lines: Any) -> Estimate:
+def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     """Fit ``Y = G U + T`` with ``G = N/D``, ``T = M/D``, ``D(0) = 1``, over a window around every line: see `estimate_frf`.
 
     In closed loop the responses of u and y to the reference are fitted, and divided.
@@ -182,7 +183,7 @@ def excited_lines(x: np.ndarray, half: int, last: int) -> np.ndarray:
     return index[:: -(-index.size // _MOST)]
 
 
-def checked_lines(lines: Any, last: int) -> np.ndarray:
+def checked_lines(lines: ArrayLike, last: int) -> np.ndarray:
     """Lines given by the user, ascending."""
     index = as_array("lines", lines, ndim=1)
     if index.size == 0 or np.any(index != np.round(index)) or index.min() < 1 or index.max() > last:
@@ -197,7 +198,7 @@ def _rounding(u: np.ndarray, y: np.ndarray, values: np.ndarray, index: np.ndarra
     return 64 * np.finfo(float).eps * scale / np.where(size > 0, size, 1)[:, None, :]
 
 
-def welch(records: list[TimeRecord], lines: Any) -> Estimate:
+def welch(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     """``G = S_yu S_uu^{-1}`` of averaged periodograms; the covariance knows noise and leakage as scatter, not the smearing.
 
     In closed loop, by the reference.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import ArrayLike
 
 from robustid.core import Real, as_array, as_count
 from robustid.data import Caveat, TimeRecord
@@ -15,7 +15,7 @@ from robustid.estimation.distortion import detected
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.scatter import scattered
 
-_Spectra = dict[str, Any]  # of u, y and reference: (K, blocks, periods, signals, experiments)
+_Spectra = dict[str, np.ndarray]  # of u, y and reference: (K, blocks, periods, signals, experiments)
 _log = logging.getLogger("robustid")
 
 # A line counts as excited from a fifth of the largest line on: measured inputs carry disturbance lines of
@@ -29,7 +29,7 @@ _DRIFT_SIGNIFICANT = 6.0  # standard deviations of white noise
 _TRANSIENT_BAND = 8  # lines over which a transient is looked for: that of a lightly damped mode fills a few only
 
 
-def periodic(records: list[TimeRecord], period: int | None, lines: Any) -> Estimate:
+def periodic(records: list[TimeRecord], period: int | None, lines: ArrayLike | None) -> Estimate:
     """Ratios of the spectra averaged over the periods, nu experiments a block: see `estimate_frf`."""
     first = records[0]
     samples, nu = len(first.u), first.u.shape[1]
@@ -105,7 +105,9 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
     )
 
 
-def _response(u: Any, y: Any, r: Any, index: Any, period: int, dt: float) -> tuple[np.ndarray, np.ndarray, str]:
+def _response(
+    u: np.ndarray, y: np.ndarray, r: np.ndarray | None, index: np.ndarray, period: int, dt: float
+) -> tuple[np.ndarray, np.ndarray, str]:
     """Values (F, ny, nu), the inverse of the inputs of every block, (F, blocks, nu, nu), and by what they were found."""
     if r is not None and r.shape[3] == u.shape[3] and u.shape[1] > 1:
         # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
@@ -123,7 +125,7 @@ def _skipped(count: int, steady: bool) -> str:
     return f"; the first {count} left out (transient)" + ("" if steady else ", still not steady")
 
 
-def _steady(records: list[TimeRecord], name: str, period: int, skipped: int, drifts: bool) -> tuple[Any, Any]:
+def _steady(records: list[TimeRecord], name: str, period: int, skipped: int, drifts: bool) -> tuple[Real, Real]:
     """Signals (R, T, n) after the periods that are left out, without drift, and the range of the drift."""
     signals = np.stack([getattr(r, name) for r in records])[:, skipped * period :]
     return without_drift(signals, period) if drifts else (signals, np.zeros(signals[:, 0].shape))
@@ -137,7 +139,7 @@ def _drifted(signals: np.ndarray, drift: np.ndarray) -> str:
     return f"; drifts of the outputs of up to {100 * size.max():.2g} % of their rms removed"
 
 
-def _checked_lines(lines: Any, period: int) -> np.ndarray:
+def _checked_lines(lines: ArrayLike, period: int) -> np.ndarray:
     index = as_array("lines", lines, ndim=1)
     if index.size == 0 or np.any(index != np.round(index)) or index.min() < 0 or index.max() > period // 2:
         raise InputError(f"`lines` must be whole numbers from 0 to period//2 = {period // 2}; got {lines!r}")
@@ -207,22 +209,10 @@ def _rounding(records: list[TimeRecord], values: np.ndarray, inverse: np.ndarray
 
 
 def transient_periods(spectra: np.ndarray, index: np.ndarray) -> tuple[int, bool]:
-    """Number of periods at the start that differ from the later ones more than these among themselves.
+    """Number of periods at the start, at most half, that differ more than the later ones do; whether those are steady.
 
     ``x_k = |Y_p(k) - mean|^2/(s^2 (1 + 1/m))``, mean and variance s^2 over the m periods after p, is F(2, 2(m-1)) distributed in
-    steady state; the mean of log x over all lines and over every few of them is compared with what it would be.
-
-    Parameters
-    ----------
-    spectra : (R, P, K, n) array
-        Of every record and period.
-    index : (F,) array
-        Lines that are used: the lines in between count too.
-
-    Returns
-    -------
-    int, bool
-        Periods, at most half of them, and whether the later ones are steady.
+    steady state; the mean of log x over all lines of (R, P, K, n), those between the used ones too, and over every few is tested.
     """
     from scipy.special import polygamma, psi
 
@@ -256,24 +246,13 @@ def transient_periods(spectra: np.ndarray, index: np.ndarray) -> tuple[int, bool
 
 
 def without_drift(signals: np.ndarray, period: int) -> tuple[Real, Real]:
-    """Signals of whole periods without what drifts, and how much that was.
+    """Signals (R, T, n) of whole periods in steady state without their drift, and its range (R, n): 0 where noise hides it.
 
-    ``y(t) = s(t mod period) + sum_j c_j t^j + e(t)``, least squares over s and c together: the powers of t, less their mean over
-    the periods at every sample of a period, are regressed on y less its own. A drift repeats in every period as a sawtooth, which
-    no scatter between periods shows; it is removed as well. Exact for a polynomial of third degree, or of one less than there are
-    periods.
-
-    Parameters
-    ----------
-    signals : (R, T, n) array
-        Of R records, each a whole number of periods in steady state.
-    period : int
-
-    Returns
-    -------
-    (R, T, n) array, (R, n) array
-        The signals, and the range of the drift that was removed; 0 where none stood out of the noise.
+    ``y(t) = s(t mod period) + sum_j c_j t^j + e(t)``, least squares over s and c together. Exact for a polynomial of third degree,
+    or of one less than there are periods.
     """
+    # The powers of t, less their mean over the periods at every sample of a period, are regressed on y less its own. A drift
+    # repeats in every period as a sawtooth, which no scatter between periods shows; it is removed as well.
     records, samples, count = signals.shape
     degree = min(_DRIFT_DEGREE, samples // period - 1)
     powers = legendre.legvander(np.linspace(-1, 1, samples), degree)[:, 1:]

@@ -57,26 +57,13 @@ def neighbours(index: np.ndarray, count: int) -> Neighbours:
 
 
 def pool(matrix: np.ndarray, dof: float, size: np.ndarray, index: np.ndarray, residuals: np.ndarray | None) -> Pool:
-    """Variances averaged over neighbouring spectral lines where few residuals would leave them hardly known.
+    """Variances of q signals averaged over neighbouring spectral lines where few residuals (`dof`) would leave them hardly known.
 
-    Parameters
-    ----------
-    matrix : (F, q, q) array
-        Estimated covariance of q signals at every line, from `dof` residuals.
-    size : (F, q) array
-        Size of the response in each signal: what a distortion is proportional to.
-    index : (F,) array
-        Lines of the transform.
-    residuals : (F, c, q) array, optional
-        What the covariance was taken from; they show how far neighbouring lines vary together.
-
-    Notes
-    -----
-    Around every line the logarithm of the variance is taken as linear in that of the response and in the frequency (`_Smooth`); its
-    degrees of freedom are what that fit leaves, few where a line stands out. A line whose own variance is larger than that by more
-    than chance keeps its own. Lines that vary together are worth fewer: n of them ``n/(1 + 2 sum_l (1 - l/n) r_l^2)``, r_l the
-    correlation of lines l apart.
+    Around every line the logarithm of the variance is taken as linear in that of the response, `size` (F, q), and in the frequency
+    (`_Smooth`). A line whose own variance is larger than that by more than chance keeps its own.
     """
+    # The degrees of freedom are what that fit leaves, few where a line stands out. Lines that vary together, as the residuals
+    # (F, c, q) show, are worth fewer: n of them n/(1 + 2 sum_l (1 - l/n) r_l^2), r_l the correlation of lines l apart.
     own = np.maximum(np.einsum("fii->fi", matrix).real, 0)
     count = min(index.size, _MOST, math.ceil(_WANTED / dof)) if dof < _ENOUGH else 1
     around = neighbours(index, count)

@@ -44,11 +44,11 @@ class Roughness(NamedTuple):
 def roughness(frf: FrequencyResponse) -> Roughness:
     """Noise of one entry with at least `FEWEST` points, of the order with the smallest Bayesian information criterion.
 
-    Residuals r are weighted by the deviation s of their neighbours, in turn, of noise that is even nearby or proportional to the
-    response nearby, whichever is likelier; ``BIC = 2 sum_k (log s_k^2 + |r_k|^2/s_k^2) + 2 n log 2F`` for n poles with residues.
-    Where noise is a large part of the response, relocated poles go astray: the least squares are then sought from broad poles and
-    from those of the order before, too.
+    ``BIC = 2 sum_k (log s_k^2 + |r_k|^2/s_k^2) + 2 n log 2F`` for n poles with residues. Residuals r are weighted by the
+    deviation s of their neighbours: noise that is even nearby, or proportional to the response nearby, whichever is likelier.
     """
+    # Where noise is a large part of the response, relocated poles go astray: the least squares are then sought from broad poles and
+    # from those of the order before, too.
     plain = dataclasses.replace(frf, covariance=None, bound=None)
     values: Complex = plain.values.reshape(-1)
     size, least = values.size, _SMALLEST * float(np.abs(values).max())

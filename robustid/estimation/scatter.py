@@ -77,28 +77,12 @@ class _Residuals(NamedTuple):
 def scattered(
     left: np.ndarray, inverse: np.ndarray, values: np.ndarray, u: np.ndarray, index: np.ndarray, rounding: Real
 ) -> Scatter:
-    """Covariance of the mean response of periodic experiments.
+    """Covariance of the mean response of periodic experiments, from ``left = Y - G U`` (F, B, P, ny, nu) of B blocks and P periods.
 
-    Parameters
-    ----------
-    left : (F, B, P, ny, nu) array
-        ``Y - G U`` of B blocks of nu experiments and P periods.
-    inverse : (F, B, nu, nu) array
-        ``U^-1`` of every block.
-    values : (F, ny, nu) array
-    u : (F, B, P, nu, nu) array
-        Inputs (rows) of the experiments (columns).
-    index : (F,) array
-        Lines of the transform.
-    rounding : (F, ny, nu) array
-        Errors that are rounding, and no distortion.
-
-    Notes
-    -----
     One block: from period to period, noise alone. Several: between the blocks, S with what changes from one to the next; where that
-    is no more than noise N explains, both together. What changes has the variance ``S - N``, at least ``S/sqrt(dof)``, which
-    could not be told from 0.
+    is no more than noise N explains, both together. What changes has the variance ``S - N``, at least ``S/sqrt(dof)``.
     """
+    # S/sqrt(dof) could not be told from 0. `inverse` is U^-1 (F, B, nu, nu); `rounding` are errors that are no distortion.
     blocks, periods = left.shape[1:3]
     found = _residuals(left, inverse, values, u)
     count = found.each.shape[1]

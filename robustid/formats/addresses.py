@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from types import EllipsisType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,7 +104,7 @@ def _text(part: Index) -> str:
     return ":".join(ends if part.step is None else [*ends, str(part.step)])
 
 
-def axis_names(text: Any) -> tuple[str, ...]:
+def axis_names(text: object) -> tuple[str, ...]:
     """The names of axes that a text holds, each once, of one kind of data."""
     given = [word.strip().lower() for word in text.split(",")] if isinstance(text, str) else []
     names = tuple(_SYNONYMS.get(name, name) for name in (word.removesuffix("s") for word in given))

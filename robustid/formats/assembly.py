@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 from collections.abc import Iterable, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from robustid.formats import units
 from robustid.formats.addresses import TIME_AXES
 from robustid.formats.role_lookup import Lookup, seconds
 from robustid.formats.role_names import axis_role
+from robustid.formats.table import Options
 
 _log = logging.getLogger("robustid")
 
@@ -26,7 +27,7 @@ _WAYS: tuple[tuple[str, ...], ...] = (
 )
 
 
-def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[Any, str | None]:
+def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[str, str | None]:
     """Name of the frequency axis, and its unit as far as the file states it."""
     if "omega" in lookup.fields and "freq_hz" in lookup.fields:
         raise InputError("`fields` gives both 'omega' and 'freq_hz'; give one")
@@ -82,7 +83,7 @@ def _omega_of(lookup: Lookup, grid: tuple[float, float], frequency_unit: str | N
 
 
 def as_frequency(
-    lookup: Lookup, options: dict[str, Any], frequency_unit: str | None, grid: tuple[float, float] | None = None
+    lookup: Lookup, options: Options, frequency_unit: str | None, grid: tuple[float, float] | None = None
 ) -> FrequencyResponse:
     """The frequency response that the columns hold; at a first frequency and steps from there, where `grid` gives both."""
     if grid is None:
@@ -120,7 +121,7 @@ def as_frequency(
     return FrequencyResponse(omega, values, **options)
 
 
-def _same_unit(lookup: Lookup, bound: Any, signals: list[Any]) -> None:
+def _same_unit(lookup: Lookup, bound: object, signals: list[object]) -> None:
     """A bound in another unit than what it bounds would be wrong without a word."""
     stated, others = (
         {units.in_brackets(lookup.name(name))[1] for name in _flat(names)} - {""} for names in (bound, signals)
@@ -133,8 +134,8 @@ def _same_unit(lookup: Lookup, bound: Any, signals: list[Any]) -> None:
         )
 
 
-def _flat(names: Any) -> list[str]:
-    parts = cast("Iterable[Any]", names or [])
+def _flat(names: object) -> list[str]:
+    parts = cast("Iterable[object]", names or [])
     return [names] if isinstance(names, str) else [name for part in parts for name in _flat(part)]
 
 
@@ -177,7 +178,7 @@ def _check_unit(lookup: Lookup, role: str) -> None:
             raise InputError(f"`fields[{role!r}]` = {name!r} says another unit; give the role {said!r}")
 
 
-def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRecord]:
+def as_time(lookup: Lookup, options: Options) -> TimeRecord | list[TimeRecord]:
     """The time record that the columns hold; a list where `axes` names an axis of realisations.
 
     Periods follow each other in one record, which is in steady state unless `initial` says otherwise.
@@ -225,7 +226,9 @@ def as_time(lookup: Lookup, options: dict[str, Any]) -> TimeRecord | list[TimeRe
     return TimeRecord(**signals, **options)
 
 
-def _realisations(lookup: Lookup, named: Sequence[str], names: dict[str, Any], options: dict[str, Any]) -> Any:
+def _realisations(
+    lookup: Lookup, named: Sequence[str], names: dict[str, object], options: Options
+) -> TimeRecord | list[TimeRecord]:
     """The records of arrays whose axes are named."""
     arrays = {role: lookup.arranged(role, name, TIME_AXES) for role, name in names.items()}
     if len({array.shape[:3] for array in arrays.values()}) != 1:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+
+from robustid.formats.table import Options
 
 
 @dataclasses.dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Dataset:
     licence: str
     citation: str
     sha256: str
-    options: dict[str, Any] = dataclasses.field(default_factory=dict[str, Any])
+    options: Options = dataclasses.field(default_factory=Options)
 
     @property
     def url(self) -> str:

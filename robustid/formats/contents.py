@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Contents(NamedTuple):
     items: tuple[Item, ...]
 
 
-def contents(path: Any) -> Contents:
+def contents(path: object) -> Contents:
     r"""List what is in a file of any format that `robustid.load` reads; nothing is taken for anything yet.
 
     Parameters

@@ -15,7 +15,7 @@ from robustid.core import as_flag
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError
 from robustid.formats.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
 from robustid.formats.measurement_files import read_file
-from robustid.formats.table import said
+from robustid.formats.table import Options, said
 
 __all__ = ["DATASETS", "NAMES", "VARIABLE", "Dataset", "describe", "fetch", "find", "load"]
 
@@ -183,15 +183,15 @@ def load(name: str, **options: Any) -> Any:
     raise InputError(f"`name` = {name!r} is no record of one experiment; load 'fsm/train' or 'fsm/test'")
 
 
-def _record(files: list[str], options: dict[str, Any]) -> Any:
+def _record(files: list[str], options: Options) -> Any:
     return read_file(fetch(files[0]), **{**DATASETS[files[0]].options, **options})
 
 
-def _records(files: list[str], options: dict[str, Any]) -> Any:
+def _records(files: list[str], options: Options) -> Any:
     return [_record([file], options) for file in files]
 
 
-def _mirror(files: list[str], options: dict[str, Any]) -> Any:
+def _mirror(files: list[str], options: Options) -> Any:
     """Arrays of (samples a period, signals, realisations, periods)."""
     _no_options(files, {name: value for name, value in options.items() if name != "bound"})
     arrays = {role: np.load(fetch(file), allow_pickle=False) for role, file in zip("uy", files, strict=True)}
@@ -202,7 +202,7 @@ def _mirror(files: list[str], options: dict[str, Any]) -> Any:
     return read_file(arrays, axes=axes, dt=_FSM_STEP, inputs=inputs, outputs=outputs, **options)
 
 
-def _short(files: list[str], options: dict[str, Any]) -> Any:
+def _short(files: list[str], options: Options) -> Any:
     """One matrix whose columns are the signals, inputs first; the record begins in the middle of the experiment."""
     name = Path(files[0]).stem
     dt, inputs, outputs = _SHORT[name]
@@ -211,19 +211,19 @@ def _short(files: list[str], options: dict[str, Any]) -> Any:
     return read_file(fetch(files[0]), **{**known, **options})
 
 
-def _model(files: list[str], options: dict[str, Any]) -> Any:
+def _model(files: list[str], options: Options) -> Any:
     _no_options(files, options)
     model = read_file(fetch(files[0]), kind="model")
     model.name = Path(files[0]).stem
     return model
 
 
-def _no_options(files: list[str], options: dict[str, Any]) -> None:
+def _no_options(files: list[str], options: Options) -> None:
     if options:
         raise InputError(f"{files[0]} is read in one way; leave out {', '.join(sorted(options))}")
 
 
-_SETS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
+_SETS: dict[str, tuple[tuple[str, ...], Callable[[list[str], Options], Any]]] = {
     "two_mass": ((TWO_MASS,), _record),
     "beam_ring": (BEAM_RING, _records),
     "fsm": (FSM["fsm/train"], _mirror),

@@ -6,7 +6,6 @@ import csv
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from robustid.core import as_array, atomic_write, written_by
 from robustid.data import Excitation
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.readers import read_table
-from robustid.formats.table import Table
+from robustid.formats.table import Options, Table
 
 _MARK = "# robustid.excitation "
 _FACTS = ("dt", "periods", "seed")
@@ -22,7 +21,7 @@ _FACTS = ("dt", "periods", "seed")
 
 def write(path: str | os.PathLike[str], excitation: Excitation) -> None:
     """`Excitation.save`: whole or not at all."""
-    facts: dict[str, Any] = {name: getattr(excitation, name) for name in _FACTS}
+    facts: Options = {name: getattr(excitation, name) for name in _FACTS}
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
         with atomic_write(path, "wb") as file:
@@ -100,8 +99,8 @@ def excitation_of(table: Table) -> Excitation:
 
 
 def _from_arrays(table: Table) -> Excitation:
-    facts = {name: _numbers(table, name).item() for name in _FACTS}
-    return Excitation(_numbers(table, "u"), lines=_numbers(table, "lines"), **facts)
+    facts = {name: table.numbers(name).item() for name in _FACTS}
+    return Excitation(table.numbers("u"), lines=table.numbers("lines"), **facts)
 
 
 def _from_columns(table: Table) -> Excitation:
@@ -113,7 +112,7 @@ def _from_columns(table: Table) -> Excitation:
     inputs = sum(name.endswith("_exp1") for name in names)
     if names != _names(len(names) // inputs if inputs else 0, inputs):
         raise FileFormatError("its columns are not time, u1_exp1, u2_exp1, ...")
-    played = as_array("u", np.column_stack([_numbers(table, name) for name in names]))
+    played = as_array("u", np.column_stack([table.numbers(name) for name in names]))
     if len(played) != period * facts["periods"]:
         raise FileFormatError(f"{len(played)} samples where it describes {facts['periods']} periods of {period}")
     cycles = played.reshape(-1, period, len(names))
@@ -126,12 +125,6 @@ def _from_columns(table: Table) -> Excitation:
 def _first_line(table: Table) -> str:
     with table.path.open(encoding="utf-8-sig", errors="replace") as file:
         return file.readline()
-
-
-def _numbers(table: Table, name: str) -> np.ndarray:
-    if isinstance(value := table.columns[name], FileFormatError):
-        raise value
-    return value
 
 
 def _names(experiments: int, inputs: int) -> list[str]:

@@ -104,7 +104,7 @@ def _characters(codes: np.ndarray) -> str:
     return "".join(map(chr, codes.T.reshape(-1).tolist()))
 
 
-def _word(value: Any) -> str:
-    array: Any = value
-    one: Any = array.item() if isinstance(value, np.ndarray) and array.size == 1 else array
+def _word(value: object) -> str:
+    one: Any = value
+    one = one.item() if isinstance(value, np.ndarray) and one.size == 1 else one
     return one.decode("utf-8", "replace") if isinstance(one, bytes) else one if isinstance(one, str) else ""

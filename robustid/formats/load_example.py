@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,14 +23,7 @@ _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "outpu
 
 
 def example(table: Table, *, dt: bool) -> list[str | Remedy]:
-    """Sentences with arguments that `load` takes, as far as the arrays can be signals; else none.
-
-    Parameters
-    ----------
-    table : Table
-    dt : bool
-        Whether the sample time must be given: neither the file nor the user says it.
-    """
+    """Sentences with arguments that `load` takes, as far as the arrays can be signals; else none. `dt`: it must be given."""
     array = table.columns.get(NAMELESS)
     if isinstance(array, np.ndarray) and array.ndim > 2:
         return _axes(table, array, dt)
@@ -66,7 +58,7 @@ def _complex(columns: list[tuple[str, np.ndarray]]) -> bool:
     return any(np.iscomplexobj(values) for _, values in columns)
 
 
-def _parts(columns: list[tuple[str, np.ndarray]], axis: Any) -> dict[str, object]:
+def _parts(columns: list[tuple[str, np.ndarray]], axis: tuple[str, np.ndarray] | None) -> dict[str, object]:
     """Roles of the parts of a response, by names and units; the first two are taken for real and imaginary part."""
     if _complex(columns):
         return {"values": next(address for address, values in columns if np.iscomplexobj(values))}

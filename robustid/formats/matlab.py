@@ -13,7 +13,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +109,7 @@ class _Elements:
             code if "8" in code or code == "latin-1" else code + ("-le" if self.order == "<" else "-be")
         )
 
-    def matrix(self) -> Any:
+    def matrix(self) -> _Value:
         kind, value = self.next()
         if kind != _MATRIX:
             raise ValueError("a matrix is missing")
@@ -120,8 +120,12 @@ class _Unreadable(str):
     """The class of an object."""
 
 
-def _matrix(parts: _Elements) -> tuple[str, Any]:
-    """Name and value: an array, a list of texts, a dictionary for a structure; None for what isn't read."""
+# An array, a list of texts, a structure; None for what isn't read.
+_Value = np.ndarray | list[str] | dict[str, "_Value"] | _Unreadable | None
+
+
+def _matrix(parts: _Elements) -> tuple[str, _Value]:
+    """Name and value of a matrix."""
     flags = int(parts.numbers()[0])
     kind = flags & 0xFF
     if kind == _OPAQUE:
@@ -142,8 +146,8 @@ def _matrix(parts: _Elements) -> tuple[str, Any]:
         return name, ["".join(letters[k::rows]) for k in range(rows)]  # stored by columns
     if kind == _CELL:
         items = [parts.matrix() for _ in range(count)]
-        single = all(isinstance(item, list) and len(cast("list[Any]", item)) == 1 for item in items)
-        return name, [item[0] for item in items] if single else None
+        texts = [item[0] for item in items if isinstance(item, list) and len(item) == 1]
+        return name, texts if len(texts) == len(items) else None
     if kind == _OBJECT:
         return name, _Unreadable(parts.text())
     if kind == _STRUCT and count == 1:
@@ -182,9 +186,9 @@ def _sparse(parts: _Elements, shape: tuple[int, int], is_complex: bool) -> np.nd
     return full
 
 
-def _store(name: str, value: Any, table: Table) -> None:
+def _store(name: str, value: object, table: Table) -> None:
     if isinstance(value, dict):
-        for field, item in cast("dict[str, Any]", value).items():
+        for field, item in cast("dict[str, object]", value).items():
             _store(f"{name}.{field}", item, table)
     elif isinstance(value, _Unreadable):
         table.objects[name] = str(value)

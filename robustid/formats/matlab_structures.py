@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid.errors import FileFormatError, InputError
-from robustid.formats.table import Table
+from robustid.formats.table import Options, Table
 from robustid.formats.units import FREQUENCY, TIME, factor
 
 STRUCTURE_TIME = {**TIME, **{f"{word}seconds": scale for word, scale in (("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))},
@@ -42,7 +42,7 @@ class _Part:
     def __init__(self, table: Table, prefix: str) -> None:
         self.table, self.prefix = table, prefix
 
-    def numbers(self, field: str) -> Any:
+    def numbers(self, field: str) -> Any:  # an array, None, or why a column has none
         return self.table.columns.get(self.prefix + field)
 
     def word(self, *fields: str) -> str:
@@ -90,9 +90,9 @@ def _response(table: Table, part: _Part, frequency_unit: str | None) -> Table:
             )
     omega = omega * _frequency_scale(part, frequency_unit)
     step = part.step()
-    facts: dict[str, Any] = {"dt": step or None, "inputs": part.channels("Input", values.shape[1]),
-                             "outputs": part.channels("Output", values.shape[0])}  # fmt: skip
-    columns: dict[str, Any] = {"omega": omega, "values": np.moveaxis(values, -1, 0)}
+    facts: Options = {"dt": step or None, "inputs": part.channels("Input", values.shape[1]),
+                      "outputs": part.channels("Output", values.shape[0])}  # fmt: skip
+    columns = {"omega": omega, "values": np.moveaxis(values, -1, 0)}
     if (covariance := part.numbers("CovarianceData")) is not None:
         facts["covariance"] = _covariance(part, covariance, values.shape)
     return dataclasses.replace(
@@ -144,7 +144,7 @@ def _record(table: Table, part: _Part, _: str | None) -> Table:
     if part.word("Domain").lower() == "frequency":
         raise InputError(f"`{part.prefix}Domain` is 'Frequency'; store the time record, or the response by spafdr")
     columns = {"u": part.numbers("InputData"), "y": part.numbers("OutputData")}
-    facts: dict[str, Any] = {
+    facts: Options = {
         side: part.channels(word, columns[role].shape[-1])
         for side, word, role in (("inputs", "Input", "u"), ("outputs", "Output", "y"))
     }

@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from robustid.core import as_positive, written_by
-from robustid.data import FrequencyResponse
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.addresses import axis_names
 from robustid.formats.assembly import as_frequency, as_time, frequency_axis, time_step
@@ -20,10 +20,11 @@ from robustid.formats.model_files import is_model, model_of
 from robustid.formats.readers import read_table
 from robustid.formats.role_lookup import Lookup
 from robustid.formats.role_names import NAMES
-from robustid.formats.saved import CLASSES, WRITERS, unpack
-from robustid.formats.table import Table
+from robustid.formats.saved import CLASSES, WRITERS, Measured, unpack
+from robustid.formats.table import Options, Table
 from robustid.formats.units import FREQUENCY, factor
 
+Loaded = TypeVar("Loaded")
 _log = logging.getLogger("robustid")
 
 
@@ -36,7 +37,7 @@ def read_said(
     path: Any,
     *,
     kind: str | None = None,
-    fields: Mapping[str, Any] | None = None,
+    fields: Mapping[str, object] | None = None,
     frequency_unit: str | None = None,
     axes: str | None = None,
     decimal: str | None = None,
@@ -98,14 +99,14 @@ class _Asked(NamedTuple):
     """The way in which the arrays of a file are to be taken."""
 
     kind: str | None
-    fields: dict[str, Any]
+    fields: dict[str, object]
     frequency_unit: str | None
     axes: str | None
     grid: tuple[float, float] | None
 
 
 def _check_words(
-    kind: str | None, fields: Mapping[str, Any] | None, frequency_unit: str | None, decimal: str | None
+    kind: str | None, fields: Mapping[str, object] | None, frequency_unit: str | None, decimal: str | None
 ) -> None:
     if kind not in (None, "frequency", "time", "model"):
         raise InputError(f'`kind` must be "frequency", "time", "model" or None; got {kind!r}')
@@ -129,7 +130,7 @@ def _refuse(names: list[str], what: str) -> None:
         raise InputError(f"`{names[0]}` is about measurements, and the file holds {what}; leave `{names[0]}` out")
 
 
-def _assigned(table: Table, asked: _Asked, options: dict[str, Any]) -> Any:
+def _assigned(table: Table, asked: _Asked, options: Options) -> TimeRecord | list[TimeRecord] | FrequencyResponse:
     """A file of others: its arrays by their roles."""
     kind, frequency_unit = asked.kind, asked.frequency_unit
     if not asked.fields and (plain := from_structure(table, kind, frequency_unit)) is not table:
@@ -155,7 +156,7 @@ class Origin(NamedTuple):
 
 
 def origin(
-    path: str | os.PathLike[str] | Table, kind: str, fields: Mapping[str, Any] | None, decimal: str | None = None
+    path: str | os.PathLike[str] | Table, kind: str, fields: Mapping[str, object] | None, decimal: str | None = None
 ) -> Origin:
     """The `Origin` of a file, whatever `dt` and unit `read_file` is given."""
     table = read_table(path, decimal)
@@ -177,7 +178,7 @@ def origin(
     return Origin(None if fields else lookup.looks(), unit_known, step, source, table.how)
 
 
-def _write(path: str | os.PathLike[str], data: Any) -> None:
+def _write(path: str | os.PathLike[str], data: Measured) -> None:
     """Write measurements in the format that the ending of the path names."""
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:
@@ -189,7 +190,7 @@ for _class in CLASSES.values():
     written_by(_class, _write)
 
 
-def _loaded(build: Any, table: Table) -> Any:
+def _loaded(build: Callable[[], Loaded], table: Table) -> Loaded:
     """Put the file's name before what is wrong with its contents."""
     try:
         return build()

@@ -4,23 +4,34 @@ from __future__ import annotations
 
 import os
 import pathlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import as_array, as_float, atomic_write
+from robustid.core import Complex, as_array, as_float, atomic_write
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.matlab_structures import STRUCTURE_TIME
 from robustid.formats.readers import read_table
 from robustid.formats.table import Table
-from robustid.formats.transfer_functions import of_polynomials, of_roots
 from robustid.formats.units import factor
 
-_NAMES: tuple[Any, ...] = ("abcd", "zpk", ("num", "den"), ("Z", "P", "K"), ("Numerator", "Denominator"))
+if TYPE_CHECKING:
+    import control
+
+_Numbers = dict[str, Any]  # arrays, or why a column has none
+_NAMES: tuple[str | tuple[str, ...], ...] = (
+    "abcd",
+    "zpk",
+    ("num", "den"),
+    ("Z", "P", "K"),
+    ("Numerator", "Denominator"),
+)
 _DELAYS = ("InputDelay", "OutputDelay", "IODelay", "ioDelay", "inputd", "outputd", "iodelay")
+_MOST_STATES = 2000
+_PAIR = 1e-8  # relative distance of a root from the conjugate of its partner
 
 
-def save_model(model: Any, path: str | os.PathLike[str]) -> None:
+def save_model(model: control.StateSpace, path: str | os.PathLike[str]) -> None:
     """Write A, B, C, D and dt (0: continuous) of a `control.StateSpace` to `path`, .npz or .mat."""
     import scipy.io
 
@@ -35,7 +46,7 @@ def save_model(model: Any, path: str | os.PathLike[str]) -> None:
             scipy.io.savemat(file, numbers)
 
 
-def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> Any:
+def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> control.StateSpace:
     """Read a `control.StateSpace` from a .npz or .mat file with A, B, C and, optionally, D and dt.
 
     Or with the numbers of a MATLAB model of one input and one output, beside each other or in one structure: a, b, c, d; z, p, k;
@@ -70,7 +81,7 @@ def is_model(table: Table) -> bool:
     return len(_structures(numbers)) == 1
 
 
-def model_of(table: Table, dt: float | None = None) -> Any:
+def model_of(table: Table, dt: float | None = None) -> control.StateSpace:
     """The `control.StateSpace` that a file holds; see `load_model`."""
     path, numbers = table.path, _numbers(table)
     found = _structures(numbers)
@@ -90,29 +101,34 @@ def model_of(table: Table, dt: float | None = None) -> Any:
             raise FileFormatError(
                 f"{path.name}: {prefix}e isn't the identity; call ss(sys, 'explicit') in MATLAB first"
             )
-        return _state_space(path, own, names, dt, texts)
+        return _state_space(path, own, "abcd", dt, texts)
     step = _step(path, own, texts) if dt is None else dt
     try:
-        first, second, *gain = (_vector(name, own[name]) for name in names)
+        vectors = {name: own[name].reshape(-1) for name in names}
+        first, second, *gain = (
+            as_array(name, vector, dtype=complex if np.iscomplexobj(vector) else float)
+            for name, vector in vectors.items()
+        )
         return of_roots(first, second, gain[0].item(), step) if gain else of_polynomials(first, second, step)
     except (InputError, InputTypeError) as error:
         raise FileFormatError(f"{path.name} is no model: {error}") from None
 
 
-def _structures(numbers: dict[str, Any]) -> list[tuple[str, Any]]:
+def _structures(numbers: _Numbers) -> list[tuple[str, str | tuple[str, ...]]]:
     """Prefix and names of every model in a structure, or of zeros, poles and gain or polynomials at the top level."""
-    found: list[tuple[str, Any]] = []
+    found: list[tuple[str, str | tuple[str, ...]]] = []
     for name in numbers:
         for names in _NAMES:
             prefix = name.removesuffix(names[0])
-            own: list[Any] = [numbers.get(prefix + part) for part in names if part != "d"]
+            parts = [numbers.get(prefix + part) for part in names if part != "d"]
+            own: list[np.ndarray] = [part for part in parts if isinstance(part, np.ndarray)]
             whole = prefix + names[0] == name and (not prefix or prefix[-1] == ".")
-            if whole and all(isinstance(part, np.ndarray) for part in own) and _fits(names, own):
+            if whole and len(own) == len(parts) and _fits(names, own):
                 found.append((prefix, names))
     return found
 
 
-def _fits(names: Any, own: list[Any]) -> bool:
+def _fits(names: str | tuple[str, ...], own: list[np.ndarray]) -> bool:
     """Return whether arrays have the shapes of such a model: square A; or a number for a gain, vectors for all else."""
     if names == "abcd":
         return own[0].ndim == 2 and own[0].shape[0] == own[0].shape[1]
@@ -120,11 +136,13 @@ def _fits(names: Any, own: list[Any]) -> bool:
     return gain and all(part.size == max(part.shape, default=1) or not part.size for part in own)
 
 
-def _vector(name: str, value: Any) -> Any:
-    return as_array(name, np.asarray(value).reshape(-1), dtype=complex if np.iscomplexobj(value) else float)
-
-
-def _state_space(path: pathlib.Path, numbers: dict[str, Any], names: str, dt: float | None, texts: Any = None) -> Any:
+def _state_space(
+    path: pathlib.Path,
+    numbers: _Numbers,
+    names: str,
+    dt: float | None,
+    texts: dict[str, list[str]] | None = None,
+) -> control.StateSpace:
     """The model of the matrices A, B, C and, optionally, D."""
     import control
 
@@ -147,19 +165,19 @@ def _state_space(path: pathlib.Path, numbers: dict[str, Any], names: str, dt: fl
     return control.ss(A, B, C, D, _step(path, numbers, texts or {}) if dt is None else dt)
 
 
-def _numbers(table: Table) -> dict[str, Any]:
+def _numbers(table: Table) -> _Numbers:
     """The named matrices of a file, those without entries too: a static gain has no states."""
     return {**table.columns, **table.empty}
 
 
-def _matrix(path: pathlib.Path, name: str, value: Any) -> np.ndarray:
+def _matrix(path: pathlib.Path, name: str, value: object) -> np.ndarray:
     try:
         return as_array(name, value, ndim=2)
     except (InputError, InputTypeError) as error:
         raise FileFormatError(f"{path.name} is no model: {error}") from None
 
 
-def _step(path: pathlib.Path, numbers: dict[str, Any], texts: dict[str, list[str]]) -> float:
+def _step(path: pathlib.Path, numbers: _Numbers, texts: dict[str, list[str]]) -> float:
     """The sample time that stands beside a model; 0 in continuous time."""
     name = next((name for name in ("dt", "Ts") if name in numbers), None)
     word = "".join(texts.get("TimeUnit", [])) or "s"
@@ -173,3 +191,75 @@ def _step(path: pathlib.Path, numbers: dict[str, Any], texts: dict[str, list[str
     if scale != 1.0:
         raise FileFormatError(f"{path.name}: TimeUnit is {word!r}; call chgTimeUnit(sys, 'seconds') in MATLAB first")
     return step
+
+
+# --- transfer functions -----------------------------------------------------------------------------------------------------------
+
+
+def of_polynomials(numerator: np.ndarray, denominator: np.ndarray, dt: float) -> control.StateSpace:
+    """The `control.StateSpace` of b(s)/a(s), highest power first, in companion form.
+
+    Written out here: scipy takes leading coefficients below 1e-14 for zero, whatever the units.
+    """
+    import control
+
+    b, a = (np.trim_zeros(np.asarray(part, dtype=float).reshape(-1), "f") for part in (numerator, denominator))
+    if not a.size:
+        raise InputError("the denominator is zero")
+    if b.size > a.size:
+        raise InputError(f"the numerator has the degree {b.size - 1}, the denominator {a.size - 1}; a model is proper")
+    order = _checked_order(a.size - 1)
+    b, a = np.concatenate([np.zeros(a.size - b.size), b]) / a[0], a / a[0]
+    A = np.eye(order, k=-1)
+    A[:1] = -a[1:]
+    return control.ss(A, np.eye(order, 1), [b[1:] - b[0] * a[1:]], b[0], dt)
+
+
+def of_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
+    """The `control.StateSpace` of ``gain * prod(s - zeros) / prod(s - poles)``: a cascade of sections of order 2 at most.
+
+    A cascade, since the coefficients of the whole polynomial lose lightly damped modes at high orders. Every section takes the
+    zeros nearest to its poles.
+    """
+    import control
+
+    zeros, poles = (np.asarray(part, dtype=complex).reshape(-1) for part in (zeros, poles))
+    if zeros.size > poles.size:
+        raise InputError(f"there are {zeros.size} zeros and {poles.size} poles; a model is proper")
+    n = _checked_order(poles.size)
+    A, B, seen, through = np.zeros((n, n)), np.zeros((n, 1)), np.zeros((1, n)), float(gain)
+    left, at = _sections("zeros", zeros), 0
+    for section in sorted(_sections("poles", poles), key=len):
+        fitting = [k for k, part in enumerate(left) if len(part) <= len(section)]
+        # A section of one pole takes a single zero if there is one; all others the nearest.
+        near = min(fitting, key=lambda k: float(np.abs(left[k][0] - section[0])), default=None)
+        part = left.pop(near) if near is not None else np.array([], dtype=complex)
+        one = of_polynomials(np.poly(part).real, np.poly(section).real, dt)
+        own = slice(at, at + len(section))
+        A[own, own], A[own, :at], B[own] = one.A, one.B @ seen[:, :at], one.B * through
+        seen, through, at = seen * one.D.item(), through * one.D.item(), own.stop
+        seen[:, own] = one.C
+    return control.ss(A, B, seen, through, dt)
+
+
+def _checked_order(order: int) -> int:
+    if order > _MOST_STATES:
+        raise InputError(f"a model of order {order} is too large; at most {_MOST_STATES}")
+    return order
+
+
+def _sections(what: str, roots: Complex) -> list[Complex]:
+    """Conjugate pairs and pairs of real roots; one real root alone where their number is odd."""
+    scale = np.maximum(np.abs(roots), np.finfo(float).tiny)
+    real = np.sort(roots[np.abs(roots.imag) <= _PAIR * scale].real)
+    upper, lower = (roots[sign * roots.imag > _PAIR * scale] for sign in (1, -1))
+    pairs: list[Complex] = []
+    for root in upper:
+        partner = int(np.argmin(np.abs(lower - root.conj()))) if lower.size else -1
+        if partner < 0 or abs(lower[partner] - root.conj()) > _PAIR * abs(root):
+            raise InputError(f"the {what} of a real model come in conjugate pairs; {root:.6g} is alone")
+        lower = np.delete(lower, partner)
+        pairs.append(np.array([root, root.conj()]))
+    if lower.size:
+        raise InputError(f"the {what} of a real model come in conjugate pairs; {lower[0]:.6g} is alone")
+    return pairs + [real[k : k + 2].astype(complex) for k in range(0, real.size, 2)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import IO
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def read_npz(path: Path) -> Table:
                 check_growth(path, info.filename, info.file_size, info.compress_size)
                 with archive.zip.open(info) as member:
                     _check_header(path, info.filename, member, info.file_size)
-            arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
+            arrays = {name: archive[name] for name in archive.files}
     except FileFormatError:
         raise
     except Exception as error:  # zipfile, zlib and numpy each have their own for broken bytes
@@ -46,7 +46,7 @@ def read_npy(path: Path) -> Table:
     return table
 
 
-def _check_header(path: Path, name: str, member: Any, size: int) -> None:
+def _check_header(path: Path, name: str, member: IO[bytes], size: int) -> None:
     """Refuse a header that says objects, or a larger array than there are bytes: numpy allocates it before it reads."""
     if size < 8 or member.read(6) != b"\x93NUMPY":
         return

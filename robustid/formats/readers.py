@@ -9,9 +9,9 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
-from robustid.core import saved_kind
+from robustid.core import Record, saved_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.hdf5 import read_hdf5
 from robustid.formats.matlab import read_matlab4, read_matlab5
@@ -28,7 +28,7 @@ _UNIVERSAL = re.compile(rb"\s*-1\s*[\r\n]\s*\d")  # a data set begins, and its n
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
 
-def read_table(path: Any, decimal: str | None = None) -> Table:
+def read_table(path: object, decimal: str | None = None) -> Table:
     """Read a file, its format recognised by its first bytes; by its name only where these don't say.
 
     `decimal` is the decimal mark of a text, where its numbers don't say it. A table that was read before is given back.
@@ -115,9 +115,9 @@ def export(table: Table) -> str:
     )
 
 
-def _checked(path: Path, meta: str) -> dict[str, Any]:
+def _checked(path: Path, meta: str) -> Record:
     try:
-        said: dict[str, Any] = json.loads(meta)
+        said: Record = json.loads(meta)
         version, kind, _ = said["robustid"], said["kind"], said["data"].items()
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise FileFormatError(f"{path.name}: the description that robustid.save wrote is damaged; save again") from None

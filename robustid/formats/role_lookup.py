@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -36,7 +36,12 @@ class Lookup:
     """Finds roles in a table: by the names given, else by usual ones."""
 
     def __init__(
-        self, table: Table, fields: dict[str, Any], named_axes: Sequence[str] | None = None, *, dt_known: bool = False
+        self,
+        table: Table,
+        fields: Mapping[str, object],
+        named_axes: Sequence[str] | None = None,
+        *,
+        dt_known: bool = False,
     ) -> None:
         self.table, self.dt_known = table, dt_known
         self.columns, self.path, self.file, self.fields = table.columns, table.path, table.path.name, fields
@@ -56,7 +61,7 @@ class Lookup:
         found = [known for known in self.columns if known.lower() == wanted]
         return next(iter(found or [n for n in self.columns if units.in_brackets(n)[0].lower() == wanted]), None)
 
-    def find(self, role: str) -> Any:
+    def find(self, role: str) -> object:
         """Name in the file, or list of names, or None."""
         if role in self.fields:
             return self.fields[role]
@@ -127,21 +132,21 @@ class Lookup:
         line = [] if self.fields else example(self.table, dt=not self.dt_known and self.sample_time() is None)
         return [f"{said}. ", *line] if line else [said]
 
-    def need(self, role: str) -> Any:
+    def need(self, role: str) -> object:
         """As `find`, or say what is missing."""
         if (name := self.find(role)) is None:
             raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. ", *self.help())
         return name
 
-    def name(self, name: Any) -> str:
+    def name(self, name: object) -> str:
         """As it stands in the file, with its unit; of an address the array that it is a part of."""
         place = self._place(name) if isinstance(name, str) else None
         return str(name) if place is None else place.name
 
-    def labels(self, name: Any) -> list[tuple[str, str]]:
+    def labels(self, name: object) -> list[tuple[str, str]]:
         """Name and unit of every column that a role is given."""
         if not isinstance(name, str):
-            return [label for one in cast("Sequence[Any]", name) for label in self.labels(one)]
+            return [label for one in cast("Sequence[object]", name) for label in self.labels(one)]
         place = self._place(name)
         if place is None or place.address is None:
             base, unit = units.in_brackets(self.name(name))
@@ -151,21 +156,21 @@ class Lookup:
         titles = columns(address, place.there.whole(place.name).shape)
         return [(title, unit) for title in titles]
 
-    def title(self, name: Any) -> str:
+    def title(self, name: object) -> str:
         """Name of an array, without its unit; of one without a name that of its file."""
         place = self._place(name) if isinstance(name, str) else None
         base = "" if place is None else units.in_brackets(place.name)[0]
         return base or (self if place is None else place.there).path.stem
 
-    def column(self, role: str, name: Any) -> np.ndarray:
+    def column(self, role: str, name: object) -> np.ndarray:
         """One array, or a part of it, by its name or address in the file."""
         value = self._value(role, name)[0]
         return value.ravel() if value.size == max(value.shape, default=1) else value
 
-    def arranged(self, role: str, name: Any, order: Sequence[str]) -> np.ndarray:
+    def arranged(self, role: str, name: object, order: Sequence[str]) -> np.ndarray:
         """One array, or several side by side along its last axis, with the axes that `axes` names in this order."""
         if isinstance(name, list | tuple):
-            parts = [self.arranged(role, one, order) for one in cast("Sequence[Any]", name)]
+            parts = [self.arranged(role, one, order) for one in cast("Sequence[object]", name)]
             if len({part.shape for part in parts}) != 1:
                 raise InputError(f"`fields[{role!r}]` must name arrays of one shape; got {[p.shape for p in parts]}")
             return np.concatenate(parts, axis=-1)
@@ -179,7 +184,7 @@ class Lookup:
             names = [axis for axis, part in zip(names, parts, strict=True) if part is not None]
         return arranged(what, value, names, order)
 
-    def _value(self, role: str, name: Any) -> tuple[np.ndarray, tuple[int | slice, ...] | None]:
+    def _value(self, role: str, name: object) -> tuple[np.ndarray, tuple[int | slice, ...] | None]:
         """The numbers that a name or an address is about, and the whole index of the address."""
         if not isinstance(name, str):
             raise InputTypeError(f"`fields[{role!r}]` must name what is in the file; got {name!r}")
@@ -206,7 +211,7 @@ class Lookup:
     def whole(self, name: str) -> np.ndarray:
         """An array of the file; without a name the only one, or all columns side by side."""
         if name in self.columns:
-            return _numbers(self.columns[name])
+            return self.table.numbers(name)
         arrays = [values for values in self.columns.values() if isinstance(values, np.ndarray)]
         if len(self.columns) == len(arrays) == 1:
             return arrays[0]
@@ -224,25 +229,23 @@ class Lookup:
         there = self._others[match["file"]]
         return there, match["rest"] or "[...]"
 
-    def signal(self, role: str, name: Any) -> np.ndarray:
+    def signal(self, role: str, name: object) -> np.ndarray:
         """A time signal (T,) or (T, n)."""
         if isinstance(name, str):
             return self.column(role, name)
         if not isinstance(name, list | tuple) or not name:
             raise InputTypeError(f"`fields[{role!r}]` must be a name or a list of names; got {name!r}")
-        names: list[Any] = list(cast("Sequence[Any]", name))
+        names = list(cast("Sequence[object]", name))
         return np.column_stack(_equal(role, [self.column(role, item) for item in names]))
 
-    def matrix(self, role: str, name: Any) -> np.ndarray:
+    def matrix(self, role: str, name: object) -> np.ndarray:
         """A frequency-dependent (F,) or (F, ny, nu)."""
         if self.named_axes is not None:
             return self.arranged(role, name, FREQUENCY_AXES)
         if isinstance(name, str):
             return self.column(role, name)
-        rows: list[Any] = list(cast("Sequence[Any]", name)) if isinstance(name, list | tuple) else []
-        if not rows or not all(
-            isinstance(row, list | tuple) and len(cast("Any", row)) == len(rows[0]) > 0 for row in rows
-        ):
+        rows = list(cast("Sequence[Sequence[object]]", name)) if isinstance(name, list | tuple) else []
+        if not rows or not all(isinstance(row, list | tuple) and len(row) == len(rows[0]) > 0 for row in rows):
             raise InputError(
                 f"`fields[{role!r}]` must be a name or a list of equally long rows of names, one row an"
                 " output;"
@@ -250,13 +253,6 @@ class Lookup:
             )
         entries = _equal(role, [self.column(role, item) for row in rows for item in row])
         return np.stack(entries, axis=-1).reshape(-1, len(rows), len(rows[0]))
-
-
-def _numbers(values: np.ndarray | FileFormatError) -> np.ndarray:
-    """The numbers of a column, or why it has none."""
-    if isinstance(values, FileFormatError):
-        raise values
-    return values
 
 
 def _shown(name: str, values: np.ndarray | FileFormatError) -> str:
@@ -275,11 +271,11 @@ def _equal(role: str, columns: list[np.ndarray]) -> list[np.ndarray]:
     return columns
 
 
-def seconds(lookup: Lookup, name: str) -> float:
+def seconds(lookup: Lookup, name: object) -> float:
     """Factor from the unit of a time column to s; a name without a unit is in seconds."""
-    name = lookup.name(name)
-    unit = units.axis_label(name)[1]
+    title = lookup.name(name)
+    unit = units.axis_label(title)[1]
     scale = units.factor(units.TIME, unit)
-    if scale is None and units.in_brackets(name)[1]:
-        raise InputError(f"{name!r}: {unit!r} is no unit of time that is known; give `dt` in s. {lookup.inventory()}")
+    if scale is None and units.in_brackets(title)[1]:
+        raise InputError(f"{title!r}: {unit!r} is no unit of time that is known; give `dt` in s. {lookup.inventory()}")
     return scale or 1.0

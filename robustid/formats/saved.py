@@ -9,16 +9,16 @@ import json
 import math
 import os
 from collections.abc import Iterator
-from typing import Any
+from typing import cast
 
 import numpy as np
 
-from robustid.core import Arrays, Record, atomic_write, described, made, stored
+from robustid.core import Arrays, Complex, Record, atomic_write, described, made, stored
 from robustid.data import Bound, Caveat, Fault, FaultKind, FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError
 from robustid.formats.readers import FORMAT
 from robustid.formats.role_lookup import Lookup
-from robustid.formats.table import Table
+from robustid.formats.table import Options, Table
 
 Measured = FrequencyResponse | TangentialResponse | TimeRecord
 CLASSES: dict[str, type[Measured]] = {
@@ -104,7 +104,7 @@ def _write_mat(path: str | os.PathLike[str], data: Measured, kind: str) -> None:
     import scipy.io
 
     arrays, meta = _described(data, kind, ".mat")
-    plain: dict[str, Any] = {"dt": data.dt or 0.0, "robustid": json.dumps(meta)}
+    plain: dict[str, object] = {"dt": data.dt or 0.0, "robustid": json.dumps(meta)}
     for side in ("inputs", "outputs"):
         plain[side] = np.array([str(channel) for channel in getattr(data, side)], dtype=object)
     with atomic_write(path, "wb") as file:
@@ -122,7 +122,7 @@ def _column_names(name: str, shape: tuple[int, ...], part: str) -> Iterator[str]
         yield base + ("" if alone else str(index[0]) if len(shape) == 1 else "".join(f"_{i}" for i in index))
 
 
-def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Measured:
+def unpack(table: Table, kind: str | None, options: Options) -> Measured:
     """Object that `save` wrote, with the arguments given to `load` in place of what is stored."""
     meta: Record = table.meta
     if kind not in (None, meta["kind"]):
@@ -143,7 +143,7 @@ def unpack(table: Table, kind: str | None, options: dict[str, Any]) -> Measured:
 
 
 def _array(table: Table, meta: Record, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    column: Any = table.columns.get(name)
+    column = cast("np.ndarray", table.columns.get(name))
     if meta["layout"] == ".npz":
         return column
     if meta["layout"] == ".mat":
@@ -157,7 +157,7 @@ def _array(table: Table, meta: Record, name: str, shape: tuple[int, ...]) -> np.
         raise FileFormatError(
             f"the columns of real and imaginary part of {name!r} hold complex numbers; is the file damaged?"
         )
-    array: Any = np.empty(real.shape, complex)
+    array: Complex = np.empty(real.shape, complex)
     # Not real + 1j*imag, which loses the sign of zeros.
     array.real, array.imag = real, imag
     return array.reshape(-1, *shape)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.errors import FileFormatError
 
@@ -18,6 +17,8 @@ _LARGE = 2**30  # bytes; what expands to less does no harm
 
 NAMELESS = ""  # of the one array of a file that gives it no name
 MOST_TEXTS = 10_000  # texts in an array
+
+Options = dict[str, Any]  # arguments of `load` or of a class by their names
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,19 +34,25 @@ class Table:
     texts: dict[str, list[str]] = dataclasses.field(default_factory=dict[str, list[str]])
     objects: dict[str, str] = dataclasses.field(default_factory=dict[str, str])  # name and class of what can't be read
     # Arguments that the file states, by kind.
-    facts: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict[str, dict[str, Any]])
+    facts: dict[str, Options] = dataclasses.field(default_factory=dict[str, Options])
     # Arrays without entries, of their shape.
     empty: dict[str, np.ndarray] = dataclasses.field(default_factory=dict[str, np.ndarray])
     remarks: dict[str, str] = dataclasses.field(default_factory=dict[str, str])  # on arrays, by their names
     how: str = ""  # format, and for text what its lines were taken for
     text: bool = False
 
+    def numbers(self, name: str) -> np.ndarray:
+        """The numbers of a column, or raise why it has none."""
+        if isinstance(values := self.columns[name], FileFormatError):
+            raise values
+        return values
 
-def keep(name: str, value: Any, table: Table) -> None:
+
+def keep(name: str, value: object, table: Table) -> None:
     """Keep numbers and texts; nothing else is plain."""
     if not isinstance(value, np.ndarray):
         return
-    array = cast("NDArray[Any]", value)
+    array = cast("np.ndarray", value)
     if array.dtype.names is not None:
         for field in array.dtype.names:
             keep(f"{name}.{field}" if name else field, array[field], table)

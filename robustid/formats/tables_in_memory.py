@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.formats.table import MOST_TEXTS, NAMELESS, Table, keep
 
@@ -22,18 +22,18 @@ def table_of(thing: Any) -> Table | None:
         Path(type(thing).__name__), {}, how=f"{type(thing).__module__.partition('.')[0]} {type(thing).__name__}"
     )
     if isinstance(thing, np.ndarray):
-        keep(NAMELESS, thing, table)
+        keep(NAMELESS, cast("object", thing), table)
     elif hasattr(thing, "dims") and hasattr(thing, "coords"):
         _labelled(thing, table)
     elif hasattr(thing, "columns") and hasattr(thing, "iloc"):
         _index(thing.index, table)
-        for k, name in enumerate(cast("Iterable[Any]", thing.columns)):
+        for k, name in enumerate(cast("Iterable[object]", thing.columns)):
             _add(_words(name), thing.iloc[:, k], table)
     elif hasattr(thing, "index") and hasattr(thing, "iloc"):
         _index(thing.index, table)
         _add(_words(thing.name) if thing.name is not None else "values", thing, table)
     elif isinstance(thing, Mapping):
-        for name, values in cast("Mapping[Any, Any]", thing).items():
+        for name, values in cast("Mapping[object, ArrayLike]", thing).items():
             _add(_words(name), values, table)
     else:
         return None
@@ -58,9 +58,9 @@ def _index(index: Any, table: Table) -> None:
         _add("time" if index.name is None else _words(index.name), values, table)
 
 
-def _add(name: str, values: Any, table: Table) -> None:
+def _add(name: str, values: ArrayLike, table: Table) -> None:
     """Keep one array; instants become seconds from the first."""
-    array: NDArray[Any] = np.asarray(values)
+    array: NDArray[np.generic] = np.asarray(values)
     if array.dtype.kind in "mM" and array.ndim == 1 and array.size:
         keep(f"{name} [s]", (array - array[0]) / np.timedelta64(1, "ns") * 1e-9, table)
         return
@@ -74,7 +74,7 @@ def _add(name: str, values: Any, table: Table) -> None:
     keep(name, array, table)
 
 
-def _words(name: Any) -> str:
+def _words(name: object) -> str:
     """A name of one or several levels."""
-    parts = cast("tuple[Any, ...]", name) if isinstance(name, tuple) else (name,)
+    parts = cast("tuple[object, ...]", name) if isinstance(name, tuple) else (name,)
     return " ".join(str(part) for part in parts)

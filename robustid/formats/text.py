@@ -27,14 +27,7 @@ _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
 
 def read_text(path: Path, decimal: str | None = None) -> Table:
-    """Columns of a text file, by their names; without names by their addresses.
-
-    Parameters
-    ----------
-    path : Path
-    decimal : {".", ","}, optional
-        The decimal mark, where the numbers don't say.
-    """
+    """Columns of a text file by their names, else by their addresses; `decimal` is the mark where the numbers don't say."""
     try:
         with path.open(encoding=(encoding := _encoding(path))) as file:
             meta = file.readline(_LONGEST)

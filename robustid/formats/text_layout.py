@@ -36,26 +36,13 @@ _MOST_NAMED = 3
 
 
 class Layout(NamedTuple):
-    """Layout of a table of text; lines count from 1.
+    """Layout of a table of text; lines count from 1."""
 
-    Attributes
-    ----------
-    separator : str or None
-        None: white space.
-    decimal : {".", ","}
-    names : tuple of str
-        One a column, with the unit of a line of units in brackets; addresses where the file has none.
-    first : int
-        The first line of numbers.
-    words : str
-        One line that says all this.
-    """
-
-    separator: str | None
+    separator: str | None  # None: white space
     decimal: str
-    names: tuple[str, ...]
-    first: int
-    words: str
+    names: tuple[str, ...]  # of the columns, with units in brackets; addresses where the file has none
+    first: int  # line of numbers
+    words: str  # one line that says all this
 
 
 class _Reading(NamedTuple):

@@ -17,6 +17,7 @@ from robustid.errors import FileFormatError, Remedy
 from robustid.formats.table import Table, missing, said
 from robustid.formats.units import FREQUENCY, TIME, factor
 
+_Set = dict[str, Any]  # a data set as pyuff gives it: numbers, texts and arrays by its names
 _MARKS = re.compile(rb"    -1(?:[\r\n]|\Z| {74})")  # before and after every data set
 _TIME_RESPONSE, _FRF = 1, 4
 _FORCE = 13  # specific data type of an excitation; of its answer: displacement, velocity, acceleration
@@ -67,7 +68,7 @@ def read_universal(path: Path) -> Table:
     return table
 
 
-def _check_counts(path: Path, sets: list[dict[str, Any]]) -> None:
+def _check_counts(path: Path, sets: list[_Set]) -> None:
     for s in sets:
         if len(s["data"]) != s["num_pts"] or len(s["x"]) != s["num_pts"]:
             raise FileFormatError(
@@ -75,7 +76,7 @@ def _check_counts(path: Path, sets: list[dict[str, Any]]) -> None:
             )
 
 
-def _one_by_one(table: Table, sets: dict[int, dict[str, Any]], kind: int, why: FileFormatError) -> None:
+def _one_by_one(table: Table, sets: dict[int, _Set], kind: int, why: FileFormatError) -> None:
     """Axis and values of every function by its number in the file; the usual roles lead to a table of contents."""
     listed: list[str] = []
     for k, s in sets.items():
@@ -98,7 +99,7 @@ def _one_by_one(table: Table, sets: dict[int, dict[str, Any]], kind: int, why: F
     table.columns.update(dict.fromkeys(_ROLES[kind], error))
 
 
-def _abscissa(path: Path, sets: list[dict[str, Any]], kind: int) -> np.ndarray:
+def _abscissa(path: Path, sets: list[_Set], kind: int) -> np.ndarray:
     """The common axis in Hz or s."""
     expected, units, standard = _ABSCISSA[kind]
     x, unit = np.asarray(sets[0]["x"]), _unit(sets[0]["abscissa_axis_units_lab"])
@@ -123,9 +124,9 @@ def _abscissa(path: Path, sets: list[dict[str, Any]], kind: int) -> np.ndarray:
     return x * (scale / units[standard])
 
 
-def _responses(table: Table, sets: list[dict[str, Any]], freq_hz: np.ndarray) -> None:
+def _responses(table: Table, sets: list[_Set], freq_hz: np.ndarray) -> None:
     """One function an entry of the matrix: responses are the outputs, references the inputs."""
-    entries: dict[tuple[str, str], dict[str, Any]] = {}
+    entries: dict[tuple[str, str], _Set] = {}
     for s in sets:
         key = (_dof(s, "rsp"), _dof(s, "ref"))
         if key in entries:
@@ -154,7 +155,7 @@ def _responses(table: Table, sets: list[dict[str, Any]], freq_hz: np.ndarray) ->
     }
 
 
-def _histories(table: Table, sets: list[dict[str, Any]], time: np.ndarray) -> None:
+def _histories(table: Table, sets: list[_Set], time: np.ndarray) -> None:
     """Signals by the names of their degrees of freedom; forces are inputs where all types are told."""
     names = [_dof(s, "rsp") for s in sets]
     if len(set(names)) != len(names):
@@ -178,14 +179,14 @@ def _histories(table: Table, sets: list[dict[str, Any]], time: np.ndarray) -> No
                 facts[side] = [(names[k], _unit(sets[k]["ordinate_axis_units_lab"])) for k in sides[role]]
 
 
-def _dof(s: dict[str, Any], side: str) -> str:
+def _dof(s: _Set, side: str) -> str:
     """Node and direction, such as 12Z+."""
     direction = int(s[f"{side}_dir"])
     axis = ["", "X", "Y", "Z", "RX", "RY", "RZ"][abs(direction)] if abs(direction) <= 6 else f"D{abs(direction)}"
     return f"{s[f'{side}_node']}{axis}{'' if direction == 0 else '+' if direction > 0 else '-'}"
 
 
-def _name(s: dict[str, Any]) -> str:
+def _name(s: _Set) -> str:
     return f"the function {_dof(s, 'rsp')} / {_dof(s, 'ref')}"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice.relaxations import over_decades
+from robustid.advice.kautz import over_decades
 
 OMEGA = np.geomspace(1, 1e3, 60)
 

@@ -9,7 +9,7 @@ import scipy.signal
 import robustid as rid
 from robustid.errors import FileFormatError
 from robustid.formats import load_model, save_model
-from robustid.formats.transfer_functions import of_polynomials, of_roots
+from robustid.formats.model_files import of_polynomials, of_roots
 from support.data_files import write_matlab73
 from support.foreign_files import matlab5
 
