@@ -105,19 +105,7 @@ def freeze(array: np.ndarray) -> np.ndarray:
 
 
 def short_repr(thing: Any) -> str:
-    """Print a dataclass in at most a screen: small values as they are, of large ones their kind and size.
-
-    Examples
-    --------
-    >>> import dataclasses, numpy as np
-    >>> from robustid.core import Frozen
-    >>> @dataclasses.dataclass(frozen=True)
-    ... class Found(Frozen):
-    ...     order: int
-    ...     hankel: np.ndarray
-    >>> Found(4, np.zeros(200))
-    Found(order=4, hankel=<(200,) float64 array>)
-    """
+    """Print a dataclass in at most a screen: small values as they are, of large ones their kind and size."""
     fields = [field.name for field in dataclasses.fields(thing) if field.repr]
     parts = [f"{name}={_value(getattr(thing, name))}" for name in fields[:_SCREEN]]
     parts += [f"... {len(fields) - _SCREEN} more"] if len(fields) > _SCREEN else []

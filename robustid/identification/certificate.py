@@ -68,11 +68,9 @@ class MarginCertificate(Frozen):
 def certify_margin(
     samples: NDArray[np.complex128], Y: NDArray[np.float64], upper: float, rows: Rows, sarason: SarasonMap
 ) -> MarginCertificate:
-    """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing.
-
-    The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and what remains costs its norm, in units of
-    K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
-    """
+    """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing."""
+    # The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and what remains costs its norm, in
+    # units of K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
     weight = float(np.sum(rows.sizes(samples)))
     best = MarginCertificate(np.zeros(rows.y.size, complex), np.zeros(sarason.shape), upper, 0.0)
     if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(Y)) and np.isfinite(upper)):

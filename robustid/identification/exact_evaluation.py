@@ -267,11 +267,9 @@ def _leaked(samples: NDArray[Any], rows: Rows, upper: float, largest: float, wan
 
 
 def _parameter_bound(upper: float, largest: float, rows: Rows) -> Any:
-    """Above ||p|| of the free parameters with margin <= upper.
-
-    p = L P p + (I - L P) p with any L, hence ||p|| <= ||L|| ||P p|| / (1 - ||I - L P||), and
-    P p = y - E x - e - (the others).
-    """
+    """Above ||p|| of the free parameters with margin <= upper."""
+    # p = L P p + (I - L P) p with any L, hence ||p|| <= ||L|| ||P p|| / (1 - ||I - L P||), and P p = y - E x - e - (the
+    # others).
     arb = _flint().arb
     P = real_rows(rows.P[:, ~rows.held])
     inverse, count = np.linalg.pinv(P), P.shape[1]

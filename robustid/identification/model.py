@@ -158,22 +158,12 @@ class Mode(Frozen):
     """One pole pair (or real pole) of the parametric part: R/(z - a) + conj(R)/(z - conj(a)), of a simple pole.
 
     In continuous time s in the place of z.
-
-    Attributes
-    ----------
-    omega : float, rad/s
-        Natural frequency |log a|/dt; |a| in continuous time.
-    damping : float
-        Damping ratio.
-    residue : (ny, nu) complex array
-        R.
-    rank_ratio : float
-        Second singular value of R over the first: 0 where R has rank one, as the residue of a single mode of a structure has.
     """
 
-    omega: float
+    omega: float  # natural frequency, rad/s: |log a|/dt; |a| in continuous time
     damping: float
-    residue: NDArray[np.complex128]
+    residue: NDArray[np.complex128]  # (ny, nu), R
+    # Second singular value of R over the first: 0 where R has rank one, as the residue of a single mode of a structure has.
     rank_ratio: float
 
     def __post_init__(self) -> None:

@@ -80,12 +80,11 @@ class Verification:
 def verify(
     formulation: Formulation, point: Candidate, nominal: Nominal, claim: Claim, claimed: ConvexData, level: float
 ) -> Verification:
-    """Evaluate every claim of an identification from its numbers.
-
-    The residuals come from the state-space model: its frequency response and its simulated response to the
-    recorded inputs, not from the coefficients that were solved for. `claimed` are the data that the margin is about,
-    `formulation` that of the model's own prior.
+    """Evaluate every claim of an identification from its numbers; `claimed` are the data that the margin is about, `formulation`
+    that of the model's own prior.
     """
+    # The residuals come from the state-space model: its frequency response and its simulated response to the recorded inputs,
+    # not from the coefficients that were solved for.
     problem, data, model = formulation.problem, formulation.data, nominal.model
     residuals = model_residuals(problem, model, data.rows, point.p)
     worst = largest(residuals)

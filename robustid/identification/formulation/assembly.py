@@ -21,22 +21,18 @@ from robustid.identification.problem import MixedProblem, excited_lines
 
 @dataclasses.dataclass
 class Block:
-    """Rows of some samples of one experiment, divided by their bounds.
-
-    `columns` are those of x that E acts on; `fixed` and `tail` belong to the bounds, of which sample k has number cone[k]; a
-    block that `joins` shares those of the block before it and has none of its own.
-    """
+    """Rows of some samples of one experiment, divided by their bounds."""
 
     y: NDArray[Any]
     E: Columns
-    columns: slice
+    columns: slice  # of x, that E acts on
     P: NDArray[Any]
     free: Real
-    fixed: Real
+    fixed: Real  # of the bounds, as the tail
     tail: Real
-    cone: NDArray[np.intp]
+    cone: NDArray[np.intp]  # number of the bound of each sample
     complex: bool
-    joins: bool = False
+    joins: bool = False  # shares the bounds of the block before it, and has none of its own
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,12 +214,11 @@ def _times(weights: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
 def initial_state(
     problem: MixedProblem, record: TimeRecord, used: NDArray[np.intp], output: int = 0
 ) -> tuple[Real, Real]:
-    """Effect of an unknown state before the record on the samples `used` of an output.
-
-    Columns that span the free responses of the parametric part; and, for the non-parametric part, how much the past
-    input can add: sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u rows and vectors for MIMO; K times the peak
-    of the weight, where the class has one.
+    """Effect of an unknown state before the record on the samples `used` of an output: columns that span the free responses of
+    the parametric part; and, for the non-parametric part, how much the past input can add.
     """
+    # sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u rows and vectors for MIMO; K times the peak of the weight,
+    # where the class has one.
     if record.initial != "free":
         return np.zeros((used.size, 0)), np.zeros(used.size)
     rho = problem.prior.decay_rate

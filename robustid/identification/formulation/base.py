@@ -35,21 +35,13 @@ Realisation = Callable[[float], tuple[States, float]]
 class Formulation(Frozen, Functions):
     """A finite convex problem that stands for the infinite one: G is known by n coefficients an entry, x, and a tail.
 
-    Whatever depends on the kind of basis is asked here. Where something is left out, the functions of the ball with the
-    coefficients x are represented but for a remainder, which the tails of the rows bound.
-
-    Attributes
-    ----------
-    name : str
-        Value of the argument `form` of `identify`.
-    exact : bool
-        Whether the coefficients determine every sample: no tails.
+    Whatever depends on the kind of basis is asked here; what the coefficients leave out, the tails of the rows bound.
     """
 
     problem: MixedProblem
 
-    name: ClassVar[str]
-    exact: ClassVar[bool] = False
+    name: ClassVar[str]  # value of the argument `form` of `identify`
+    exact: ClassVar[bool] = False  # the coefficients determine every sample: no tails
 
     @classmethod
     @abc.abstractmethod
@@ -173,12 +165,7 @@ class Formulation(Frozen, Functions):
         return 20.0 * (n * (p + q)) ** 3 + (n * p * q) ** 3 / 3 + self.problem.samples * (n * seen) ** 2
 
     def check_size(self, accuracy: float) -> None:
-        """Refuse what would take too long, and say the way out.
-
-        Raises
-        ------
-        SizeError
-        """
+        """Refuse what would take too long, and say the way out."""
         kind, limit = self._kind[0], self._limit
         if self.count > limit:
             raise SizeError(

@@ -213,13 +213,7 @@ class DenseDesign(Design):
 
 
 class BlockDesign(Design):
-    """G of which every part of the rows acts on some unknowns only.
-
-    Parameters
-    ----------
-    shape : (N, n)
-    parts : list of (slice of rows, index array of unknowns, Design)
-    """
+    """G (N, n) of which every part of the rows acts on some unknowns only: (rows, index of the unknowns, design) for each."""
 
     def __init__(self, shape: tuple[int, int], parts: list[tuple[slice, NDArray[Any], Design]]):
         self._shape, self._parts = shape, parts

@@ -25,18 +25,10 @@ _SAME_NODE = 1e-12
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ExactFormulation(Formulation):
-    """Two coefficients for every node off the real axis, one for every other and for every time sample.
+    """Two coefficients for every node off the real axis, one for every other and for every time sample."""
 
-    Parameters
-    ----------
-    problem : MixedProblem
-    delays : int, optional
-        Number of Taylor coefficients; as many as the time samples need by default.
-    first : tuple of float
-        Angles of further nodes, at the head of the cascade: tight samples then say nothing about the new coefficients.
-    """
-
-    delays: int | None = None
+    delays: int | None = None  # number of Taylor coefficients; None: as many as the time samples need
+    # Angles of further nodes, at the head of the cascade: tight samples then say nothing about the new coefficients.
     first: tuple[float, ...] = ()
 
     name: ClassVar[str] = "orthonormal"

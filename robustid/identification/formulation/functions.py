@@ -20,10 +20,9 @@ _SHORT = 1000  # samples; above, responses come by FFT: a matrix of all delays t
 
 
 class Functions(abc.ABC):
-    """n functions K phi_j(z/rho) of an entry of the non-parametric part, and bounds of what they leave out: the tails.
-
-    Nothing is left out unless a formulation says so. Where the class has a weight W, responses and their tails are those of
-    W K phi_j; in time the inputs come filtered by W (`Weighting.filtered`).
+    """n functions K phi_j(z/rho) of an entry of the non-parametric part, and the tails: bounds of what they leave out, nothing
+    unless a formulation says so. Where the class has a weight W, responses and their tails are those of W K phi_j; in time
+    the inputs come filtered by W (`Weighting.filtered`).
     """
 
     problem: MixedProblem
@@ -50,10 +49,8 @@ class Functions(abc.ABC):
         return np.zeros(len(u))
 
     def entry_columns(self, angles: NDArray[np.float64]) -> EntryColumns:
-        """Return what makes the columns of one entry at some of the angles.
-
-        Its arguments are the mask of these angles, the scale of the entry in the prior, what the entry is of its unknown, and the
-        bounds and tilts there.
+        """Return what makes the columns of one entry at some of the angles: from the mask of these angles, the scale of the
+        entry in the prior, what the entry is of its unknown, and the bounds and tilts there.
         """
         values = self.responses(angles)
 

@@ -112,15 +112,8 @@ class PassiveMap(SarasonMap):
         return RealPart(self._symmetric_matrices)
 
     def interpolants(self, x: Real) -> PassiveInterpolants:
-        """The functions of the class with the data x, by phi = g (2 + g)^-1 of the unit ball.
-
-        I - X_phi' X_phi = 4 (2 + X)^-T (I + (X + X')/2) (2 + X)^-1: the factors of `from_factors`, times 2 + X.
-
-        Raises
-        ------
-        InputError
-            Where I + (X + X')/2 is not positive definite.
-        """
+        """The functions of the class with the data x, by phi = g (2 + g)^-1 of the unit ball; needs I + (X + X')/2 > 0."""
+        # I - X_phi' X_phi = 4 (2 + X)^-T (I + (X + X')/2) (2 + X)^-1: the factors of `from_factors`, times 2 + X.
         X = self.matrix(x)
         values, vectors = np.linalg.eigh(np.eye(X.shape[0]) + (X + X.T) / 2)
         if values.size and values[0] <= 0:
@@ -202,13 +195,10 @@ class PassiveFormulation(ExactFormulation):
 
 
 def harnack_bound(problem: MixedProblem, pair: InputNormalPair) -> tuple[float, float]:
-    r"""Two numbers a and b with ||X|| <= a + b s for every function of the class that keeps the residuals within s bounds.
-
-    At a frequency point where the whole matrix was measured, W = F(zeta_1) is known within the bounds; for H = F + slack
-
-    .. math:: F(A) = I \otimes W + 2 \sum_{k \ge 1} b(A)^k \otimes H_1^{1/2} m_k H_1^{1/2}, \quad
-              b(A) = (A - \zeta_1)(1 - \bar\zeta_1 A)^{-1}, \quad H_1 = \mathrm{Re}\, W + \text{slack}, \quad |m_k| \le 1.
-    """
+    """Two numbers a and b with ||X|| <= a + b s for every function of the class that keeps the residuals within s bounds."""
+    # At a frequency point where the whole matrix was measured, W = F(zeta_1) is known within the bounds; for H = F + slack
+    #     F(A) = I (x) W + 2 sum_{k>=1} b(A)^k (x) H_1^(1/2) m_k H_1^(1/2),   |m_k| <= 1,   H_1 = Re W + slack,
+    #     b(A) = (A - zeta_1) (1 - conj(zeta_1) A)^-1.
     best = (np.inf, 0j, 0.0, 0.0, 0.0)
     nodes = problem.region.points(problem.angles)
     prior, ends = problem.prior, np.concatenate([nodes, nodes.conj()])

@@ -24,11 +24,12 @@ from robustid.identification.problem import MixedProblem
 class Rows(Frozen):
     """Residuals e = y - E x - P p of all samples, each divided by its bound: sample k is kept if |e_k| <= 1.
 
-    Where a bound is an ellipse, e stands for e + kappa conj(e), in its y, E and P alike: linear in the real unknowns.
-    Where a bound holds for several samples together, they are one cone: kept if the norm of their e is at most 1.
-    Complex samples come first. Imaginary parts of real samples are zero throughout, so that one formula serves both. A system
-    with the coefficients x has the residuals e - d with ||d_k|| <= tail_k: what its other coefficients can do.
+    Complex samples come first; imaginary parts of real samples are zero throughout, so that one formula serves both.
     """
+
+    # Where a bound is an ellipse, e stands for e + kappa conj(e), in its y, E and P alike: linear in the real unknowns. Where a
+    # bound holds for several samples together, they are one cone: kept if the norm of their e is at most 1. A system with the
+    # coefficients x has the residuals e - d with ||d_k|| <= tail_k: what its other coefficients can do.
 
     y: NDArray[Any]  # (N,)
     E: Columns  # (N, n), of the coefficients x of G/K in the orthonormal basis

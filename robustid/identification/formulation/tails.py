@@ -34,10 +34,9 @@ def smallest_bound(problem: MixedProblem) -> float:
 
 
 def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Size that a function must not exceed for no sample to feel it as more than its bound.
-
-    In the largest singular value, divided by scaling and weight of the prior. At the angles (F,) of the frequency points, those
-    excited by periodic records included: (F,); and on the whole circle, for the other records: infinity where there are none.
+    """Size, in the largest singular value over scaling and weight of the prior, above which a function makes some sample feel
+    more than its bound. At the angles (F,) of the frequency points, those excited by periodic records included: (F,); and on
+    the whole circle, for the other records: infinity where there are none.
     """
     scales, weighting = problem.prior.scales(*problem.entries.shape), problem.weighting
     angles = [problem.plane.angles(frf.omega) for frf in problem.frequency]

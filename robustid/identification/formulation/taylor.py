@@ -34,16 +34,9 @@ _LONGEST_IMPULSE = 8000  # samples of an impulse response that is reduced
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TaylorFormulation(Formulation):
-    """The first L Taylor coefficients of G, whatever the number of samples.
+    """The first L Taylor coefficients of G, whatever the number of samples."""
 
-    Parameters
-    ----------
-    problem : MixedProblem
-    length : int
-        L.
-    """
-
-    length: int
+    length: int  # L
 
     name: ClassVar[str] = "taylor"
 
@@ -218,11 +211,10 @@ class ShiftMap(SarasonMap):
 
 
 class HankelMap(SymmetricMap):
-    """H(x)_ab = x_(a+b-L+1), zero above the antidiagonal: the flipped Toeplitz matrix of L Taylor coefficients.
+    """H(x)_ab = x_(a+b-L+1), zero above the antidiagonal: the flipped Toeplitz matrix of L Taylor coefficients."""
 
-    The curvature is a two-dimensional convolution: tr(H_i P H_j Q) = sum over b + c = L-1+i, d + a = L-1+j of P_cd Q_ab
-    = (P * Q)[L-1+i, L-1+j], hence O(L^2 log L) for the whole matrix, with the rounding of an FFT: relative to ||P|| ||Q||.
-    """
+    # The curvature is a two-dimensional convolution: tr(H_i P H_j Q) = sum over b + c = L-1+i, d + a = L-1+j of P_cd Q_ab = (P
+    # * Q)[L-1+i, L-1+j], hence O(L^2 log L) for the whole matrix, with the rounding of an FFT: relative to ||P|| ||Q||.
 
     def __init__(self, size: int):
         self.size = size

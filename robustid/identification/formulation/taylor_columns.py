@@ -111,12 +111,13 @@ def joined_shifts(decay: NDArray[np.float64], lines: Sequence[ShiftColumns], rea
 
 
 class ShiftDesign(Design):
-    """G = [E Q] for L Taylor coefficients at F frequency points, then time samples; all sums over the points by non-uniform FFTs.
-
-    Toeplitz plus Hankel: Re sum a_k E_ki* E_kj + b_k E_ki E_kj = (c_|i-j| + h_(i+j)) rho^-(i+j), with
-    c_l = Re sum a_k |g_k|^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l). With E + kappa conj(E) in the place
-    of E the same holds with a (1 + |kappa|^2) + 2 Re(b kappa) and b + conj(b kappa^2) + 2 a conj(kappa).
+    """G = [E Q] for L Taylor coefficients at F frequency points, then time samples; all sums over the points by non-uniform
+    FFTs.
     """
+
+    # Toeplitz plus Hankel: Re sum a_k E_ki* E_kj + b_k E_ki E_kj = (c_|i-j| + h_(i+j)) rho^-(i+j), with c_l = Re sum a_k
+    # |g_k|^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l). With E + kappa conj(E) in the place of E the same
+    # holds with a (1 + |kappa|^2) + 2 Re(b kappa) and b + conj(b kappa^2) + 2 a conj(kappa).
 
     def __init__(self, columns: ShiftColumns, Q: NDArray[np.complex128]):
         self._columns, self._Q, self._lines = columns, Q, columns.angles.size
@@ -177,21 +178,14 @@ class ShiftDesign(Design):
 
 
 class NonuniformSums:
-    """Sums over angles, or over exponents 0 <= m < count, of exp(-i m theta_k).
-
-    Processes to (or read from) a regular grid of at least twice as many points with the kernel exp(b sqrt(1 - t^2) - b), whose
-    transform divides the result; the sums are those of the regular grid to about 1e-13 of the sum of the moduli. The matrix of
-    the kernel is sparse: 16 entries per angle. (A permissive library would be used here; the one that is kept contains GPL code
-    as it is distributed.)
-
-    Source: `barnett2019` sections 2 and 3.
-
-    Parameters
-    ----------
-    angles : (F,) array
-        theta, rad, any.
-    count : int
+    """Sums over angles (F,), any, or over exponents 0 <= m < count, of exp(-i m theta_k). Source: `barnett2019` sections 2 and
+    3.
     """
+
+    # Processes to (or read from) a regular grid of at least twice as many points with the kernel exp(b sqrt(1 - t^2) - b),
+    # whose transform divides the result; the sums are those of the regular grid to about 1e-13 of the sum of the moduli. The
+    # matrix of the kernel is sparse: 16 entries per angle. (A permissive library would be used here; the one that is kept
+    # contains GPL code as it is distributed.)
 
     def __init__(self, angles: NDArray[np.float64], count: int):
         self.count = count

@@ -20,15 +20,7 @@ Pair = tuple[Real, NDArray[Any]]
 
 
 class Cones:
-    """Cones, and the samples that belong to each.
-
-    Parameters
-    ----------
-    count : int
-        M.
-    cone : (N,) int array or None
-        Number of the cone of each sample; None where sample k is alone in cone k.
-    """
+    """M cones, and the cone (N,) to which each sample belongs; None where sample k is alone in cone k."""
 
     def __init__(self, count: int, cone: NDArray[np.intp] | None = None):
         self.count, self.cone = count, cone
@@ -86,12 +78,10 @@ class Cones:
 
 
 class Scaling:
-    """The W with W z = W^-1 s = lambda, for s and z inside the cones.
+    """The W with W z = W^-1 s = lambda, for s and z inside the cones. Source: `nesterov1997`, `vandenberghe2010` section 4.2."""
 
-    W = b [[w0, w1'], [w1, I + w1 w1'/(1 + w0)]] with w = (s/|s| + J z/|z|)/(2 g), |s|^2 = det(s),
-    g^2 = (1 + <s/|s|, z/|z|>)/2, b^2 = |s|/|z|; W^-2 = (2 (Jw)(Jw)' - J)/b^2.
-    Source: `nesterov1997`; formulas as in `vandenberghe2010` section 4.2.
-    """
+    # W = b [[w0, w1'], [w1, I + w1 w1'/(1 + w0)]] with w = (s/|s| + J z/|z|)/(2 g), |s|^2 = det(s), g^2 = (1 + <s/|s|,
+    # z/|z|>)/2, b^2 = |s|/|z|; W^-2 = (2 (Jw)(Jw)' - J)/b^2.
 
     def __init__(self, cones: Cones, s: Pair, z: Pair):
         each, size_s, size_z = cones.each, np.sqrt(cones.determinant(s)), np.sqrt(cones.determinant(z))
