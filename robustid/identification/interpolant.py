@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.bases import InputNormalPair
-from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, series_at
+from robustid.core import Complex, Frozen, Model, Numbers, Real, as_array, as_kind, freeze, series_at
 from robustid.errors import InputError
+
+# A number in [-1, 1], a real matrix of norm at most 1, or a stable system of H-infinity norm at most 1.
+FreeParameter = ArrayLike | Model
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -44,7 +47,7 @@ class Interpolants(Frozen):
         """Number of states of the central interpolant."""
         return self.kept.shape[1]
 
-    def realise(self, E: Any = 0.0) -> tuple[Real, Real, Real, Real]:
+    def realise(self, E: FreeParameter = 0.0) -> tuple[Real, Real, Real, Real]:
         """State space (alpha, beta, gamma, delta) of phi_E, in the scaled variable zeta = z/rho; E a number in [-1, 1], for MIMO
         a real matrix (p, q) of norm at most 1 (0: all entries 0), or a stable `control.StateSpace` (in zeta) of H-infinity
         norm <= 1.
@@ -69,12 +72,12 @@ class Interpolants(Frozen):
         """The realisation of the function itself."""
         return (alpha.T, gamma.T, beta.T, delta.T) if self.transposed else (alpha, beta, gamma, delta)
 
-    def evaluate(self, zeta: NDArray[Any], E: Any = 0.0) -> Complex:
+    def evaluate(self, zeta: Numbers, E: FreeParameter = 0.0) -> Complex:
         """The values phi_E(zeta), |zeta| < 1, (F,); for MIMO (F, p, q)."""
         values = series_at(self.realise(E), zeta)
         return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
 
-    def weyl_disc(self, zeta: NDArray[Any]) -> tuple[Complex, Real]:
+    def weyl_disc(self, zeta: Numbers) -> tuple[Complex, Real]:
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| < 1. SISO; `weyl_ball` for MIMO. Complex E fill
         it: of models with real coefficients, which reach a part of it (all its real points at real zeta), it is an outer
         bound.
@@ -82,7 +85,7 @@ class Interpolants(Frozen):
         centre, left, right = self.weyl_ball(zeta)
         return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]
 
-    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Complex, Complex]:
+    def weyl_ball(self, zeta: Numbers) -> tuple[Complex, Complex, Complex]:
         """Centre (F, p, q), left radius (F, p, p) and right radius (F, q, q) of the matrix ball of values, |zeta| < 1.
 
         phi_E(zeta) = centre + left U right with any complex matrix U of norm at most 1, as E runs through the unit ball.
@@ -176,7 +179,7 @@ def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[Real, Real, Real, R
         raise InputError(
             f"`E` must be a discrete-time system with {q} input{'s' * (q != 1)} and {p} output{'s' * (p != 1)}"
         )
-    A: NDArray[Any] = E.A
+    A: Numbers = E.A
     if E.nstates and np.abs(np.linalg.eigvals(A)).max() >= 1:
         raise InputError("`E` must be stable")
     poles = np.linalg.eigvals(A) if E.nstates else np.zeros(0)

@@ -6,12 +6,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, as_array, as_count, as_float, freeze
+from robustid.core import Complex, Frozen, Numbers, Real, as_array, as_count, as_float, freeze
 from robustid.errors import InputError
 
 # Points handled together: their vectors stay in the cache while all L sections pass over them.
@@ -50,7 +48,7 @@ class TaylorInterpolants(Frozen):
             P = s * P + gamma * Q
         return P, Q
 
-    def coefficients(self, count: int, E: float = 0.0) -> Real:
+    def coefficients(self, count: int, E: object = 0.0) -> Real:
         """The first `count` Taylor coefficients of phi_E, E a number in [-1, 1]."""
         import scipy.signal
 
@@ -60,20 +58,20 @@ class TaylorInterpolants(Frozen):
         above, below = np.append(P, 0.0), np.append(Q, 0.0)
         return np.asarray(scipy.signal.lfilter(above + E * below[::-1], below + E * above[::-1], pulse))
 
-    def evaluate(self, zeta: NDArray[Any], E: float = 0.0) -> Complex:
+    def evaluate(self, zeta: Numbers, E: object = 0.0) -> Complex:
         """The values phi_E(zeta), |zeta| <= 1, E a number in [-1, 1]; O(L) per point."""
         return self._pull_back(zeta, _constant(E), 0.0)[0]
 
-    def weyl_disc(self, zeta: NDArray[Any]) -> tuple[Complex, Real]:
+    def weyl_disc(self, zeta: Numbers) -> tuple[Complex, Real]:
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| <= 1, as in `Interpolants`."""
         return self._pull_back(zeta, 0.0, 1.0)
 
-    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Real, Real]:
+    def weyl_ball(self, zeta: Numbers) -> tuple[Complex, Real, Real]:
         """`weyl_disc` as a matrix ball: centre, left and right radius, each (F, 1, 1)."""
         centre, radius = self.weyl_disc(zeta)
         return centre[:, None, None], radius[:, None, None], np.ones((radius.size, 1, 1))
 
-    def _pull_back(self, zeta: NDArray[Any], centre: float, radius: float) -> tuple[Complex, Real]:
+    def _pull_back(self, zeta: Numbers, centre: float, radius: float) -> tuple[Complex, Real]:
         """The disc of the values phi_E(zeta) for E in a disc: one Mobius map a section."""
         zeta = np.atleast_1d(as_array("zeta", zeta, dtype=complex))
         if np.abs(zeta).max(initial=0.0) > 1 + _ON_CIRCLE:
@@ -125,7 +123,7 @@ def _complement(gamma: float) -> float:
     return math.sqrt((1 - gamma) * (1 + gamma))
 
 
-def _constant(E: float) -> float:
+def _constant(E: object) -> float:
     number = as_float("E", E)
     if not abs(number) <= 1:
         raise InputError(f"`E` must lie in [-1, 1]; got {number:g}")

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
-from robustid.core import Frozen, StateMatrices
+from robustid.core import Frozen, Numbers, StateMatrices
 from robustid.errors import Remedy, SizeError
 from robustid.identification.formulation.convex import ConvexData
 from robustid.identification.formulation.functions import Functions
 from robustid.identification.formulation.rows import Rows, measurement_rows
 from robustid.identification.formulation.sarason import SarasonMap
-from robustid.identification.interpolant import Interpolants
+from robustid.identification.interpolant import FreeParameter, Interpolants
 from robustid.identification.problem import MixedProblem
 from robustid.identification.schur import TaylorInterpolants
 from robustid.identification.truncation import BalancedContraction
@@ -112,7 +112,7 @@ class Formulation(Frozen, Functions):
         """A form in which the values at several angles are determined, or bounded by a tail."""
         return self
 
-    def values(self, angles: NDArray[np.float64]) -> NDArray[Any]:
+    def values(self, angles: NDArray[np.float64]) -> Numbers:
         """The functions at any exp(j angle), (F, n)."""
         functions = self.problem.prior.gain_bound * self.basis.evaluate(self.problem.region.points(angles))
         return self.problem.weighting.times(functions, angles)
@@ -127,7 +127,7 @@ class Formulation(Frozen, Functions):
         """All functions of the unit ball with the coefficients x."""
         return self.sarason.interpolants(x)
 
-    def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
+    def realisation(self, x: NDArray[np.float64], E: FreeParameter = 0.0) -> Realisation:
         """State spaces of the interpolant with the free parameter E, without scaling and weight of the prior.
 
         A function of the error that states left out may cost, in the H-infinity norm; it returns a bound of it too.
@@ -140,7 +140,7 @@ class Formulation(Frozen, Functions):
 
         return realise
 
-    def _states(self, x: NDArray[np.float64], E: Any) -> States:
+    def _states(self, x: NDArray[np.float64], E: FreeParameter) -> States:
         """State space of G(z) = K phi(zeta), forward-shift convention, of that of phi in the series variable zeta."""
         alpha, beta, gamma, delta = self.sarason.interpolants(x).realise(E)
         K = self.problem.prior.gain_bound

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen
+from robustid.core import Frozen, Numbers
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
@@ -40,7 +40,7 @@ class ConvexData(Frozen):
         return out
 
     @property
-    def y(self) -> NDArray[Any]:
+    def y(self) -> Numbers:
         """Samples minus what p = `origin` explains, (N,)."""
         return self.rows.y - self.rows.P @ self.origin
 

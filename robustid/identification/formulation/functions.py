@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from robustid.core import Numbers, Real
 from robustid.data import tilted
 from robustid.identification.formulation.columns import Columns, DenseColumns
 from robustid.identification.problem import MixedProblem
@@ -33,7 +33,7 @@ class Functions(abc.ABC):
         """Number n of coefficients of an entry."""
 
     @abc.abstractmethod
-    def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def responses(self, angles: NDArray[np.float64]) -> Numbers:
         """Values at exp(j angle), (F, n), at frequencies of the data."""
 
     @abc.abstractmethod
@@ -72,7 +72,7 @@ class Functions(abc.ABC):
         return DenseColumns(np.vstack([part.dense() for part in (*lines, *real)]))
 
 
-def filtered_by(u: NDArray[np.float64], impulse: NDArray[np.float64]) -> NDArray[Any]:
+def filtered_by(u: NDArray[np.float64], impulse: NDArray[np.float64]) -> Real:
     """Responses to u of systems with these impulse responses (T, m), from zero initial conditions."""
     if u.size <= _SHORT:
         return scipy.linalg.toeplitz(u, np.zeros(u.size)) @ impulse

@@ -11,19 +11,18 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair
-from robustid.core import Complex, Frozen, Real, freeze, series_at
+from robustid.core import Complex, Frozen, Numbers, Real, freeze, series_at
 from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import Ball, Inequalities, Pairs
 from robustid.identification.formulation.exact import MOST_PRODUCTS, ExactFormulation
 from robustid.identification.formulation.sarason import SarasonMap
-from robustid.identification.interpolant import Interpolants, from_factors
+from robustid.identification.interpolant import FreeParameter, Interpolants, from_factors
 from robustid.identification.passive import error_sizes, modes_reach, positive_values
 from robustid.identification.problem import MixedProblem
 
@@ -142,7 +141,7 @@ class PassiveInterpolants(Frozen):
 
     contractive: Interpolants  # every phi
 
-    def realise(self, E: Any = 0.0) -> tuple[Real, Real, Real, Real]:
+    def realise(self, E: FreeParameter = 0.0) -> tuple[Real, Real, Real, Real]:
         """State space (alpha, beta, gamma, delta) of g, with the free parameter E of phi."""
         alpha, beta, gamma, delta = self.contractive.realise(E)
         root = np.sqrt(2)
@@ -152,12 +151,12 @@ class PassiveInterpolants(Frozen):
         inputs: Real = np.asarray(np.linalg.solve(before.T, beta.T).T, dtype=float)
         return alpha + beta @ output, root * inputs, root * output, 2 * through
 
-    def evaluate(self, zeta: NDArray[Any], E: Any = 0.0) -> Complex:
+    def evaluate(self, zeta: Numbers, E: FreeParameter = 0.0) -> Complex:
         """The values g(zeta), |zeta| < 1, (F,); for MIMO (F, p, p)."""
         values = series_at(self.realise(E), zeta)
         return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
 
-    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Complex, Complex]:
+    def weyl_ball(self, zeta: Numbers) -> tuple[Complex, Complex, Complex]:
         """Refused: values of positive-real functions with the data of a model fill no ball around one in closed form here."""
         raise InputError(
             "`identification` is of a PositiveReal class, for which the values between the frequency points are not given in"

@@ -12,7 +12,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
-from robustid.core import freeze
+from robustid.core import Numbers, freeze
 from robustid.errors import Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import (
@@ -82,7 +82,7 @@ class SectionsFormulation(Formulation):
         each = self.problem.entries.each
         return f"{self.count} coefficients{each} of an all-pass section of degree {degree}, taken {repeats} times"
 
-    def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def responses(self, angles: NDArray[np.float64]) -> Numbers:
         """Values at exp(j angle), (F, n)."""
         if angles.size * self.count > _MOST_STORED:
             raise SizeError(

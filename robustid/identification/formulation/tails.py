@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.identification.prior import Prior
 from robustid.identification.problem import MixedProblem, excited_lines
 
@@ -63,7 +62,7 @@ def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.floa
     return np.concatenate([np.zeros(0), *angles]), np.concatenate([np.zeros(0), *bounds]), everywhere
 
 
-def _felt(frf: Any, scales: NDArray[np.float64]) -> NDArray[np.float64]:
+def _felt(frf: FrequencyResponse | TangentialResponse, scales: NDArray[np.float64]) -> NDArray[np.float64]:
     """Size that a function must not exceed at the points of a frequency response, (F,)."""
     if not isinstance(frf, FrequencyResponse):
         nuclear = np.linalg.svd(frf.weights * scales, compute_uv=False).sum(axis=-1)

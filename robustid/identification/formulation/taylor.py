@@ -13,7 +13,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections, shift_pair
-from robustid.core import ZPlane
+from robustid.core import Numbers, ZPlane
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, SymmetricMap
 from robustid.identification.formulation.base import Family, Formulation, Realisation, States
@@ -22,6 +22,7 @@ from robustid.identification.formulation.functions import EntryColumns
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.formulation.tails import SHARE, smallest_bound, taylor_tail
 from robustid.identification.formulation.taylor_columns import ShiftColumns, joined_shifts
+from robustid.identification.interpolant import FreeParameter
 from robustid.identification.problem import MixedProblem
 from robustid.identification.schur import taylor_interpolants
 from robustid.identification.truncation import balanced_from_impulse
@@ -88,7 +89,7 @@ class TaylorFormulation(Formulation):
         """rho^-j, (L,)."""
         return self.problem.prior.decay_rate ** -np.arange(self.length, dtype=float)
 
-    def responses(self, angles: NDArray[np.float64]) -> NDArray[Any]:
+    def responses(self, angles: NDArray[np.float64]) -> Numbers:
         """Values at exp(j angle), (F, L)."""
         functions = self.problem.prior.gain_bound * self.decay * np.exp(-1j * np.outer(angles, np.arange(self.length)))
         return self.problem.weighting.times(functions, angles)
@@ -138,7 +139,7 @@ class TaylorFormulation(Formulation):
         """All functions of the unit ball with the coefficients x; for SISO by the Schur algorithm, without matrices."""
         return taylor_interpolants(x) if self.problem.entries.single else super().family(x)
 
-    def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
+    def realisation(self, x: NDArray[np.float64], E: FreeParameter = 0.0) -> Realisation:
         """State spaces of the interpolant; for SISO from its impulse response."""
         if not self.problem.entries.single:
             return super().realisation(x, E)

@@ -8,15 +8,14 @@ parts are zero throughout. J(a, b) = (a, -b); products of pairs are (a, b) o (c,
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Numbers, Real
 
-Pair = tuple[Real, NDArray[Any]]
+Pair = tuple[Real, Numbers]
 
 
 class Cones:
@@ -40,11 +39,11 @@ class Cones:
         cone = None if self.cone is None else np.concatenate([self.cone, self.count + np.arange(more)])
         return Cones(self.count + more, cone)
 
-    def dot(self, b: NDArray[Any], d: NDArray[Any]) -> Real:
+    def dot(self, b: Numbers, d: Numbers) -> Real:
         """Re <b, d>, (M,)."""
         return self.sums(np.real(b) * np.real(d) + np.imag(b) * np.imag(d))
 
-    def size(self, e: NDArray[Any]) -> Real:
+    def size(self, e: Numbers) -> Real:
         """||e||, (M,)."""
         return np.abs(e) if self.cone is None else np.sqrt(self.dot(e, e))
 
@@ -110,7 +109,7 @@ class Scaling:
         return (along * self.w[0] - d[0]) / self.squared, (d[1] - each(along) * self.w[1]) / each(self.squared)
 
     @property
-    def curvature(self) -> tuple[Real, NDArray[Any], NDArray[Any] | None]:
+    def curvature(self) -> tuple[Real, Numbers, Numbers | None]:
         """The block of W^-2 on e as weights (a, b, c): e'W^-2 e = sum a |e|^2 + Re(b e^2) + sum (Re <c, e>)^2 over the cones.
 
         Samples alone in their cone need no c; it is None where all are.

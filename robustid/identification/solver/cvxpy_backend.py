@@ -48,7 +48,7 @@ def available_solvers() -> tuple[str, ...]:
     return tuple(name for name in _SEMIDEFINITE if name in installed)
 
 
-def solver_name(solver: Any) -> str:
+def solver_name(solver: object) -> str:
     """The cvxpy name of a solver, checked."""
     if not isinstance(solver, str):
         raise InputError(

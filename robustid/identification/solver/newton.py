@@ -6,14 +6,12 @@ import copy
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse
-from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Numbers, Real
 from robustid.identification.formulation.ball import Ball
 from robustid.identification.formulation.columns import Design
 from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
@@ -39,13 +37,13 @@ class Program:
     ball: Ball
     design: Design
     cones: Cones
-    y: NDArray[Any]
+    y: Numbers
     limits: Limits
     cost: float | None
     linear: Real
 
     @functools.cached_property
-    def sums(self) -> Any:
+    def sums(self) -> scipy.sparse.csr_array:
         """The sparse matrix (M, N) that adds up the samples of every cone."""
         count = self.y.size
         cone = np.arange(count) if self.cones.cone is None else self.cones.cone
