@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import ArrayLike
 
 from robustid.bases.function import Function, FunctionKind
 from robustid.bases.input_normal import solve_stein
@@ -146,7 +147,7 @@ class ParametricBasis(Frozen):
         return left[:, singular > 1e-10 * singular.max(initial=0.0)]
 
 
-def kautz(omega: Any, damping: Any, *, dt: float, repeat: int = 1, delay: int = 0) -> ParametricBasis:
+def kautz(omega: ArrayLike, damping: ArrayLike, *, dt: float, repeat: int = 1, delay: int = 0) -> ParametricBasis:
     """Kautz pairs: the impulse responses Re a^k and Im a^k of lightly damped modes, unit H2 norm each.
 
     ``a = exp((-damping + j sqrt(1 - damping^2)) omega dt)``; `repeat` adds the terms with k a^k, k^2 a^k ..., which
@@ -241,7 +242,7 @@ def integrators(count: int = 1, *, dt: float) -> ParametricBasis:
     return ParametricBasis(A, B, np.eye(count), np.zeros((count, 1)), dt, functions, poles)
 
 
-def _as_time(dt: Any) -> float:
+def _as_time(dt: float | None) -> float:
     """A sample time in s; 0 for continuous time, which None stands for too."""
     return 0.0 if dt is None or np.array_equal(dt, 0) else as_positive("dt", dt)
 
@@ -307,7 +308,7 @@ def _continuous_mode(omega: float, damping: float, repeat: int) -> ParametricBas
     return ParametricBasis(A, B, np.diag(1 / norms), np.zeros_like(B), 0.0, functions, np.repeat(own, repeat))
 
 
-def as_basis(value: Any, plane: Plane) -> ParametricBasis:
+def as_basis(value: object, plane: Plane) -> ParametricBasis:
     """A `ParametricBasis` from bases, `control.StateSpace` systems (one input, m outputs), or a sequence of them.
 
     Of functions of z on the circle of the plane. Poles must lie inside it or at z = 1 (integrators).
@@ -315,12 +316,11 @@ def as_basis(value: Any, plane: Plane) -> ParametricBasis:
     return _as_basis(value, plane.dt).on(plane)
 
 
-def _as_basis(value: Any, dt: float) -> ParametricBasis:
+def _as_basis(value: object, dt: float) -> ParametricBasis:
     if isinstance(value, Sequence) and not isinstance(value, str):
         if not value:
             raise InputError("`parametric` is an empty sequence; leave it out instead")
-        items: list[Any] = list(value)  # type: ignore[reportUnknownArgumentType]
-        return stack_bases([_as_basis(item, dt).in_s() for item in items])
+        return stack_bases([_as_basis(item, dt).in_s() for item in cast("Sequence[object]", value)])
     basis = value if isinstance(value, ParametricBasis) else _from_statespace(value, dt)
     if abs(basis.dt - dt) > 1e-9 * dt:
         raise InputError(

@@ -4,9 +4,8 @@
 # Matrices have capital letters.
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.bases.function import Function, FunctionKind
 from robustid.bases.parametric import ParametricBasis, stack_bases
@@ -14,7 +13,7 @@ from robustid.core import as_array
 from robustid.errors import InputError
 
 
-def passive_modes(omega: Any, damping: Any) -> ParametricBasis:
+def passive_modes(omega: ArrayLike, damping: ArrayLike) -> ParametricBasis:
     r"""Two functions for every mode of a mobility, positive real each: their non-negative combinations are all that are.
 
     .. math:: \frac{2 d s}{s^2 + 2 d s + \omega^2}, \quad \frac{2 d (s + 2 d)}{s^2 + 2 d s + \omega^2}, \qquad d = \zeta \omega

@@ -10,6 +10,8 @@ from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_
 from robustid.core.progress import Budget, Progress, show_progress
 from robustid.core.state_space import (
     Complex,
+    Model,
+    Numbers,
     Real,
     Response,
     StateMatrices,
@@ -57,6 +59,8 @@ __all__ = [
     "Complex",
     "DampedSteps",
     "Frozen",
+    "Model",
+    "Numbers",
     "Plane",
     "Progress",
     "Projection",

@@ -22,7 +22,7 @@ class Frozen:
     They print in at most a screen (`short_repr`).
     """
 
-    def __init_subclass__(cls, **options: Any) -> None:
+    def __init_subclass__(cls, **options: object) -> None:
         """Keep the dataclass from writing a `__repr__` that prints every number."""
         super().__init_subclass__(**options)
         if "__repr__" not in cls.__dict__:
@@ -37,16 +37,16 @@ class Frozen:
 
         return head(self)
 
-    def __reduce__(self) -> tuple[Any, tuple[type[Any], dict[str, Any]]]:
+    def __reduce__(self) -> tuple[object, tuple[type[Frozen], dict[str, object]]]:
         fields = {f.name: _pack(getattr(self, f.name)) for f in dataclasses.fields(self) if f.init}  # type: ignore[arg-type]
         return _rebuild, (type(self), fields)
 
-    def _set(self, **values: Any) -> None:
+    def _set(self, **values: object) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
 
-def _rebuild(cls: type[Any], fields: dict[str, Any]) -> Any:
+def _rebuild(cls: type[Frozen], fields: dict[str, object]) -> Frozen:
     return cls(**{name: _unpack(value) for name, value in fields.items()})
 
 
@@ -57,7 +57,7 @@ class _PackedModel(NamedTuple):
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    dt: Any
+    dt: float | None
     inputs: list[str]
     outputs: list[str]
     name: str
@@ -71,7 +71,7 @@ class _PackedRows(NamedTuple):
     values: np.ndarray
 
 
-def _pack(value: Any) -> Any:
+def _pack(value: Any) -> object:
     if type(value).__module__.startswith("control.") and type(value).__name__ == "StateSpace":
         matrices = (value.A, value.B, value.C, value.D)
         return _PackedModel(*matrices, value.dt, value.input_labels, value.output_labels, value.name)
@@ -85,7 +85,7 @@ def _without_zeros(array: NDArray[Any]) -> NDArray[Any] | _PackedRows:
     return _PackedRows(len(array), rows, array[rows]) if 2 * rows.size <= len(array) else array
 
 
-def _unpack(value: Any) -> Any:
+def _unpack(value: object) -> object:
     if isinstance(value, _PackedModel):
         import control
 
@@ -104,21 +104,9 @@ def freeze(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def short_repr(thing: Any) -> str:
-    """Print a dataclass in at most a screen: small values as they are, of large ones their kind and size.
-
-    Examples
-    --------
-    >>> import dataclasses, numpy as np
-    >>> from robustid.core import Frozen
-    >>> @dataclasses.dataclass(frozen=True)
-    ... class Found(Frozen):
-    ...     order: int
-    ...     hankel: np.ndarray
-    >>> Found(4, np.zeros(200))
-    Found(order=4, hankel=<(200,) float64 array>)
-    """
-    fields = [field.name for field in dataclasses.fields(thing) if field.repr]
+def short_repr(thing: Frozen) -> str:
+    """Print a dataclass in at most a screen: small values as they are, of large ones their kind and size."""
+    fields = [field.name for field in dataclasses.fields(thing) if field.repr]  # type: ignore[arg-type]
     parts = [f"{name}={_value(getattr(thing, name))}" for name in fields[:_SCREEN]]
     parts += [f"... {len(fields) - _SCREEN} more"] if len(fields) > _SCREEN else []
     line = f"{type(thing).__qualname__}({', '.join(parts)})"
@@ -134,7 +122,7 @@ def _value(value: Any) -> str:
         dt = "continuous" if value.dt == 0 else f"dt={value.dt}"
         return f"<StateSpace: {value.nstates} states, {value.noutputs}x{value.ninputs}, {dt}>"
     if type(value) in (tuple, list) or isinstance(value, Mapping):
-        return _several(cast(Mapping[Any, Any] | Sequence[Any], value))
+        return _several(cast(Mapping[object, object] | Sequence[object], value))
     text = repr(value)
     return text if len(text) <= _LINE and "\n" not in text else f"<{type(value).__name__}>"
 
@@ -147,7 +135,7 @@ def _array(value: NDArray[Any]) -> str:
     return f"<{value.shape} {value.dtype} array>"
 
 
-def _several(value: Mapping[Any, Any] | Sequence[Any]) -> str:
+def _several(value: Mapping[object, object] | Sequence[object]) -> str:
     """Items of a few that are short; else how many there are."""
     if len(value) <= _FEW:
         if isinstance(value, Mapping):

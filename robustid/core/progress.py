@@ -63,7 +63,7 @@ class ShowProgress:
         self._began, self._first, self._wrote, self._width, self._tenth = 0.0, 0, 0.0, 0, -1
         self._last: tuple[str, int, int] = ("", 0, 0)
 
-    def __call__(self, *said: Any) -> None:
+    def __call__(self, *said: object) -> None:
         """Write the line, seldom enough; of (done, all), (text, done, all), or a step of a fit."""
         words, done, count = _parts(said)
         now = time.monotonic()
@@ -99,7 +99,7 @@ class ShowProgress:
 _SHOWN = ShowProgress()
 
 
-def show_progress(*said: Any) -> None:
+def show_progress(*said: object) -> None:
     """Show how far a long computation is, in one line that is written over: the argument `progress` of every function.
 
     In notebooks and at terminals; in a file at most a line for every tenth.

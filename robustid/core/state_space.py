@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Numbers = NDArray[np.inexact]  # real or complex
 
 _BLOCK = 1024  # columns worked on at once: they stay in the cache
 
@@ -23,6 +24,29 @@ class StateSpace(Protocol):
     D: Real
 
 
+class Model(StateSpace, Protocol):
+    """A `control.StateSpace`, which has no types of its own: what is asked of one here."""
+
+    dt: Any  # in s; None or True where it is not known
+    nstates: int
+    ninputs: int
+    noutputs: int
+    input_labels: list[str]
+    output_labels: list[str]
+
+    def poles(self) -> Complex:
+        """Eigenvalues of A."""
+        ...
+
+    def isdtime(self, strict: bool = False) -> bool:
+        """Say whether it is of discrete time."""
+        ...
+
+    def __call__(self, x: ArrayLike, *, squeeze: bool, warn_infinite: bool) -> Complex:
+        """Values at points s or z."""
+        ...
+
+
 class StateMatrices(NamedTuple):
     """The real matrices A, B, C, D of a state space in s, in z, or in a series variable."""
 
@@ -32,12 +56,12 @@ class StateMatrices(NamedTuple):
     D: Real
 
     @classmethod
-    def of(cls, model: StateSpace) -> StateMatrices:
+    def of(cls, model: StateSpace | StateMatrices) -> StateMatrices:
         """The matrices of a model."""
         A, B, C, D = (np.asarray(part, dtype=float) for part in (model.A, model.B, model.C, model.D))
         return cls(A, B, C, D)
 
-    def model(self, dt: float) -> StateSpace:
+    def model(self, dt: float) -> Model:
         """The model with a sample time in s, 0 in continuous time."""
         import control
 
@@ -159,7 +183,7 @@ def response(model: StateSpace, angles: ArrayLike) -> Complex:
     return responses(model, angles)[:, 0, 0]
 
 
-def simulate(model: StateSpace, u: Real, start: Real | None = None) -> tuple[Real, Real]:
+def simulate(model: StateSpace | StateMatrices, u: Real, start: Real | None = None) -> tuple[Real, Real]:
     """Output (T, ny) of a discrete model driven by u (T, nu) from the state `start`, and the state after the last sample.
 
     Default: zero initial conditions.

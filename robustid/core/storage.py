@@ -83,7 +83,7 @@ def written_by(cls: type, write: Callable[[PathLike, Any], None]) -> None:
     _FILES[cls] = write
 
 
-def save(path: PathLike, thing: Any) -> None:
+def save(path: PathLike, thing: object) -> None:
     """Write anything whose class is registered: a result as NAME.npz and NAME.json, both or none; everything else as one file.
 
     Raises

@@ -51,7 +51,7 @@ def as_array(name: str, value: Any, *, dtype: type = float, ndim: int | None = N
     return array
 
 
-def as_positive(name: str, value: Any) -> float:
+def as_positive(name: str, value: object) -> float:
     """A finite float > 0."""
     number = as_float(name, value)
     if not number > 0:
@@ -59,7 +59,7 @@ def as_positive(name: str, value: Any) -> float:
     return number
 
 
-def as_float(name: str, value: Any) -> float:
+def as_float(name: str, value: object) -> float:
     """A finite real scalar."""
     if isinstance(value, str | bytes) or callable(value):
         raise InputTypeError(f"`{name}` must be one number; got {_brief(value)}")
@@ -83,14 +83,14 @@ def as_count(name: str, value: Any, *, least: int = 0) -> int:
     return number
 
 
-def as_kind(name: str, value: Any, kind: type[Kind] | tuple[type[Kind], ...], described: str) -> Kind:
+def as_kind(name: str, value: object, kind: type[Kind] | tuple[type[Kind], ...], described: str) -> Kind:
     """`value` itself, if it is of the `kind`; else a sentence with what it must be."""
     if not isinstance(value, kind):
         raise InputTypeError(f"`{name}` must be {described}; got {type(value).__name__}")
     return value
 
 
-def as_flag(name: str, value: Any) -> bool:
+def as_flag(name: str, value: object) -> bool:
     """True or False; a word such as "no" would count as true."""
     if not isinstance(value, bool | np.bool_):
         raise InputTypeError(f"`{name}` must be True or False; got {_brief(value)}")
@@ -104,7 +104,7 @@ def as_function(name: str, value: Called | None) -> Called | None:
     return value
 
 
-def as_bound(value: Any, shape: tuple[int, ...], axis: str, *, infinite: bool = False) -> np.ndarray | None:
+def as_bound(value: object, shape: tuple[int, ...], axis: str, *, infinite: bool = False) -> np.ndarray | None:
     """Broadcast a bound (scalar, per sample, or per sample and signal) to `shape`, positive everywhere."""
     if value is None:
         return None

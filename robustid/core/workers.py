@@ -10,29 +10,34 @@ import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from typing import Any, TypeVar
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+from typing import TypeVar
 
 from robustid.errors import InputTypeError, RobustIdError, SolverError
 
 _log = logging.getLogger("robustid")
 
 Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 _ATTEMPTS = 3
-_KEPT: list[Any] = []  # limits of threads end when their object does
+_KEPT: list[object] = []  # limits of threads end when their object does
 
 
 class _Pool(ProcessPoolExecutor):
     """Ended at once by an exception in its `with` block, Ctrl-C for instance."""
 
-    def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if kind is not None:
             self.end()
         super().__exit__(kind, value, trace)
 
     def end(self) -> None:
         """Whatever the processes are doing, they end."""
-        processes: dict[int, Any] = getattr(self, "_processes", None) or {}
+        processes: dict[int, BaseProcess] = getattr(self, "_processes", None) or {}
         for process in list(processes.values()):
             process.terminate()
         self.shutdown(cancel_futures=True)
@@ -75,13 +80,19 @@ class Workers:
     def __enter__(self) -> Workers:
         return self
 
-    def __exit__(self, *exception: Any) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if self._own is not None:
-            self._own.__exit__(*exception)
+            self._own.__exit__(kind, value, trace)
 
     def run(
-        self, function: Callable[..., Any], shared: tuple[Any, ...], items: Sequence[Item], name: Callable[[Item], str]
-    ) -> Iterator[tuple[Item, Any]]:
+        self,
+        function: Callable[..., Result],
+        shared: tuple[object, ...],
+        items: Sequence[Item],
+        name: Callable[[Item], str],
+    ) -> Iterator[tuple[Item, Result]]:
         """(item, function(*shared, item)) as they end; one whose worker fails is tried again, three times in all.
 
         `name` says in messages which one it is.
@@ -94,7 +105,7 @@ class Workers:
             An item failed every time.
         """
         waiting = deque((item, 0) for item in items)
-        running: dict[Future[Any], tuple[Item, int]] = {}
+        running: dict[Future[Result], tuple[Item, int]] = {}
         try:
             while waiting or running:
                 while waiting and self._room(waiting[0][1], running):
@@ -116,11 +127,11 @@ class Workers:
             for future in running:
                 future.cancel()
 
-    def _room(self, failures: int, running: dict[Future[Any], tuple[Any, int]]) -> bool:
+    def _room(self, failures: int, running: dict[Future[Result], tuple[Item, int]]) -> bool:
         alone = failures or any(f for _, f in running.values())
         return len(running) < (1 if alone else self._most)
 
-    def _submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def _submit(self, function: Callable[..., Result], *arguments: object) -> Future[Result]:
         try:
             return self._executor.submit(function, *arguments)
         except concurrent.futures.BrokenExecutor:
@@ -133,7 +144,7 @@ class Workers:
         return self._executor.submit(function, *arguments)
 
 
-def _count(processes: Any) -> int:
+def _count(processes: object) -> int:
     if isinstance(processes, bool) or not isinstance(processes, int) or processes < 1:
         raise InputTypeError(
             f"`executor` must be a concurrent.futures.Executor, or a number of processes of at least 1; got {processes!r}"
@@ -141,7 +152,7 @@ def _count(processes: Any) -> int:
     return processes
 
 
-def _error(future: Future[Any]) -> BaseException | None:
+def _error(future: Future[Result]) -> BaseException | None:
     try:
         return future.exception()
     except concurrent.futures.CancelledError as error:  # by a cluster that is gone

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 from robustid.bases import ParametricBasis
-from robustid.core import Plane, SPlane, StateMatrices, ZPlane
+from robustid.core import Model, Plane, SPlane, StateMatrices, ZPlane
 from robustid.data import FrequencyResponse, TangentialResponse
 from robustid.identification.problem import MixedProblem
 from robustid.identification.region import Region, region_of
@@ -46,22 +45,24 @@ def image_of(identification: Identification) -> Identification:
     )
 
 
-def _moved(frf: FrequencyResponse | TangentialResponse, plane: SPlane, z: ZPlane) -> Any:
+def _moved(
+    frf: FrequencyResponse | TangentialResponse, plane: SPlane, z: ZPlane
+) -> FrequencyResponse | TangentialResponse:
     return dataclasses.replace(frf, omega=z.omega(plane.angles(frf.omega)), dt=z.dt)
 
 
-def in_image(model: Any, plane: Plane) -> Any:
+def in_image(model: Model, plane: Plane) -> Model:
     """A model of a plane in the image of its identification: one in z of a continuous model, else itself."""
     return _model(model, plane.in_z(StateMatrices.of(model)), _DT) if isinstance(plane, SPlane) else model
 
 
-def from_image(model: Any, plane: Plane) -> Any:
+def from_image(model: Model, plane: Plane) -> Model:
     """The inverse of `in_image`."""
     return _model(model, plane.from_z(StateMatrices.of(model)), 0.0) if isinstance(plane, SPlane) else model
 
 
-def _model(like: Any, states: StateMatrices, dt: float) -> Any:
+def _model(like: Model, states: StateMatrices, dt: float) -> Model:
     import control
 
-    labels: dict[str, Any] = {"inputs": like.input_labels, "outputs": like.output_labels}
+    labels = {"inputs": like.input_labels, "outputs": like.output_labels}
     return control.StateSpace(*states, dt, remove_useless_states=False, **labels)

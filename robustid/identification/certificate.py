@@ -6,12 +6,11 @@ This module must not import a solver: its independence is what makes the numbers
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, Numbers, freeze
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
@@ -66,20 +65,18 @@ class MarginCertificate(Frozen):
 
 
 def certify_margin(
-    samples: NDArray[np.complex128], Y: NDArray[np.float64], upper: float, rows: Rows, sarason: SarasonMap
+    samples: Numbers, Y: NDArray[np.float64], upper: float, rows: Rows, sarason: SarasonMap
 ) -> MarginCertificate:
-    """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing.
-
-    The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and what remains costs its norm, in units of
-    K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
-    """
+    """Certificate from any multipliers of the samples and of X; a useless one (value 0) where they prove nothing."""
+    # The multipliers of a solver satisfy their equation E'l = c S only to its accuracy, and what remains costs its norm, in
+    # units of K/bound. Two versions are evaluated: as they are, and with the smallest relative change of l that removes it.
     weight = float(np.sum(rows.sizes(samples)))
     best = MarginCertificate(np.zeros(rows.y.size, complex), np.zeros(sarason.shape), upper, 0.0)
     if not (np.isfinite(weight) and weight > 0 and np.all(np.isfinite(Y)) and np.isfinite(upper)):
         return best
-    raw: NDArray[Any] = np.asarray(samples, complex) / weight
+    raw = np.asarray(samples, np.complex128) / weight
     S = sarason.stein(Y / weight)
-    changes: list[NDArray[Any]] = [raw]
+    changes: list[NDArray[np.complex128]] = [raw]
     if rows.E.stored or sarason.largest(upper) > 1:
         changes.append(_balanced(raw, sarason.first_row(S), rows))
     for changed in changes:
@@ -304,7 +301,7 @@ def leaked(
     return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
 
 
-def real_rows(matrix: NDArray[Any]) -> NDArray[np.float64]:
+def real_rows(matrix: Numbers) -> NDArray[np.float64]:
     """Real parts above imaginary parts."""
     return np.concatenate([np.real(matrix), np.imag(matrix)])
 

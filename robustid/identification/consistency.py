@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import logging
 import time
-from typing import Any
 
 import numpy as np
 
@@ -149,7 +148,7 @@ def _proof(claim: Claim) -> dict[str, Choice]:
     return {"margin": Choice(ends, Source.STOPPED, claim.stopped)} if claim.stopped else {}
 
 
-def _check_arguments(problem: Any, objective: str, form: str) -> None:
+def _check_arguments(problem: object, objective: str, form: str) -> None:
     if not isinstance(problem, MixedProblem):
         raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
     if objective not in OBJECTIVES:

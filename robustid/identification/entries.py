@@ -19,13 +19,6 @@ class Entries(Frozen):
     """An isometry between vectors and real p x q matrices, taken k times: (count k,) to (p, q, k).
 
     Entry by entry, row by row; of symmetric matrices the upper triangle, its off-diagonal entries times sqrt(2).
-
-    Examples
-    --------
-    >>> from robustid.identification.entries import Entries
-    >>> Entries(2, 2, symmetric=True).expand([1.0, 0.0, 3.0])[..., 0]
-    array([[1., 0.],
-           [0., 3.]])
     """
 
     outputs: int = 1  # p

@@ -14,9 +14,8 @@ from collections.abc import Generator, Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Numbers, Real
 from robustid.errors import InputError
 from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate, real_rows
 from robustid.identification.entries import HALF
@@ -48,7 +47,7 @@ def verify_margin_exactly(certificate: MarginCertificate, rows: Rows, sarason: S
 
 
 def enclose_support(
-    functional: Functional, samples: NDArray[Any], Y: Real, level: float, rows: Rows, sarason: SarasonMap
+    functional: Functional, samples: Numbers, Y: Real, level: float, rows: Rows, sarason: SarasonMap
 ) -> float:
     """A double above the bound of `evaluate_support`, evaluated without rounding errors."""
     with ball_arithmetic() as flint:
@@ -61,7 +60,7 @@ def enclose_support(
         return _above(total)
 
 
-def enclose_margin(samples: NDArray[Any], ball: Real, upper: float, rows: Rows, sarason: SarasonMap) -> float:
+def enclose_margin(samples: Numbers, ball: Real, upper: float, rows: Rows, sarason: SarasonMap) -> float:
     """A double below the bound of `evaluate_certificate`, evaluated without rounding errors."""
     with ball_arithmetic():
         size = _sizes(samples, rows)
@@ -75,7 +74,7 @@ def enclose_margin(samples: NDArray[Any], ball: Real, upper: float, rows: Rows, 
         return -_above(-total / weight)
 
 
-def _sizes(samples: NDArray[Any], rows: Rows) -> list[Any]:
+def _sizes(samples: Numbers, rows: Rows) -> list[Any]:
     """|l| of every bound."""
     flint = _flint()
     if rows.cone is None:
@@ -110,11 +109,11 @@ def _above(x: Any) -> float:
     return math.nextafter(top, math.inf) if math.isfinite(top) else math.inf
 
 
-def _parts(values: NDArray[Any]) -> list[tuple[float, float]]:
+def _parts(values: Numbers) -> list[tuple[float, float]]:
     return list(zip(np.real(values).tolist(), np.imag(values).tolist(), strict=True))
 
 
-def _matrix(values: NDArray[Any]) -> Any:
+def _matrix(values: Numbers) -> Any:
     """The array, of one or two dimensions, as exact numbers."""
     values = np.real(values).reshape(values.shape[0], -1)
     return _flint().arb_mat(*values.shape, values.ravel().tolist())
@@ -128,7 +127,7 @@ def _frobenius(matrix: Any) -> Any:
     return _sum(a * a for a in matrix.entries()).sqrt()
 
 
-def _inner(left: NDArray[Any], right: NDArray[Any]) -> Any:
+def _inner(left: Numbers, right: Numbers) -> Any:
     """Re <left, right>."""
     pairs = zip(real_rows(left).tolist(), real_rows(right).tolist(), strict=True)
     return _sum(_flint().arb(a) * b for a, b in pairs)
@@ -183,7 +182,7 @@ def _norm_above(Q: Any) -> Any:
     return (1 + _frobenius(Q.transpose() * Q - identity)).sqrt()
 
 
-def _mismatched(samples: NDArray[Any], S: Real, rows: Rows, sarason: SarasonMap, level: float, wanted: Real) -> Any:
+def _mismatched(samples: Numbers, S: Real, rows: Rows, sarason: SarasonMap, level: float, wanted: Real) -> Any:
     """Above r ||wanted + E'l - c S||, r the largest norm of x."""
     arb, entries = _flint().arb, sarason.entries
     if not wanted.size:
@@ -205,14 +204,14 @@ def _mismatched(samples: NDArray[Any], S: Real, rows: Rows, sarason: SarasonMap,
 
 
 @functools.singledispatch
-def _adjoint(E: Columns, samples: NDArray[Any]) -> Any:
+def _adjoint(E: Columns, samples: Numbers) -> Any:
     """Re E^H l, as a column."""
     re, im = _transposed(E)
     return re * _matrix(np.real(samples)) + im * _matrix(np.imag(samples))
 
 
 @_adjoint.register
-def _(E: BlockColumns, samples: NDArray[Any]) -> Any:
+def _(E: BlockColumns, samples: Numbers) -> Any:
     total = [_flint().arb(0)] * E.shape[1]
     for part in E.parts:
         found = _adjoint(part.block, samples[part.rows]).entries()
@@ -227,7 +226,7 @@ def _transposed(E: Columns) -> tuple[Any, Any]:
 
 
 @_adjoint.register
-def _(E: ShiftColumns, samples: NDArray[Any]) -> Any:
+def _(E: ShiftColumns, samples: Numbers) -> Any:
     """decay_j Re sum_k gain_k conj(l_k + kappa_k conj(l_k)) exp(-i theta_k j), by powers, and the rows that are stored."""
     flint = _flint()
     lines = E.angles.size
@@ -249,7 +248,7 @@ def _(E: ShiftColumns, samples: NDArray[Any]) -> Any:
     return column + _matrix(E.real.T) * _matrix(np.real(samples[lines:])) if E.real.shape[0] else column
 
 
-def _leaked(samples: NDArray[Any], rows: Rows, upper: float, largest: float, wanted: Real) -> Any:
+def _leaked(samples: Numbers, rows: Rows, upper: float, largest: float, wanted: Real) -> Any:
     """Above (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
     arb, held = _flint().arb, rows.held
     if not held.size:
@@ -267,11 +266,9 @@ def _leaked(samples: NDArray[Any], rows: Rows, upper: float, largest: float, wan
 
 
 def _parameter_bound(upper: float, largest: float, rows: Rows) -> Any:
-    """Above ||p|| of the free parameters with margin <= upper.
-
-    p = L P p + (I - L P) p with any L, hence ||p|| <= ||L|| ||P p|| / (1 - ||I - L P||), and
-    P p = y - E x - e - (the others).
-    """
+    """Above ||p|| of the free parameters with margin <= upper."""
+    # p = L P p + (I - L P) p with any L, hence ||p|| <= ||L|| ||P p|| / (1 - ||I - L P||), and P p = y - E x - e - (the
+    # others).
     arb = _flint().arb
     P = real_rows(rows.P[:, ~rows.held])
     inverse, count = np.linalg.pinv(P), P.shape[1]
@@ -286,7 +283,7 @@ def _parameter_bound(upper: float, largest: float, rows: Rows) -> Any:
     return _norm(inverse) * reach / (1 - off)
 
 
-def _norm(values: NDArray[Any]) -> Any:
+def _norm(values: Numbers) -> Any:
     """Above the Frobenius norm."""
     return _larger(float(np.linalg.norm(values)), values.size)
 

@@ -7,33 +7,30 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.bases import InputNormalPair
-from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, series_at
+from robustid.core import Complex, Frozen, Model, Numbers, Real, as_array, as_kind, freeze, series_at
 from robustid.errors import InputError
+
+# A number in [-1, 1], a real matrix of norm at most 1, or a stable system of H-infinity norm at most 1.
+FreeParameter = ArrayLike | Model
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Interpolants(Frozen):
-    """Every function of the unit ball with given data x: phi_E(zeta), E any function of the unit ball.
+    """Every function of the unit ball with given data x: phi_E(zeta), E any function of the unit ball, E = 0 the central one.
 
-    With M = I - X'X > 0, M = LL', W = M + x'x = A'MA + c'c, D = [L'A; c], R = [L'; x], the matrix V = R W^{-1} D' is a
-    partial isometry; with u_d, u_r spanning the null spaces of D' and R',
-
-        V + u_r E u_d' = [alpha beta; gamma delta],   phi_E(zeta) = delta + zeta gamma (I - zeta alpha)^{-1} beta,
-
-    is the complete set, E = 0 the central one. No inverse of M and no cancellations: the central order is exactly n, or
-    n - 1 where Taylor coefficients are among the data: A is singular then (A'B = 0) and the state L^{-1}B of the central
-    realisation is unobservable, so that it is left out.
-
-    Of p x q functions A, c stand for A (x) I, c (x) I, and the order is n q (or (n - 1) q); with fewer outputs than inputs all is
-    done with the transposed function, of order n p.
-
-    Notes
-    -----
     Source: `ball1990` (the set of all solutions); in purpose equation (22) of `inanc2001`, without its inverses.
     """
+
+    # With M = I - X'X > 0, M = LL', W = M + x'x = A'MA + c'c, D = [L'A; c], R = [L'; x], the matrix V = R W^{-1} D' is a
+    # partial isometry; with u_d, u_r spanning the null spaces of D' and R',
+    #     V + u_r E u_d' = [alpha beta; gamma delta],   phi_E(zeta) = delta + zeta gamma (I - zeta alpha)^{-1} beta,
+    # is the complete set. No inverse of M and no cancellations: the central order is exactly n, or n - 1 where Taylor
+    # coefficients are among the data: A is singular then (A'B = 0) and the state L^{-1}B of the central realisation is
+    # unobservable, so that it is left out. Of p x q functions A, c stand for A (x) I, c (x) I, and the order is n q (or (n - 1)
+    # q); with fewer outputs than inputs all is done with the transposed function, of order n p.
 
     V: Real  # (n+1, n+1); of matrices (nq+p, nq+q), of transposed ones with p and q exchanged
     outer: Real  # (n+1, 1), of matrices (nq+p, p): u_r
@@ -50,11 +47,10 @@ class Interpolants(Frozen):
         """Number of states of the central interpolant."""
         return self.kept.shape[1]
 
-    def realise(self, E: Any = 0.0) -> tuple[Real, Real, Real, Real]:
-        """State space (alpha, beta, gamma, delta) of phi_E, in the scaled variable zeta = z/rho.
-
-        E: a number in [-1, 1] (for MIMO a real matrix (p, q) of norm at most 1, 0 for all entries 0), or a stable
-        `control.StateSpace` (in zeta) with as many inputs and outputs and H-infinity norm <= 1.
+    def realise(self, E: FreeParameter = 0.0) -> tuple[Real, Real, Real, Real]:
+        """State space (alpha, beta, gamma, delta) of phi_E, in the scaled variable zeta = z/rho; E a number in [-1, 1], for MIMO
+        a real matrix (p, q) of norm at most 1 (0: all entries 0), or a stable `control.StateSpace` (in zeta) of H-infinity
+        norm <= 1.
         """
         n = self.kept.shape[0]
         p, q = self.outer.shape[1], self.inner.shape[1]
@@ -76,21 +72,20 @@ class Interpolants(Frozen):
         """The realisation of the function itself."""
         return (alpha.T, gamma.T, beta.T, delta.T) if self.transposed else (alpha, beta, gamma, delta)
 
-    def evaluate(self, zeta: NDArray[Any], E: Any = 0.0) -> Complex:
+    def evaluate(self, zeta: Numbers, E: FreeParameter = 0.0) -> Complex:
         """The values phi_E(zeta), |zeta| < 1, (F,); for MIMO (F, p, q)."""
         values = series_at(self.realise(E), zeta)
         return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
 
-    def weyl_disc(self, zeta: NDArray[Any]) -> tuple[Complex, Real]:
-        """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| < 1.
-
-        The disc is filled by complex E; models with real coefficients reach a part of it (all its real points at
-        real zeta), so it is an outer bound for them. SISO; `weyl_ball` for MIMO.
+    def weyl_disc(self, zeta: Numbers) -> tuple[Complex, Real]:
+        """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| < 1. SISO; `weyl_ball` for MIMO. Complex E fill
+        it: of models with real coefficients, which reach a part of it (all its real points at real zeta), it is an outer
+        bound.
         """
         centre, left, right = self.weyl_ball(zeta)
         return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]
 
-    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Complex, Complex]:
+    def weyl_ball(self, zeta: Numbers) -> tuple[Complex, Complex, Complex]:
         """Centre (F, p, q), left radius (F, p, p) and right radius (F, q, q) of the matrix ball of values, |zeta| < 1.
 
         phi_E(zeta) = centre + left U right with any complex matrix U of norm at most 1, as E runs through the unit ball.
@@ -123,20 +118,8 @@ _ROUNDED = 1e-14  # what rounding adds to the norm of an orthogonal matrix
 
 
 def interpolants(pair: InputNormalPair, parts: NDArray[np.float64], full: NDArray[np.float64]) -> Interpolants:
-    """All functions of the unit ball with the data x; needs ||X(x)|| < 1.
-
-    Parameters
-    ----------
-    pair : InputNormalPair
-    parts : (p, q, n, n) array
-        X(x) entry by entry.
-    full : (p, q, n) array
-        x entry by entry.
-
-    Raises
-    ------
-    InputError
-        Where M = I - X'X is not positive definite: at the edge the interpolant is unique and the form breaks down.
+    """All functions of the unit ball with the data X(x) and x entry by entry, (p, q, n, n) and (p, q, n); needs ||X(x)|| < 1: at
+    the edge the interpolant is unique and the form breaks down.
     """
     n, (p, q) = pair.order, full.shape[:2]
     transposed = p < q
@@ -157,10 +140,8 @@ def interpolants(pair: InputNormalPair, parts: NDArray[np.float64], full: NDArra
 def from_factors(
     pair: InputNormalPair, root: Real, inputs: Real, outputs: Real, smallest: float, transposed: bool = False
 ) -> Interpolants:
-    """The functions phi with V = R W^-1 D', D = [root A; inputs], R = [root; outputs], W = D'D = R'R.
-
-    With root'root = M, `inputs` c and `outputs` x those of `interpolants`; a common factor on the right of all three changes
-    nothing.
+    """The functions phi with V = R W^-1 D', D = [root A; inputs], R = [root; outputs], W = D'D = R'R; root'root = M, `inputs` c
+    and `outputs` x those of `interpolants`: a common factor on the right of all three changes nothing.
     """
     n, q, size = pair.order, inputs.shape[0], inputs.shape[1]
     A, B = (np.kron(part, np.eye(q)) for part in (pair.A, pair.B))
@@ -198,7 +179,7 @@ def _free_parameter(E: Any, shape: tuple[int, int]) -> tuple[Real, Real, Real, R
         raise InputError(
             f"`E` must be a discrete-time system with {q} input{'s' * (q != 1)} and {p} output{'s' * (p != 1)}"
         )
-    A: NDArray[Any] = E.A
+    A: Numbers = E.A
     if E.nstates and np.abs(np.linalg.eigvals(A)).max() >= 1:
         raise InputError("`E` must be stable")
     poles = np.linalg.eigvals(A) if E.nstates else np.zeros(0)

@@ -5,18 +5,18 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis
-from robustid.core import Frozen, StateMatrices, freeze
+from robustid.core import Frozen, Model, Numbers, StateMatrices, freeze
 from robustid.identification.formulation.base import Formulation, States
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.tails import smallest_bound
+from robustid.identification.interpolant import FreeParameter
 from robustid.identification.prior import Prior
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import largest_ratio
@@ -33,7 +33,7 @@ _EDGE_UNBOUNDED = 1e-5  # of positive-real classes: X is not bounded, and its ro
 class Nominal:
     """The model of a point: of the central interpolant itself, or but for `error` in the H-infinity norm."""
 
-    model: Any
+    model: Model
     states: int  # number of states of the non-parametric part; they come first
     error: float  # bound of |model - interpolant| at any frequency, over the weight of the class; 0 where no state was left out
 
@@ -45,7 +45,7 @@ def level_of(objective: str, margin: float, accuracy: float, prior: Prior) -> fl
     return min(margin * (1 + edge) + accuracy, widest) if objective == "margin" else widest
 
 
-def nominal_model(formulation: Formulation, point: Candidate, level: float, E: Any = 0.0) -> Nominal:
+def nominal_model(formulation: Formulation, point: Candidate, level: float, E: FreeParameter = 0.0) -> Nominal:
     """The interpolant with the free parameter E, joined with the parametric part.
 
     Where the formulation leaves something out, so may the model: states, as long as every residual stays below level * bound.
@@ -82,7 +82,7 @@ def _with_scales(problem: MixedProblem, states: States) -> States:
     return np.kron(np.eye(rank), A), B, C, scales * D
 
 
-def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[np.float64]) -> Any:
+def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[np.float64]) -> Model:
     """State space of F = p'P + G; the parametric states follow those of G.
 
     With a weight it is joined in the variable of the model: what rolls off has no direct term there at all.
@@ -123,7 +123,7 @@ def parametric_states(
     return np.kron(basis.A.T, np.eye(p)), inputs, np.kron(basis.B.T, np.eye(p)), through
 
 
-def signal_names(problem: MixedProblem) -> dict[str, Any]:
+def signal_names(problem: MixedProblem) -> dict[str, list[str] | str]:
     """Names of the model and its signals for `control`."""
     outputs, inputs = ([_label(c.name, d) for c in side] for side, d in ((problem.outputs, "y"), (problem.inputs, "u")))
     return {"inputs": inputs, "outputs": outputs, "name": "identified"}
@@ -146,7 +146,7 @@ def residue_matrices(problem: MixedProblem, rows: Rows, p: NDArray[np.float64]) 
 
 def parametric_values(
     problem: MixedProblem, rows: Rows, p: NDArray[np.float64], angles: NDArray[np.float64]
-) -> NDArray[Any]:
+) -> Numbers:
     """Values of the parametric part at exp(j angle), (F, p, q); zero where there is none."""
     if problem.parametric is None:
         return np.zeros((angles.size, *problem.entries.shape))
@@ -158,22 +158,12 @@ class Mode(Frozen):
     """One pole pair (or real pole) of the parametric part: R/(z - a) + conj(R)/(z - conj(a)), of a simple pole.
 
     In continuous time s in the place of z.
-
-    Attributes
-    ----------
-    omega : float, rad/s
-        Natural frequency |log a|/dt; |a| in continuous time.
-    damping : float
-        Damping ratio.
-    residue : (ny, nu) complex array
-        R.
-    rank_ratio : float
-        Second singular value of R over the first: 0 where R has rank one, as the residue of a single mode of a structure has.
     """
 
-    omega: float
+    omega: float  # natural frequency, rad/s: |log a|/dt; |a| in continuous time
     damping: float
-    residue: NDArray[np.complex128]
+    residue: NDArray[np.complex128]  # (ny, nu), R
+    # Second singular value of R over the first: 0 where R has rank one, as the residue of a single mode of a structure has.
     rank_ratio: float
 
     def __post_init__(self) -> None:

@@ -19,12 +19,8 @@ _LOUD = 2.0  # magnitude of most values at which they are no scattering paramete
 
 
 def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], time: tuple[Any, ...]) -> None:
-    """Refuse data of another kind than passive classes are about.
-
-    Raises
-    ------
-    InputError
-        Time records, samples along directions, other inputs than outputs.
+    """Refuse data of another kind than passive classes are about: time records, samples along directions, other inputs than
+    outputs.
     """
     name = type(prior).__name__
     if entries.outputs != entries.inputs:
@@ -48,12 +44,7 @@ def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], ti
 def centred(problem: Any) -> tuple[Prior, ParametricBasis, Real]:
     """The class with its scale, and the constant (K - slack) I as the parametric part: F = it + K g, 1 + g positive real.
 
-    Of negative-imaginary plants both are divided by s.
-
-    Raises
-    ------
-    InputError
-        Functions whose coefficients are free: with them the plant is not passive.
+    Of negative-imaginary plants both are divided by s. Refuses free coefficients: with them the plant is not passive.
     """
     prior, frequency, entries = problem.prior, problem.frequency, problem.entries
     modes = _passive_modes(problem)

@@ -188,13 +188,7 @@ class HalfPlane(Frozen, Region):
 
 
 def region_of(prior: Prior, plane: Plane) -> Region:
-    """The region in which G of a class is analytic.
-
-    Raises
-    ------
-    InputError
-        A decay rate per sample for data of continuous time.
-    """
+    """The region in which G of a class is analytic; refuses a decay rate per sample for data of continuous time."""
     if isinstance(plane, SPlane):
         if prior.decay is None:
             raise InputError(

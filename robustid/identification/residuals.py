@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, freeze, responses, simulate
-from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
+from robustid.core import Complex, Frozen, Numbers, Real, StateSpace, freeze, responses, simulate
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
 from robustid.identification.formulation.assembly import initial_state, measured_entries
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.problem import MixedProblem, excited_lines
@@ -40,7 +38,7 @@ class Residual(Frozen):
     kind: str
     index: int
     axis: Real
-    error: NDArray[Any]
+    error: Numbers
     bound: Real
     tilt: Complex | None = None
     entry: tuple[int | None, int | None] = (0, 0)
@@ -56,7 +54,9 @@ class Residual(Frozen):
         return ratio if ratio.ndim == 1 else np.linalg.norm(ratio, axis=1)
 
 
-def model_residuals(problem: MixedProblem, model: Any, rows: Rows | None = None, p: Any = None) -> list[Residual]:
+def model_residuals(
+    problem: MixedProblem, model: StateSpace, rows: Rows | None = None, p: Real | None = None
+) -> list[Residual]:
     """Residuals of any model at the samples of a problem, in the order of its bounds.
 
     For records with unknown initial state the free response of the parametric part is that of `p`, or the one with the smallest
@@ -96,12 +96,12 @@ def entry_name(problem: MixedProblem, entry: tuple[int | None, int | None]) -> s
     return f"all outputs from {name}" if output is None else f"{name} to {problem.outputs[output].name}"
 
 
-def largest_ratio(problem: MixedProblem, model: Any) -> float:
+def largest_ratio(problem: MixedProblem, model: StateSpace) -> float:
     """Largest |residual|/bound of a model at the samples of a problem."""
     return largest(model_residuals(problem, model))
 
 
-def fit_percent(problem: MixedProblem, model: Any) -> dict[str, float]:
+def fit_percent(problem: MixedProblem, model: StateSpace) -> dict[str, float]:
     """Return ``100 (1 - |y - yhat|/|y - mean(y)|)`` of the worst entry or output, for each kind of experiment.
 
     Of frequency points the complex values in place of y; those that share their bounds, and combinations of signals, are left
@@ -112,11 +112,11 @@ def fit_percent(problem: MixedProblem, model: Any) -> dict[str, float]:
         row, column = residual.entry
         if residual.kind == "time":
             record = problem.time[residual.index]
-            y: NDArray[Any] = record.y[record.bound.used[:, row or 0], row or 0]
+            y: Numbers = record.y[record.bound.used[:, row or 0], row or 0]
         elif column is None or residual.error.ndim > 1:
             continue
         else:
-            frf: Any = problem.frequency[residual.index]
+            frf: FrequencyResponse = problem.frequency[residual.index]
             y = frf.values[frf.bound.used[:, row, column], row, column]
         size = np.linalg.norm(y - y.mean())
         if size > 0:
@@ -149,7 +149,9 @@ def _least_largest(columns: Real, right: Real) -> Real:
     return found.x[:count] * size
 
 
-def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[Residual]:
+def _of_lines(
+    index: int, frf: FrequencyResponse | TangentialResponse, model: StateSpace, problem: MixedProblem
+) -> list[Residual]:
     """Residuals of a frequency response: by entry, by column or of the whole matrix, as its bounds are."""
     predicted = problem.plane.values_at(model, frf.omega)
     out: list[Residual] = []
@@ -181,7 +183,7 @@ def _of_lines(index: int, frf: Any, model: Any, problem: MixedProblem) -> list[R
     return out
 
 
-def _steady_state(record: TimeRecord, model: Any) -> Real:
+def _steady_state(record: TimeRecord, model: StateSpace) -> Real:
     """Outputs (T, ny)."""
     lines, samples = excited_lines(record), record.u.shape[0]
     spectrum = np.zeros((samples // 2 + 1, record.y.shape[1]), complex)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Choice, Complex, Frozen, Real, Savable, freeze
-from robustid.data import FrequencyResponse, TimeRecord, bound_ratio
+from robustid.core import Choice, Frozen, Model, Numbers, Real, Savable, freeze
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.figures import Drawable
 from robustid.identification.certificate import MarginCertificate
 from robustid.identification.formulation.base import Family, Formulation
 from robustid.identification.formulation.convex import Candidate
+from robustid.identification.interpolant import FreeParameter
 from robustid.identification.model import (
     Mode,
     level_of,
@@ -67,7 +67,7 @@ class Identification(Frozen, Drawable, Savable):
     prior: Prior
     coefficients: Real
     scaled_parameters: Real
-    model: Any
+    model: Model
     verification: Verification
     timing: dict[str, float]
     choices: dict[str, Choice] = dataclasses.field(default_factory=dict[str, Choice])
@@ -225,7 +225,7 @@ class Identification(Frozen, Drawable, Savable):
     def _family(self) -> Family:
         return self._used.family(self.coefficients)
 
-    def solution(self, E: Any = 0.0) -> Any:
+    def solution(self, E: FreeParameter = 0.0) -> Model:
         """Another model of the class with the same values at the samples.
 
         Parameters
@@ -244,7 +244,7 @@ class Identification(Frozen, Drawable, Savable):
         )
         return nominal_model(self._used, point, level, E).model
 
-    def weyl_disc(self, omega: Any) -> tuple[Complex, Real]:
+    def weyl_disc(self, omega: ArrayLike) -> tuple[Numbers, Numbers]:
         """Centre and radius of the values at `omega` [rad/s] of all systems with these coefficients and parameters.
 
         A disc per frequency: (F,) complex and (F,) arrays. The radius is zero at the frequency points of the data. It does not
@@ -255,7 +255,7 @@ class Identification(Frozen, Drawable, Savable):
             raise InputError("`weyl_disc` is for one input and one output; take weyl_ball(omega)")
         return centre[:, 0, 0], np.abs(left * right)[:, 0, 0]
 
-    def weyl_ball(self, omega: Any) -> tuple[Complex, NDArray[Any], NDArray[Any]]:
+    def weyl_ball(self, omega: ArrayLike) -> tuple[Numbers, Numbers, Numbers]:
         """Centre (F, ny, nu), left (F, ny, ny) and right radius (F, nu, nu) of the values at `omega` [rad/s], as `weyl_disc`.
 
         The values of all systems with these coefficients and parameters are centre + left U right, ||U|| <= 1 (a scaling of the
@@ -381,7 +381,9 @@ class Identification(Frozen, Drawable, Savable):
         ]
 
 
-def _largest_response(item: Any, scales: Real, problem: MixedProblem) -> float:
+def _largest_response(
+    item: FrequencyResponse | TangentialResponse | TimeRecord, scales: Real, problem: MixedProblem
+) -> float:
     """Largest response in the data of an experiment, divided by scaling and weight of the prior."""
     if isinstance(item, TimeRecord):
         drive = np.linalg.norm(problem.weighting.filtered(item.u)[:, None] * scales, axis=2).max(axis=0)
@@ -393,7 +395,7 @@ def _largest_response(item: Any, scales: Real, problem: MixedProblem) -> float:
     return float((np.abs(item.values) / np.maximum(size, np.finfo(float).tiny))[item.bound.used].max())
 
 
-def _share_around_zero(frf: Any) -> float:
+def _share_around_zero(frf: FrequencyResponse | TangentialResponse) -> float:
     """Part of the samples whose bound exceeds the response itself."""
     ratio = bound_ratio(frf.values, frf.bound.radius, frf.bound.tilt)
     return float(np.mean(ratio[frf.bound.used] <= 1))

@@ -6,12 +6,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, as_array, as_count, as_float, freeze
+from robustid.core import Complex, Frozen, Numbers, Real, as_array, as_count, as_float, freeze
 from robustid.errors import InputError
 
 # Points handled together: their vectors stay in the cache while all L sections pass over them.
@@ -23,21 +21,13 @@ _ON_CIRCLE = 1e-12
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TaylorInterpolants(Frozen):
-    r"""Every function of the unit ball with L given Taylor coefficients: phi_E(zeta), E in the unit ball.
-
-    .. math:: \phi_k = \frac{\gamma_k + \zeta \phi_{k+1}}{1 + \gamma_k \zeta \phi_{k+1}}, \quad k = L-1, \ldots, 0, \quad
-              \phi_L = E, \quad \phi_E = \phi_0
-
-    E = 0 is the central one, a ratio of polynomials of degree L - 1 at most. Same set as `Interpolants` of a pair
-    without frequency points, for any L: that one needs matrices of size L.
-
-    Notes
-    -----
-    Values come from the maps above, which contract the hyperbolic metric of the disc; the polynomials of `central` lose
-    one digit or two against them as |E| and the gain tend to 1.
-
-    Source: Schur 1917; `ball1990` for the set of all solutions.
+    """Every function of the unit ball with L given Taylor coefficients: phi_E = phi_0, phi_L = E, E in the unit ball, and phi_k
+    = (gamma_k + zeta phi_(k+1)) / (1 + gamma_k zeta phi_(k+1)). Source: Schur 1917; `ball1990` for the set of all solutions.
     """
+
+    # E = 0 is the central one, a ratio of polynomials of degree L - 1 at most. Same set as `Interpolants` of a pair without
+    # frequency points, for any L: that one needs matrices of size L. Values come from these maps, which contract the hyperbolic
+    # metric of the disc; the polynomials of `central` lose one digit or two against them as |E| and the gain tend to 1.
 
     gamma: Real  # (L,), Schur parameters, all inside (-1, 1)
 
@@ -45,10 +35,9 @@ class TaylorInterpolants(Frozen):
         self._set(gamma=freeze(self.gamma))
 
     def central(self) -> tuple[Real, Real]:
-        """Coefficients of P and Q, natural order, each (L,): phi_0 = P/Q, Q without zeros in |zeta| <= 1.
-
-        Normalised so that |Q|^2 - |P|^2 = 1 on the circle. With p, q their reversals, zeta^(L-1) P(1/zeta) and
-        zeta^(L-1) Q(1/zeta), all solutions are phi_E = (P + zeta q E)/(Q + zeta p E).
+        """Coefficients of P and Q, natural order, each (L,): phi_0 = P/Q, |Q|^2 - |P|^2 = 1 on the circle, Q without zeros
+        inside it. With p, q their reversals, zeta^(L-1) P(1/zeta) and zeta^(L-1) Q(1/zeta), phi_E = (P + zeta q E)/(Q + zeta
+        p E).
         """
         P, Q = np.zeros((2, self.gamma.size))
         Q[0] = 1.0
@@ -59,7 +48,7 @@ class TaylorInterpolants(Frozen):
             P = s * P + gamma * Q
         return P, Q
 
-    def coefficients(self, count: int, E: float = 0.0) -> Real:
+    def coefficients(self, count: int, E: object = 0.0) -> Real:
         """The first `count` Taylor coefficients of phi_E, E a number in [-1, 1]."""
         import scipy.signal
 
@@ -69,20 +58,20 @@ class TaylorInterpolants(Frozen):
         above, below = np.append(P, 0.0), np.append(Q, 0.0)
         return np.asarray(scipy.signal.lfilter(above + E * below[::-1], below + E * above[::-1], pulse))
 
-    def evaluate(self, zeta: NDArray[Any], E: float = 0.0) -> Complex:
+    def evaluate(self, zeta: Numbers, E: object = 0.0) -> Complex:
         """The values phi_E(zeta), |zeta| <= 1, E a number in [-1, 1]; O(L) per point."""
         return self._pull_back(zeta, _constant(E), 0.0)[0]
 
-    def weyl_disc(self, zeta: NDArray[Any]) -> tuple[Complex, Real]:
+    def weyl_disc(self, zeta: Numbers) -> tuple[Complex, Real]:
         """Centre and radius of the disc that the values phi_E(zeta) fill, |zeta| <= 1, as in `Interpolants`."""
         return self._pull_back(zeta, 0.0, 1.0)
 
-    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Real, Real]:
+    def weyl_ball(self, zeta: Numbers) -> tuple[Complex, Real, Real]:
         """`weyl_disc` as a matrix ball: centre, left and right radius, each (F, 1, 1)."""
         centre, radius = self.weyl_disc(zeta)
         return centre[:, None, None], radius[:, None, None], np.ones((radius.size, 1, 1))
 
-    def _pull_back(self, zeta: NDArray[Any], centre: float, radius: float) -> tuple[Complex, Real]:
+    def _pull_back(self, zeta: Numbers, centre: float, radius: float) -> tuple[Complex, Real]:
         """The disc of the values phi_E(zeta) for E in a disc: one Mobius map a section."""
         zeta = np.atleast_1d(as_array("zeta", zeta, dtype=complex))
         if np.abs(zeta).max(initial=0.0) > 1 + _ON_CIRCLE:
@@ -103,44 +92,13 @@ class TaylorInterpolants(Frozen):
 
 
 def taylor_interpolants(x: Real) -> TaylorInterpolants:
-    r"""All functions of the unit ball with the Taylor coefficients x_0, ..., x_{L-1}; needs ||X(x)|| < 1.
-
-    .. math:: \gamma_k = \phi_k(0), \quad \zeta \phi_{k+1} = \frac{\phi_k - \gamma_k}{1 - \gamma_k \phi_k},
-              \quad \phi_0 = x_0 + x_1 \zeta + \ldots
-
-    Parameters
-    ----------
-    x : (L,) array
-        In natural order, without unit: x_k = g_k rho^k / K of G(z) = K phi(z/rho).
-
-    Returns
-    -------
-    TaylorInterpolants
-        Its coefficients agree with x to 1e-12, also at ||X(x)|| = 1 - 1e-10 and L = 2000.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        If x isn't a row of finite numbers, or X(x), lower-triangular Toeplitz, isn't a strict contraction.
-
-    Notes
-    -----
-    phi_k = b/f, and one section turns (f, b) into ((f - gamma b)/s, (b - gamma f)/s), s = sqrt(1 - gamma^2). The second is
-    computed from the new f as s b - gamma f: an orthogonal relation, which rounding errors of earlier steps pass through
-    without growing.
-
-    Source: Schur 1917; the mixed form of the hyperbolic rotation of Bojanczyk, Brent, Van Dooren and de Hoog 1987.
-
-    Examples
-    --------
-    The central function with phi(0) = 0.5 and no more data is the constant; phi'(0) adds a zero and a pole.
-
-    >>> from robustid.identification.schur import taylor_interpolants
-    >>> taylor_interpolants([0.5]).coefficients(3)
-    array([0.5, 0. , 0. ])
-    >>> taylor_interpolants([0.5, 0.375]).gamma
-    array([0.5, 0.5])
+    """All functions of the unit ball with the Taylor coefficients x (L,), of G = K phi(z/rho) x_k = g_k rho^k/K; needs ||X(x)||
+    < 1. Source: Schur 1917; the mixed form of the hyperbolic rotation of Bojanczyk, Brent, Van Dooren and de Hoog 1987.
     """
+    # gamma_k = phi_k(0) and zeta phi_(k+1) = (phi_k - gamma_k)/(1 - gamma_k phi_k). With phi_k = b/f, one section turns (f, b)
+    # into ((f - gamma b)/s, (b - gamma f)/s), s = sqrt(1 - gamma^2). The second is computed from the new f as s b - gamma f: an
+    # orthogonal relation, which rounding errors of earlier steps pass through without growing. The coefficients of the result
+    # agree with x to 1e-12, also at ||X(x)|| = 1 - 1e-10 and L = 2000.
     x = as_array("x", x, ndim=1)
     if not x.size:
         raise InputError("`x` must hold at least one Taylor coefficient; got none")
@@ -165,7 +123,7 @@ def _complement(gamma: float) -> float:
     return math.sqrt((1 - gamma) * (1 + gamma))
 
 
-def _constant(E: float) -> float:
+def _constant(E: object) -> float:
     number = as_float("E", E)
     if not abs(number) <= 1:
         raise InputError(f"`E` must lie in [-1, 1]; got {number:g}")

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from robustid.core import Real
-from robustid.data import TimeRecord
+from robustid.core import Real, Signal
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError
+
+Experiment = FrequencyResponse | TangentialResponse | TimeRecord
 
 _RANK = 1e-10  # directions that carry less of the excitation than this, relatively, are rounding
 
 
-def check_signals(experiments: Sequence[Any]) -> None:
+def check_signals(experiments: Sequence[Experiment]) -> None:
     """Require the same inputs and outputs in all experiments; signals without a name of their own go with any."""
     first = experiments[0]
     for item in experiments[1:]:
@@ -35,7 +36,7 @@ def check_signals(experiments: Sequence[Any]) -> None:
                     )
 
 
-def check_excitation(experiments: Sequence[Any]) -> None:
+def check_excitation(experiments: Sequence[Experiment]) -> None:
     """Require that every output is seen, and that the inputs move in independent ways."""
     first = experiments[0]
     p, q = len(first.outputs), len(first.inputs)
@@ -66,24 +67,24 @@ def check_excitation(experiments: Sequence[Any]) -> None:
         )
 
 
-def _seen(item: Any) -> Real:
+def _seen(item: Experiment) -> Real:
     """Number of samples of every output, (p,)."""
     used = item.bound.used
     if isinstance(item, TimeRecord):
         return used.sum(axis=0)
-    if hasattr(item, "left"):
+    if isinstance(item, TangentialResponse):
         return np.sum(np.abs(item.left) * used.any(axis=2)[:, :, None], axis=(0, 1))
     return used.sum(axis=(0, 2))
 
 
-def _excitation(item: Any) -> Real:
+def _excitation(item: Experiment) -> Real:
     """Rows that span the input directions of an experiment, (k, q)."""
     used = item.bound.used
     if isinstance(item, TimeRecord):
         last = np.flatnonzero(used.any(axis=1))[-1] + 1
         u = item.u if item.initial == "periodic" else item.u[:last]
         return np.asarray(np.linalg.qr(u, mode="r")) if u.shape[0] > u.shape[1] else u
-    if hasattr(item, "right"):
+    if isinstance(item, TangentialResponse):
         rows = (item.right * used.any(axis=1)[:, None, :]).transpose(0, 2, 1).reshape(-1, item.right.shape[1])
         return np.concatenate([np.real(rows), np.imag(rows)])
     return np.diag(used.any(axis=(0, 1)).astype(float))
@@ -94,5 +95,5 @@ def _is_default(name: str) -> bool:
     return name[:1] in ("u", "y") and (name[1:] == "" or name[1:].isdigit())
 
 
-def _names(signals: Sequence[Any]) -> str:
+def _names(signals: Sequence[Signal]) -> str:
     return str([str(c) for c in signals])

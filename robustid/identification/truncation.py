@@ -38,59 +38,21 @@ class Truncation(NamedTuple):
 
 
 def balanced_from_impulse(response: NDArray[np.float64], tolerance: float) -> Truncation:
-    r"""The smallest balanced truncation of an impulse response whose error bound meets an absolute tolerance.
-
-    .. math:: \max_\omega |G - G_r| \le 2 \sum_{k > r} \sigma_k \le \text{tolerance}, \quad H_{ij} = g_{1+i+j}
-
-    with the singular values σ of H. Same truncation as that of `balanced_truncation` for a model with this response,
-    without its state space.
-
-    Parameters
-    ----------
-    response : (M,) array
-        g_0, ..., g_{M-1}, zero from there on: as long as it takes for the remainder to be negligible.
-    tolerance : float
-        In units of the response.
-
-    Returns
-    -------
-    Truncation
-
-    Raises
-    ------
-    InputError, InputTypeError
-        If the response isn't a row of finite numbers, or the tolerance is below the rounding of the singular values,
-        10 M eps σ_1.
-
-    Notes
-    -----
-    The square-root method with factors I and H of the Gramians of a shift register, which has this response. H is symmetric, so
-    that H = V diag(λ) V' balances it: σ = |λ|, A = σ^{-1/2} V' S V σ^{1/2} with S the shift. V'SV is a contraction for any
-    orthonormal V.
-
-    Only the leading part of V is computed: an orthonormal Q of k columns that spans H² Ω, Ω random, gives the eigenvalues
-    of T = Q'HQ. For R = H - HQQ' the sum of the row norms bounds the sum of singular values, and H - QTQ' = R + R'QQ'
-    that of H beyond T:
-
-        sum of all |λ(T)| beyond the r-th <= sum of all σ beyond the r-th <= the same of T + 2 (sum of row norms of R).
-
-    k is doubled until the last term is below one percent of half the tolerance or below rounding, up to half of H, then H
-    is taken as a whole. The bound includes that term, whatever Ω was, and r is the smallest for 99 % of the tolerance.
-    The bound is that of the exact V, from which the computed one differs by rounding and by what R leaves.
-
-    References
-    ----------
-    Al-Saggaf and Franklin 1987, Hinrichsen and Pritchard 1990 for the bound in discrete time; Kung 1978 for the
-    realisation; Halko, Martinsson and Tropp 2011 for the random range.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from robustid.identification.truncation import balanced_from_impulse
-    >>> small = balanced_from_impulse(np.append(0.0, 0.5 ** np.arange(60)), 1e-9)
-    >>> small.A.round(12), small.hankel.round(12)  # 1 / (1 - 0.5^2)
-    (array([[0.5]]), array([1.33333333]))
+    """The smallest balanced truncation of an impulse response (M,), zero from there on, whose error bound meets an absolute
+    tolerance: max |G - G_r| <= 2 sum_{k>r} σ_k <= tolerance, σ the singular values of H_ij = g_{1+i+j}. Same truncation as
+    that of `balanced_truncation` for a model with this response, without its state space.
     """
+    # The square-root method with factors I and H of the Gramians of a shift register, which has this response. H is symmetric,
+    # so that H = V diag(λ) V' balances it: σ = |λ|, A = σ^{-1/2} V' S V σ^{1/2} with S the shift. V'SV is a contraction for any
+    # orthonormal V. Only the leading part of V is computed: an orthonormal Q of k columns that spans H² Ω, Ω random, gives the
+    # eigenvalues of T = Q'HQ. For R = H - HQQ' the sum of the row norms bounds the sum of singular values, and H - QTQ' = R +
+    # R'QQ' that of H beyond T:
+    #     sum of all |λ(T)| beyond the r-th <= sum of all σ beyond the r-th <= the same of T + 2 (sum of row norms of R).
+    # k is doubled until the last term is below one percent of half the tolerance or below rounding (10 M eps σ_1), up to half
+    # of H, then H is taken as a whole. The bound includes that term, whatever Ω was, and r is the smallest for 99 % of the
+    # tolerance. The bound is that of the exact V, from which the computed one differs by rounding and by what R leaves.
+    # Sources: Al-Saggaf and Franklin 1987, Hinrichsen and Pritchard 1990 for the bound in discrete time; Kung 1978 for the
+    # realisation; Halko, Martinsson and Tropp 2011 for the random range.
     response = as_array("response", response, ndim=1)
     tolerance = as_positive("tolerance", tolerance)
     if not response.size:
@@ -141,25 +103,13 @@ def _tail_bounds(hankel: NDArray[np.float64], lost: float) -> NDArray[np.float64
 
 
 class BalancedContraction:
-    r"""Balanced coordinates of (A, B, C, D), ||A|| < 1, by the square-root method.
-
-    .. math:: P = \sum_k A^k B B' A'^k = R R', \quad Q = \sum_k A'^k C' C A^k = L L', \quad L'R = U \Sigma V'
-
-    The factors come from doubling, [Z, A^(2^k) Z] compressed to its rank at every step: no Gramian is formed, so that the Hankel
-    singular values keep the digits down to eps of the largest, and the work does not depend on how long the response is.
-
-    Notes
-    -----
-    Source: the square-root method of balanced truncation; doubling as in the squared Smith method with low-rank factors.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from robustid.identification.truncation import BalancedContraction
-    >>> half, none = np.array([[0.5]]), np.zeros((1, 1))
-    >>> BalancedContraction(half, half, half, none).truncate(1e-9).hankel.round(12)  # 0.25 / (1 - 0.5^2)
-    array([0.33333333])
+    """Balanced coordinates of (A, B, C, D), ||A|| < 1, by the square-root method: with P = sum A^k B B' A'^k = R R' and Q = sum
+    A'^k C' C A^k = L L', L'R = U Σ V'.
     """
+
+    # The factors come from doubling, [Z, A^(2^k) Z] compressed to its rank at every step, as in the squared Smith method with
+    # low-rank factors: no Gramian is formed, so that the Hankel singular values keep the digits down to eps of the largest, and
+    # the work does not depend on how long the response is.
 
     def __init__(self, A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: NDArray[np.float64]):
         self._system = A, B, C, D

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from robustid.core import Complex, Frozen, Real, as_kind, freeze, lengths, points_of, simulate
+from robustid.core import Complex, Frozen, Model, Numbers, Real, as_kind, freeze, lengths, points_of, simulate
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 
@@ -48,8 +48,8 @@ class Validation(Frozen):
 
     data: TimeRecord | FrequencyResponse | TangentialResponse
     _: dataclasses.KW_ONLY
-    predicted: NDArray[Any]
-    residuals: NDArray[Any]
+    predicted: Numbers
+    residuals: Numbers
     fit: Real
     ratio: float | None = None
     worst: tuple[int, ...] | None = None
@@ -95,7 +95,7 @@ class Validation(Frozen):
         return f"direction {index[1] + 1} -> sensor {index[0] + 1}"
 
 
-def validate(model: Any, data: TimeRecord | FrequencyResponse | TangentialResponse) -> Validation:
+def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialResponse) -> Validation:
     """Hold a model against a time record, a frequency response or a response in directions.
 
     Parameters
@@ -158,13 +158,13 @@ def validate(model: Any, data: TimeRecord | FrequencyResponse | TangentialRespon
     return Validation(data, predicted=predicted, residuals=residuals, fit=_fit(measured, residuals, used), **result)
 
 
-def _model_of(thing: Any) -> Any:
+def _model_of(thing: object) -> object:
     """The model of a result; everything else as it is."""
     model = getattr(thing, "model", None) if isinstance(thing, Frozen) else None
     return model if _is_state_space(model) else thing
 
 
-def check_model(name: str, model: Any) -> Any:
+def check_model(name: str, model: object) -> Model:
     """`model` itself, if it is a finite `control.StateSpace` whose time base is known."""
     if not _is_state_space(model):
         raise InputTypeError(
@@ -178,20 +178,20 @@ def check_model(name: str, model: Any) -> Any:
     return model
 
 
-def _is_state_space(model: Any) -> bool:
+def _is_state_space(model: object) -> TypeGuard[Model]:
     import control
 
     return isinstance(model, control.StateSpace)
 
 
-def describe_poles(poles: NDArray[Any], dt: Any) -> str:
+def describe_poles(poles: Numbers, dt: float | None) -> str:
     """A few poles in words: Hz and 1/s, or |z| where the sample time is unknown."""
     words = [_describe_pole(pole, dt) for pole in poles if pole.imag >= 0]
     more = f" and {len(words) - 4} more" if len(words) > 4 else ""
     return f"pole{'s' * (len(words) > 1)} at " + ", ".join(words[:4]) + more
 
 
-def _describe_pole(pole: complex, dt: Any) -> str:
+def _describe_pole(pole: complex, dt: float | None) -> str:
     if dt is not True and dt and pole == 0:
         return "z = 0"
     exponent = complex(pole) if not dt else complex(np.log(complex(pole) or 1e-300)) / (1.0 if dt is True else dt)
@@ -202,7 +202,7 @@ def _describe_pole(pole: complex, dt: Any) -> str:
     return text if not dt else f"{text[:-1]}, |z| = {abs(pole):.9g})"
 
 
-def _check_time_base(model: Any, data: TimeRecord | FrequencyResponse | TangentialResponse) -> None:
+def _check_time_base(model: Model, data: TimeRecord | FrequencyResponse | TangentialResponse) -> None:
     if not model.nstates or (model.dt is True and data.dt is not None):
         return
     if data.dt is None:
@@ -220,7 +220,7 @@ def _check_time_base(model: Any, data: TimeRecord | FrequencyResponse | Tangenti
         raise InputError(f"`model` has dt = {model.dt:g} s, `data` has dt = {data.dt:g} s; they must agree")
 
 
-def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> Complex:
+def _evaluate(model: Model, data: FrequencyResponse | TangentialResponse) -> Complex:
     values = np.moveaxis(model(points_of(data.omega, data.dt), squeeze=False, warn_infinite=False), -1, 0)
     bad = ~np.all(np.isfinite(values), axis=(1, 2))
     if np.any(bad):
@@ -230,7 +230,7 @@ def _evaluate(model: Any, data: FrequencyResponse | TangentialResponse) -> Compl
     return values if isinstance(data, FrequencyResponse) else data.left @ values @ data.right
 
 
-def _simulate_record(model: Any, data: TimeRecord) -> Real:
+def _simulate_record(model: Model, data: TimeRecord) -> Real:
     start = np.zeros(int(model.nstates))
     if data.initial == "periodic":
         start = _periodic_state(model, data)
@@ -246,7 +246,7 @@ def _simulate_record(model: Any, data: TimeRecord) -> Real:
     return predicted
 
 
-def _periodic_state(model: Any, data: TimeRecord) -> Real:
+def _periodic_state(model: Model, data: TimeRecord) -> Real:
     """The state to which one period returns: x = A^T x + (state after one period from zero)."""
     poles = model.poles()
     outside = np.abs(poles) >= 1 - 1e-12
@@ -260,7 +260,7 @@ def _periodic_state(model: Any, data: TimeRecord) -> Real:
     return np.asarray(np.linalg.solve(np.eye(model.nstates) - one_period, after), dtype=float)
 
 
-def _free_response(model: Any, data: TimeRecord, missing: Real) -> Real:
+def _free_response(model: Model, data: TimeRecord, missing: Real) -> Real:
     """The free response nearest to `missing`."""
     samples, outputs = missing.shape
     rows, power = model.C[None], model.A
@@ -287,7 +287,7 @@ def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> NDArray[
     return data.used if isinstance(data, TimeRecord) else ~data.missing
 
 
-def _fit(measured: NDArray[Any], residuals: NDArray[Any], used: NDArray[np.bool_]) -> Real:
+def _fit(measured: Numbers, residuals: Numbers, used: NDArray[np.bool_]) -> Real:
     count = np.sum(used, axis=0)
     mean = np.sum(np.where(used, measured, 0), axis=0) / np.maximum(count, 1)
     rest = np.linalg.norm(np.where(used, residuals, 0), axis=0)
@@ -297,7 +297,7 @@ def _fit(measured: NDArray[Any], residuals: NDArray[Any], used: NDArray[np.bool_
         return np.where(count == 0, np.nan, np.where(rest == 0, 1.0, 1 - rest / size))
 
 
-def _ljung_box(residual: NDArray[Any], used: NDArray[np.bool_]) -> float:
+def _ljung_box(residual: Numbers, used: NDArray[np.bool_]) -> float:
     """P value of the hypothesis that the residual is white."""
     count = int(np.sum(used))
     lags = min(_LAGS, count // 5)

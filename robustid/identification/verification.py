@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import StateMatrices, simulate
+from robustid.core import Model, Numbers, StateMatrices, simulate
 from robustid.data import tilted
 from robustid.errors import Status
 from robustid.identification.certificate import MarginCertificate
@@ -80,12 +79,11 @@ class Verification:
 def verify(
     formulation: Formulation, point: Candidate, nominal: Nominal, claim: Claim, claimed: ConvexData, level: float
 ) -> Verification:
-    """Evaluate every claim of an identification from its numbers.
-
-    The residuals come from the state-space model: its frequency response and its simulated response to the
-    recorded inputs, not from the coefficients that were solved for. `claimed` are the data that the margin is about,
-    `formulation` that of the model's own prior.
+    """Evaluate every claim of an identification from its numbers; `claimed` are the data that the margin is about, `formulation`
+    that of the model's own prior.
     """
+    # The residuals come from the state-space model: its frequency response and its simulated response to the recorded inputs,
+    # not from the coefficients that were solved for.
     problem, data, model = formulation.problem, formulation.data, nominal.model
     residuals = model_residuals(problem, model, data.rows, point.p)
     worst = largest(residuals)
@@ -150,7 +148,7 @@ def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) 
     ]
 
 
-def truncation_error(formulation: Formulation, point: Candidate, model: Any, count: int = 257) -> float:
+def truncation_error(formulation: Formulation, point: Candidate, model: Model, count: int = 257) -> float:
     """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states.
 
     Over the largest weight, where the class has one.
@@ -171,7 +169,7 @@ def _scales(problem: MixedProblem) -> NDArray[np.float64]:
     return problem.prior.scales(*problem.entries.shape)
 
 
-def point_error(formulation: Formulation, point: Candidate, model: Any) -> float:
+def point_error(formulation: Formulation, point: Candidate, model: Model) -> float:
     """Largest (|model - E x - P p| - tail)/K at the frequency samples; 0 where there are none.
 
     In units of the smallest response that a sample feels as its whole bound; over the largest weight there.
@@ -191,7 +189,7 @@ def point_error(formulation: Formulation, point: Candidate, model: Any) -> float
     return float(excess.max(initial=0.0)) / problem.prior.gain_bound
 
 
-def _parts(residual: Residual) -> list[NDArray[Any]]:
+def _parts(residual: Residual) -> list[Numbers]:
     """Residuals in units of their bounds, in the order of the rows: of samples that share bounds entry by entry."""
     if residual.error.ndim == 1:
         return [tilted(residual.error, residual.tilt) / residual.bound]
@@ -199,7 +197,7 @@ def _parts(residual: Residual) -> list[NDArray[Any]]:
     return [(error / bound)[np.isfinite(bound)] for error, bound in pairs]
 
 
-def interpolation_error(formulation: Formulation, point: Candidate, model: Any) -> float:
+def interpolation_error(formulation: Formulation, point: Candidate, model: Model) -> float:
     """Model against K phi x' + p'P at the nodes, and against its Taylor coefficients; relative to their size."""
     problem, data = formulation.problem, formulation.data
     K, region = problem.prior.gain_bound, problem.region
@@ -223,6 +221,6 @@ def interpolation_error(formulation: Formulation, point: Candidate, model: Any) 
     return worst
 
 
-def _relative(error: NDArray[Any], values: NDArray[Any], scales: NDArray[np.float64], K: float) -> float:
+def _relative(error: Numbers, values: Numbers, scales: NDArray[np.float64], K: float) -> float:
     size = float(np.abs(values / scales).max())
     return float(np.abs(error / scales).max()) / max(size, 1e-6 * K)

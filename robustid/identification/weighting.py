@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Iterable
 from typing import Any, cast
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Plane, Real, StateMatrices, points_of, scaled_states, simulate
+from robustid.core import Complex, Frozen, Numbers, Plane, Real, StateMatrices, points_of, scaled_states, simulate
 from robustid.errors import InputError, InputTypeError
 
 _SAME = 1e-6  # relative: a weight whose zeros and poles do not give its values again is not known well enough
@@ -137,8 +138,7 @@ class Weighting(Frozen):
         """The response of W to each of some inputs (T,) or (T, nu), from zero initial conditions."""
         if self.trivial or not u.size:
             return u
-        system: Any = self.own.states
-        one = [simulate(system, column[:, None])[0][:, 0] for column in u.reshape(len(u), -1).T]
+        one = [simulate(self.own.states, column[:, None])[0][:, 0] for column in u.reshape(len(u), -1).T]
         return np.stack(one, axis=1).reshape(u.shape)
 
     @functools.cached_property
@@ -162,7 +162,7 @@ class Weighting(Frozen):
         return self.own.peak(1 / rate)
 
 
-def _along(values: Complex, functions: Any) -> Complex:
+def _along(values: Complex, functions: Numbers) -> Complex:
     """Values (F,) in the shape that multiplies (F, ...)."""
     return values.reshape(-1, *(1,) * (np.ndim(functions) - 1))
 
@@ -228,7 +228,7 @@ def _times(system: StateMatrices, gain: float) -> StateMatrices:
     return StateMatrices(system.A, system.B * root, system.C * (root if gain > 0 else -root), system.D * gain)
 
 
-def as_weight(value: Any) -> PriorWeight:
+def as_weight(value: object) -> PriorWeight:
     """The weight that a `control` system of one input and one output is, or what was stored of one.
 
     Raises
@@ -266,7 +266,7 @@ def _of_control(system: Any) -> PriorWeight:
     zeros, poles = (_conjugate(np.asarray(part, complex)) for part in (system.zeros(), system.poles()))
     size = 1 + 2 * max(map(abs, (*zeros, *poles)), default=0.0)
 
-    def values(points: Any) -> Complex:
+    def values(points: Iterable[complex]) -> Complex:
         return np.asarray([complex(np.squeeze(system(point))) for point in points])
 
     factor = PriorWeight(zeros, poles, 1.0, float(system.dt)).at(np.array([size + 0j]))[0]

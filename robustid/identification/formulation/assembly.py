@@ -6,13 +6,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Real
-from robustid.data import FrequencyResponse, TimeRecord, tilted
+from robustid.core import Numbers, Real
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, tilted
 from robustid.identification.entries import Entries
 from robustid.identification.formulation.columns import Columns, DenseColumns
 from robustid.identification.formulation.functions import EntryColumns, Functions, filtered_by
@@ -21,22 +20,18 @@ from robustid.identification.problem import MixedProblem, excited_lines
 
 @dataclasses.dataclass
 class Block:
-    """Rows of some samples of one experiment, divided by their bounds.
+    """Rows of some samples of one experiment, divided by their bounds."""
 
-    `columns` are those of x that E acts on; `fixed` and `tail` belong to the bounds, of which sample k has number cone[k]; a
-    block that `joins` shares those of the block before it and has none of its own.
-    """
-
-    y: NDArray[Any]
+    y: Numbers
     E: Columns
-    columns: slice
-    P: NDArray[Any]
+    columns: slice  # of x, that E acts on
+    P: Numbers
     free: Real
-    fixed: Real
+    fixed: Real  # of the bounds, as the tail
     tail: Real
-    cone: NDArray[np.intp]
+    cone: NDArray[np.intp]  # number of the bound of each sample
     complex: bool
-    joins: bool = False
+    joins: bool = False  # shares the bounds of the block before it, and has none of its own
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +51,7 @@ class Assembly:
         """Gain that the scaling of the prior gives every entry, (p, q)."""
         return self.problem.prior.scales(self.entries.outputs, self.entries.inputs)
 
-    def lines(self, frf: Any) -> list[Block]:
+    def lines(self, frf: FrequencyResponse | TangentialResponse) -> list[Block]:
         """Blocks of a frequency response."""
         angles = self.problem.plane.angles(frf.omega)
         if not isinstance(frf, FrequencyResponse):
@@ -67,9 +62,7 @@ class Assembly:
         blocks = [self._entry(frf, output, input, make, response) for output, input in measured_entries(frf)]
         return self._columns(frf, blocks) if frf.bound.joint == "column" else blocks
 
-    def _entry(
-        self, frf: FrequencyResponse, output: int, input: int, make: EntryColumns, response: NDArray[Any]
-    ) -> Block:
+    def _entry(self, frf: FrequencyResponse, output: int, input: int, make: EntryColumns, response: Numbers) -> Block:
         """The frequency points of one entry, in discs or ellipses."""
         used = frf.bound.used[:, output, input]
         number, part = self.entries.place(output, input)
@@ -97,7 +90,7 @@ class Assembly:
             block.fixed, last = np.ones(block.tail.size), input
         return blocks
 
-    def _directions(self, frf: Any, angles: Real) -> list[Block]:
+    def _directions(self, frf: TangentialResponse, angles: Real) -> list[Block]:
         """Every sample sees a combination of the entries."""
         blocks: list[Block] = []
         for row, column in measured_entries(frf):
@@ -124,7 +117,7 @@ class Assembly:
             block.joins, block.tail, block.fixed = True, np.zeros(0), np.zeros(0)
         return blocks
 
-    def _combined(self, y: NDArray[Any], weights: NDArray[Any], angles: Real, tail: Real) -> Block:
+    def _combined(self, y: Numbers, weights: Numbers, angles: Real, tail: Real) -> Block:
         """Samples that are sums of weights (N, p, q) times the entries."""
         inside = np.tensordot(weights * self.scales, self.entries.basis, ([1, 2], [1, 2]))
         outside = np.tensordot(weights, self.entries.basis, ([1, 2], [1, 2]))
@@ -194,23 +187,23 @@ class Assembly:
             full[:, number] += part * row[:, input]
         return full.reshape(row.shape[0], -1)
 
-    def _responses(self, angles: Real) -> NDArray[Any]:
+    def _responses(self, angles: Real) -> Numbers:
         """Values of the parametric functions at exp(j angle), (F, m)."""
         basis = self.problem.parametric
         return np.zeros((angles.size, 0)) if basis is None else basis.response(angles)
 
 
-def measured_entries(frf: Any) -> list[tuple[int, int]]:
+def measured_entries(frf: FrequencyResponse | TangentialResponse) -> list[tuple[int, int]]:
     """The entries of a frequency response that have a sample, column by column."""
     used = frf.bound.used.any(axis=0)
     return [(int(i), int(j)) for j, i in np.argwhere(used.T)]
 
 
-def _complex_block(y: NDArray[Any], E: Columns, columns: slice, P: NDArray[Any], tail: Real) -> Block:
+def _complex_block(y: Numbers, E: Columns, columns: slice, P: Numbers, tail: Real) -> Block:
     return Block(y, E, columns, P, np.zeros((y.size, 0)), np.ones(y.size), tail, np.arange(y.size), True)
 
 
-def _times(weights: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
+def _times(weights: Numbers, values: Numbers) -> Numbers:
     """Kronecker products of the rows, (N, a b)."""
     return (weights[:, :, None] * values[:, None, :]).reshape(weights.shape[0], -1)
 
@@ -218,12 +211,11 @@ def _times(weights: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
 def initial_state(
     problem: MixedProblem, record: TimeRecord, used: NDArray[np.intp], output: int = 0
 ) -> tuple[Real, Real]:
-    """Effect of an unknown state before the record on the samples `used` of an output.
-
-    Columns that span the free responses of the parametric part; and, for the non-parametric part, how much the past
-    input can add: sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u rows and vectors for MIMO; K times the peak
-    of the weight, where the class has one.
+    """Effect of an unknown state before the record on the samples `used` of an output: columns that span the free responses of
+    the parametric part; and, for the non-parametric part, how much the past input can add.
     """
+    # sum_{j>k} |g_j| u_max <= u_max K rho^-k / (rho - 1), g_j and u rows and vectors for MIMO; K times the peak of the weight,
+    # where the class has one.
     if record.initial != "free":
         return np.zeros((used.size, 0)), np.zeros(used.size)
     rho = problem.prior.decay_rate

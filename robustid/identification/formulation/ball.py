@@ -181,16 +181,12 @@ class TurnedBall(Ball):
 
 
 class MatrixBall(Ball):
-    r"""H(x) = sum_j H_j (x) x_j with symmetric H_j (n, n) and real x_j (p, q), rows in the order (coefficient, signal).
+    """H(x) = sum_j H_j (x) x_j with symmetric H_j (n, n) and real x_j (p, q), rows in the order (coefficient, signal)."""
 
-    The curvature in the unknowns i = (k; a, b) and j = (l; c, d) is, with the blocks P^bc (n, n) of the corners of P,
-
-    .. math:: [P_{21}^{bc} * Q_{12}^{ad} + P_{22}^{bd} * Q_{11}^{ac} + P_{11}^{ac} * Q_{22}^{bd} + P_{12}^{ad} * Q_{21}^{bc}]_{kl},
-              \quad [U * V]_{kl} = \mathrm{tr}(H_k U H_l V')
-
-    For Taylor coefficients H_k has ones where the indices sum to L - 1 + k, and U * V is a two-dimensional convolution:
-    O(p^2 q^2 L^2 log L) for the whole matrix. Else it is one product of matrices, O(p^2 q^2 n^4).
-    """
+    # The curvature in the unknowns i = (k; a, b) and j = (l; c, d) is, with the blocks P^bc (n, n) of the corners of P,
+    #     [P21^bc * Q12^ad + P22^bd * Q11^ac + P11^ac * Q22^bd + P12^ad * Q21^bc]_kl,   [U * V]_kl = tr(H_k U H_l V').
+    # For Taylor coefficients H_k has ones where the indices sum to L - 1 + k, and U * V is a two-dimensional convolution: O(p^2
+    # q^2 L^2 log L) for the whole matrix. Else it is one product of matrices, O(p^2 q^2 n^4).
 
     def __init__(self, entries: Entries, order: int, products: EntryProducts):
         self._entries, self._order, self._products = entries, order, products

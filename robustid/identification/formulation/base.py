@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
-from robustid.core import Frozen, StateMatrices
+from robustid.core import Frozen, Numbers, StateMatrices
 from robustid.errors import Remedy, SizeError
 from robustid.identification.formulation.convex import ConvexData
 from robustid.identification.formulation.functions import Functions
 from robustid.identification.formulation.rows import Rows, measurement_rows
 from robustid.identification.formulation.sarason import SarasonMap
-from robustid.identification.interpolant import Interpolants
+from robustid.identification.interpolant import FreeParameter, Interpolants
 from robustid.identification.problem import MixedProblem
 from robustid.identification.schur import TaylorInterpolants
 from robustid.identification.truncation import BalancedContraction
@@ -35,21 +35,13 @@ Realisation = Callable[[float], tuple[States, float]]
 class Formulation(Frozen, Functions):
     """A finite convex problem that stands for the infinite one: G is known by n coefficients an entry, x, and a tail.
 
-    Whatever depends on the kind of basis is asked here. Where something is left out, the functions of the ball with the
-    coefficients x are represented but for a remainder, which the tails of the rows bound.
-
-    Attributes
-    ----------
-    name : str
-        Value of the argument `form` of `identify`.
-    exact : bool
-        Whether the coefficients determine every sample: no tails.
+    Whatever depends on the kind of basis is asked here; what the coefficients leave out, the tails of the rows bound.
     """
 
     problem: MixedProblem
 
-    name: ClassVar[str]
-    exact: ClassVar[bool] = False
+    name: ClassVar[str]  # value of the argument `form` of `identify`
+    exact: ClassVar[bool] = False  # the coefficients determine every sample: no tails
 
     @classmethod
     @abc.abstractmethod
@@ -120,7 +112,7 @@ class Formulation(Frozen, Functions):
         """A form in which the values at several angles are determined, or bounded by a tail."""
         return self
 
-    def values(self, angles: NDArray[np.float64]) -> NDArray[Any]:
+    def values(self, angles: NDArray[np.float64]) -> Numbers:
         """The functions at any exp(j angle), (F, n)."""
         functions = self.problem.prior.gain_bound * self.basis.evaluate(self.problem.region.points(angles))
         return self.problem.weighting.times(functions, angles)
@@ -135,7 +127,7 @@ class Formulation(Frozen, Functions):
         """All functions of the unit ball with the coefficients x."""
         return self.sarason.interpolants(x)
 
-    def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
+    def realisation(self, x: NDArray[np.float64], E: FreeParameter = 0.0) -> Realisation:
         """State spaces of the interpolant with the free parameter E, without scaling and weight of the prior.
 
         A function of the error that states left out may cost, in the H-infinity norm; it returns a bound of it too.
@@ -148,7 +140,7 @@ class Formulation(Frozen, Functions):
 
         return realise
 
-    def _states(self, x: NDArray[np.float64], E: Any) -> States:
+    def _states(self, x: NDArray[np.float64], E: FreeParameter) -> States:
         """State space of G(z) = K phi(zeta), forward-shift convention, of that of phi in the series variable zeta."""
         alpha, beta, gamma, delta = self.sarason.interpolants(x).realise(E)
         K = self.problem.prior.gain_bound
@@ -173,12 +165,7 @@ class Formulation(Frozen, Functions):
         return 20.0 * (n * (p + q)) ** 3 + (n * p * q) ** 3 / 3 + self.problem.samples * (n * seen) ** 2
 
     def check_size(self, accuracy: float) -> None:
-        """Refuse what would take too long, and say the way out.
-
-        Raises
-        ------
-        SizeError
-        """
+        """Refuse what would take too long, and say the way out."""
         kind, limit = self._kind[0], self._limit
         if self.count > limit:
             raise SizeError(

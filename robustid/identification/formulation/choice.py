@@ -26,18 +26,9 @@ _BALANCE = 30  # measured: n coefficients of the exact form (n^4 work a step) ta
 
 
 def formulate(problem: MixedProblem, form: str = "auto", accuracy: float = 1e-4) -> Formulation:
-    """The formulation that is called `form`, with tails below a tenth of the accuracy.
-
-    "auto" takes the exact form while it is quick, then the form with the least work; sections only where they clearly save,
-    for MIMO only where the others are too large: far from the frequency points their tails are as large as the class.
-
-    Raises
-    ------
-    InputError
-        The classical form for MIMO, another form than the exact one for a PositiveReal class.
-    SizeError
-        Too many coefficients.
-    """
+    """The formulation that is called `form`, with tails below a tenth of the accuracy."""
+    # "auto" takes the exact form while it is quick, then the form with the least work; sections only where they clearly save,
+    # for MIMO only where the others are too large: far from the frequency points their tails are as large as the class.
     if problem.prior.positive_real:
         if form not in ("auto", PassiveFormulation.name):
             raise InputError(

@@ -21,12 +21,11 @@ _TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ClassicalForm(Frozen):
-    """Unknowns: the values w_i/K at the nodes and the Taylor coefficients g_k/K themselves.
+    """Unknowns: the values w_i/K at the nodes and the Taylor coefficients g_k/K themselves; [M0^{-1} Z; Z' M0] >= 0."""
 
-    ``[M0^{-1} Z; Z' M0] >= 0`` with M0 = V'V the Gram matrix of the kernel functions and Z the matrix of the data:
-    diagonal for nodes (a conjugate pair as a 2x2 rotation), upper-triangular Toeplitz for Taylor coefficients. V maps
-    to the orthonormal basis, X = V Z V^{-1}; the condition number of M0 is that of V squared, and M0 is inverted.
-    """
+    # M0 = V'V is the Gram matrix of the kernel functions and Z the matrix of the data: diagonal for nodes (a conjugate pair as
+    # a 2x2 rotation), upper-triangular Toeplitz for Taylor coefficients. V maps to the orthonormal basis, X = V Z V^{-1}; the
+    # condition number of M0 is that of V squared, and M0 is inverted.
 
     V: NDArray[np.float64]  # (n, n)
     gram: NDArray[np.float64]  # (n, n), M0

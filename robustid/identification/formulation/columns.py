@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, Numbers, freeze
 
 
 class Columns(Frozen, abc.ABC):
@@ -23,14 +24,14 @@ class Columns(Frozen, abc.ABC):
         """(N, n)."""
 
     @abc.abstractmethod
-    def dense(self) -> NDArray[np.complex128]:
+    def dense(self) -> Numbers:
         """E itself, (N, n)."""
 
     @abc.abstractmethod
-    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[np.complex128]: ...
+    def __matmul__(self, x: NDArray[np.float64]) -> Numbers: ...
 
     @abc.abstractmethod
-    def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, samples: Numbers) -> NDArray[np.float64]:
         """Re E^H l, (n,)."""
 
     @abc.abstractmethod
@@ -43,7 +44,7 @@ class Columns(Frozen, abc.ABC):
         """Frobenius norm, or an upper bound of it."""
 
     @abc.abstractmethod
-    def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
+    def design(self, Q: Numbers, discs: int) -> Design:
         """The map of [E Q], Q the columns of the parameters, with `discs` complex samples first, in its fastest form."""
 
 
@@ -51,19 +52,19 @@ class Design(abc.ABC):
     """G (N, n) complex, acting on real unknowns v = (x, q): products and weighted Gram matrices."""
 
     @abc.abstractmethod
-    def apply(self, v: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def apply(self, v: NDArray[np.float64]) -> Numbers:
         """G v, (N,)."""
 
     @abc.abstractmethod
-    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, z: Numbers) -> NDArray[np.float64]:
         """Re G^H z, (n,)."""
 
     @abc.abstractmethod
-    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def gram(self, a: NDArray[np.float64], b: Numbers) -> NDArray[np.float64]:
         """Re G^H diag(a) G + Re G^T diag(b) G, (n, n), for real a and complex b."""
 
     @abc.abstractmethod
-    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+    def turned(self, c: Numbers, sums: scipy.sparse.csr_array) -> NDArray[np.float64]:
         """The rows sums Re conj(c) G, (M, n), `sums` a sparse matrix (M, N)."""
 
 
@@ -71,7 +72,7 @@ class Design(abc.ABC):
 class DenseColumns(Columns):
     """E as a stored array."""
 
-    array: NDArray[Any]  # (N, n)
+    array: Numbers  # (N, n)
     stored: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -83,16 +84,16 @@ class DenseColumns(Columns):
         rows, columns = self.array.shape
         return rows, columns
 
-    def dense(self) -> NDArray[np.complex128]:
+    def dense(self) -> Numbers:
         """E itself."""
         return self.array
 
-    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[Any]:
+    def __matmul__(self, x: NDArray[np.float64]) -> Numbers:
         return self.array @ x
 
-    def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, samples: Numbers) -> NDArray[np.float64]:
         """Re E^H l."""
-        return np.real(self.array.conj().T @ samples)
+        return np.asarray(np.real(self.array.conj().T @ samples), dtype=float)
 
     def spread(self, size: NDArray[np.float64]) -> NDArray[np.float64]:
         """|E|' size."""
@@ -103,7 +104,7 @@ class DenseColumns(Columns):
         """Frobenius norm."""
         return float(np.linalg.norm(self.array))
 
-    def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
+    def design(self, Q: Numbers, discs: int) -> Design:
         """[E Q] as one stored matrix."""
         return DenseDesign(np.hstack([self.array, Q]), discs)
 
@@ -129,20 +130,20 @@ class BlockColumns(Columns):
         """(N, n)."""
         return self.extent
 
-    def dense(self) -> NDArray[np.complex128]:
+    def dense(self) -> Numbers:
         """All of E."""
         out = np.zeros(self.shape, complex)
         for part in self.parts:
             out[part.rows, part.columns] = part.block.dense()
         return out
 
-    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def __matmul__(self, x: NDArray[np.float64]) -> Numbers:
         out = np.zeros(self.shape[0], complex)
         for part in self.parts:
             out[part.rows] = part.block @ x[part.columns]
         return out
 
-    def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, samples: Numbers) -> NDArray[np.float64]:
         """Re E^H l."""
         out = np.zeros(self.shape[1])
         for part in self.parts:
@@ -163,9 +164,9 @@ class BlockColumns(Columns):
         """Frobenius norm; of tilted samples an upper bound."""
         return float(np.linalg.norm([part.block.norm for part in self.parts]))
 
-    def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
+    def design(self, Q: Numbers, discs: int) -> Design:
         """[E Q], part by part."""
-        parts: list[tuple[slice, NDArray[Any], Design]] = []
+        parts: list[tuple[slice, NDArray[np.intp], Design]] = []
         for part in self.parts:
             rows = range(*part.rows.indices(self.shape[0]))
             last = np.flatnonzero(np.any(Q[part.rows] != 0, axis=0))  # the others belong to other entries
@@ -178,21 +179,21 @@ class BlockColumns(Columns):
 class DenseDesign(Design):
     """G stored as its real and imaginary rows; real samples have none of the latter."""
 
-    def __init__(self, G: NDArray[Any], discs: int):
+    def __init__(self, G: Numbers, discs: int):
         self._discs = discs
         self._real, self._imag = np.ascontiguousarray(np.real(G)), np.ascontiguousarray(np.imag(G[:discs]))
 
-    def apply(self, v: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def apply(self, v: NDArray[np.float64]) -> Numbers:
         """G v."""
         out = (self._real @ v).astype(complex)
         out[: self._discs] += 1j * (self._imag @ v)
         return out
 
-    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, z: Numbers) -> NDArray[np.float64]:
         """Re G^H z."""
         return self._real.T @ np.real(z) + self._imag.T @ np.imag(z[: self._discs])
 
-    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def gram(self, a: NDArray[np.float64], b: Numbers) -> NDArray[np.float64]:
         """Weighted Gram matrix."""
         # a |e|^2 + Re(b e^2) = (a + |b|) Re(u e)^2 + (a - |b|) Im(u e)^2 with u^2 = b/|b|: a sum of squares, one product.
         real, imag, d = self._real, self._imag, self._discs
@@ -205,7 +206,7 @@ class DenseDesign(Design):
         rows[2 * d :] = np.sqrt(a[d:] + np.real(b[d:]))[:, None] * real[d:]
         return rows.T @ rows
 
-    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+    def turned(self, c: Numbers, sums: scipy.sparse.csr_array) -> NDArray[np.float64]:
         """The rows sums Re conj(c) G."""
         rows = np.real(c)[:, None] * self._real
         rows[: self._discs] += np.imag(c[: self._discs])[:, None] * self._imag
@@ -213,39 +214,33 @@ class DenseDesign(Design):
 
 
 class BlockDesign(Design):
-    """G of which every part of the rows acts on some unknowns only.
+    """G (N, n) of which every part of the rows acts on some unknowns only: (rows, index of the unknowns, design) for each."""
 
-    Parameters
-    ----------
-    shape : (N, n)
-    parts : list of (slice of rows, index array of unknowns, Design)
-    """
-
-    def __init__(self, shape: tuple[int, int], parts: list[tuple[slice, NDArray[Any], Design]]):
+    def __init__(self, shape: tuple[int, int], parts: list[tuple[slice, NDArray[np.intp], Design]]):
         self._shape, self._parts = shape, parts
 
-    def apply(self, v: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def apply(self, v: NDArray[np.float64]) -> Numbers:
         """G v."""
         out = np.zeros(self._shape[0], complex)
         for rows, index, design in self._parts:
             out[rows] = design.apply(v[index])
         return out
 
-    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, z: Numbers) -> NDArray[np.float64]:
         """Re G^H z."""
         out = np.zeros(self._shape[1])
         for rows, index, design in self._parts:
             out[index] += design.adjoint(z[rows])
         return out
 
-    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def gram(self, a: NDArray[np.float64], b: Numbers) -> NDArray[np.float64]:
         """Weighted Gram matrix."""
         out = np.zeros((self._shape[1], self._shape[1]))
         for rows, index, design in self._parts:
             out[index[:, None], index] += design.gram(a[rows], b[rows])
         return out
 
-    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+    def turned(self, c: Numbers, sums: scipy.sparse.csr_array) -> NDArray[np.float64]:
         """The rows sums Re conj(c) G."""
         out = np.zeros((sums.shape[0], self._shape[1]))
         for rows, index, design in self._parts:
@@ -260,17 +255,17 @@ class IntervalDesign(Design):
     def __init__(self, samples: Design, count: int, B: NDArray[np.float64]):
         self._samples, self._count, self._B = samples, count, B
 
-    def apply(self, v: NDArray[np.float64]) -> NDArray[Any]:
+    def apply(self, v: NDArray[np.float64]) -> Numbers:
         """G v."""
         return np.concatenate([self._samples.apply(v), self._B @ v[v.size - self._B.shape[1] :]])
 
-    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, z: Numbers) -> NDArray[np.float64]:
         """Re G^H z."""
         out = self._samples.adjoint(z[: self._count])
         out[out.size - self._B.shape[1] :] += self._B.T @ np.real(z[self._count :])
         return out
 
-    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def gram(self, a: NDArray[np.float64], b: Numbers) -> NDArray[np.float64]:
         """Weighted Gram matrix."""
         count, B = self._count, self._B
         out = self._samples.gram(a[:count], b[:count])
@@ -278,6 +273,6 @@ class IntervalDesign(Design):
         out[first:, first:] += B.T @ ((a + np.real(b))[count:, None] * B)
         return out
 
-    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+    def turned(self, c: Numbers, sums: scipy.sparse.csr_array) -> NDArray[np.float64]:
         """The rows sums Re conj(c) G: those of the intervals have none."""
         return self._samples.turned(c[: self._count], sums[:, : self._count])

@@ -10,18 +10,17 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen
+from robustid.core import Frozen, Numbers
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ConvexData(Frozen):
-    """Samples and contraction of one problem: |y - E x - P p|_k <= s, ||X(x)|| <= 1, p in its intervals.
+    """Samples and contraction of one problem: |y - E x - P p|_k <= s, ||X(x)|| <= 1, p in its intervals."""
 
-    The parameters enter as q = R (p - `origin`), with orthonormal columns Q of P R^{-1} and of the intervals' rows, so that
-    free parameters and narrow intervals cost no conditioning; p that are fixed are left out of q.
-    """
+    # The parameters enter as q = R (p - `origin`), with orthonormal columns Q of P R^{-1} and of the intervals' rows, so that
+    # free parameters and narrow intervals cost no conditioning; p that are fixed are left out of q.
 
     rows: Rows
     sarason: SarasonMap
@@ -41,7 +40,7 @@ class ConvexData(Frozen):
         return out
 
     @property
-    def y(self) -> NDArray[Any]:
+    def y(self) -> Numbers:
         """Samples minus what p = `origin` explains, (N,)."""
         return self.rows.y - self.rows.P @ self.origin
 
@@ -77,9 +76,10 @@ class ConvexData(Frozen):
     def axes(self) -> NDArray[np.float64] | None:
         """Orthogonal V for a basis that is not graded: with x = V y the columns E V of y are orthogonal and fall in size.
 
-        Newton matrices then are graded, so that a diagonal scaling saves the digits of what the samples hardly see: a proof for
-        456 coefficients and 1000 frequency points comes out a thousand times sharper. None where it is graded (the shift) or small.
+        None where it is graded (the shift) or small.
         """
+        # Newton matrices then are graded, so that a diagonal scaling saves the digits of what the samples hardly see: a proof
+        # for 456 coefficients and 1000 frequency points comes out a thousand times sharper.
         if self.sarason.graded:
             return None
         R = np.linalg.qr(self.rows.real(self.rows.E.dense()), mode="r")

@@ -5,16 +5,18 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair
+from robustid.core import Numbers
 from robustid.errors import Remedy, SizeError
 from robustid.identification.formulation.base import LARGEST_EXACT, Formulation, Realisation
 from robustid.identification.formulation.functions import filtered_by
 from robustid.identification.formulation.sarason import PairMap, SarasonMap
+from robustid.identification.interpolant import FreeParameter
 from robustid.identification.problem import MixedProblem
 
 QUICK_EXACT = 100  # coefficients; minutes begin at LARGEST_EXACT
@@ -25,18 +27,10 @@ _SAME_NODE = 1e-12
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ExactFormulation(Formulation):
-    """Two coefficients for every node off the real axis, one for every other and for every time sample.
+    """Two coefficients for every node off the real axis, one for every other and for every time sample."""
 
-    Parameters
-    ----------
-    problem : MixedProblem
-    delays : int, optional
-        Number of Taylor coefficients; as many as the time samples need by default.
-    first : tuple of float
-        Angles of further nodes, at the head of the cascade: tight samples then say nothing about the new coefficients.
-    """
-
-    delays: int | None = None
+    delays: int | None = None  # number of Taylor coefficients; None: as many as the time samples need
+    # Angles of further nodes, at the head of the cascade: tight samples then say nothing about the new coefficients.
     first: tuple[float, ...] = ()
 
     name: ClassVar[str] = "orthonormal"
@@ -89,7 +83,7 @@ class ExactFormulation(Formulation):
             dataclasses.replace(self, first=tuple(np.minimum(angles[apart], np.pi).tolist())) if apart.any() else self
         )
 
-    def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def responses(self, angles: NDArray[np.float64]) -> Numbers:
         """Values at the nodes of the angles, (F, n)."""
         return self.values(self.problem.angles[self.problem.node_index(angles)])
 
@@ -97,7 +91,7 @@ class ExactFormulation(Formulation):
         """Responses to an input from zero initial conditions, (T, n)."""
         return filtered_by(u, self.impulses(u.size))
 
-    def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
+    def realisation(self, x: NDArray[np.float64], E: FreeParameter = 0.0) -> Realisation:
         """The interpolant itself, with all its states."""
         states = self._states(x, E)
         return lambda _: (states, 0.0)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from robustid.core import Numbers, Real
 from robustid.data import tilted
 from robustid.identification.formulation.columns import Columns, DenseColumns
 from robustid.identification.problem import MixedProblem
@@ -20,10 +20,9 @@ _SHORT = 1000  # samples; above, responses come by FFT: a matrix of all delays t
 
 
 class Functions(abc.ABC):
-    """n functions K phi_j(z/rho) of an entry of the non-parametric part, and bounds of what they leave out: the tails.
-
-    Nothing is left out unless a formulation says so. Where the class has a weight W, responses and their tails are those of
-    W K phi_j; in time the inputs come filtered by W (`Weighting.filtered`).
+    """n functions K phi_j(z/rho) of an entry of the non-parametric part, and the tails: bounds of what they leave out, nothing
+    unless a formulation says so. Where the class has a weight W, responses and their tails are those of W K phi_j; in time
+    the inputs come filtered by W (`Weighting.filtered`).
     """
 
     problem: MixedProblem
@@ -34,7 +33,7 @@ class Functions(abc.ABC):
         """Number n of coefficients of an entry."""
 
     @abc.abstractmethod
-    def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def responses(self, angles: NDArray[np.float64]) -> Numbers:
         """Values at exp(j angle), (F, n), at frequencies of the data."""
 
     @abc.abstractmethod
@@ -50,10 +49,8 @@ class Functions(abc.ABC):
         return np.zeros(len(u))
 
     def entry_columns(self, angles: NDArray[np.float64]) -> EntryColumns:
-        """Return what makes the columns of one entry at some of the angles.
-
-        Its arguments are the mask of these angles, the scale of the entry in the prior, what the entry is of its unknown, and the
-        bounds and tilts there.
+        """Return what makes the columns of one entry at some of the angles: from the mask of these angles, the scale of the
+        entry in the prior, what the entry is of its unknown, and the bounds and tilts there.
         """
         values = self.responses(angles)
 
@@ -75,7 +72,7 @@ class Functions(abc.ABC):
         return DenseColumns(np.vstack([part.dense() for part in (*lines, *real)]))
 
 
-def filtered_by(u: NDArray[np.float64], impulse: NDArray[np.float64]) -> NDArray[Any]:
+def filtered_by(u: NDArray[np.float64], impulse: NDArray[np.float64]) -> Real:
     """Responses to u of systems with these impulse responses (T, m), from zero initial conditions."""
     if u.size <= _SHORT:
         return scipy.linalg.toeplitz(u, np.zeros(u.size)) @ impulse

@@ -20,12 +20,11 @@ Index = NDArray[np.intp]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Part(Frozen):
-    """The problem of some outputs and inputs alone, of their samples and of the ball of their block of the matrix.
+    """The problem of some outputs and inputs alone, of their samples and of the ball of their block of the matrix."""
 
-    Blocks of contractions are contractions: the entries of whatever is consistent with all data are in this set too. So an
-    upper bound over it is one over the consistent systems, and its multipliers, with zeros for all other samples and
-    blocks, prove it there. Nothing is lost where the ball does not tie the entries together.
-    """
+    # Blocks of contractions are contractions: the entries of whatever is consistent with all data are in this set too. So an
+    # upper bound over it is one over the consistent systems, and its multipliers, with zeros for all other samples and blocks,
+    # prove it there. Nothing is lost where the ball does not tie the entries together.
 
     data: ConvexData
     samples: Index  # which samples, coefficients and parameters of the whole problem its own are

@@ -11,19 +11,18 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair
-from robustid.core import Complex, Frozen, Real, freeze, series_at
+from robustid.core import Complex, Frozen, Numbers, Real, freeze, series_at
 from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import Ball, Inequalities, Pairs
 from robustid.identification.formulation.exact import MOST_PRODUCTS, ExactFormulation
 from robustid.identification.formulation.sarason import SarasonMap
-from robustid.identification.interpolant import Interpolants, from_factors
+from robustid.identification.interpolant import FreeParameter, Interpolants, from_factors
 from robustid.identification.passive import error_sizes, modes_reach, positive_values
 from robustid.identification.problem import MixedProblem
 
@@ -112,15 +111,8 @@ class PassiveMap(SarasonMap):
         return RealPart(self._symmetric_matrices)
 
     def interpolants(self, x: Real) -> PassiveInterpolants:
-        """The functions of the class with the data x, by phi = g (2 + g)^-1 of the unit ball.
-
-        I - X_phi' X_phi = 4 (2 + X)^-T (I + (X + X')/2) (2 + X)^-1: the factors of `from_factors`, times 2 + X.
-
-        Raises
-        ------
-        InputError
-            Where I + (X + X')/2 is not positive definite.
-        """
+        """The functions of the class with the data x, by phi = g (2 + g)^-1 of the unit ball; needs I + (X + X')/2 > 0."""
+        # I - X_phi' X_phi = 4 (2 + X)^-T (I + (X + X')/2) (2 + X)^-1: the factors of `from_factors`, times 2 + X.
         X = self.matrix(x)
         values, vectors = np.linalg.eigh(np.eye(X.shape[0]) + (X + X.T) / 2)
         if values.size and values[0] <= 0:
@@ -149,7 +141,7 @@ class PassiveInterpolants(Frozen):
 
     contractive: Interpolants  # every phi
 
-    def realise(self, E: Any = 0.0) -> tuple[Real, Real, Real, Real]:
+    def realise(self, E: FreeParameter = 0.0) -> tuple[Real, Real, Real, Real]:
         """State space (alpha, beta, gamma, delta) of g, with the free parameter E of phi."""
         alpha, beta, gamma, delta = self.contractive.realise(E)
         root = np.sqrt(2)
@@ -159,12 +151,12 @@ class PassiveInterpolants(Frozen):
         inputs: Real = np.asarray(np.linalg.solve(before.T, beta.T).T, dtype=float)
         return alpha + beta @ output, root * inputs, root * output, 2 * through
 
-    def evaluate(self, zeta: NDArray[Any], E: Any = 0.0) -> Complex:
+    def evaluate(self, zeta: Numbers, E: FreeParameter = 0.0) -> Complex:
         """The values g(zeta), |zeta| < 1, (F,); for MIMO (F, p, p)."""
         values = series_at(self.realise(E), zeta)
         return values[:, 0, 0] if values.shape[1:] == (1, 1) else values
 
-    def weyl_ball(self, zeta: NDArray[Any]) -> tuple[Complex, Complex, Complex]:
+    def weyl_ball(self, zeta: Numbers) -> tuple[Complex, Complex, Complex]:
         """Refused: values of positive-real functions with the data of a model fill no ball around one in closed form here."""
         raise InputError(
             "`identification` is of a PositiveReal class, for which the values between the frequency points are not given in"
@@ -202,13 +194,10 @@ class PassiveFormulation(ExactFormulation):
 
 
 def harnack_bound(problem: MixedProblem, pair: InputNormalPair) -> tuple[float, float]:
-    r"""Two numbers a and b with ||X|| <= a + b s for every function of the class that keeps the residuals within s bounds.
-
-    At a frequency point where the whole matrix was measured, W = F(zeta_1) is known within the bounds; for H = F + slack
-
-    .. math:: F(A) = I \otimes W + 2 \sum_{k \ge 1} b(A)^k \otimes H_1^{1/2} m_k H_1^{1/2}, \quad
-              b(A) = (A - \zeta_1)(1 - \bar\zeta_1 A)^{-1}, \quad H_1 = \mathrm{Re}\, W + \text{slack}, \quad |m_k| \le 1.
-    """
+    """Two numbers a and b with ||X|| <= a + b s for every function of the class that keeps the residuals within s bounds."""
+    # At a frequency point where the whole matrix was measured, W = F(zeta_1) is known within the bounds; for H = F + slack
+    #     F(A) = I (x) W + 2 sum_{k>=1} b(A)^k (x) H_1^(1/2) m_k H_1^(1/2),   |m_k| <= 1,   H_1 = Re W + slack,
+    #     b(A) = (A - zeta_1) (1 - conj(zeta_1) A)^-1.
     best = (np.inf, 0j, 0.0, 0.0, 0.0)
     nodes = problem.region.points(problem.angles)
     prior, ends = problem.prior, np.concatenate([nodes, nodes.conj()])

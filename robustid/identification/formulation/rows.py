@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, freeze
+from robustid.core import Frozen, Numbers, Real, freeze
 from robustid.errors import InputError
 from robustid.identification.formulation.assembly import Assembly, Block
 from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
@@ -24,13 +24,14 @@ from robustid.identification.problem import MixedProblem
 class Rows(Frozen):
     """Residuals e = y - E x - P p of all samples, each divided by its bound: sample k is kept if |e_k| <= 1.
 
-    Where a bound is an ellipse, e stands for e + kappa conj(e), in its y, E and P alike: linear in the real unknowns.
-    Where a bound holds for several samples together, they are one cone: kept if the norm of their e is at most 1.
-    Complex samples come first. Imaginary parts of real samples are zero throughout, so that one formula serves both. A system
-    with the coefficients x has the residuals e - d with ||d_k|| <= tail_k: what its other coefficients can do.
+    Complex samples come first; imaginary parts of real samples are zero throughout, so that one formula serves both.
     """
 
-    y: NDArray[Any]  # (N,)
+    # Where a bound is an ellipse, e stands for e + kappa conj(e), in its y, E and P alike: linear in the real unknowns. Where a
+    # bound holds for several samples together, they are one cone: kept if the norm of their e is at most 1. A system with the
+    # coefficients x has the residuals e - d with ||d_k|| <= tail_k: what its other coefficients can do.
+
+    y: Numbers  # (N,)
     E: Columns  # (N, n), of the coefficients x of G/K in the orthonormal basis
     # (N, m), of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
     P: NDArray[Any]
@@ -69,11 +70,11 @@ class Rows(Frozen):
         """Say whether every scaled parameter is in its interval."""
         return bool(np.all((self.ends[:, 0] <= p) & (p <= self.ends[:, 1])))
 
-    def real(self, a: NDArray[Any]) -> Real:
+    def real(self, a: Numbers) -> Real:
         """Real rows of an array of complex ones: real parts of all samples, then imaginary parts of the discs."""
         return np.concatenate([np.real(a), np.imag(a[: self.discs])])
 
-    def sizes(self, e: NDArray[Any]) -> Real:
+    def sizes(self, e: Numbers) -> Real:
         """|e| of every bound, the norm of the samples that share it, (M,)."""
         if self.cone is None:
             return np.abs(e)
@@ -166,7 +167,7 @@ def _parameter_name(problem: MixedProblem, column: int) -> str:
     return f"{label} of the entry from {problem.inputs[input].name} to {problem.outputs[output].name}"
 
 
-def _check_independent(problem: MixedProblem, P: NDArray[Any], free: NDArray[np.intp]) -> None:
+def _check_independent(problem: MixedProblem, P: Numbers, free: NDArray[np.intp]) -> None:
     """Coefficients without an interval must be told apart by the data: else they, and the sets, are unbounded."""
     P = P[:, free]
     if not P.shape[1]:

@@ -30,17 +30,13 @@ from robustid.identification.interpolant import interpolants
 class SarasonMap(Frozen, abc.ABC):
     """x -> X(x) = g(A), the solution of X - A'XA = c'x, and its symmetric form H = T X.
 
-    A function with the coefficients x exists in the unit ball of H-infinity iff ||X(x)|| <= 1. For SISO T X is symmetric, hence
-    the condition is -I <= H(x) <= I: two blocks of size n in place of one of size 2n.
-
-    Matrix functions, p x q, have n coefficients an entry, and the condition is the same for X(x) = sum_j X(e_j) (x) x_j
-    (Kronecker products), of size np x nq.
-
-    Notes
-    -----
-    Source: Sarason; Caratheodory-Fejer for A a shift, Nevanlinna-Pick for distinct nodes. `inanc2001` Theorem 1 is
-    the same condition in a non-orthonormal basis.
+    A function with the coefficients x exists in the unit ball of H-infinity iff ||X(x)|| <= 1.
     """
+
+    # For SISO T X is symmetric, hence the condition is -I <= H(x) <= I: two blocks of size n in place of one of size 2n. Matrix
+    # functions, p x q, have n coefficients an entry, and the condition is the same for X(x) = sum_j X(e_j) (x) x_j (Kronecker
+    # products), of size np x nq. Source: Sarason; Caratheodory-Fejer for A a shift, Nevanlinna-Pick for distinct nodes.
+    # `inanc2001` Theorem 1 is the same condition in a non-orthonormal basis.
 
     pair: InputNormalPair
     entries: Entries  # outputs and inputs; x is a vector of `size` numbers

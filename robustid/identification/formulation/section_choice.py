@@ -17,31 +17,13 @@ _POINTS = 200  # that the zeros are chosen for; the number of repetitions is for
 
 
 def shortest_sections(problem: MixedProblem, share: float) -> Sections:
-    r"""The repeated section of lowest total degree whose tails are below a share of every bound.
-
-    .. math:: n = m \max_k \lceil w_k / g_k \rceil, \quad g_k = -\log|B(\zeta_k)|, \quad
-              w_k = \log \frac{(2/\pi) K \mathbf{K}(|\zeta_k|)}{\text{share} \cdot \text{bound}_k}, \quad
-              \zeta_k = e^{-j\theta_k}/\rho
-
-    For every degree m the zeros of B maximise min_k g_k/w_k, from a start at the quantiles of the points: a problem in m variables
-    that is solved in hundredths of a second. Any zeros give a valid form. Time samples (but for periodic records) see the
-    whole circle, where no B does better than the shift: the mean of log|B| over it is at least -m log(rho).
-
-    Parameters
-    ----------
-    problem : MixedProblem
-    share : float
-        Of every bound, that its tail may take.
-
-    Returns
-    -------
-    Sections
-
-    Notes
-    -----
-    The zeros are a hyperbolic Chebyshev problem on the arc of the points; those of the best B lie in its hyperbolic convex
-    hull, inside |zeta| <= 1/rho.
-    """
+    """The repeated section of lowest total degree whose tails are below a share of every bound."""
+    # With zeta_k = exp(-j theta_k)/rho, g_k = -log|B(zeta_k)| and w_k = log((2/pi) K K(|zeta_k|) / (share bound_k)), K(.) the
+    # elliptic integral, the degree is n = m max_k ceil(w_k/g_k). For every degree m the zeros of B maximise min_k g_k/w_k, from
+    # a start at the quantiles of the points: a problem in m variables that is solved in hundredths of a second, a hyperbolic
+    # Chebyshev problem on the arc of the points; the zeros of the best B lie in its hyperbolic convex hull, inside |zeta| <=
+    # 1/rho. Any zeros give a valid form. Time samples (but for periodic records) see the whole circle, where no B does better
+    # than the shift: the mean of log|B| over it is at least -m log(rho).
     angles, bounds, everywhere = demands(problem)
     if math.isfinite(everywhere) or not angles.size:
         least = min(everywhere, float(bounds.min(initial=problem.prior.gain_bound)))
@@ -81,11 +63,10 @@ _REAL = 1e-15  # sines this small are rounding
 
 
 def _best_zeros(zeta: Complex, weights: Real, pairs: int) -> tuple[complex, ...]:
-    """Zeros in conjugate pairs that maximise the smallest decay/weight, as far as a local search finds them.
-
-    In the variables log(1 - |a|), relative to its value at the point nearest to the circle, and angle, relative to the width
-    of the band; the logarithm of the smallest ratio is maximised as one more variable (Chebyshev's problem as a smooth program).
-    """
+    """Zeros in conjugate pairs that maximise the smallest decay/weight, as far as a local search finds them."""
+    # In the variables log(1 - |a|), relative to its value at the point nearest to the circle, and angle, relative to the width
+    # of the band; the logarithm of the smallest ratio is maximised as one more variable (Chebyshev's problem as a smooth
+    # program).
     import scipy.optimize
 
     nearest = zeta[np.argmax(np.round(np.abs(zeta), 12))]  # the first of those that differ by rounding only

@@ -12,7 +12,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
-from robustid.core import freeze
+from robustid.core import Numbers, freeze
 from robustid.errors import Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import (
@@ -38,16 +38,10 @@ _MOST_STORED = 4e7  # complex entries of the columns of all points: 0.6 GB, of w
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SectionsFormulation(Formulation):
-    """The functions of a repeated section; the remainder is theta times a function that is bounded by the tails.
+    """The functions of a repeated section; the remainder is theta times a function that is bounded by the tails."""
 
-    MIMO: the same section for every entry. u'Gv has the coefficients u'x v for all unit vectors u and v, hence what bounds the
-    remainder of one entry bounds the largest singular value of that of the matrix.
-
-    Parameters
-    ----------
-    problem : MixedProblem
-    sections : Sections
-    """
+    # MIMO: the same section for every entry. u'Gv has the coefficients u'x v for all unit vectors u and v, hence what bounds
+    # the remainder of one entry bounds the largest singular value of that of the matrix.
 
     sections: Sections
 
@@ -88,7 +82,7 @@ class SectionsFormulation(Formulation):
         each = self.problem.entries.each
         return f"{self.count} coefficients{each} of an all-pass section of degree {degree}, taken {repeats} times"
 
-    def responses(self, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def responses(self, angles: NDArray[np.float64]) -> Numbers:
         """Values at exp(j angle), (F, n)."""
         if angles.size * self.count > _MOST_STORED:
             raise SizeError(
@@ -99,11 +93,9 @@ class SectionsFormulation(Formulation):
         return self.values(angles)
 
     def response_tail(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """K |theta(zeta)| (2/pi) K(|zeta|) at the zeta of exp(j angle), by Cauchy's formula on the circle, (F,).
-
-        With what rounding can do to theta, and to the values of a function of norm 1 (||phi|| <= (1 - |zeta|^2)^(-1/2)); of a
-        matrix, whose rows have norm 1, sqrt(ny) times as much.
-        """
+        """K |theta(zeta)| (2/pi) K(|zeta|) at the zeta of exp(j angle), by Cauchy's formula on the circle, (F,)."""
+        # With what rounding can do to theta, and to the values of a function of norm 1 (||phi|| <= (1 - |zeta|^2)^(-1/2)); of a
+        # matrix, whose rows have norm 1, sqrt(ny) times as much.
         K, region = self.problem.prior.gain_bound, self.problem.region
         sections, inside, eps = self.sections, region.inside(angles), np.finfo(float).eps
         size = np.abs(sections.all_pass(region.points(angles))) + 8 * sections.degree * eps / inside
@@ -116,11 +108,9 @@ class SectionsFormulation(Formulation):
         return self._driven(u)[0] @ (self.problem.prior.gain_bound * self.sections.pair.symmetry())
 
     def time_tail(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """K (sum_j ||v_(n-j)||^2 rho^-2j)^(1/2), v the responses of theta(z/rho) to the inputs u, (T,).
-
-        Sample n is an inner product with h_n = sum_j u_(n-j) rho^-j zeta^j; P_+(conj(theta) h_n) has the coefficients
-        v_(n-j) rho^-j. No digits cancel: [A B; c d] is orthogonal, and what its rounding adds is bounded along the way.
-        """
+        """K (sum_j ||v_(n-j)||^2 rho^-2j)^(1/2), v the responses of theta(z/rho) to the inputs u, (T,)."""
+        # Sample n is an inner product with h_n = sum_j u_(n-j) rho^-j zeta^j; P_+(conj(theta) h_n) has the coefficients v_(n-j)
+        # rho^-j. No digits cancel: [A B; c d] is orthogonal, and what its rounding adds is bounded along the way.
         import scipy.signal
 
         prior, n, total = self.problem.prior, self.sections.order, np.zeros(u.shape[0])
@@ -235,15 +225,12 @@ def antidiagonal_blocks(blocks: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class BlockHankelMap(SymmetricMap):
-    """H of a repeated section: block U(x_s) + V(x_(s-1)) where the block indices sum to M-1+s, U = T P and V = T Q.
+    """H of a repeated section: block U(x_s) + V(x_(s-1)) where the block indices sum to M-1+s, U = T P and V = T Q."""
 
-    With J_s the blocks whose indices sum to M-1+s, H_(s,a) = J_s x U_a + J_(s+1) x V_a, so that the curvature
-
-        tr(H_i P H_j Q) = sum over j + k = M-1+s, k' + j' = M-1+t of tr(U_a P_jk' U_b Q_kj'') + ...
-
-    is a two-dimensional convolution over the block indices. In the transforms, matrices of size m per point, s -> s + 1 is a
-    phase w, and the sum is tr((U_a + w V_a) P (U_b + w' V_b) Q'): O(m^2 n^2) products and O(n^2 log M) for the FFTs.
-    """
+    # With J_s the blocks whose indices sum to M-1+s, H_(s,a) = J_s x U_a + J_(s+1) x V_a, so that the curvature
+    #     tr(H_i P H_j Q) = sum over j + k = M-1+s, k' + j' = M-1+t of tr(U_a P_jk' U_b Q_kj'') + ...
+    # is a two-dimensional convolution over the block indices. In the transforms, matrices of size m per point, s -> s + 1 is a
+    # phase w, and the sum is tr((U_a + w V_a) P (U_b + w' V_b) Q'): O(m^2 n^2) products and O(n^2 log M) for the FFTs.
 
     def __init__(self, sarason: SectionMap):
         self._map, self.size = sarason, sarason.pair.order

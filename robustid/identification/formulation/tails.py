@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.identification.prior import Prior
 from robustid.identification.problem import MixedProblem, excited_lines
 
@@ -34,10 +33,9 @@ def smallest_bound(problem: MixedProblem) -> float:
 
 
 def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Size that a function must not exceed for no sample to feel it as more than its bound.
-
-    In the largest singular value, divided by scaling and weight of the prior. At the angles (F,) of the frequency points, those
-    excited by periodic records included: (F,); and on the whole circle, for the other records: infinity where there are none.
+    """Size, in the largest singular value over scaling and weight of the prior, above which a function makes some sample feel
+    more than its bound. At the angles (F,) of the frequency points, those excited by periodic records included: (F,); and on
+    the whole circle, for the other records: infinity where there are none.
     """
     scales, weighting = problem.prior.scales(*problem.entries.shape), problem.weighting
     angles = [problem.plane.angles(frf.omega) for frf in problem.frequency]
@@ -64,7 +62,7 @@ def demands(problem: MixedProblem) -> tuple[NDArray[np.float64], NDArray[np.floa
     return np.concatenate([np.zeros(0), *angles]), np.concatenate([np.zeros(0), *bounds]), everywhere
 
 
-def _felt(frf: Any, scales: NDArray[np.float64]) -> NDArray[np.float64]:
+def _felt(frf: FrequencyResponse | TangentialResponse, scales: NDArray[np.float64]) -> NDArray[np.float64]:
     """Size that a function must not exceed at the points of a frequency response, (F,)."""
     if not isinstance(frf, FrequencyResponse):
         nuclear = np.linalg.svd(frf.weights * scales, compute_uv=False).sum(axis=-1)

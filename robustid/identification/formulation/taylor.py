@@ -13,7 +13,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections, shift_pair
-from robustid.core import ZPlane
+from robustid.core import Numbers, ZPlane
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, SymmetricMap
 from robustid.identification.formulation.base import Family, Formulation, Realisation, States
@@ -22,6 +22,7 @@ from robustid.identification.formulation.functions import EntryColumns
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.formulation.tails import SHARE, smallest_bound, taylor_tail
 from robustid.identification.formulation.taylor_columns import ShiftColumns, joined_shifts
+from robustid.identification.interpolant import FreeParameter
 from robustid.identification.problem import MixedProblem
 from robustid.identification.schur import taylor_interpolants
 from robustid.identification.truncation import balanced_from_impulse
@@ -34,16 +35,9 @@ _LONGEST_IMPULSE = 8000  # samples of an impulse response that is reduced
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TaylorFormulation(Formulation):
-    """The first L Taylor coefficients of G, whatever the number of samples.
+    """The first L Taylor coefficients of G, whatever the number of samples."""
 
-    Parameters
-    ----------
-    problem : MixedProblem
-    length : int
-        L.
-    """
-
-    length: int
+    length: int  # L
 
     name: ClassVar[str] = "taylor"
 
@@ -95,7 +89,7 @@ class TaylorFormulation(Formulation):
         """rho^-j, (L,)."""
         return self.problem.prior.decay_rate ** -np.arange(self.length, dtype=float)
 
-    def responses(self, angles: NDArray[np.float64]) -> NDArray[Any]:
+    def responses(self, angles: NDArray[np.float64]) -> Numbers:
         """Values at exp(j angle), (F, L)."""
         functions = self.problem.prior.gain_bound * self.decay * np.exp(-1j * np.outer(angles, np.arange(self.length)))
         return self.problem.weighting.times(functions, angles)
@@ -145,7 +139,7 @@ class TaylorFormulation(Formulation):
         """All functions of the unit ball with the coefficients x; for SISO by the Schur algorithm, without matrices."""
         return taylor_interpolants(x) if self.problem.entries.single else super().family(x)
 
-    def realisation(self, x: NDArray[np.float64], E: Any = 0.0) -> Realisation:
+    def realisation(self, x: NDArray[np.float64], E: FreeParameter = 0.0) -> Realisation:
         """State spaces of the interpolant; for SISO from its impulse response."""
         if not self.problem.entries.single:
             return super().realisation(x, E)
@@ -218,11 +212,10 @@ class ShiftMap(SarasonMap):
 
 
 class HankelMap(SymmetricMap):
-    """H(x)_ab = x_(a+b-L+1), zero above the antidiagonal: the flipped Toeplitz matrix of L Taylor coefficients.
+    """H(x)_ab = x_(a+b-L+1), zero above the antidiagonal: the flipped Toeplitz matrix of L Taylor coefficients."""
 
-    The curvature is a two-dimensional convolution: tr(H_i P H_j Q) = sum over b + c = L-1+i, d + a = L-1+j of P_cd Q_ab
-    = (P * Q)[L-1+i, L-1+j], hence O(L^2 log L) for the whole matrix, with the rounding of an FFT: relative to ||P|| ||Q||.
-    """
+    # The curvature is a two-dimensional convolution: tr(H_i P H_j Q) = sum over b + c = L-1+i, d + a = L-1+j of P_cd Q_ab = (P
+    # * Q)[L-1+i, L-1+j], hence O(L^2 log L) for the whole matrix, with the rounding of an FFT: relative to ||P|| ||Q||.
 
     def __init__(self, size: int):
         self.size = size

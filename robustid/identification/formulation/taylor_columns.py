@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 import scipy.fft
@@ -13,7 +12,7 @@ import scipy.linalg
 import scipy.sparse
 from numpy.typing import NDArray
 
-from robustid.core import freeze
+from robustid.core import Numbers, freeze
 from robustid.data import tilted
 from robustid.identification.formulation.columns import Columns, Design
 
@@ -32,10 +31,10 @@ class ShiftColumns(Columns):
     """
 
     angles: NDArray[np.float64]  # (F,), theta = omega T in rad
-    gain: NDArray[Any]  # (F,), K/bound; complex where the class has a weight W, K W/bound
+    gain: Numbers  # (F,), K/bound; complex where the class has a weight W, K W/bound
     decay: NDArray[np.float64]  # (L,), rho^-j
     real: NDArray[np.float64]  # (N - F, L), rows of the time samples
-    tilt: NDArray[np.complex128] | None = None  # (F,), kappa
+    tilt: Numbers | None = None  # (F,), kappa
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("angles", "gain", "decay", "real")})
@@ -46,17 +45,17 @@ class ShiftColumns(Columns):
         """(N, L)."""
         return self.angles.size + self.real.shape[0], self.decay.size
 
-    def dense(self) -> NDArray[Any]:
+    def dense(self) -> Numbers:
         """All of E, (N, L)."""
         lines = [table * self.gain[at, None] * self.decay for at, table in self._tables()]
         return np.vstack([tilted(np.vstack(lines), self.tilt), self.real]) if lines else self.real.astype(complex)
 
-    def __matmul__(self, x: NDArray[np.float64]) -> NDArray[Any]:
+    def __matmul__(self, x: NDArray[np.float64]) -> Numbers:
         weighted = self.decay * x
         lines = [self.gain[at] * (table @ weighted) for at, table in self._tables()]
         return np.concatenate([tilted(np.concatenate([np.zeros(0), *lines]), self.tilt), self.real @ x])
 
-    def adjoint(self, samples: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, samples: Numbers) -> NDArray[np.float64]:
         """Re E^H l, (L,)."""
         lines = self.angles.size
         total, weights = np.zeros(self.decay.size), self.gain.conj() * tilted(samples[:lines], self.tilt)
@@ -78,7 +77,7 @@ class ShiftColumns(Columns):
         """Frobenius norm; of tilted samples an upper bound."""
         return float(np.hypot(np.linalg.norm(self._reach) * np.linalg.norm(self.decay), np.linalg.norm(self.real)))
 
-    def design(self, Q: NDArray[np.complex128], discs: int) -> Design:
+    def design(self, Q: Numbers, discs: int) -> Design:
         """[E Q] with all sums over the frequency points by non-uniform FFTs."""
         return ShiftDesign(self, Q)
 
@@ -102,7 +101,7 @@ class ShiftColumns(Columns):
 
 def joined_shifts(decay: NDArray[np.float64], lines: Sequence[ShiftColumns], real: Sequence[Columns]) -> ShiftColumns:
     """Frequency points of several experiments, and rows of records, of one entry."""
-    tilt: NDArray[Any] | None = None
+    tilt: Numbers | None = None
     if any(part.tilt is not None for part in lines):
         tilt = np.concatenate([np.zeros(part.angles.size) if part.tilt is None else part.tilt for part in lines])
     rows = np.real(np.vstack([np.zeros((0, decay.size)), *(part.dense() for part in real)]))
@@ -111,21 +110,20 @@ def joined_shifts(decay: NDArray[np.float64], lines: Sequence[ShiftColumns], rea
 
 
 class ShiftDesign(Design):
-    """G = [E Q] for L Taylor coefficients at F frequency points, then time samples; all sums over the points by non-uniform FFTs.
+    """G = [E Q] for L Taylor coefficients at F frequency points, then time samples; sums over the points by non-uniform FFTs."""
 
-    Toeplitz plus Hankel: Re sum a_k E_ki* E_kj + b_k E_ki E_kj = (c_|i-j| + h_(i+j)) rho^-(i+j), with
-    c_l = Re sum a_k |g_k|^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l). With E + kappa conj(E) in the place
-    of E the same holds with a (1 + |kappa|^2) + 2 Re(b kappa) and b + conj(b kappa^2) + 2 a conj(kappa).
-    """
+    # Toeplitz plus Hankel: Re sum a_k E_ki* E_kj + b_k E_ki E_kj = (c_|i-j| + h_(i+j)) rho^-(i+j), with c_l = Re sum a_k
+    # |g_k|^2 exp(-i theta_k l) and h_l = Re sum b_k g_k^2 exp(-i theta_k l). With E + kappa conj(E) in the place of E the same
+    # holds with a (1 + |kappa|^2) + 2 Re(b kappa) and b + conj(b kappa^2) + 2 a conj(kappa).
 
-    def __init__(self, columns: ShiftColumns, Q: NDArray[np.complex128]):
+    def __init__(self, columns: ShiftColumns, Q: Numbers):
         self._columns, self._Q, self._lines = columns, Q, columns.angles.size
         self._coefficients = columns.decay.size
         if self._lines:
             self._short = NonuniformSums(columns.angles, self._coefficients)
             self._long = NonuniformSums(columns.angles, 2 * self._coefficients - 1)
 
-    def apply(self, v: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def apply(self, v: NDArray[np.float64]) -> Numbers:
         """G v."""
         columns, L = self._columns, self._coefficients
         out = (self._Q @ v[L:]).astype(complex)
@@ -135,11 +133,11 @@ class ShiftDesign(Design):
         out[self._lines :] += columns.real @ v[:L]
         return out
 
-    def adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def adjoint(self, z: Numbers) -> NDArray[np.float64]:
         """Re G^H z."""
-        return np.concatenate([self._adjoint(z[None])[0], np.real(self._Q.conj().T @ z)])
+        return np.asarray(np.concatenate([self._adjoint(z[None])[0], np.real(self._Q.conj().T @ z)]), dtype=float)
 
-    def gram(self, a: NDArray[np.float64], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def gram(self, a: NDArray[np.float64], b: Numbers) -> NDArray[np.float64]:
         """Weighted Gram matrix."""
         columns, L, F = self._columns, self._coefficients, self._lines
         inner = columns.real.T @ ((a + np.real(b))[F:, None] * columns.real)
@@ -161,12 +159,12 @@ class ShiftDesign(Design):
         corner = np.real(weighted.conj() @ self._Q)
         return np.block([[inner, cross.T], [cross, (corner + corner.T) / 2]])
 
-    def turned(self, c: NDArray[np.complex128], sums: Any) -> NDArray[np.float64]:
+    def turned(self, c: Numbers, sums: scipy.sparse.csr_array) -> NDArray[np.float64]:
         """The rows sums Re conj(c) G."""
         columns = np.hstack([self._columns.dense(), self._Q])
         return sums @ np.real(c.conj()[:, None] * columns)
 
-    def _adjoint(self, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def _adjoint(self, z: Numbers) -> NDArray[np.float64]:
         """Re E^H z of every row of z."""
         columns, F = self._columns, self._lines
         out = np.real(z[:, F:]) @ columns.real
@@ -177,21 +175,12 @@ class ShiftDesign(Design):
 
 
 class NonuniformSums:
-    """Sums over angles, or over exponents 0 <= m < count, of exp(-i m theta_k).
+    """Sums over angles (F,), any, or exponents 0 <= m < count, of exp(-i m theta_k). Source: `barnett2019` sections 2 and 3."""
 
-    Processes to (or read from) a regular grid of at least twice as many points with the kernel exp(b sqrt(1 - t^2) - b), whose
-    transform divides the result; the sums are those of the regular grid to about 1e-13 of the sum of the moduli. The matrix of
-    the kernel is sparse: 16 entries per angle. (A permissive library would be used here; the one that is kept contains GPL code
-    as it is distributed.)
-
-    Source: `barnett2019` sections 2 and 3.
-
-    Parameters
-    ----------
-    angles : (F,) array
-        theta, rad, any.
-    count : int
-    """
+    # Processes to (or read from) a regular grid of at least twice as many points with the kernel exp(b sqrt(1 - t^2) - b),
+    # whose transform divides the result; the sums are those of the regular grid to about 1e-13 of the sum of the moduli. The
+    # matrix of the kernel is sparse: 16 entries per angle. (A permissive library would be used here; the one that is kept
+    # contains GPL code as it is distributed.)
 
     def __init__(self, angles: NDArray[np.float64], count: int):
         self.count = count
@@ -214,12 +203,12 @@ class NonuniformSums:
         self._correction = 2 / _WIDTH / (waves @ (weights * np.exp(_SHAPE * (np.sqrt(1 - nodes**2) - 1))))
         self._at = exponents % self._grid
 
-    def over_angles(self, weights: NDArray[Any]) -> NDArray[Any]:
+    def over_angles(self, weights: Numbers) -> Numbers:
         """sum_k weights_k exp(-i m theta_k) for every m, (..., count), of weights (..., F)."""
         gridded = (self._spread @ (weights * self._phase).T).T
         return np.asarray(scipy.fft.fft(gridded))[..., self._at] * self._correction
 
-    def over_exponents(self, weights: NDArray[Any]) -> NDArray[Any]:
+    def over_exponents(self, weights: Numbers) -> Numbers:
         """sum_m weights_m exp(-i m theta_k) for every angle, (F,)."""
         gridded = np.zeros(self._grid, complex)
         gridded[self._at] = weights * self._correction

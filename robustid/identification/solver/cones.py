@@ -8,27 +8,18 @@ parts are zero throughout. J(a, b) = (a, -b); products of pairs are (a, b) o (c,
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Numbers, Real
 
-Pair = tuple[Real, NDArray[Any]]
+Pair = tuple[Real, Numbers]
 
 
 class Cones:
-    """Cones, and the samples that belong to each.
-
-    Parameters
-    ----------
-    count : int
-        M.
-    cone : (N,) int array or None
-        Number of the cone of each sample; None where sample k is alone in cone k.
-    """
+    """M cones, and the cone (N,) to which each sample belongs; None where sample k is alone in cone k."""
 
     def __init__(self, count: int, cone: NDArray[np.intp] | None = None):
         self.count, self.cone = count, cone
@@ -48,11 +39,11 @@ class Cones:
         cone = None if self.cone is None else np.concatenate([self.cone, self.count + np.arange(more)])
         return Cones(self.count + more, cone)
 
-    def dot(self, b: NDArray[Any], d: NDArray[Any]) -> Real:
+    def dot(self, b: Numbers, d: Numbers) -> Real:
         """Re <b, d>, (M,)."""
         return self.sums(np.real(b) * np.real(d) + np.imag(b) * np.imag(d))
 
-    def size(self, e: NDArray[Any]) -> Real:
+    def size(self, e: Numbers) -> Real:
         """||e||, (M,)."""
         return np.abs(e) if self.cone is None else np.sqrt(self.dot(e, e))
 
@@ -86,12 +77,10 @@ class Cones:
 
 
 class Scaling:
-    """The W with W z = W^-1 s = lambda, for s and z inside the cones.
+    """The W with W z = W^-1 s = lambda, for s and z inside the cones. Source: `nesterov1997`, `vandenberghe2010` section 4.2."""
 
-    W = b [[w0, w1'], [w1, I + w1 w1'/(1 + w0)]] with w = (s/|s| + J z/|z|)/(2 g), |s|^2 = det(s),
-    g^2 = (1 + <s/|s|, z/|z|>)/2, b^2 = |s|/|z|; W^-2 = (2 (Jw)(Jw)' - J)/b^2.
-    Source: `nesterov1997`; formulas as in `vandenberghe2010` section 4.2.
-    """
+    # W = b [[w0, w1'], [w1, I + w1 w1'/(1 + w0)]] with w = (s/|s| + J z/|z|)/(2 g), |s|^2 = det(s), g^2 = (1 + <s/|s|,
+    # z/|z|>)/2, b^2 = |s|/|z|; W^-2 = (2 (Jw)(Jw)' - J)/b^2.
 
     def __init__(self, cones: Cones, s: Pair, z: Pair):
         each, size_s, size_z = cones.each, np.sqrt(cones.determinant(s)), np.sqrt(cones.determinant(z))
@@ -120,7 +109,7 @@ class Scaling:
         return (along * self.w[0] - d[0]) / self.squared, (d[1] - each(along) * self.w[1]) / each(self.squared)
 
     @property
-    def curvature(self) -> tuple[Real, NDArray[Any], NDArray[Any] | None]:
+    def curvature(self) -> tuple[Real, Numbers, Numbers | None]:
         """The block of W^-2 on e as weights (a, b, c): e'W^-2 e = sum a |e|^2 + Re(b e^2) + sum (Re <c, e>)^2 over the cones.
 
         Samples alone in their cone need no c; it is None where all are.

@@ -48,7 +48,7 @@ def available_solvers() -> tuple[str, ...]:
     return tuple(name for name in _SEMIDEFINITE if name in installed)
 
 
-def solver_name(solver: Any) -> str:
+def solver_name(solver: object) -> str:
     """The cvxpy name of a solver, checked."""
     if not isinstance(solver, str):
         raise InputError(
@@ -65,15 +65,11 @@ def solver_name(solver: Any) -> str:
 def solve_conic(
     data: ConvexData, objective: str, *, solver: str, factor: float = 1.0, seconds: float = np.inf
 ) -> Candidate:
-    """Solve for the smallest margin, the smallest gain, or the smallest Hankel nuclear norm.
-
-    All keep the parameters in their intervals. "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa,
-    |e_k| <= factor * (the bound at K kappa), ||X|| <= kappa. "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the
-    off-diagonal block of X, a Loewner/Hankel matrix whose rank is the order of the simplest interpolant.
-
-    The status of the solver is not looked at: the caller evaluates the numbers. Clarabel and SCS return what they have after some
-    seconds.
-    """
+    """Solve for the smallest "margin", "gain" (K) or Hankel nuclear norm ("order"), with the parameters in their intervals."""
+    # "margin": min s, |e_k| <= s, ||X|| <= 1. "gain": min kappa, |e_k| <= factor * (the bound at K kappa), ||X|| <= kappa.
+    # "order": min ||N(x)||_*, |e_k| <= factor, ||X|| <= 1, N the off-diagonal block of X, a Loewner/Hankel matrix whose rank is
+    # the order of the simplest interpolant. The status of the solver is not looked at: the caller evaluates the numbers.
+    # Clarabel and SCS return what they have after some seconds.
     cp = _cvxpy()
 
     name = solver_name(solver)

@@ -6,14 +6,12 @@ import copy
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse
-from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Numbers, Real
 from robustid.identification.formulation.ball import Ball
 from robustid.identification.formulation.columns import Design
 from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
@@ -31,22 +29,21 @@ class Limits:
 
 @dataclasses.dataclass(frozen=True)
 class Program:
-    """min cost t + linear'v subject to ||X(x)|| <= ball(t), |y - G v|_k <= reach_k(t), v = (x, q).
+    """min cost t + linear'v subject to ||X(x)|| <= ball(t), |y - G v|_k <= reach_k(t), v = (x, q)."""
 
-    With cost None there is no t (it is 0). Both are strictly feasible, primal and dual, for the problems posed here, so that no
-    homogeneous embedding is needed: infeasibility is a margin above 1, not a status.
-    """
+    # With cost None there is no t (it is 0). Both are strictly feasible, primal and dual, for the problems posed here, so that
+    # no homogeneous embedding is needed: infeasibility is a margin above 1, not a status.
 
     ball: Ball
     design: Design
     cones: Cones
-    y: NDArray[Any]
+    y: Numbers
     limits: Limits
     cost: float | None
     linear: Real
 
     @functools.cached_property
-    def sums(self) -> Any:
+    def sums(self) -> scipy.sparse.csr_array:
         """The sparse matrix (M, N) that adds up the samples of every cone."""
         count = self.y.size
         cone = np.arange(count) if self.cones.cone is None else self.cones.cone
@@ -62,9 +59,7 @@ class Program:
 class Iterate:
     """A strictly feasible primal point, with multipliers inside the dual cones.
 
-    The primal slacks S_k = ball I + A_k(x) and (r, e) are functions of (v, t), so that the primal constraints hold exactly;
-    `dual` is the norm of what is missing in the dual equalities
-    linear - sum A_k*(Z_k) + G'z1 = 0 and cost - ball' sum tr(Z_k) - <reach', z0> = 0.
+    The primal slacks S_k = ball I + A_k(x) and (r, e) are functions of (v, t), so that the primal constraints hold exactly.
     """
 
     v: Real
@@ -72,6 +67,7 @@ class Iterate:
     Z: list[Real]
     z: Pair
     gap: float = np.inf
+    # Norm of what is missing in linear - sum A_k*(Z_k) + G'z1 = 0 and cost - ball' sum tr(Z_k) - <reach', z0> = 0.
     dual: float = np.inf
 
     @property
@@ -114,12 +110,10 @@ class State:
         return np.append(out, (cost or 0.0) - traces - program.limits.reach[1] @ z[0])
 
     def factorise(self) -> None:
-        """The condensed Newton matrix G'W^-2 G + sum A_k*(Z_k A_k(.) S_k^-1), and its Cholesky factor at unit diagonal.
-
-        For the semidefinite blocks the direction of Helmberg, Rendl, Vanderbei and Wolkowicz (`helmberg1996`): it needs two
-        Cholesky factors where the Nesterov-Todd direction needs a singular value decomposition more, and its curvature is
-        as symmetric.
-        """
+        """The condensed Newton matrix G'W^-2 G + sum A_k*(Z_k A_k(.) S_k^-1), and its Cholesky factor at unit diagonal."""
+        # For the semidefinite blocks the direction of Helmberg, Rendl, Vanderbei and Wolkowicz (`helmberg1996`): it needs two
+        # Cholesky factors where the Nesterov-Todd direction needs a singular value decomposition more, and its curvature is as
+        # symmetric.
         if self._factored:
             return
         program, n = self.program, self.program.ball.size

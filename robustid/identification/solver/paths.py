@@ -90,14 +90,10 @@ def analytic_center(
 ) -> Candidate:
     """Analytic centre of {||X(x)|| <= 1, |e_k| <= level - tail_k}: maximises log det(I - X'X) + sum log(reach_k^2 - |e_k|^2).
 
-    From the first of the points `passed` on the way to the smallest margin that is strictly inside: it is far from the borders;
-    else goes that way again. `level` must exceed the smallest margin strictly. Where the time is over: a point inside on the way.
-
-    Raises
-    ------
-    SolverError
-        Where the path ends outside: the level is not above the smallest margin, to working precision.
+    `level` must exceed the smallest margin strictly. Where the time is over: a point inside on the way.
     """
+    # From the first of the points `passed` on the way to the smallest margin that is strictly inside: it is far from the
+    # borders; else goes that way again.
     count, tail, best = data.rows.cones, data.rows.tail, np.inf
     program = barrier_program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
     for point in itertools.chain(passed, (point for point, _, _ in margin_path(data))):
@@ -146,11 +142,9 @@ class Supports:
 
 
 def barrier_extents(data: ConvexData, inside: Candidate, level: float, X: Real, P: Real) -> Real:
-    """The matrix (k, k) of directions (x, p), columns of X and P, in the ellipsoid of the barrier at a point inside.
-
-    Its diagonal has the squares of their half-widths in an ellipsoid that the set contains; the set is at most as many times
-    larger as the barrier has terms. One Newton matrix serves any number of directions.
-    """
+    """The matrix (k, k) of directions (x, p), columns of X and P, in the ellipsoid of the barrier at a point inside."""
+    # Its diagonal has the squares of their half-widths in an ellipsoid that the set contains; the set is at most as many times
+    # larger as the barrier has terms. One Newton matrix serves any number of directions.
     along = X if data.axes is None else data.axes.T @ X
     W = np.vstack([along, np.column_stack([data.direction(p) for p in P.T])])
     program = barrier_program(data, Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(data.rows.cones))), None)
