@@ -143,14 +143,9 @@ def band_of_multipliers(
     multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], dict[str, NDArray[Any]]]],
     polygons: Polygons | None = None,
 ) -> Band:
-    """Make the band of known multipliers; all that it claims follows from them.
+    """Make the band of known multipliers; all that it claims follows from them. ValueError for arrays of another problem.
 
     Of every entry angles, points and multipliers of the knots, and the fields of an `Extraction` but for its samples.
-
-    Raises
-    ------
-    ValueError
-        Arrays that do not belong to the problem.
     """
     functions, seen = functions_of(problem, box), seen_in(problem)
     places = independent_entries(problem.entries)

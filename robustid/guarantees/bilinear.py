@@ -78,16 +78,10 @@ class Image(Frozen):
     """A continuous model and cells of frequencies up to infinity in the variable z = (b + s)/(b - s), of sample time 1 s.
 
     Gains, norms and closed loops are the same on both sides.
-
-    Attributes
-    ----------
-    plane : SPlane
-    edges : (C + 1,) array
-        Angles of the edges.
     """
 
     plane: SPlane
-    edges: Real
+    edges: Real  # (C + 1,), angles
 
     @classmethod
     def of(cls, nominal: Any, edges: Any) -> Image | None:

@@ -28,16 +28,10 @@ class Factors(NamedTuple):
 
 
 def cascade(zeros: Complex, poles: Complex, gain: float, dt: float) -> Any:
-    """The model ``gain prod(z - zeros) / prod(z - poles)`` as a `control.StateSpace`, section after section.
+    """The model ``gain prod(z - zeros) / prod(z - poles)``, conjugate pairs complete, in sections with ``B = [1, 0]'``, ``D = 1``.
 
-    Every section has ``B = [1, 0]'`` and ``D = 1``, so that the cascade is written without any arithmetic: what `factors`
-    reads from it is the model itself. A pair of poles stands as its real and imaginary parts (not as coefficients of a
-    polynomial), which keeps digits of poles near z = 1.
-
-    Parameters
-    ----------
-    zeros, poles : (r,) complex arrays
-        Conjugate pairs complete.
+    So it is written without any arithmetic: what `factors` reads from it is the model itself. A pair of poles stands as its real
+    and imaginary parts (not as coefficients of a polynomial), which keeps digits of poles near z = 1.
     """
     import control
 
@@ -149,11 +143,10 @@ def arcs(angles: Real) -> tuple[Real, Real]:
 
 
 def lowest_ratio(parts: Factors, low: Real, high: Real, bound: Real, tolerance: float = 2e-4) -> float:
-    """Guaranteed lower bound of min |W|/bound over all cells [low, high] in y.
+    """Proved lower bound of min |W|/bound over all cells [low, high] in y, but for rounding at most 1 + tolerance times too low.
 
-    At most a factor 1 + tolerance too low, but for what rounding hides. Every factor is a parabola, whose range on a cell has a
-    closed form; the product of the ranges encloses the product. Cells are halved where that decides nothing yet. Each range is
-    widened by a running bound of its rounding errors.
+    Every factor is a parabola, whose range on a cell has a closed form, widened by a running bound of its rounding errors; the
+    product of the ranges encloses the product. Cells are halved where that decides nothing yet.
     """
     offset = np.log(parts.gain) - np.log(bound)
     reached = proven = np.inf

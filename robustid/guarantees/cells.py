@@ -148,17 +148,7 @@ def structure_of(bound: Real, size: tuple[int, int]) -> str:
 def as_bounds(plant: Any, edges: Any, bound: Any) -> tuple[Cells, tuple[Real, ...]]:
     """The cells (with the first bound), and all bounds as (C, p, q); those of entries no larger than any other one says.
 
-    Parameters
-    ----------
-    plant : control.StateSpace
-    edges : (C + 1,) array, rad/s
-    bound : (C,) or (C, p, q) array, or a tuple of such arrays
-        All of a tuple hold.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        If shapes don't fit, or two bounds of a tuple are of the same structure.
+    `edges` are (C + 1,), in rad/s; a bound is (C,) or (C, p, q). All of a tuple hold, no two of the same structure.
     """
     parts: list[Any] = list(bound) if isinstance(bound, tuple) else []  # type: ignore[reportUnknownArgumentType]
     if not parts or not all(np.ndim(one) for one in parts):
@@ -179,16 +169,9 @@ def as_bounds(plant: Any, edges: Any, bound: Any) -> tuple[Cells, tuple[Real, ..
 
 
 def implied(bounds: tuple[Real, ...], structure: str, size: tuple[int, int]) -> Real:
-    """Smallest bound of a structure that follows from those of others, (C, p, q).
+    """Smallest bound of a structure ("full", "input", "output", "entry") that follows from those of others, (C, p, q).
 
-    Of a block, the norm of the matrix of bounds of its parts, and the bounds of all that it is part of.
-
-    Parameters
-    ----------
-    bounds : tuple of (C, p, q) arrays
-    structure : {"full", "input", "output", "entry"}
-    size : (int, int)
-        Outputs and inputs.
+    Of a block, the norm of the matrix of bounds of its parts, and the bounds of all that it is part of. `size`: outputs, inputs.
     """
     p, q = shape_of(structure, size)
     found: list[Real] = []

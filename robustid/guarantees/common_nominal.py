@@ -113,11 +113,12 @@ def fitted_nominal(
     """Small stable model near the centres, in units of the radii, and the ratio of its band to the radii at every order tried.
 
     The smallest order at which the band of the members around it, which `band` gives, exceeds the radius nowhere by more than
-    `ENOUGH`; where none does, that with the smallest largest ratio. Between the frequencies, where nothing was solved, the mean of
-    the members' models takes the place of the centres (shifted by what the centres are off it at both sides), and a model
-    farther from it than the radius is none: fits of few points may have peaks between them. Where the plants have an
-    integrator, whose pole a fit would miss, and where no fit is usable, one of the models of the members is taken.
+    `ENOUGH`; where none does, that with the smallest largest ratio.
     """
+    # Between the frequencies, where nothing was solved, the mean of the members' models takes the place of the centres (shifted by
+    # what the centres are off it at both sides), and a model farther from it than the radius is none: fits of few points may have
+    # peaks between them. Where the plants have an integrator, whose pole a fit would miss, and where no fit is usable, one of the
+    # models of the members is taken.
     problem = identifications[0].problem
     radius = np.maximum(centres.radius, 1e-9 * centres.radius.max(axis=0))
     centres = centres._replace(radius=radius)

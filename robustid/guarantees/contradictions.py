@@ -234,10 +234,7 @@ def contradiction_of_multipliers(
 ) -> Contradiction:
     """Make the contradiction of known multipliers: the fields of a `Clash` and of an `Extraction`, but for the samples.
 
-    Raises
-    ------
-    ValueError
-        Arrays that do not belong to the problem, or contradict nothing.
+    ValueError for arrays that do not belong to the problem, or contradict nothing.
     """
     if entry not in independent_entries(problem.entries):
         raise ValueError("its entry is not one of the problem")

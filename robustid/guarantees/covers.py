@@ -26,24 +26,10 @@ _SINGULAR = 1e100  # larger than the entries of any inverse, in units of the pla
 
 
 def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str) -> Real:
-    """Bound of the uncertainty of a kind on every cell, (C,).
+    """Bound (C,) of the uncertainty of a kind on every cell between `edges` in rad/s, from bounds of F - F_0.
 
-    Parameters
-    ----------
-    nominal : control.StateSpace
-        F_0, discrete or continuous.
-    edges : (C + 1,) array, rad/s
-    bound : (C,) array
-        Of the largest singular value of F - F_0.
-    entries : (C, ny, nu) array
-        Of its entries.
-    kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
-
-    Raises
-    ------
-    InputError
-        Another kind; for the relative ones a plant that isn't square, or an uncertainty that nothing bounds: the sentence names
-        the frequency.
+    `bound` (C,) is of its largest singular value, `entries` (C, ny, nu) of its entries. InputError for another kind; for a relative
+    one also a plant that isn't square, and, with the frequency, an uncertainty that nothing bounds.
     """
     if kind not in KINDS:
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")

@@ -1,4 +1,16 @@
-"""Bounds of the second derivative of a model's error along the circle: how much it can bend between two frequencies."""
+"""Bounds of the second derivative of a model's error along the circle: how much it can bend between two frequencies.
+
+E = G + sum (p_i - q_i) P_i + (q'P - model) for every consistent F, with q a member's parameters, is bounded in three parts:
+
+* |d^2 G/d theta^2| <= K rho/(rho-1)^2 in discrete time: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n!
+  (1 - |g|^2)/((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 =
+  -(z G' + z^2 G''); in continuous time likewise (`Region.bend`); positive-real ones in `class_size`.
+  Where the class has a weight W, G = W phi with phi in the ball: |G''| <= |W| |phi''| + 2 |W'| |phi'| + |W''| |phi|, those of
+  W from its state space. MIMO: this holds for the singular values of G divided by its scaling, hence for their entries;
+* the P_i from their state space, times the half-widths of the certified intervals;
+* the remainder, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
+  bound of G serves for it too.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +37,7 @@ StateSpace = tuple[Real, Real, Real]  # A, B, C
 class Curvature:
     """Bounds of the second derivative of the entries of E = F - model along the circle, for every consistent F.
 
-    E = G + sum (p_i - q_i) P_i + (q'P - model) with q a member's parameters: three parts, bounded apart.
-
-    * |d^2 G/d theta^2| <= K rho/(rho-1)^2 in discrete time: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n!
-      (1 - |g|^2)/((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 =
-      -(z G' + z^2 G''); in continuous time likewise (`Region.bend`); positive-real ones in `class_size`.
-      Where the class has a weight W, G = W phi with phi in the ball: |G''| <= |W| |phi''| + 2 |W'| |phi'| + |W''| |phi|, those of
-      W from its state space.
-    * the P_i from their state space, times the half-widths of the certified intervals;
-      MIMO: this holds for the singular values of G divided by its scaling, hence for their entries;
-    * the remainder, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
-      bound of G serves for it too.
+    E = G + sum (p_i - q_i) P_i + (q'P - model) with q a member's parameters: three parts, bounded apart as the module says.
     """
 
     problem: MixedProblem

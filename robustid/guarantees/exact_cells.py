@@ -30,13 +30,7 @@ _HALF = 1 + 5e-10  # half of the allowance
 def relaxed_enough(cell: PoleCell, problem: MixedProblem, omega: Real) -> bool:
     """Return whether radii, intervals and remainders of a cell are above what the formulas give, all rounding enclosed.
 
-    Parameters
-    ----------
-    cell : PoleCell
-    problem : MixedProblem
-        At whose samples the remainders are used.
-    omega : (F,) array, rad/s
-        And where the response is bounded.
+    The remainders are used at the samples of the problem and at `omega` (F,), rad/s, where the response is bounded.
     """
     omega = np.concatenate([omega, *(points.omega for points in problem.frequency)])
     samples = max((record.u.shape[0] for record in problem.time), default=0)

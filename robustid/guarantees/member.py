@@ -102,10 +102,7 @@ class Member(Frozen):
 def as_members(members: Any) -> tuple[Member, ...]:
     """Two members or more, each with a name of its own, of one class and of different data, consistent with it.
 
-    Raises
-    ------
-    InputError, InputTypeError, InconsistentDataError
-        With the members that don't fit, and what to do.
+    InputError, InputTypeError or InconsistentDataError say which members don't fit, and what to do.
     """
     if isinstance(members, Mapping):
         named = cast("Mapping[Any, Any]", members)
@@ -213,10 +210,7 @@ def _check_consistent(members: Sequence[Member]) -> None:
 def corners(bounded: Bounded, entry: tuple[int, int]) -> list[Complex]:
     """At every frequency, points whose convex hull holds an entry of every consistent system.
 
-    Raises
-    ------
-    InputError
-        A pole-uncertainty box that is too wide for a bound.
+    InputError for a pole-uncertainty box that is too wide for a bound.
     """
     if isinstance(bounded, WorstCaseError):
         return [one.vertices for one in bounded.of_entry(*entry)]

@@ -31,16 +31,10 @@ _LONGEST_HORIZON = 500
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outputs(Frozen):
-    """Response to a known input with zero initial conditions: y_k = sum_j f_j u_(k-j) over a consistent set.
-
-    Attributes
-    ----------
-    consistent : ConsistentSet
-    u : (T,) array; several inputs (T, nu)
-    """
+    """Response to a known input with zero initial conditions: y_k = sum_j f_j u_(k-j) over a consistent set."""
 
     consistent: ConsistentSet
-    u: Real
+    u: Real  # (T,); several inputs (T, nu)
 
     def __post_init__(self) -> None:
         self._set(u=freeze(self.u))

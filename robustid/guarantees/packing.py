@@ -51,13 +51,7 @@ def _smaller(left: Real, right: Real) -> tuple[Real, ...]:
 
 
 def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
-    """Certificates from the arrays that `pack_certificates` made.
-
-    Raises
-    ------
-    ValueError
-        Arrays that do not fit together.
-    """
+    """Certificates from the arrays that `pack_certificates` made; ValueError where they do not fit together."""
     orders, ranks, factors, count = arrays["order"], arrays["rank"], arrays["factors"], arrays["order"].size
     widths = arrays.get("width", orders)  # old files of SISO plants have none
     if {len(arrays[name]) for name in ("rank", "level", "value")} | {len(widths)} != {count}:
@@ -133,10 +127,7 @@ def unpack_values(
 ) -> list[ValueSet]:
     """Value sets from the arrays that `pack_values` made, with polygons of a number of directions (default: their own).
 
-    Raises
-    ------
-    ValueError
-        Arrays that do not fit together, or polygons of another number of sides.
+    ValueError for arrays that do not fit together, or polygons of another number of sides.
     """
     if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
         raise ValueError("its frequencies are not between 0 and pi/dt")

@@ -22,20 +22,10 @@ _TRIES, _PROGRESS = 12, 1e-3  # half-planes for one sample, and the least that a
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HalfPlane(Frozen):
-    """A proof that Re(conj(normal) v) <= value for the value v of every consistent system at one new sample.
+    """A proof that Re(conj(normal) v) <= value for the value v of every consistent system at one new sample."""
 
-    Attributes
-    ----------
-    place : int
-        Number of the sample within its experiment.
-    normal : complex
-        Of modulus 1; 1 or -1 for time samples.
-    value : float
-    certificate : SupportCertificate
-    """
-
-    place: int
-    normal: complex
+    place: int  # number of the sample within its experiment
+    normal: complex  # of modulus 1; 1 or -1 for time samples
     value: float
     certificate: SupportCertificate
 

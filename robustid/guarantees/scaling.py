@@ -63,12 +63,7 @@ def _norms(matrices: NDArray[Any]) -> Real:
 def perron_scaling(values: Complex, bound: Real) -> Scaling:
     """The scaling that is best where all entries of M are non-negative: there the product is the spectral radius of ``[b] |M|``.
 
-    Parameters
-    ----------
-    values : (K, nu, ny) array
-        M.
-    bound : (K, p, q) array
-        p is ny or 1, q is nu or 1.
+    `values` (K, nu, ny) are M; `bound` is (K, p, q), p = ny or 1, q = nu or 1.
     """
     k, p, q = bound.shape
     found, known = Scaling(np.zeros((k, q)), np.zeros((k, p))), _seen(values, bound)
@@ -104,14 +99,9 @@ def _leading(matrices: Real) -> Real:
 
 
 def best_scaling(values: Complex, bound: Real) -> Scaling:
-    """The scaling of the smallest product, from `perron_scaling` by Newton steps.
+    """The scaling of the smallest product: from `perron_scaling`, which takes the same, by Newton steps.
 
     Whatever it is, the product proves its bound; how near to the smallest it comes decides only how sharp that is.
-
-    Parameters
-    ----------
-    values, bound
-        As in `perron_scaling`.
     """
     start, known = perron_scaling(values, bound), _seen(values, bound)
     if bound[0].size > 1 and known.any():

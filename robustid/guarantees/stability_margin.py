@@ -197,13 +197,7 @@ def margin_of_circle(
 ) -> RobustStabilityMargin:
     """`robust_stability_margin` against a bound (C,) of the largest singular value and bounds (C, ny, nu) of the entries at once.
 
-    Parameters
-    ----------
-    nominal, controller : control.StateSpace
-    circle : (C + 1,), (C,) and (C, ny, nu) arrays
-        Edges in rad/s and the bounds.
-    kind : str
-        For the relative kinds both bounds give one of the relative error, see `cover_bound`.
+    `circle`: the edges (C + 1,), in rad/s, and both bounds; of a relative kind they give one of the relative error (`cover_bound`).
     """
     edges, bound, entries = circle
     if kind != "additive":
@@ -252,20 +246,11 @@ def _loop(plant: Any, controller: Any, kind: str) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class _Condition:
-    """The left side of the condition, on pieces of arc.
+    """The left side of the condition, on pieces of arc."""
 
-    Attributes
-    ----------
-    loop : control.StateSpace
-        KS, T or S.
-    angles : (C + 1,) array, rad
-    bounds : tuple of (C, p, q) arrays
-        All of them hold.
-    """
-
-    loop: Any
-    angles: Real
-    bounds: tuple[Real, ...]
+    loop: Any  # KS, T or S
+    angles: Real  # (C + 1,), rad
+    bounds: tuple[Real, ...]  # (C, p, q) each; all of them hold
 
     def largest(self) -> tuple[float, float]:
         """Guaranteed maximum over the circle, and where."""

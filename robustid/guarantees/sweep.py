@@ -105,11 +105,8 @@ def value_sets(
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
 
-    Those of matrices have their sides where they bound the distance from a model. They come from frequencies where the set is
-    wide and from others that are spread over the range, in turn; before these from frequencies where `known` discs are loose.
-
-    What is finished is written to the folder `resume`, and what is there already isn't computed again. Where a budget is
-    over, and on Ctrl-C without a folder, those of the frequencies that are finished, one at least.
+    Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; `resume` holds
+    those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, one at least.
     """
     store = None if resume is None else _Store(resume, consistent, directions, gap)
     found = {} if store is None else store.load(omega.tolist())
@@ -172,12 +169,10 @@ def loose(consistent: ConsistentSet, omega: Real, known: Known) -> list[int]:
 
 
 def looseness(consistent: ConsistentSet, omega: Real, known: Known) -> Real:
-    """Radii of known discs over the half-widths of ellipsoids inside the sets of values, the largest of the entries, (F,).
-
-    On five random problems, about two models each, it was four to six times the ratio of the two proved errors, and its ranks
-    followed those of that ratio with a correlation of 0.83; those of the error over its estimate from the ellipsoid with 0.75, and
-    over the bound of the nearest sample and the distance from it with 0.52.
-    """
+    """Radii of known discs over the half-widths of ellipsoids inside the sets of values, the largest of the entries, (F,)."""
+    # On five random problems, about two models each, it was four to six times the ratio of the two proved errors, and its ranks
+    # followed those of that ratio with a correlation of 0.83; those of the error over its estimate from the ellipsoid with 0.75,
+    # and over the bound of the nearest sample and the distance from it with 0.52.
     alone = consistent.posed_at(float(omega[0])) is not consistent.posed  # each frequency is a node of its own
     size = _TOGETHER if alone else omega.size
     half = np.concatenate([consistent.spreads(omega[k : k + size]) for k in range(0, omega.size, size)])

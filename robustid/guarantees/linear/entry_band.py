@@ -40,22 +40,13 @@ class EntryBand(Frozen):
     """Discs that hold an entry of every consistent system, at every angle between the first and the last knot.
 
     Between two knots the multipliers are those of both, in proportion: any multipliers are a certificate.
-
-    Attributes
-    ----------
-    samples : Samples
-    extraction : Extraction
-    angles : (F,) array
-        Ascending.
-    points : (F, n) int array
-    multipliers : (F, n + T) complex64 array
     """
 
     samples: Samples
     extraction: Extraction
-    angles: Real
-    points: NDArray[np.intp]
-    multipliers: NDArray[np.complex64]
+    angles: Real  # (F,), ascending
+    points: NDArray[np.intp]  # (F, n)
+    multipliers: NDArray[np.complex64]  # (F, n + T)
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("angles", "points", "multipliers")})

@@ -32,18 +32,11 @@ class Functions(Frozen):
 
     Amplitudes are the real coefficients of the fixed functions, then the complex c' of the modes. Further coefficients of a mode's
     series are parts of it, of bounded size.
-
-    Attributes
-    ----------
-    fixed : ParametricBasis or None
-    modes : PoleDiscs or None
-    kept : tuple of int
-        Numbers of the fixed functions in the basis of the problem.
     """
 
     fixed: ParametricBasis | None
     modes: PoleDiscs | None
-    kept: tuple[int, ...]
+    kept: tuple[int, ...]  # numbers of the fixed functions in the basis of the problem
 
     @property
     def fixed_count(self) -> int:
@@ -159,11 +152,7 @@ def functions_over(
     """The functions of a basis whose pairs have their poles anywhere in a pole-uncertainty box, a row (M, 2) a mode.
 
     `peaks` (M,) are sizes of the modes at their resonance in units of the bounds there: they say how many terms the series take.
-
-    Raises
-    ------
-    InputError
-        The box has not as many modes as the basis has pairs, or does not hold their poles.
+    InputError for a box that has not as many modes as the basis has pairs, or does not hold their poles.
     """
     pairs = {} if basis is None else pairs_of(basis)
     if basis is None or not pairs:

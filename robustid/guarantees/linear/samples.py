@@ -25,27 +25,16 @@ _MEAN = 1e-12  # rounding of a mean
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RecordRows(Frozen):
-    """Samples of one output from a record: inputs, what the class sees of them, and what the functions do.
-
-    Attributes
-    ----------
-    output : int
-    time : (T,) array, s
-    y, bound : (T,) arrays
-    blocks : dict of int to (T, N) array
-        For every component the Toeplitz matrix of its input, filtered by the weight of the class, columns times rho^-k.
-    functions : (T, m) complex array
-        What all functions of all components do.
-    left_out : (T, amplitudes) array
-    """
+    """Samples of one output from a record: inputs, what the class sees of them, and what the functions do."""
 
     output: int
-    time: Real
-    y: Real
-    bound: Real
+    time: Real  # (T,), s
+    y: Real  # (T,)
+    bound: Real  # (T,)
+    # (T, N), for every component the Toeplitz matrix of its input, filtered by the weight of the class, columns times rho^-k.
     blocks: dict[int, Real]
-    functions: Complex
-    left_out: Real
+    functions: Complex  # (T, m), what all functions of all components do
+    left_out: Real  # (T, amplitudes)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,31 +43,18 @@ class Samples(Frozen):
 
     A point sees sum_c v_c F_c at exp(j angle); every point stands with its conjugate, at -angle. F_c = sum_i p_ci P_i + K s_c W
     phi_c, with |phi|_2 <= `reach` over the components: 1 where they are in one row or one column.
-
-    Attributes
-    ----------
-    problem : MixedProblem
-    functions : Functions
-    entry : tuple of int
-    components : tuple of entries
-    angles : (N,) array
-    v : (N, C) complex array
-    y : (N,) complex array
-    bound : (N,) array
-    records : tuple of RecordRows
-    transients : int
-        Columns of `records` beyond those of the components, of unknown initial states: amplitudes of their own.
     """
 
     problem: MixedProblem
     functions: Functions
     entry: Entry
     components: tuple[Entry, ...]
-    angles: Real
-    v: Complex
-    y: Complex
-    bound: Real
+    angles: Real  # (N,)
+    v: Complex  # (N, C)
+    y: Complex  # (N,)
+    bound: Real  # (N,)
     records: tuple[RecordRows, ...]
+    # Columns of `records` beyond those of the components, of unknown initial states: amplitudes of their own.
     transients: int
 
     @property
