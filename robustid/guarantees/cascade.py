@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from robustid.core import Complex, Real
+
+if TYPE_CHECKING:
+    import control
 
 _EPS = np.finfo(float).eps
 # Logarithms of a few dozen factors, each rounded to some units of the last place of numbers below 1e3.
@@ -27,7 +30,7 @@ class Factors(NamedTuple):
     minimum_phase: bool
 
 
-def cascade(zeros: Complex, poles: Complex, gain: float, dt: float) -> Any:
+def cascade(zeros: Complex, poles: Complex, gain: float, dt: float) -> control.StateSpace:
     """The model ``gain prod(z - zeros) / prod(z - poles)``, conjugate pairs complete, in sections with ``B = [1, 0]'``, ``D = 1``.
 
     So it is written without any arithmetic: what `factors` reads from it is the model itself. A pair of poles stands as its real
@@ -78,7 +81,7 @@ def _section(poles: Complex, zeros: Complex) -> tuple[Real, Real]:
     return np.array([[a, b], [c, d]]), np.array([slope, (value + b * c) / c])
 
 
-def factors(model: Any) -> Factors | None:
+def factors(model: control.StateSpace) -> Factors | None:
     """Exact factors of the magnitude of a model written by `cascade`; None for any other model.
 
     The coefficients come from the entries of the model in rational arithmetic and are rounded once; stability and minimum

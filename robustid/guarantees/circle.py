@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from robustid.guarantees.value_set import (
     schur_bound,
 )
 from robustid.identification import Identification, MixedProblem
+
+if TYPE_CHECKING:
+    import control
 
 _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
 _ROUNDED = 1 + 2e-6  # barely consistent data are given a level of 1 + 1e-6
@@ -97,7 +100,7 @@ class ModelError:
     """F - model over all consistent F: its bounds at frequencies and between them, from value sets."""
 
     identification: Identification
-    model: Any
+    model: control.StateSpace
     parameters: ParameterIntervals
     lowest: float  # rad/s, where the circle begins if the plant has an integrator and there are no frequency points
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.bases import solve_stein
 from robustid.core import Complex, Frozen, Real
@@ -238,7 +236,7 @@ class ConsistentSet(Frozen):
         parametric = self.posed.problem.parametric
         return np.real(self._parameter_weights(np.eye(parametric.size)[index], entry))
 
-    def _parameter_weights(self, values: NDArray[Any], entry: Entry) -> Complex:
+    def _parameter_weights(self, values: Real | Complex, entry: Entry) -> Complex:
         """Weights of the scaled parameters in the sum of values (m,) times the parameters of an entry."""
         rows, (number, part) = self.data.rows, self.posed.problem.entries.place(*entry)
         weights = np.zeros(rows.P.shape[1], complex)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -24,6 +24,9 @@ import scipy.linalg
 from robustid.core import Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.identification import Identification, MixedProblem, class_size, class_value, parametric_states
+
+if TYPE_CHECKING:
+    import control
 
 _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are almost dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
@@ -97,7 +100,9 @@ class Curvature:
         return total
 
 
-def curvature_of(model: Any, identification: Identification, parameters: ParameterIntervals) -> Curvature:
+def curvature_of(
+    model: control.StateSpace, identification: Identification, parameters: ParameterIntervals
+) -> Curvature:
     """Curvature of F - model, with intervals of the parameters."""
     basis, own = identification.problem.parametric, is_own(model, identification)
     # Of a negative-imaginary class the constant has no states of its own in the model.
@@ -111,7 +116,7 @@ def curvature_of(model: Any, identification: Identification, parameters: Paramet
     return Curvature(identification.problem, parts, functions, reach.reshape(-1, *shape), inside)
 
 
-def is_own(model: Any, identification: Identification) -> bool:
+def is_own(model: control.StateSpace, identification: Identification) -> bool:
     """Return whether a nominal is the model of the identification (or a copy of it)."""
     return all(np.array_equal(getattr(model, name), getattr(identification.model, name)) for name in "ABCD")
 
@@ -157,7 +162,7 @@ def _on_short_arc(A: Real, B: Real, C: Real, low: float, high: float) -> Real | 
     return (middle + half * third) * (1 + 1e-9 + _CHANGED * size)
 
 
-def known_part(model: Any, identification: Identification) -> StateSpace:
+def known_part(model: control.StateSpace, identification: Identification) -> StateSpace:
     """State space (A, B, C) of q'P - model, each in coordinates of its own."""
     problem = identification.problem
     a, b, c, _ = problem.plane.in_z(StateMatrices.of(model))

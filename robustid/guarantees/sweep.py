@@ -12,10 +12,10 @@ import pickle
 import zipfile
 from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
 from concurrent.futures import Executor
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import (
     Budget,
@@ -33,6 +33,9 @@ from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
 from robustid.guarantees.polygons import value_sets_at
 from robustid.guarantees.value_set import ValueSet
+
+if TYPE_CHECKING:
+    import control
 
 Processes = Executor | int | None  # over any executor, over so many processes of our own, or in this process
 
@@ -86,7 +89,7 @@ class Known(Protocol):
         """Frequencies between which they are known, rad/s."""
         ...
 
-    def at(self, omega: Any) -> tuple[Complex, Real]:
+    def at(self, omega: ArrayLike) -> tuple[Complex, Real]:
         """Centres and radii, (F, ny, nu) each."""
         ...
 
@@ -100,7 +103,7 @@ def value_sets(
     progress: Progress | None = None,
     resume: Folder | None = None,
     budget: Budget | None = None,
-    model: Any = None,
+    model: control.StateSpace | None = None,
     known: Known | None = None,
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
@@ -187,7 +190,7 @@ def spread_order(count: int) -> list[int]:
     return [k for k in turned if k < count]
 
 
-def _values_of(model: Any, omega: list[float], consistent: ConsistentSet) -> dict[float, Complex]:
+def _values_of(model: control.StateSpace, omega: list[float], consistent: ConsistentSet) -> dict[float, Complex]:
     """Values of a model of several inputs or outputs at frequencies."""
     problem = consistent.posed.problem
     if problem.entries.single:
@@ -254,7 +257,7 @@ class _Store:
                 " make room, and run the same again"
             ) from error
 
-    def _bound(self, omega: float) -> NDArray[Any]:
+    def _bound(self, omega: float) -> NDArray[np.str_]:
         directions, gap = self._settings
         return np.array(fingerprint((self._digest, directions, gap, omega)))
 

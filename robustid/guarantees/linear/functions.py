@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse.csgraph
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.bases import ParametricBasis
 from robustid.core import Complex, Frozen, Plane, Real, StateMatrices, as_array, simulate
@@ -24,6 +24,25 @@ _SAME = 1e-8  # relative: functions that are combinations of others up to roundi
 _LEFT_OUT = 1e-3  # of a mode, by its series, where the bounds of the samples ask for no less
 _TO_BOUND = 0.02  # of the bound of a sample, by the series
 _NEAR = 3.0  # half-widths around a mode in which its resonance is looked for
+
+Box = tuple[Real, Real]  # ends (M, 2) of the natural frequencies in rad/s, and of the damping ratios
+
+
+class SuggestedBox(Protocol):
+    """The part of a `KautzSuggestion` that a pole-uncertainty box is made of."""
+
+    @property
+    def omega_interval(self) -> Real:
+        """Ends (M, 2) of the natural frequencies, rad/s."""
+        ...
+
+    @property
+    def damping_interval(self) -> Real:
+        """Ends (M, 2) of the damping ratios."""
+        ...
+
+
+BoxLike = SuggestedBox | tuple[ArrayLike, ArrayLike]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -229,7 +248,7 @@ def pairs_of(basis: ParametricBasis) -> dict[tuple[int, int], tuple[complex, int
     return found
 
 
-def has_box(basis: Any, modes: int) -> bool:
+def has_box(basis: ParametricBasis | None, modes: int) -> bool:
     """Return whether functions are single pairs of so many modes, besides others: a pole-uncertainty box can hold these."""
     return basis is not None and len(pairs_of(basis)) == modes
 
@@ -259,7 +278,7 @@ def ends_of(box: Any) -> tuple[Real, Real]:
     return omega, damping
 
 
-def functions_of(problem: MixedProblem, box: Any) -> Functions:
+def functions_of(problem: MixedProblem, box: BoxLike | None) -> Functions:
     """The parametric part, with its poles in the box."""
     if box is None:
         return fixed_functions(problem.parametric)

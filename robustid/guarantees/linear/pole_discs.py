@@ -244,7 +244,7 @@ def middle_of(points: Complex) -> complex:
     """Middle of a small hyperbolic disc of Re s < 0 around points."""
     scale, turn = np.exp(np.log(-points.real).mean()), points.imag.mean()
 
-    def of(parts: Any) -> complex:
+    def of(parts: Real) -> complex:
         return complex(-scale * np.exp(parts[0]), turn + scale * parts[1])
 
     def radius(s: complex) -> float:

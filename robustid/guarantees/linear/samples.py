@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -21,6 +21,8 @@ from robustid.identification.formulation import initial_state, measured_entries
 Entry = tuple[int, int]
 _ROWS = 256  # samples of the records of an entry that are used
 _MEAN = 1e-12  # rounding of a mean
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -118,7 +120,7 @@ class Samples(Frozen):
         every = [own + k * count for k in range(len(self.components))]
         return np.concatenate([*every, len(self.components) * count + np.arange(self.transients)]).astype(int)
 
-    def _every(self, own: NDArray[Any], transient: Any) -> NDArray[Any]:
+    def _every(self, own: NDArray[Number], transient: float) -> NDArray[Number]:
         return np.concatenate([np.tile(own, len(self.components)), np.full(self.transients, transient)])
 
     @functools.cached_property
@@ -206,7 +208,7 @@ class Samples(Frozen):
         """Most that the series leave out of the entry, (B, amplitudes)."""
         return self.of_target(self.functions.left_out(angles), self.amplitudes).real
 
-    def of_target(self, own: NDArray[Any], columns: int) -> Complex:
+    def of_target(self, own: Real | Complex, columns: int) -> Complex:
         """Columns of the entry among so many of all components and transients, zeros elsewhere."""
         found = np.zeros((len(own), columns), complex)
         found[:, self.target * own.shape[1] : (self.target + 1) * own.shape[1]] = own
