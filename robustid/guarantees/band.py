@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Real, as_count, one_thread
+from robustid.core import Arrays, Real, as_count, one_thread
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import independent_entries
@@ -20,18 +20,27 @@ from robustid.guarantees.linear.entry_band import (
     multipliers_fit,
     quick_band,
 )
-from robustid.guarantees.linear.functions import ends_of, functions_of
-from robustid.guarantees.linear.proved_discs import Box
+from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.refinement import Polygons, polygons_hold
 from robustid.identification import Identification, MixedProblem
 
+if TYPE_CHECKING:
+    import control
+
 _BEYOND = 4.0  # times the highest frequency point of continuous data: the last knot before infinity
 _COARSE = 64  # knots of the uniform grid from end to end
 
 
-def band(thing: Any, *, omega: Any = None, box: Any = None, model: Any = None, knots: int | None = None) -> Band:
+def band(
+    thing: Identification | MixedProblem,
+    *,
+    omega: ArrayLike | None = None,
+    box: BoxLike | None = None,
+    model: control.StateSpace | None = None,
+    knots: int | None = None,
+) -> Band:
     r"""Proved band of all consistent systems at every frequency, from linear certificates: milliseconds a frequency.
 
     For any numbers d_k,
@@ -109,7 +118,7 @@ def band(thing: Any, *, omega: Any = None, box: Any = None, model: Any = None, k
     return Band(problem=problem, omega=grid, bands=tuple(bands), box=stated, model=model)
 
 
-def _statement(thing: Any, model: Any) -> tuple[MixedProblem, Any]:
+def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedProblem, control.StateSpace | None]:
     """The problem and the nominal."""
     if isinstance(thing, Identification):
         thing.require()
@@ -139,18 +148,13 @@ def band_of_multipliers(
     problem: MixedProblem,
     box: Box | None,
     omega: Real,
-    model: Any,
-    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], dict[str, NDArray[Any]]]],
+    model: control.StateSpace | None,
+    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], Arrays]],
     polygons: Polygons | None = None,
 ) -> Band:
-    """Make the band of known multipliers; all that it claims follows from them.
+    """Make the band of known multipliers; all that it claims follows from them. ValueError for arrays of another problem.
 
     Of every entry angles, points and multipliers of the knots, and the fields of an `Extraction` but for its samples.
-
-    Raises
-    ------
-    ValueError
-        Arrays that do not belong to the problem.
     """
     functions, seen = functions_of(problem, box), seen_in(problem)
     places = independent_entries(problem.entries)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Frozen, Real, SPlane, StateMatrices, as_array, bilinear_in_s, bilinear_in_z
 from robustid.errors import InputError
@@ -49,7 +50,7 @@ class ControlPair(Frozen):
         return discrete(continuous, self.dt) if self.dt else continuous
 
 
-def discrete(continuous: Any, dt: float) -> Any:
+def discrete(continuous: control.StateSpace, dt: float) -> control.StateSpace:
     """The discrete model with the same values as a continuous one at s = (2/dt)(z - 1)/(z + 1)."""
     import control
 
@@ -60,7 +61,7 @@ def discrete(continuous: Any, dt: float) -> Any:
     return control.StateSpace(*found, dt, remove_useless_states=False)
 
 
-def bilinear(model: Any) -> Any:
+def bilinear(model: control.StateSpace) -> control.StateSpace:
     """The continuous model with the same values, at s = (2/dt)(z - 1)/(z + 1)."""
     import control
 
@@ -78,19 +79,13 @@ class Image(Frozen):
     """A continuous model and cells of frequencies up to infinity in the variable z = (b + s)/(b - s), of sample time 1 s.
 
     Gains, norms and closed loops are the same on both sides.
-
-    Attributes
-    ----------
-    plane : SPlane
-    edges : (C + 1,) array
-        Angles of the edges.
     """
 
     plane: SPlane
-    edges: Real
+    edges: Real  # (C + 1,), angles
 
     @classmethod
-    def of(cls, nominal: Any, edges: Any) -> Image | None:
+    def of(cls, nominal: control.StateSpace, edges: ArrayLike) -> Image | None:
         """The image where the nominal model is continuous; None where it is not."""
         if getattr(nominal, "dt", None) != 0:
             return None
@@ -104,14 +99,14 @@ class Image(Frozen):
         plane = SPlane(float(np.sqrt(inside.min() * inside.max())) if inside.size else 1.0)
         return cls(plane, plane.angles(edges))
 
-    def model(self, name: str, continuous: Any) -> Any:
+    def model(self, name: str, continuous: control.StateSpace) -> control.StateSpace:
         """A continuous model in z."""
         system = check_model(name, continuous)
         if system.nstates and system.dt != 0:
             raise InputError(f"`{name}` must be continuous, as `nominal` is; got dt = {system.dt}")
         return in_image(system, self.plane)
 
-    def continuous(self, model: Any) -> Any:
+    def continuous(self, model: control.StateSpace) -> control.StateSpace:
         """A model in z as a continuous one."""
         return from_image(model, self.plane)
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from robustid.core import Complex, Real
+
+if TYPE_CHECKING:
+    import control
 
 _EPS = np.finfo(float).eps
 # Logarithms of a few dozen factors, each rounded to some units of the last place of numbers below 1e3.
@@ -27,17 +30,11 @@ class Factors(NamedTuple):
     minimum_phase: bool
 
 
-def cascade(zeros: Complex, poles: Complex, gain: float, dt: float) -> Any:
-    """The model ``gain prod(z - zeros) / prod(z - poles)`` as a `control.StateSpace`, section after section.
+def cascade(zeros: Complex, poles: Complex, gain: float, dt: float) -> control.StateSpace:
+    """The model ``gain prod(z - zeros) / prod(z - poles)``, conjugate pairs complete, in sections with ``B = [1, 0]'``, ``D = 1``.
 
-    Every section has ``B = [1, 0]'`` and ``D = 1``, so that the cascade is written without any arithmetic: what `factors`
-    reads from it is the model itself. A pair of poles stands as its real and imaginary parts (not as coefficients of a
-    polynomial), which keeps digits of poles near z = 1.
-
-    Parameters
-    ----------
-    zeros, poles : (r,) complex arrays
-        Conjugate pairs complete.
+    So it is written without any arithmetic: what `factors` reads from it is the model itself. A pair of poles stands as its real
+    and imaginary parts (not as coefficients of a polynomial), which keeps digits of poles near z = 1.
     """
     import control
 
@@ -84,7 +81,7 @@ def _section(poles: Complex, zeros: Complex) -> tuple[Real, Real]:
     return np.array([[a, b], [c, d]]), np.array([slope, (value + b * c) / c])
 
 
-def factors(model: Any) -> Factors | None:
+def factors(model: control.StateSpace) -> Factors | None:
     """Exact factors of the magnitude of a model written by `cascade`; None for any other model.
 
     The coefficients come from the entries of the model in rational arithmetic and are rounded once; stability and minimum
@@ -149,11 +146,10 @@ def arcs(angles: Real) -> tuple[Real, Real]:
 
 
 def lowest_ratio(parts: Factors, low: Real, high: Real, bound: Real, tolerance: float = 2e-4) -> float:
-    """Guaranteed lower bound of min |W|/bound over all cells [low, high] in y.
+    """Proved lower bound of min |W|/bound over all cells [low, high] in y, but for rounding at most 1 + tolerance times too low.
 
-    At most a factor 1 + tolerance too low, but for what rounding hides. Every factor is a parabola, whose range on a cell has a
-    closed form; the product of the ranges encloses the product. Cells are halved where that decides nothing yet. Each range is
-    widened by a running bound of its rounding errors.
+    Every factor is a parabola, whose range on a cell has a closed form, widened by a running bound of its rounding errors; the
+    product of the ranges encloses the product. Cells are halved where that decides nothing yet.
     """
     offset = np.log(parts.gain) - np.log(bound)
     reached = proven = np.inf

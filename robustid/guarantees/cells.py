@@ -13,15 +13,18 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Complex, Real, as_array, freeze, scaled_states
 from robustid.errors import InputError
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.identification import check_model
+
+if TYPE_CHECKING:
+    import control
 
 INPUT = "input_multiplicative"
 KINDS = ("additive", "multiplicative", INPUT, "inverse")
@@ -40,7 +43,7 @@ class Cells(NamedTuple):
     bound: Real
 
     @classmethod
-    def read(cls, edges: Any, bound: Any, dt: float, plant: Any = None) -> Cells:
+    def read(cls, edges: ArrayLike, bound: ArrayLike, dt: float, plant: control.StateSpace | None = None) -> Cells:
         """Check what the user gave; shapes against a plant, where there is one."""
         edges, bound = as_array("edges", edges, ndim=1), as_array("bound", bound)
         if edges.size < 2 or np.any(np.diff(edges) <= 0) or edges[0] < 0:
@@ -69,7 +72,7 @@ class Cells(NamedTuple):
         return cls(freeze(edges), freeze(angles), freeze(bound))
 
 
-def check_plant(nominal: Any) -> Any:
+def check_plant(nominal: control.StateSpace) -> control.StateSpace:
     """The nominal model, discrete and with its sample time."""
     plant = check_model("nominal", nominal)
     if plant.dt is True or not plant.dt:
@@ -85,8 +88,12 @@ class Pieces(NamedTuple):
     values: Complex
     radius: Real
 
+    def of(self, which: NDArray[np.bool_]) -> Pieces:
+        """Some of the pieces."""
+        return Pieces(self.cell[which], self.middle[which], self.values[which], self.radius[which])
 
-def enclose(model: Any, angles: Real, coarse: Callable[[Pieces], NDArray[np.bool_]]) -> Pieces:
+
+def enclose(model: control.StateSpace, angles: Real, coarse: Callable[[Pieces], NDArray[np.bool_]]) -> Pieces:
     """Enclose a model on the cells between `angles`, halved for as long as `coarse` says so of a piece.
 
     Radii include an allowance for the rounding of the solution of linear systems, to first order.
@@ -97,8 +104,7 @@ def enclose(model: Any, angles: Real, coarse: Callable[[Pieces], NDArray[np.bool
     for depth in range(_DEPTH):
         pieces = Pieces(cell, (low + high) / 2, *_on_arcs(matrices, low, high))
         split = coarse(pieces) if depth < _DEPTH - 1 else np.zeros(cell.size, dtype=bool)
-        whole: list[Any] = [part[~split] for part in pieces]
-        done.append(Pieces(*whole))
+        done.append(pieces.of(~split))
         if not split.any():
             break
         cell, low, middle, high = cell[split], low[split], pieces.middle[split], high[split]
@@ -145,20 +151,10 @@ def structure_of(bound: Real, size: tuple[int, int]) -> str:
     return shapes[bound.shape[1], bound.shape[2]]
 
 
-def as_bounds(plant: Any, edges: Any, bound: Any) -> tuple[Cells, tuple[Real, ...]]:
+def as_bounds(plant: control.StateSpace, edges: ArrayLike, bound: ArrayLike) -> tuple[Cells, tuple[Real, ...]]:
     """The cells (with the first bound), and all bounds as (C, p, q); those of entries no larger than any other one says.
 
-    Parameters
-    ----------
-    plant : control.StateSpace
-    edges : (C + 1,) array, rad/s
-    bound : (C,) or (C, p, q) array, or a tuple of such arrays
-        All of a tuple hold.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        If shapes don't fit, or two bounds of a tuple are of the same structure.
+    `edges` are (C + 1,), in rad/s; a bound is (C,) or (C, p, q). All of a tuple hold, no two of the same structure.
     """
     parts: list[Any] = list(bound) if isinstance(bound, tuple) else []  # type: ignore[reportUnknownArgumentType]
     if not parts or not all(np.ndim(one) for one in parts):
@@ -179,16 +175,9 @@ def as_bounds(plant: Any, edges: Any, bound: Any) -> tuple[Cells, tuple[Real, ..
 
 
 def implied(bounds: tuple[Real, ...], structure: str, size: tuple[int, int]) -> Real:
-    """Smallest bound of a structure that follows from those of others, (C, p, q).
+    """Smallest bound of a structure ("full", "input", "output", "entry") that follows from those of others, (C, p, q).
 
-    Of a block, the norm of the matrix of bounds of its parts, and the bounds of all that it is part of.
-
-    Parameters
-    ----------
-    bounds : tuple of (C, p, q) arrays
-    structure : {"full", "input", "output", "entry"}
-    size : (int, int)
-        Outputs and inputs.
+    Of a block, the norm of the matrix of bounds of its parts, and the bounds of all that it is part of. `size`: outputs, inputs.
     """
     p, q = shape_of(structure, size)
     found: list[Real] = []

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from robustid.guarantees.value_set import (
     schur_bound,
 )
 from robustid.identification import Identification, MixedProblem
+
+if TYPE_CHECKING:
+    import control
 
 _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
 _ROUNDED = 1 + 2e-6  # barely consistent data are given a level of 1 + 1e-6
@@ -94,21 +97,12 @@ class Remembered:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModelError:
-    """F - model over all consistent F: its bounds at frequencies and between them, from value sets.
-
-    Attributes
-    ----------
-    identification : Identification
-    model : control.StateSpace
-    parameters : ParameterIntervals
-    lowest : float, rad/s
-        Where the circle begins if the plant has an integrator and there are no frequency points.
-    """
+    """F - model over all consistent F: its bounds at frequencies and between them, from value sets."""
 
     identification: Identification
-    model: Any
+    model: control.StateSpace
     parameters: ParameterIntervals
-    lowest: float
+    lowest: float  # rad/s, where the circle begins if the plant has an integrator and there are no frequency points
 
     @functools.cached_property
     def curvature(self) -> Curvature:
@@ -195,11 +189,10 @@ def refine(
     budget: Budget,
     most: int = LARGEST,
 ) -> CircleBound:
-    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol.
+    """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol, up to `most` frequencies.
 
-    Until a budget is over, or more than `most` frequencies would be needed. `values` and those of a bound `before` are used again;
-    `settings` are the directions and the gap of a fine value set. New ends of arcs get a coarse value set, which does for most of
-    them, and a fine one where the arc is short enough for it to matter.
+    Within the budget; `values`, of `settings` (directions and gap), and those of a bound `before` are used again. New ends get a
+    coarse value set, which does for most of them, and a fine one where the arc is short enough for it to matter.
     """
     plane, (bottom, top) = error.identification.problem.plane, error.range
     further = error.beyond() if top > error.end else np.zeros((0, *error.model.D.shape))

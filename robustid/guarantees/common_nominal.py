@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.core import Complex, Plane, Real, freeze
 from robustid.data import FrequencyResponse
@@ -16,6 +15,9 @@ from robustid.fitting import fit_mfd
 from robustid.guarantees.member import Bounded, corners
 from robustid.guarantees.nominal import as_nominal
 from robustid.identification import Identification
+
+if TYPE_CHECKING:
+    import control
 
 _OUTSIDE = 1 + 1e-12  # of a radius: what rounding may put a point of the rim outside
 _ROUNDING = 1e-15  # of the extent of the points, besides
@@ -108,25 +110,26 @@ def fitted_nominal(
     omega: Real,
     centres: Centres,
     order: int | None,
-    band: Callable[[Any], Real],
-) -> tuple[Any, tuple[tuple[int, float], ...]]:
+    band: Callable[[control.StateSpace], Real],
+) -> tuple[control.StateSpace, tuple[tuple[int, float], ...]]:
     """Small stable model near the centres, in units of the radii, and the ratio of its band to the radii at every order tried.
 
     The smallest order at which the band of the members around it, which `band` gives, exceeds the radius nowhere by more than
-    `ENOUGH`; where none does, that with the smallest largest ratio. Between the frequencies, where nothing was solved, the mean of
-    the members' models takes the place of the centres (shifted by what the centres are off it at both sides), and a model
-    farther from it than the radius is none: fits of few points may have peaks between them. Where the plants have an
-    integrator, whose pole a fit would miss, and where no fit is usable, one of the models of the members is taken.
+    `ENOUGH`; where none does, that with the smallest largest ratio.
     """
+    # Between the frequencies, where nothing was solved, the mean of the members' models takes the place of the centres (shifted by
+    # what the centres are off it at both sides), and a model farther from it than the radius is none: fits of few points may have
+    # peaks between them. Where the plants have an integrator, whose pole a fit would miss, and where no fit is usable, one of the
+    # models of the members is taken.
     problem = identifications[0].problem
     radius = np.maximum(centres.radius, 1e-9 * centres.radius.max(axis=0))
     centres = centres._replace(radius=radius)
     seen = _Between.of(identifications, omega, centres, _SEEN)
 
-    def ratio(model: Any) -> float:
+    def ratio(model: control.StateSpace) -> float:
         return float((band(model) / radius).max())
 
-    found: list[tuple[float, int, Any]] = []
+    found: list[tuple[float, int, control.StateSpace]] = []
     if problem.parametric is None or not problem.parametric.has_integrator:
         held = _Between.of(identifications, omega, centres, _HELD)
         data, weight = _targets(omega, centres, held)
@@ -168,14 +171,14 @@ class _Between(NamedTuple):
         shifted: Complex = mean + before + later * (after - before)
         return cls(plane, angles, shifted, np.repeat(np.maximum(radius[:-1], radius[1:]), parts.size, axis=0))
 
-    def away(self, model: Any) -> float:
+    def away(self, model: control.StateSpace) -> float:
         """Largest distance of a model from the centres, in units of the radii."""
         if not self.angles.size:
             return 0.0
         return float((np.abs(self.plane.values(model, self.angles) - self.centre) / self.radius).max())
 
 
-def _targets(omega: Real, centres: Centres, between: _Between) -> tuple[FrequencyResponse, NDArray[Any]]:
+def _targets(omega: Real, centres: Centres, between: _Between) -> tuple[FrequencyResponse, Real]:
     """Values that the nominal is fitted to, and the weight of each."""
     points = np.concatenate([omega, between.plane.omega(between.angles)])
     values = np.concatenate([centres.centre, between.centre])
@@ -190,7 +193,9 @@ def _orders(most: int, step: int) -> list[int]:
     return counts[:: max(1, counts.size // _ORDERS)].tolist()
 
 
-def _fitted(data: FrequencyResponse, weight: NDArray[Any], order: int, identification: Identification) -> Any:
+def _fitted(
+    data: FrequencyResponse, weight: Real, order: int, identification: Identification
+) -> control.StateSpace | None:
     """A stable model of an order; None where the fit fails or isn't usable."""
     try:
         domain = "z" if data.dt else "s"

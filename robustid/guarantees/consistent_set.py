@@ -5,10 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.bases import solve_stein
 from robustid.core import Complex, Frozen, Real
@@ -46,21 +44,12 @@ _BARELY = (
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Extreme(Frozen):
-    """The largest value of a functional: `attained` by a system of the set, at most `upper` by the certificate.
-
-    Attributes
-    ----------
-    upper, attained : float
-        `attained` is -inf where the set is too thin for a verified member.
-    x, p : arrays
-        Coefficients and scaled parameters of the system that attains it.
-    certificate : SupportCertificate
-    """
+    """The largest value of a functional: `attained` by a system of the set, at most `upper` by the certificate."""
 
     upper: float
-    attained: float
-    x: Real
-    p: Real
+    attained: float  # -inf where the set is too thin for a verified member
+    x: Real  # coefficients of the system that attains it
+    p: Real  # its scaled parameters
     certificate: SupportCertificate
 
     def proved_by(self, other: Extreme) -> Extreme:
@@ -115,22 +104,12 @@ def largest(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ConsistentSet(Frozen):
-    """All (x, p) with ||X(x)|| <= 1 and every |residual| <= level * bound, and a point well inside.
-
-    Attributes
-    ----------
-    posed : Formulation
-    center : Candidate
-        Analytic centre.
-    level : float
-        1; barely more where the data are barely consistent, so that the set has an inside (bounds over it hold all the more).
-    exact : Formulation, optional
-        The form without tails, for frequencies at which the tail of `posed` is more than a hundredth of the smallest bound.
-    """
+    """All (x, p) with ||X(x)|| <= 1 and every |residual| <= level * bound, and a point well inside."""
 
     posed: Formulation
-    center: Candidate
-    level: float
+    center: Candidate  # analytic centre
+    level: float  # 1; barely more where the data are barely consistent, so that the set has an inside (bounds hold all the more)
+    # The form without tails, for frequencies at which the tail of `posed` is more than a hundredth of the smallest bound.
     exact: Formulation | None = None
 
     @property
@@ -257,7 +236,7 @@ class ConsistentSet(Frozen):
         parametric = self.posed.problem.parametric
         return np.real(self._parameter_weights(np.eye(parametric.size)[index], entry))
 
-    def _parameter_weights(self, values: NDArray[Any], entry: Entry) -> Complex:
+    def _parameter_weights(self, values: Real | Complex, entry: Entry) -> Complex:
         """Weights of the scaled parameters in the sum of values (m,) times the parameters of an entry."""
         rows, (number, part) = self.data.rows, self.posed.problem.entries.place(*entry)
         weights = np.zeros(rows.P.shape[1], complex)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Savable, as_flag, as_kind, freeze, one_thread
+from robustid.core import Arrays, Complex, Frozen, Record, Savable, as_flag, as_kind, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import independent_entries, which
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.clash import Clash, clash_of
 from robustid.guarantees.linear.entry_band import extraction_fits, multipliers_fit
-from robustid.guarantees.linear.functions import ends_of, functions_of
+from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.identification import MixedProblem
 
@@ -36,7 +35,7 @@ class Contradiction(Frozen, Savable):
     """
 
     problem: MixedProblem
-    box: Any
+    box: Box | None
     clash: Clash
 
     def __post_init__(self) -> None:
@@ -98,7 +97,7 @@ class Contradiction(Frozen, Savable):
         """Radius of that disc."""
         return float(self.clash.disc[1]) - self.bound
 
-    def _true(self, value: Any) -> Any:
+    def _true(self, value: Complex) -> Complex:
         """A value at a line, and not its conjugate."""
         sample, points = self.clash.sample, self.clash.points
         mirrored = sample < points.size and points[sample] >= self.clash.samples.angles.size // 2
@@ -157,7 +156,7 @@ class Contradiction(Frozen, Savable):
         )
 
 
-def contradiction(problem: MixedProblem, *, box: Any = None) -> Contradiction | None:
+def contradiction(problem: MixedProblem, *, box: BoxLike | None = None) -> Contradiction | None:
     r"""Search a proof that no system of the class explains the data, from linear certificates: in seconds at most.
 
     For any numbers d_k, -1 for one sample and others for the rest, every system that keeps the bounds has
@@ -230,14 +229,11 @@ def contradiction(problem: MixedProblem, *, box: Any = None) -> Contradiction | 
 
 
 def contradiction_of_multipliers(
-    problem: MixedProblem, box: Any, entry: tuple[int, int], proof: dict[str, Any], amplitudes: dict[str, NDArray[Any]]
+    problem: MixedProblem, box: Box | None, entry: tuple[int, int], proof: Record, amplitudes: Arrays
 ) -> Contradiction:
     """Make the contradiction of known multipliers: the fields of a `Clash` and of an `Extraction`, but for the samples.
 
-    Raises
-    ------
-    ValueError
-        Arrays that do not belong to the problem, or contradict nothing.
+    ValueError for arrays that do not belong to the problem, or contradict nothing.
     """
     if entry not in independent_entries(problem.entries):
         raise ValueError("its entry is not one of the problem")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, plane_of, time_words
 from robustid.data import FrequencyResponse
@@ -17,6 +18,8 @@ from robustid.guarantees.family_result import Family
 from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.worst_case_result import WorstCaseError
 
+Discs = Band | WorstCaseError | WorstCaseOverPoles | Family | FrequencyResponse
+Withheld = FrequencyResponse | Sequence[FrequencyResponse]
 UNITS = {
     "records": "withheld records",
     "periods": "withheld periods of the same excitation",
@@ -33,7 +36,7 @@ class Ranked(NamedTuple):
     probability: float | None
 
 
-def ranked(scores: Any, rank: int | None = None) -> Ranked:
+def ranked(scores: ArrayLike, rank: int | None = None) -> Ranked:
     r"""Factor that holds the next record with a probability, whatever the distribution of the records is.
 
     With scores :math:`s_1 \dots s_R` of R records that the band was not made from, exchangeable with the next one,
@@ -70,7 +73,7 @@ def ranked(scores: Any, rank: int | None = None) -> Ranked:
     return Ranked(float(sizes[rank - 1]), rank / (sizes.size + 1) if sizes.size > 1 else None)
 
 
-def chance_of_order(scores: Any) -> float:
+def chance_of_order(scores: ArrayLike) -> float:
     """Probability that scores in random order rise, or fall, at least as steadily as these do: Kendall's test, exact.
 
     Counts the pairs that stand in the wrong order; equal scores count half. 1 where there is nothing to order.
@@ -102,7 +105,7 @@ class ResponseDiscs(NamedTuple):
     dt: float
 
     @classmethod
-    def of(cls, thing: Any) -> ResponseDiscs:
+    def of(cls, thing: object) -> ResponseDiscs:
         """The band of a worst-case error, of a family, or of a response with its bound."""
         if isinstance(thing, FrequencyResponse):
             if thing.bound is None:
@@ -120,7 +123,7 @@ class ResponseDiscs(NamedTuple):
         )
 
 
-def band_of_others(bands: Sequence[ResponseDiscs], scores: Any) -> tuple[Complex, Real, float]:
+def band_of_others(bands: Sequence[ResponseDiscs], scores: ArrayLike) -> tuple[Complex, Real, float]:
     r"""ResponseDiscs from leave-one-out scores over all R records: centre and radius (F, ny, nu), and its probability.
 
     `bands[i]` is made without record i, whose score against it is `scores[i]`. The next record lies in one of the bands times its
@@ -279,7 +282,7 @@ class Coverage(Frozen):
         return "\n".join([*self.sentences, "scores: " + ", ".join(rows)])
 
 
-def coverage(band: Any, withheld: Any, *, kind: str = "records", names: Sequence[str] | None = None) -> Coverage:
+def coverage(band: Discs, withheld: Withheld, *, kind: str = "records", names: Sequence[str] | None = None) -> Coverage:
     """Withheld responses against a band that was not made from them, and the probability with which it holds the next record.
 
     Parameters
@@ -322,7 +325,7 @@ def coverage(band: Any, withheld: Any, *, kind: str = "records", names: Sequence
     (True, 0.8, 1.3)
     """
     discs = ResponseDiscs.of(band)
-    items: list[Any] = [withheld] if isinstance(withheld, FrequencyResponse) else list(withheld)
+    items = [withheld] if isinstance(withheld, FrequencyResponse) else list(withheld)
     if kind not in UNITS:
         raise InputError(f"`kind` must be one of {tuple(UNITS)}; got {kind!r}")
     if not items:
@@ -378,7 +381,7 @@ def _check_fits(band: ResponseDiscs, item: FrequencyResponse, name: str) -> None
         )
 
 
-def _found(wanted: Real, have: Real) -> tuple[Any, Any]:
+def _found(wanted: Real, have: Real) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
     """Mask of the wanted frequencies that are there, and their places."""
     at = np.clip(np.searchsorted(have, wanted), 1, max(have.size - 1, 1))
     pair = np.stack([at - 1, np.minimum(at, have.size - 1)])

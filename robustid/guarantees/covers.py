@@ -8,7 +8,7 @@ With :math:`F = F_0 + E`, :math:`|E_{ij}| \le b_{ij}`, the uncertainty at the ou
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from robustid.errors import InputError
 from robustid.guarantees.bilinear import Image
 from robustid.guarantees.cells import INPUT, KINDS, Cells, Pieces, check_plant, enclose
 
+if TYPE_CHECKING:
+    import control
+
 _RESOLVED = 0.02  # largest relative radius of F_0 on a piece of arc
 _ROUNDING = 1 + 1e-9
 _PIECES = 20_000  # halved at once, at most: a plant that is singular all over is not resolved by more of them
@@ -25,25 +28,11 @@ _RELATIVE = 1e12  # a larger relative error is rounding of a plant that is singu
 _SINGULAR = 1e100  # larger than the entries of any inverse, in units of the plant, and finite
 
 
-def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str) -> Real:
-    """Bound of the uncertainty of a kind on every cell, (C,).
+def cover_bound(nominal: control.StateSpace, edges: Real, bound: Real, entries: Real, kind: str) -> Real:
+    """Bound (C,) of the uncertainty of a kind on every cell between `edges` in rad/s, from bounds of F - F_0.
 
-    Parameters
-    ----------
-    nominal : control.StateSpace
-        F_0, discrete or continuous.
-    edges : (C + 1,) array, rad/s
-    bound : (C,) array
-        Of the largest singular value of F - F_0.
-    entries : (C, ny, nu) array
-        Of its entries.
-    kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
-
-    Raises
-    ------
-    InputError
-        Another kind; for the relative ones a plant that isn't square, or an uncertainty that nothing bounds: the sentence names
-        the frequency.
+    `bound` (C,) is of its largest singular value, `entries` (C, ny, nu) of its entries. InputError for another kind; for a relative
+    one also a plant that isn't square, and, with the frequency, an uncertainty that nothing bounds.
     """
     if kind not in KINDS:
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")
@@ -64,7 +53,7 @@ def cover_bound(nominal: Any, edges: Real, bound: Real, entries: Real, kind: str
     return size / room * _ROUNDING
 
 
-def check_square(plant: Any, kind: str) -> None:
+def check_square(plant: control.StateSpace, kind: str) -> None:
     """Refuse relative kinds where the plant has no inverse."""
     if plant.noutputs != plant.ninputs:
         raise InputError(
@@ -82,7 +71,7 @@ def unbounded(omega: float, least: float, bound: float, kind: str) -> InputError
     )
 
 
-def smallest_gain(plant: Any, cells: Cells) -> tuple[Real, Real]:
+def smallest_gain(plant: control.StateSpace, cells: Cells) -> tuple[Real, Real]:
     """Lower bound of the smallest singular value of F_0 on every cell, and the frequency of the piece that decides."""
 
     def least(pieces: Pieces) -> tuple[Real, Real]:
@@ -110,7 +99,7 @@ def _limited(coarse: Callable[[Pieces], NDArray[np.bool_]]) -> Callable[[Pieces]
     return limited
 
 
-def _entrywise(plant: Any, cells: Cells, entries: Real, kind: str) -> Real:
+def _entrywise(plant: control.StateSpace, cells: Cells, entries: Real, kind: str) -> Real:
     """Bound of the norm of E F_0^-1, or of F_0^-1 E, from the entries of E, (C,); inf where F_0 may be singular."""
 
     def inverse(pieces: Pieces) -> tuple[Real, Real]:

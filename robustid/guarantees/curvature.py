@@ -1,10 +1,22 @@
-"""Bounds of the second derivative of a model's error along the circle: how much it can bend between two frequencies."""
+"""Bounds of the second derivative of a model's error along the circle: how much it can bend between two frequencies.
+
+E = G + sum (p_i - q_i) P_i + (q'P - model) for every consistent F, with q a member's parameters, is bounded in three parts:
+
+* |d^2 G/d theta^2| <= K rho/(rho-1)^2 in discrete time: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n!
+  (1 - |g|^2)/((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 =
+  -(z G' + z^2 G''); in continuous time likewise (`Region.bend`); positive-real ones in `class_size`.
+  Where the class has a weight W, G = W phi with phi in the ball: |G''| <= |W| |phi''| + 2 |W'| |phi'| + |W''| |phi|, those of
+  W from its state space. MIMO: this holds for the singular values of G divided by its scaling, hence for their entries;
+* the P_i from their state space, times the half-widths of the certified intervals;
+* the remainder, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
+  bound of G serves for it too.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -12,6 +24,9 @@ import scipy.linalg
 from robustid.core import Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.identification import Identification, MixedProblem, class_size, class_value, parametric_states
+
+if TYPE_CHECKING:
+    import control
 
 _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states are almost dependent
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
@@ -25,17 +40,7 @@ StateSpace = tuple[Real, Real, Real]  # A, B, C
 class Curvature:
     """Bounds of the second derivative of the entries of E = F - model along the circle, for every consistent F.
 
-    E = G + sum (p_i - q_i) P_i + (q'P - model) with q a member's parameters: three parts, bounded apart.
-
-    * |d^2 G/d theta^2| <= K rho/(rho-1)^2 in discrete time: with g(zeta) = G(rho zeta)/K in the unit ball, |g^(n)| <= n!
-      (1 - |g|^2)/((1-|zeta|)^n (1+|zeta|)) [`ruscheweyh1985`] for n = 1, 2 at |zeta| = 1/rho, and d^2/d theta^2 =
-      -(z G' + z^2 G''); in continuous time likewise (`Region.bend`); positive-real ones in `class_size`.
-      Where the class has a weight W, G = W phi with phi in the ball: |G''| <= |W| |phi''| + 2 |W'| |phi'| + |W''| |phi|, those of
-      W from its state space.
-    * the P_i from their state space, times the half-widths of the certified intervals;
-      MIMO: this holds for the singular values of G divided by its scaling, hence for their entries;
-    * the remainder, a known rational function, from its state space; where it is -G_id, with G_id in the same ball (`inside`), the
-      bound of G serves for it too.
+    E = G + sum (p_i - q_i) P_i + (q'P - model) with q a member's parameters: three parts, bounded apart as the module says.
     """
 
     problem: MixedProblem
@@ -95,7 +100,9 @@ class Curvature:
         return total
 
 
-def curvature_of(model: Any, identification: Identification, parameters: ParameterIntervals) -> Curvature:
+def curvature_of(
+    model: control.StateSpace, identification: Identification, parameters: ParameterIntervals
+) -> Curvature:
     """Curvature of F - model, with intervals of the parameters."""
     basis, own = identification.problem.parametric, is_own(model, identification)
     # Of a negative-imaginary class the constant has no states of its own in the model.
@@ -109,7 +116,7 @@ def curvature_of(model: Any, identification: Identification, parameters: Paramet
     return Curvature(identification.problem, parts, functions, reach.reshape(-1, *shape), inside)
 
 
-def is_own(model: Any, identification: Identification) -> bool:
+def is_own(model: control.StateSpace, identification: Identification) -> bool:
     """Return whether a nominal is the model of the identification (or a copy of it)."""
     return all(np.array_equal(getattr(model, name), getattr(identification.model, name)) for name in "ABCD")
 
@@ -155,7 +162,7 @@ def _on_short_arc(A: Real, B: Real, C: Real, low: float, high: float) -> Real | 
     return (middle + half * third) * (1 + 1e-9 + _CHANGED * size)
 
 
-def known_part(model: Any, identification: Identification) -> StateSpace:
+def known_part(model: control.StateSpace, identification: Identification) -> StateSpace:
     """State space (A, B, C) of q'P - model, each in coordinates of its own."""
     problem = identification.problem
     a, b, c, _ = problem.plane.in_z(StateMatrices.of(model))

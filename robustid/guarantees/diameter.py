@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import concurrent.futures
 import dataclasses
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Frozen, Progress, Real, as_kind, freeze
 from robustid.guarantees.worst_case import worst_case_error
@@ -69,7 +69,7 @@ class Diameter(Frozen):
 def diameter(
     problem: MixedProblem,
     *,
-    omega: Any = None,
+    omega: ArrayLike | None = None,
     directions: int = 16,
     rtol: float = 0.05,
     executor: concurrent.futures.Executor | None = None,

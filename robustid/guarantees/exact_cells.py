@@ -15,7 +15,8 @@ and the same for 1/(s - a), with d = |s - a_0|, in continuous time.
 from __future__ import annotations
 
 import math
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,19 +25,16 @@ from robustid.core import Real
 from robustid.guarantees.pole_cells import REPEAT, PoleCell
 from robustid.identification import MixedProblem, ball_arithmetic
 
+if TYPE_CHECKING:
+    from flint import arb
+
 _HALF = 1 + 5e-10  # half of the allowance
 
 
 def relaxed_enough(cell: PoleCell, problem: MixedProblem, omega: Real) -> bool:
     """Return whether radii, intervals and remainders of a cell are above what the formulas give, all rounding enclosed.
 
-    Parameters
-    ----------
-    cell : PoleCell
-    problem : MixedProblem
-        At whose samples the remainders are used.
-    omega : (F,) array, rad/s
-        And where the response is bounded.
+    The remainders are used at the samples of the problem and at `omega` (F,), rad/s, where the response is bounded.
     """
     omega = np.concatenate([omega, *(points.omega for points in problem.frequency)])
     samples = max((record.u.shape[0] for record in problem.time), default=0)
@@ -53,7 +51,7 @@ def relaxed_enough(cell: PoleCell, problem: MixedProblem, omega: Real) -> bool:
 class _Mode:
     """One mode of a cell: its middle pole as a ball, its radius and its largest amplitudes as they are stored."""
 
-    def __init__(self, flint: Any, cell: PoleCell, number: int) -> None:
+    def __init__(self, flint: ModuleType, cell: PoleCell, number: int) -> None:
         self.flint, self.cell, self.number = flint, cell, number
         self.radius = flint.arb(float(cell.radius[number]))
         self.amplitude: Real = cell.amplitude.reshape(cell.radius.size, -1)[number]
@@ -63,7 +61,7 @@ class _Mode:
         exponent = flint.acb(-self.decay, self.turn)
         self.pole = exponent.exp() if cell.dt else exponent
 
-    def _log(self, omega: Any, damping: Any) -> tuple[Any, Any]:
+    def _log(self, omega: arb, damping: arb) -> tuple[arb, arb]:
         """-Re and Im of the logarithm of a pole; in continuous time of the pole."""
         step = omega * self.flint.arb(self.cell.dt or 1.0)
         return step * damping, step * (1 - damping * damping).sqrt()
@@ -90,7 +88,7 @@ class _Mode:
                 return False
         return True
 
-    def remainder(self, omega: float) -> Any:
+    def remainder(self, omega: float) -> arb | None:
         """Bound of what the expansion leaves out at a frequency of an amplitude of one; None where it may be without bound."""
         total, dt = self.flint.arb(0), self.cell.dt
         turned = self.flint.acb(0, -self.flint.arb(omega * dt)).exp()
@@ -112,7 +110,7 @@ class _Mode:
                 return False
         return True
 
-    def _below(self, value: Any, stored: Any) -> bool:
+    def _below(self, value: arb, stored: arb) -> bool:
         """Return whether a ball lies below a number with half of the allowance."""
         return bool(value * self.flint.arb(_HALF) <= stored)
 

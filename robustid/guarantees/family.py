@@ -7,15 +7,16 @@ import functools
 import logging
 import pathlib
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import Budget, Real, as_array, as_count
 from robustid.errors import InputError
 from robustid.guarantees.common_nominal import centres_of, fitted_nominal
 from robustid.guarantees.family_result import Family
-from robustid.guarantees.member import CONDITIONS, Bounded, Member, as_members
+from robustid.guarantees.member import CONDITIONS, Bounded, Member, Members, as_members
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.over_poles import worst_case_over_poles
 from robustid.guarantees.pole_cells import box_of
@@ -24,6 +25,9 @@ from robustid.guarantees.sweep import Folder, Processes, Progress
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
+
+if TYPE_CHECKING:
+    import control
 
 _log = logging.getLogger("robustid")
 
@@ -51,13 +55,13 @@ def _counted(progress: Progress, number: int, count: int, done: int, each: int) 
 
 
 def family(
-    members: Any,
+    members: Members,
     *,
-    model: Any = None,
+    model: control.StateSpace | None = None,
     order: int | None = None,
-    omega: Any = None,
+    omega: ArrayLike | None = None,
     schedule: str | None = None,
-    interval: Any = None,
+    interval: tuple[float, float] | None = None,
     directions: int = 16,
     rtol: float = 0.05,
     executor: Processes = None,
@@ -134,7 +138,7 @@ def family(
         model = as_nominal(model, first)
     else:
 
-        def band(nominal: Any) -> Real:
+        def band(nominal: control.StateSpace) -> Real:
             return np.max([result.with_model(nominal).upper for result in results], axis=0)
 
         identifications = [result.identification for result in results]
@@ -142,7 +146,7 @@ def family(
     return Family(members=tuple(m for m, _ in bounded), model=model, tried=tried, schedule=schedule, interval=span)
 
 
-def _frequencies(members: Sequence[Member], omega: Any) -> Real:
+def _frequencies(members: Sequence[Member], omega: ArrayLike | None) -> Real:
     """Frequencies that were asked for, those at which members are bounded already, or the default ones."""
     problem = members[0].identification.problem
     known = [m.result.omega for m in members if not isinstance(m.result, Identification)]
@@ -221,7 +225,7 @@ def _at(error: Bounded, grid: Real) -> Bounded:
 
 
 def _scheduled(
-    members: Sequence[Member], schedule: str | None, interval: Any
+    members: Sequence[Member], schedule: str | None, interval: tuple[float, float] | None
 ) -> tuple[str | None, tuple[float, float] | None]:
     """The condition by which the members are told apart, and its range."""
     numeric = CONDITIONS[:-1]

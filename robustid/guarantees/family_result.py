@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -59,7 +59,7 @@ class Family(Frozen, Drawable, Savable):
     """
 
     members: tuple[Member, ...]
-    model: Any
+    model: control.StateSpace
     tried: tuple[tuple[int, float], ...] = ()
     schedule: str | None = None
     interval: tuple[float, float] | None = None
@@ -126,7 +126,7 @@ class Family(Frozen, Drawable, Savable):
         """Return whether every bound of every member has its certificate and every certificate, evaluated anew, supports it."""
         return all(error.verify() for error in self.errors)
 
-    def with_model(self, model: Any) -> Family:
+    def with_model(self, model: control.StateSpace) -> Family:
         """Return the same family around another nominal; nothing is solved anew."""
         found = as_nominal(model, self.members[0].identification)
         return dataclasses.replace(self, model=found, tried=())

@@ -69,9 +69,10 @@ def improve(magnitude: Magnitude, angles: Real, bound: Real) -> Magnitude:
     """The magnitude of the same order with the smallest looseness, max |W|/bound where min |W|/bound = 1.
 
     Is there n'/d' with ``low d' <= n' <= g high d'``? is a linear program: bisection on g finds the global optimum, and a
-    last step of differential correction `cheney1962` polishes it. Each program is posed in the partial fractions of the best
-    roots so far, in which n'/n and d'/d are near one however steep the bound is.
+    last step of differential correction `cheney1962` polishes it.
     """
+    # Each program is posed in the partial fractions of the best roots so far, in which n'/n and d'/d are near one however steep
+    # the bound is.
     grid = grid_of(angles, bound, magnitude)
     least, reached = float((grid.low - grid.high).max()), _looseness(magnitude, grid)
     opened = least

@@ -16,6 +16,7 @@ from robustid.identification import Identification, prior_fields
 
 CONDITIONS = ("amplitude", "position", "load", "date")
 Bounded = WorstCaseError | WorstCaseOverPoles
+Members = Mapping[str, "Member | Identification | Bounded"] | Sequence["Member | Identification | Bounded"]
 _AROUND = np.exp(2j * np.pi * np.arange(16) / 16) / np.cos(np.pi / 16)  # a polygon around the unit disc
 
 
@@ -102,14 +103,11 @@ class Member(Frozen):
 def as_members(members: Any) -> tuple[Member, ...]:
     """Two members or more, each with a name of its own, of one class and of different data, consistent with it.
 
-    Raises
-    ------
-    InputError, InputTypeError, InconsistentDataError
-        With the members that don't fit, and what to do.
+    InputError, InputTypeError or InconsistentDataError say which members don't fit, and what to do.
     """
     if isinstance(members, Mapping):
-        named = cast("Mapping[Any, Any]", members)
-        found = [_as_member(value, str(name)) for name, value in named.items()]
+        named = cast("Mapping[str, Any]", members)
+        found = [_as_member(value, name) for name, value in named.items()]
     elif isinstance(members, Sequence) and not isinstance(members, str):
         found = [_as_member(value, "") for value in cast("Sequence[Any]", members)]
     else:
@@ -134,7 +132,7 @@ def as_members(members: Any) -> tuple[Member, ...]:
     return tuple(found)
 
 
-def _as_member(value: Any, name: str) -> Member:
+def _as_member(value: Member | Identification | Bounded, name: str) -> Member:
     if not isinstance(value, Member):
         return Member(value, name)
     return dataclasses.replace(value, name=name) if name else value
@@ -167,7 +165,7 @@ def _check_alike(first: Member, other: Member) -> None:
         )
 
 
-def _unlike(first: Member, other: Member, what: str, one: Any, two: Any, advice: str) -> InputError:
+def _unlike(first: Member, other: Member, what: str, one: str, two: str, advice: str) -> InputError:
     return InputError(f"`members` {first.name!r} and {other.name!r} have different {what}: {one} and {two}; {advice}")
 
 
@@ -213,10 +211,7 @@ def _check_consistent(members: Sequence[Member]) -> None:
 def corners(bounded: Bounded, entry: tuple[int, int]) -> list[Complex]:
     """At every frequency, points whose convex hull holds an entry of every consistent system.
 
-    Raises
-    ------
-    InputError
-        A pole-uncertainty box that is too wide for a bound.
+    InputError for a pole-uncertainty box that is too wide for a bound.
     """
     if isinstance(bounded, WorstCaseError):
         return [one.vertices for one in bounded.of_entry(*entry)]

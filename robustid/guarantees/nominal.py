@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from robustid.core import Complex, Real, StateMatrices, as_array, as_kind
 from robustid.errors import InputError
 from robustid.identification import Identification, MixedProblem
 
+if TYPE_CHECKING:
+    import control
+
 _BEYOND = 2.0  # times the highest frequency of continuous data: where the default grid ends
 _GRID = 64  # frequencies of the default grid, besides those of the poles
 
 
-def as_nominal(model: Any, identification: Identification) -> Any:
+def as_nominal(model: control.StateSpace | None, identification: Identification) -> control.StateSpace:
     """The model, checked; by default that of the identification."""
     return identification.model if model is None else check_nominal(model, identification.problem)
 
 
-def check_nominal(model: Any, problem: MixedProblem) -> Any:
+def check_nominal(model: control.StateSpace, problem: MixedProblem) -> control.StateSpace:
     """Return the model: the inputs, outputs and dt of the data, stable (integrators where the parametric part has them)."""
     import control
 
@@ -34,7 +37,7 @@ def check_nominal(model: Any, problem: MixedProblem) -> Any:
     if model.dt is True or model.dt is None or abs(float(model.dt) - dt) > 1e-9 * dt:
         wanted = f"discrete-time with the dt of the data, {dt:g} s" if dt else "continuous, as the data are"
         raise InputError(f"`model` must be {wanted}; got dt = {model.dt}")
-    a: NDArray[Any] = problem.plane.in_z(StateMatrices.of(model)).A
+    a = problem.plane.in_z(StateMatrices.of(model)).A
     poles = np.linalg.eigvals(a) if model.nstates else np.zeros(0)
     basis = problem.parametric
     allowed = np.abs(poles - 1) < 1e-6 if basis is not None and basis.has_integrator else np.zeros(poles.size, bool)
@@ -47,7 +50,7 @@ def check_nominal(model: Any, problem: MixedProblem) -> Any:
     return model
 
 
-def as_frequencies(omega: Any, problem: MixedProblem) -> Real:
+def as_frequencies(omega: ArrayLike, problem: MixedProblem) -> Real:
     """Frequencies in rad/s, checked and sorted."""
     grid = np.unique(np.atleast_1d(as_array("omega", omega)))
     plane, basis = problem.plane, problem.parametric

@@ -6,10 +6,10 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Frozen, Real, as_array, as_count, freeze, simulate, threads_for
 from robustid.data import signal_index
@@ -18,6 +18,9 @@ from robustid.guarantees.consistent_set import ConsistentSet, Extreme, consisten
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 from robustid.identification.formulation import formulate_over
 from robustid.identification.solver import analytic_center
+
+if TYPE_CHECKING:
+    import control
 
 _ACCURACY = 1e-2  # of a Taylor form: its tails are a tenth of this part of every bound
 _BLOCKS = 60  # of at least half the size of the one before: what follows them is below rounding
@@ -31,16 +34,10 @@ _LONGEST_HORIZON = 500
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outputs(Frozen):
-    """Response to a known input with zero initial conditions: y_k = sum_j f_j u_(k-j) over a consistent set.
-
-    Attributes
-    ----------
-    consistent : ConsistentSet
-    u : (T,) array; several inputs (T, nu)
-    """
+    """Response to a known input with zero initial conditions: y_k = sum_j f_j u_(k-j) over a consistent set."""
 
     consistent: ConsistentSet
-    u: Real
+    u: Real  # (T,); several inputs (T, nu)
 
     def __post_init__(self) -> None:
         self._set(u=freeze(self.u))
@@ -129,7 +126,7 @@ def consistent_outputs(identification: Identification, u: Real) -> Outputs:
 
 
 def output_errors(
-    identification: Identification, u: Real, model: Any, samples: Sequence[int], gap: float
+    identification: Identification, u: Real, model: control.StateSpace, samples: Sequence[int], gap: float
 ) -> tuple[Real, Real]:
     """Largest |y_k - that of a model| of every output at some samples under a known input (T, nu): attained and proved, (k, ny)."""
     outputs, nominal = consistent_outputs(identification, u), simulate(model, u)[0][list(samples)]
@@ -169,7 +166,7 @@ def tail_bounds(A: Real, B: Real, C: Real, start: int) -> tuple[Real, Real]:
     return total, np.maximum(largest, left * sizes.max(axis=0)) + _ALLOWED * spread.max(axis=0)
 
 
-def as_entry(entry: Any, problem: MixedProblem) -> tuple[int, int]:
+def as_entry(entry: Sequence[int | str] | None, problem: MixedProblem) -> tuple[int, int]:
     """The output and input of a tube, checked."""
     if entry is None:
         if problem.entries.single:
@@ -178,9 +175,9 @@ def as_entry(entry: Any, problem: MixedProblem) -> tuple[int, int]:
             "`entry` is missing: a tube is about one output and one input, the others being 0; give entry=(output, input),"
             f" by number or name, of {[s.name for s in problem.outputs]} and {[s.name for s in problem.inputs]}"
         )
-    if not isinstance(entry, tuple | list) or len(cast("Sequence[Any]", entry)) != 2:
+    if not isinstance(entry, tuple | list) or len(entry) != 2:
         raise InputError(f"`entry` must be (output, input), by number or name; got {entry!r}")
-    output, input = cast("Sequence[Any]", entry)
+    output, input = entry
     return signal_index("output", output, problem.outputs), signal_index("input", input, problem.inputs)
 
 
@@ -191,7 +188,7 @@ def driven(u: Real, entry: tuple[int, int], identification: Identification) -> R
     return out
 
 
-def as_signal(value: Any, horizon: Any, identification: Identification) -> tuple[str, Real]:
+def as_signal(value: str | ArrayLike, horizon: int | None, identification: Identification) -> tuple[str, Real]:
     """Kind of the input and its samples over the horizon, checked."""
     problem = identification.problem
     count = None if horizon is None else as_count("horizon", horizon, least=1)
@@ -209,7 +206,7 @@ def as_signal(value: Any, horizon: Any, identification: Identification) -> tuple
     return "given", u[:count]
 
 
-def as_samples(times: Any, horizon: int, dt: float) -> NDArray[np.intp]:
+def as_samples(times: ArrayLike | None, horizon: int, dt: float) -> NDArray[np.intp]:
     """Numbers of the samples, checked and sorted."""
     if times is None:
         return np.unique(np.round(np.linspace(0, horizon - 1, min(horizon, _MOST))).astype(int))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import (
     Budget,
@@ -35,6 +36,9 @@ from robustid.guarantees.pole_sweep import affordable, bounded, default_frequenc
 from robustid.guarantees.sweep import Folder, Known, Processes
 from robustid.guarantees.value_set import RefutationClaim, SupportClaim, gap_of, norm_of_bounds
 from robustid.identification import Identification
+
+if TYPE_CHECKING:
+    import control
 
 _log = logging.getLogger("robustid")
 
@@ -64,7 +68,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     """
 
     identification: Identification
-    model: Any
+    model: control.StateSpace
     omega: Real
     upper: Real
     magnitude: Real
@@ -182,7 +186,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         numbers = [str(mode) for mode in np.flatnonzero(away) + 1]
         return "" if not numbers else f"mode{'s' * (len(numbers) > 1)} {' and '.join(numbers)}"
 
-    def with_model(self, model: Any) -> WorstCaseOverPoles:
+    def with_model(self, model: control.StateSpace) -> WorstCaseOverPoles:
         """Return the same guarantees around another nominal; nothing is solved anew."""
         model = as_nominal(model, self.identification)
         upper, magnitude = _bounds(self.kept, model, self.omega, self.identification)
@@ -273,7 +277,9 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         return "\n".join(lines)
 
 
-def _bounds(kept: tuple[KeptCell, ...], model: Any, omega: Real, identification: Identification) -> tuple[Real, Real]:
+def _bounds(
+    kept: tuple[KeptCell, ...], model: control.StateSpace, omega: Real, identification: Identification
+) -> tuple[Real, Real]:
     """Error and magnitude over all cells, around a model, as they are stated."""
     problem = identification.problem
     upper, magnitude = union_of(kept, problem.plane.values_at(model, omega), omega)
@@ -287,12 +293,12 @@ def _interval(omega: Real, damping: Real) -> str:
 
 def worst_case_over_poles(
     identification: Identification,
-    omega_interval: Any,
-    damping_interval: Any,
+    omega_interval: ArrayLike,
+    damping_interval: ArrayLike,
     *,
     delay: int = 1,
-    model: Any = None,
-    omega: Any = None,
+    model: control.StateSpace | None = None,
+    omega: ArrayLike | None = None,
     directions: int = 8,
     rtol: float = 0.1,
     cells: int = 32,

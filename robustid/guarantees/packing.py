@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Arrays, Real, part
+from robustid.core import Arrays, Complex, Real, part
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.value_set import FINE, ValueSet, closes, directions_at
 from robustid.identification import SupportCertificate
 from robustid.identification.formulation import SINGLE, Entries
 
 _MASKS = "used_samples", "used_left", "used_right"
+
+Mask = NDArray[np.bool_]
+Counts = NDArray[np.intp]
 
 
 def pack_certificates(certificates: Iterable[SupportCertificate]) -> Arrays:
@@ -51,13 +54,7 @@ def _smaller(left: Real, right: Real) -> tuple[Real, ...]:
 
 
 def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
-    """Certificates from the arrays that `pack_certificates` made.
-
-    Raises
-    ------
-    ValueError
-        Arrays that do not fit together.
-    """
+    """Certificates from the arrays that `pack_certificates` made; ValueError where they do not fit together."""
     orders, ranks, factors, count = arrays["order"], arrays["rank"], arrays["factors"], arrays["order"].size
     widths = arrays.get("width", orders)  # old files of SISO plants have none
     if {len(arrays[name]) for name in ("rank", "level", "value")} | {len(widths)} != {count}:
@@ -81,7 +78,7 @@ def unpack_certificates(arrays: Arrays) -> tuple[SupportCertificate, ...]:
     return tuple(found)
 
 
-def _used(arrays: Arrays, orders: Any, widths: Any) -> tuple[Any, list[Any], list[Any]]:
+def _used(arrays: Arrays, orders: Counts, widths: Counts) -> tuple[Complex, list[Mask], list[Mask]]:
     """The multipliers of the samples of every certificate, and which rows of its factors are kept."""
     count, samples = orders.size, arrays["samples"]
     if _MASKS[0] not in arrays:
@@ -101,7 +98,7 @@ def _used(arrays: Arrays, orders: Any, widths: Any) -> tuple[Any, list[Any], lis
     return everywhere.reshape(count, -1), left, right
 
 
-def _with_zero_rows(factor: Real, rows: Any) -> Real:
+def _with_zero_rows(factor: Real, rows: Mask) -> Real:
     """The factor with rows of zeros where it was packed without them."""
     whole = np.zeros((rows.size, factor.shape[1]))
     whole[rows] = factor
@@ -133,10 +130,7 @@ def unpack_values(
 ) -> list[ValueSet]:
     """Value sets from the arrays that `pack_values` made, with polygons of a number of directions (default: their own).
 
-    Raises
-    ------
-    ValueError
-        Arrays that do not fit together, or polygons of another number of sides.
+    ValueError for arrays that do not fit together, or polygons of another number of sides.
     """
     if not np.all((arrays["omega"] >= 0) & (arrays["omega"] * dt <= np.pi * (1 + 1e-9))):
         raise ValueError("its frequencies are not between 0 and pi/dt")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Complex, Frozen, Real, as_array, freeze
@@ -245,7 +245,7 @@ def _covered(whole: Real, parts: list[Real]) -> bool:
     return False
 
 
-def box_of(identification: Identification, omega: Any, damping: Any, delay: int) -> PoleCell:
+def box_of(identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int) -> PoleCell:
     """Pole-uncertainty box as one cell, with the amplitudes that are assumed: those of the model times `AMPLITUDE`.
 
     Raises
@@ -338,7 +338,8 @@ def has_single_pairs(basis: ParametricBasis | None) -> bool:
     return 0 < 2 * np.unique(poles).size == basis.size
 
 
-def _intervals(omega: Any, damping: Any, modes: int, dt: float) -> tuple[Real, Real]:
+def _intervals(omega: ArrayLike | None, damping: ArrayLike | None, modes: int, dt: float) -> tuple[Real, Real]:
+    """The intervals, checked; None is refused as missing."""
     omega, damping = as_array("omega_interval", omega, ndim=2), as_array("damping_interval", damping, ndim=2)
     for name, ends in (("omega_interval", omega), ("damping_interval", damping)):
         if ends.shape != (modes, 2):

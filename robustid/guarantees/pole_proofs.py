@@ -29,12 +29,8 @@ _ACCURACY = 1e-4  # to which the form of a relaxed problem is chosen
 class KeptCell(Frozen):
     """A cell that may contain the poles, and the values of the systems with poles inside.
 
-    Attributes
-    ----------
-    cell : PoleCell
-    values : tuple of ValueSet
-        Of its relaxed problem, at every frequency; empty where the cell is so wide that no sample says anything. MIMO: entry after
-        entry, of symmetric matrices the upper triangle.
+    Those of its relaxed problem, at every frequency; none where the cell is so wide that no sample says anything. MIMO: entry after
+    entry, of symmetric matrices the upper triangle.
     """
 
     cell: PoleCell

@@ -6,7 +6,7 @@ import contextlib
 import logging
 import pathlib
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from robustid.guarantees.value_set import ValueSet, by_frequency, norm_of_bounds
 from robustid.guarantees.widening import smallest_bounds
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.identification import MixedProblem, identify, prove_margin
+
+if TYPE_CHECKING:
+    import control
 
 _log = logging.getLogger("robustid")
 
@@ -73,7 +76,7 @@ def affordable(
     grid: Real,
     settings: tuple[int, float],
     budget: Budget,
-    model: Any,
+    model: control.StateSpace,
 ) -> int:
     """So many cells can be bounded at enough frequencies in the time that is left, by what one of them takes at one frequency."""
     first = next((consistent for _, consistent in sets if consistent is not None), None)
@@ -91,7 +94,7 @@ def bounded(
     settings: tuple[int, float],
     means: tuple[Processes, Progress | None, Folder | None],
     budget: Budget,
-    model: Any,
+    model: control.StateSpace,
     known: Known | None = None,
 ) -> tuple[tuple[KeptCell, ...], Real]:
     """The values of every cell, and the frequencies that are finished in all of them.
@@ -127,7 +130,7 @@ def bounded(
 def circle_over_poles(
     problem: MixedProblem,
     kept: Sequence[KeptCell],
-    model: Any,
+    model: control.StateSpace,
     omega: Real,
     rtol: float,
     *,
@@ -157,7 +160,7 @@ def circle_over_poles(
 def _of_cell(
     problem: MixedProblem,
     cell: PoleCell,
-    model: Any,
+    model: control.StateSpace,
     omega: Real,
     rtol: float,
     everywhere: bool,

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Progress, Real, fingerprint, threads_for
+from robustid.core import Budget, Complex, Progress, Real, Record, fingerprint, threads_for
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import independent_entries
-from robustid.guarantees.linear.functions import pairs_of
-from robustid.guarantees.linear.proved_discs import Box
+from robustid.guarantees.linear.functions import Box, pairs_of
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.pole_proofs import union_of
 from robustid.guarantees.sweep import Folder, Known, Processes
@@ -18,6 +17,9 @@ from robustid.guarantees.value_set import by_frequency
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MixedProblem, identify
+
+if TYPE_CHECKING:
+    import control
 
 Polygons = WorstCaseError | WorstCaseOverPoles
 
@@ -34,11 +36,16 @@ class Spent(NamedTuple):
 
 
 def polygons_of(
-    thing: MixedProblem | Identification, box: Box | None, model: Any, omega: Real, known: Known, spent: Spent
+    thing: MixedProblem | Identification,
+    box: Box | None,
+    model: control.StateSpace | None,
+    omega: Real,
+    known: Known,
+    spent: Spent,
 ) -> Polygons:
     """Polygons at frequencies, those first at which the known discs are loose; over the box where there is one."""
     identification = thing if isinstance(thing, Identification) else identify(thing, time_limit=spent.budget.seconds)
-    how: dict[str, Any] = {"executor": spent.executor, "progress": spent.progress, "resume": spent.resume}
+    how: Record = {"executor": spent.executor, "progress": spent.progress, "resume": spent.resume}
     how |= {"model": model, "omega": omega, "time_limit": spent.budget.seconds, "known": known}
     if box is None:
         return worst_case_error(identification, **how)
@@ -60,7 +67,7 @@ def _in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:
     return box[0][rank], box[1][rank], max(delay, 0)
 
 
-def check_polygons(polygons: Any, problem: MixedProblem, box: Box | None) -> None:
+def check_polygons(polygons: object, problem: MixedProblem, box: Box | None) -> None:
     """Refuse polygons that do not bound what the discs bound: of another problem, at other poles, over another box."""
     if not isinstance(polygons, WorstCaseError | WorstCaseOverPoles):
         raise InputTypeError(
@@ -128,7 +135,7 @@ def narrowed(found: Real, polygons: Polygons | None, omega: Real, nominal: Compl
     return found
 
 
-def narrowed_norm(found: Real, polygons: Polygons | None, omega: Real, model: Any) -> Real:
+def narrowed_norm(found: Real, polygons: Polygons | None, omega: Real, model: control.StateSpace) -> Real:
     """Bounds (F,) of the largest singular value of F - model, or those that polygons of matrices have of it, if smaller."""
     if not isinstance(polygons, WorstCaseError) or model is None or polygons.identification.problem.entries.single:
         return found

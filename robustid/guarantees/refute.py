@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,26 +15,18 @@ from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, wh
 from robustid.guarantees.outputs import consistent_outputs
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 
+Experiment = FrequencyResponse | TimeRecord
+
 _GAP = 5e-3  # of the ends that are proved
 _TRIES, _PROGRESS = 12, 1e-3  # half-planes for one sample, and the least that another one must bring
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class HalfPlane(Frozen):
-    """A proof that Re(conj(normal) v) <= value for the value v of every consistent system at one new sample.
+    """A proof that Re(conj(normal) v) <= value for the value v of every consistent system at one new sample."""
 
-    Attributes
-    ----------
-    place : int
-        Number of the sample within its experiment.
-    normal : complex
-        Of modulus 1; 1 or -1 for time samples.
-    value : float
-    certificate : SupportCertificate
-    """
-
-    place: int
-    normal: complex
+    place: int  # number of the sample within its experiment
+    normal: complex  # of modulus 1; 1 or -1 for time samples
     value: float
     certificate: SupportCertificate
 
@@ -87,7 +78,7 @@ class Refutation(Frozen):
     """
 
     identification: Identification
-    data: tuple[Any, ...]
+    data: tuple[Experiment, ...]
     samples: tuple[Judged, ...]
 
     @property
@@ -171,7 +162,7 @@ class Refutation(Frozen):
         )
 
 
-def refute(identification: Identification, new_data: Any) -> Refutation:
+def refute(identification: Identification, new_data: Experiment | Sequence[Experiment]) -> Refutation:
     """Compare new samples with everything that an identification leaves possible; say which one breaks it, and by how much.
 
     For every new sample y with its bound e, the two numbers that enclose its distance from all consistent systems:
@@ -219,13 +210,13 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
     (True, array([0., 2.]), True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    data: tuple[Any, ...] = tuple(cast("Sequence[Any]", new_data)) if isinstance(new_data, Sequence) else (new_data,)
+    data = tuple(new_data) if isinstance(new_data, Sequence) else (new_data,)
     if not data:
         raise InputError("`new_data` is empty; give at least one FrequencyResponse or TimeRecord")
     for item in data:
         _check(item, identification.problem)
     samples: list[Judged] = []
-    numbers: dict[type[Any], int] = {FrequencyResponse: 0, TimeRecord: 0}
+    numbers = {FrequencyResponse: 0, TimeRecord: 0}
     for item in data:
         number, numbers[type(item)] = numbers[type(item)], numbers[type(item)] + 1
         found: list[tuple[float, float]] = []
@@ -236,9 +227,11 @@ def refute(identification: Identification, new_data: Any) -> Refutation:
             found.append((ratio, attainable))
             proofs += planes
         ratio, attainable = np.array(found).T
-        frequency, used = isinstance(item, FrequencyResponse), np.argwhere(item.bound.used)
-        kind, axis = ("frequency", item.omega) if frequency else ("time", item.time)
-        entries = used[:, 1:] if frequency else np.column_stack([used[:, 1], np.zeros(len(used), int)])
+        used = np.argwhere(item.bound.used)
+        if isinstance(item, FrequencyResponse):
+            kind, axis, entries = "frequency", item.omega, used[:, 1:]
+        else:
+            kind, axis, entries = "time", item.time, np.column_stack([used[:, 1], np.zeros(len(used), int)])
         samples.append(Judged(kind, number, axis[used[:, 0]], ratio, attainable, tuple(proofs), entries))
     return Refutation(identification=identification, data=data, samples=tuple(samples))
 
@@ -252,8 +245,8 @@ class _Place:
     bound: float
     tilt: complex
     consistent: ConsistentSet
-    x: NDArray[Any]
-    p: NDArray[Any]
+    x: Real | Complex
+    p: Real | Complex
     tail: float
 
     def functional(self, normal: complex) -> Functional:
@@ -277,7 +270,7 @@ class _Place:
         return max(0.0, float(np.real(np.conj(n) * self.y) - plane.value) / (turned * self.bound))
 
 
-def _places(identification: Identification, item: Any, wanted: set[int] | None) -> Iterator[_Place]:
+def _places(identification: Identification, item: Experiment, wanted: set[int] | None) -> Iterator[_Place]:
     """The used samples of one experiment, or those `wanted` of them."""
     used = np.argwhere(item.bound.used)  # frequency, output and input; or sample and output
     if isinstance(item, TimeRecord):
@@ -337,7 +330,7 @@ def _nearest(errors: Complex) -> complex:
     return min(mixed, single, key=abs)
 
 
-def _verify(identification: Identification, item: Any, judged: Judged) -> bool:
+def _verify(identification: Identification, item: Experiment, judged: Judged) -> bool:
     """Return whether the half-planes hold and prove the ratios; a sample without one is proved to be 0 away."""
     proved = np.zeros(judged.ratio.size)
     for place in _places(identification, item, {plane.place for plane in judged.proofs}):
@@ -353,7 +346,7 @@ def _verify(identification: Identification, item: Any, judged: Judged) -> bool:
     return bool(np.all(judged.ratio <= proved))
 
 
-def _check(item: Any, problem: MixedProblem) -> None:
+def _check(item: object, problem: MixedProblem) -> None:
     """One experiment of new data: of the same plant, with bounds."""
     if not isinstance(item, FrequencyResponse | TimeRecord):
         raise InputTypeError(

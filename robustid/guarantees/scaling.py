@@ -15,7 +15,7 @@ a matrix of 2x2 takes two unknowns and not three, one of 4x4 six and not fifteen
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -30,6 +30,8 @@ _STEPS = 5  # of Newton at each of them
 _FARTHEST = 2.0  # of a step, in the logarithm of a scaling
 _SHORTEST = 2.0**-6
 
+Numbers = NDArray[np.complex128 | np.float64]
+
 
 class Scaling(NamedTuple):
     """Logarithms of the factors of the columns (K, q) and of the rows (K, p) of the uncertainty, for K matrices."""
@@ -41,7 +43,7 @@ class Scaling(NamedTuple):
         """Largest singular values of ``diag(beta) M diag(alpha)`` and of ``diag(1/alpha) [b] diag(1/beta)``, (K,)."""
         return _norms(self.loop(values)), _norms(self.uncertainty(bound))
 
-    def loop(self, values: NDArray[Any]) -> NDArray[Any]:
+    def loop(self, values: Complex | Real) -> Complex | Real:
         """``diag(beta) M diag(alpha)``, (K, nu, ny), of M or of radii around it."""
         columns, rows = (_for_signals(part, size) for part, size in zip(self, values.shape[1:], strict=True))
         return np.exp(columns)[:, :, None] * values * np.exp(rows)[:, None, :]
@@ -56,19 +58,14 @@ def _for_signals(part: Real, size: int) -> Real:
     return np.broadcast_to(part, (part.shape[0], size))
 
 
-def _norms(matrices: NDArray[Any]) -> Real:
+def _norms(matrices: Complex | Real) -> Real:
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
 
 
 def perron_scaling(values: Complex, bound: Real) -> Scaling:
     """The scaling that is best where all entries of M are non-negative: there the product is the spectral radius of ``[b] |M|``.
 
-    Parameters
-    ----------
-    values : (K, nu, ny) array
-        M.
-    bound : (K, p, q) array
-        p is ny or 1, q is nu or 1.
+    `values` (K, nu, ny) are M; `bound` is (K, p, q), p = ny or 1, q = nu or 1.
     """
     k, p, q = bound.shape
     found, known = Scaling(np.zeros((k, q)), np.zeros((k, p))), _seen(values, bound)
@@ -104,14 +101,9 @@ def _leading(matrices: Real) -> Real:
 
 
 def best_scaling(values: Complex, bound: Real) -> Scaling:
-    """The scaling of the smallest product, from `perron_scaling` by Newton steps.
+    """The scaling of the smallest product: from `perron_scaling`, which takes the same, by Newton steps.
 
     Whatever it is, the product proves its bound; how near to the smallest it comes decides only how sharp that is.
-
-    Parameters
-    ----------
-    values, bound
-        As in `perron_scaling`.
     """
     start, known = perron_scaling(values, bound), _seen(values, bound)
     if bound[0].size > 1 and known.any():
@@ -145,7 +137,7 @@ def _groups(size: int, count: int) -> Real:
     return np.eye(size) if count == size else np.ones((size, 1))
 
 
-def _dilated(matrices: NDArray[Any]) -> NDArray[Any]:
+def _dilated(matrices: Numbers) -> Numbers:
     """``[[0, M], [M*, 0]]``, whose eigenvalues are the singular values of M and their negatives."""
     k, m, n = matrices.shape
     whole = np.zeros((k, m + n, m + n), dtype=matrices.dtype)
@@ -160,7 +152,7 @@ class _Product(NamedTuple):
     `loop` (K, nu, ny) and `size` (K, p, q) are scaled; `spread` takes groups to signals.
     """
 
-    loop: NDArray[Any]
+    loop: Complex | Real
     size: Real
     spread: Real
 
@@ -168,7 +160,7 @@ class _Product(NamedTuple):
         """The same of some of the matrices."""
         return _Product(self.loop[which], self.size[which], self.spread)
 
-    def scaled(self, y: Real) -> tuple[NDArray[Any], Real]:
+    def scaled(self, y: Real) -> tuple[Complex | Real, Real]:
         """Both matrices with scalings."""
         q = self.size.shape[2]
         scaling = Scaling(y[:, :q], y[:, q:])
@@ -207,7 +199,7 @@ def _log_sum(sizes: Real, power: int) -> tuple[Real, Real]:
     return (np.log(top) + np.log(total) / power)[:, 0], parts / total
 
 
-def _log_norm(matrices: NDArray[Any], power: int) -> tuple[Real, Real]:
+def _log_norm(matrices: Numbers, power: int) -> tuple[Real, Real]:
     """Gradient and Hessian at x = 0 of ``log tr|e^X H e^X|^p / p``, ``X = diag(x)``.
 
     First order: ``2 sum_k w_k |q_k|^2`` with the eigenvectors q_k and ``w_k = |lambda_k|^p / tr``. Second order: divided

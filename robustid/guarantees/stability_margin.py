@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Frozen, Real, freeze, one_thread
 from robustid.errors import InputError
@@ -89,7 +89,12 @@ class RobustStabilityMargin(Frozen, Drawable):
 
 @one_thread()
 def robust_stability_margin(
-    nominal: control.StateSpace, controller: control.StateSpace, edges: Any, bound: Any, *, kind: str = "additive"
+    nominal: control.StateSpace,
+    controller: control.StateSpace,
+    edges: ArrayLike,
+    bound: ArrayLike,
+    *,
+    kind: str = "additive",
 ) -> RobustStabilityMargin:
     r"""Robust stability margin of a controller against every plant within a bound of the nominal model.
 
@@ -193,17 +198,11 @@ def robust_stability_margin(
 
 
 def margin_of_circle(
-    nominal: Any, controller: Any, circle: tuple[Real, Real, Real], kind: str
+    nominal: control.StateSpace, controller: control.StateSpace, circle: tuple[Real, Real, Real], kind: str
 ) -> RobustStabilityMargin:
     """`robust_stability_margin` against a bound (C,) of the largest singular value and bounds (C, ny, nu) of the entries at once.
 
-    Parameters
-    ----------
-    nominal, controller : control.StateSpace
-    circle : (C + 1,), (C,) and (C, ny, nu) arrays
-        Edges in rad/s and the bounds.
-    kind : str
-        For the relative kinds both bounds give one of the relative error, see `cover_bound`.
+    `circle`: the edges (C + 1,), in rad/s, and both bounds; of a relative kind they give one of the relative error (`cover_bound`).
     """
     edges, bound, entries = circle
     if kind != "additive":
@@ -216,7 +215,7 @@ def margin_of_circle(
     return robust_stability_margin(nominal, controller, edges, (bound, known))
 
 
-def _check_controller(controller: Any, plant: Any) -> Any:
+def _check_controller(controller: control.StateSpace, plant: control.StateSpace) -> control.StateSpace:
     system = check_model("controller", controller)
     if (system.noutputs, system.ninputs) != (plant.ninputs, plant.noutputs):
         raise InputError(
@@ -228,7 +227,7 @@ def _check_controller(controller: Any, plant: Any) -> Any:
     return system
 
 
-def _loop(plant: Any, controller: Any, kind: str) -> Any:
+def _loop(plant: control.StateSpace, controller: control.StateSpace, kind: str) -> control.StateSpace:
     """KS, T or S as a state space, from a signal added to the output."""
     import control
 
@@ -252,20 +251,11 @@ def _loop(plant: Any, controller: Any, kind: str) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class _Condition:
-    """The left side of the condition, on pieces of arc.
+    """The left side of the condition, on pieces of arc."""
 
-    Attributes
-    ----------
-    loop : control.StateSpace
-        KS, T or S.
-    angles : (C + 1,) array, rad
-    bounds : tuple of (C, p, q) arrays
-        All of them hold.
-    """
-
-    loop: Any
-    angles: Real
-    bounds: tuple[Real, ...]
+    loop: control.StateSpace  # KS, T or S
+    angles: Real  # (C + 1,), rad
+    bounds: tuple[Real, ...]  # (C, p, q) each; all of them hold
 
     def largest(self) -> tuple[float, float]:
         """Guaranteed maximum over the circle, and where."""
@@ -329,8 +319,7 @@ class _Condition:
             wide = open_ & (bounded > _WIDE * size)
             better = open_ & ~wide
             if better.any():
-                parts: list[Any] = [part[better] for part in pieces]
-                some = Pieces(*parts)
+                some = pieces.of(better)
                 size[better], bounded[better] = _scaled_gain(
                     some, here[better], best_scaling(some.values, here[better])
                 )

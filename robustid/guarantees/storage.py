@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MarginCertificate, MixedProblem
+
+if TYPE_CHECKING:
+    import control
 
 Ends = tuple[Real, Real]  # of the natural frequencies and damping ratios of a box, (M, 2) each
 
@@ -166,7 +169,7 @@ def _own_nominal(result: Bounded) -> StateMatrices | None:
     return None if result.model is result.identification.model else StateMatrices.of(result.model)
 
 
-def _nominal(matrices: StateMatrices | None, identification: Identification) -> Any:
+def _nominal(matrices: StateMatrices | None, identification: Identification) -> control.StateSpace:
     if matrices is None:
         return identification.model
     return as_nominal(matrices.model(identification.problem.dt), identification)

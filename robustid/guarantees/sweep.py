@@ -12,10 +12,10 @@ import pickle
 import zipfile
 from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
 from concurrent.futures import Executor
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import (
     Budget,
@@ -33,6 +33,9 @@ from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
 from robustid.guarantees.polygons import value_sets_at
 from robustid.guarantees.value_set import ValueSet
+
+if TYPE_CHECKING:
+    import control
 
 Processes = Executor | int | None  # over any executor, over so many processes of our own, or in this process
 
@@ -86,7 +89,7 @@ class Known(Protocol):
         """Frequencies between which they are known, rad/s."""
         ...
 
-    def at(self, omega: Any) -> tuple[Complex, Real]:
+    def at(self, omega: ArrayLike) -> tuple[Complex, Real]:
         """Centres and radii, (F, ny, nu) each."""
         ...
 
@@ -100,16 +103,13 @@ def value_sets(
     progress: Progress | None = None,
     resume: Folder | None = None,
     budget: Budget | None = None,
-    model: Any = None,
+    model: control.StateSpace | None = None,
     known: Known | None = None,
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
 
-    Those of matrices have their sides where they bound the distance from a model. They come from frequencies where the set is
-    wide and from others that are spread over the range, in turn; before these from frequencies where `known` discs are loose.
-
-    What is finished is written to the folder `resume`, and what is there already isn't computed again. Where a budget is
-    over, and on Ctrl-C without a folder, those of the frequencies that are finished, one at least.
+    Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; `resume` holds
+    those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, one at least.
     """
     store = None if resume is None else _Store(resume, consistent, directions, gap)
     found = {} if store is None else store.load(omega.tolist())
@@ -172,12 +172,10 @@ def loose(consistent: ConsistentSet, omega: Real, known: Known) -> list[int]:
 
 
 def looseness(consistent: ConsistentSet, omega: Real, known: Known) -> Real:
-    """Radii of known discs over the half-widths of ellipsoids inside the sets of values, the largest of the entries, (F,).
-
-    On five random problems, about two models each, it was four to six times the ratio of the two proved errors, and its ranks
-    followed those of that ratio with a correlation of 0.83; those of the error over its estimate from the ellipsoid with 0.75, and
-    over the bound of the nearest sample and the distance from it with 0.52.
-    """
+    """Radii of known discs over the half-widths of ellipsoids inside the sets of values, the largest of the entries, (F,)."""
+    # On five random problems, about two models each, it was four to six times the ratio of the two proved errors, and its ranks
+    # followed those of that ratio with a correlation of 0.83; those of the error over its estimate from the ellipsoid with 0.75,
+    # and over the bound of the nearest sample and the distance from it with 0.52.
     alone = consistent.posed_at(float(omega[0])) is not consistent.posed  # each frequency is a node of its own
     size = _TOGETHER if alone else omega.size
     half = np.concatenate([consistent.spreads(omega[k : k + size]) for k in range(0, omega.size, size)])
@@ -192,7 +190,7 @@ def spread_order(count: int) -> list[int]:
     return [k for k in turned if k < count]
 
 
-def _values_of(model: Any, omega: list[float], consistent: ConsistentSet) -> dict[float, Complex]:
+def _values_of(model: control.StateSpace, omega: list[float], consistent: ConsistentSet) -> dict[float, Complex]:
     """Values of a model of several inputs or outputs at frequencies."""
     problem = consistent.posed.problem
     if problem.entries.single:
@@ -259,7 +257,7 @@ class _Store:
                 " make room, and run the same again"
             ) from error
 
-    def _bound(self, omega: float) -> NDArray[Any]:
+    def _bound(self, omega: float) -> NDArray[np.str_]:
         directions, gap = self._settings
         return np.array(fingerprint((self._digest, directions, gap, omega)))
 

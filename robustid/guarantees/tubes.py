@@ -7,22 +7,12 @@ import dataclasses
 import functools
 import itertools
 import logging
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import (
-    Budget,
-    Frozen,
-    Progress,
-    Real,
-    as_kind,
-    as_positive,
-    freeze,
-    one_thread,
-    simulate,
-)
+from robustid.core import Budget, Frozen, Progress, Real, as_kind, as_positive, freeze, one_thread, simulate
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme, which
@@ -40,6 +30,9 @@ from robustid.guarantees.outputs import (
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.sweep import spread_order
 from robustid.identification import Identification, SupportCertificate, check_gain, check_sampled
+
+if TYPE_CHECKING:
+    import control
 
 _log = logging.getLogger("robustid")
 
@@ -75,7 +68,7 @@ class ResponseTube(Frozen, Drawable):
     """
 
     identification: Identification
-    model: Any
+    model: control.StateSpace
     input: str
     u: Real
     samples: NDArray[np.intp]
@@ -273,11 +266,11 @@ class ResponseTube(Frozen, Drawable):
 def response_tube(
     identification: Identification,
     *,
-    input: Any = "impulse",
+    input: str | ArrayLike = "impulse",
     entry: tuple[int | str, int | str] | None = None,
     horizon: int | None = None,
-    model: Any = None,
-    times: Any = None,
+    model: control.StateSpace | None = None,
+    times: ArrayLike | None = None,
     gap: float = 0.01,
     executor: concurrent.futures.Executor | None = None,
     progress: Progress | None = None,

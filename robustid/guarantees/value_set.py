@@ -26,26 +26,14 @@ FINE = 4  # times as many directions are taken, where the largest singular value
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SupportClaim(Frozen):
-    """`functional` is at most `stated` for every consistent system, by a certificate.
+    """`functional` is at most `stated` for every consistent system, by a certificate."""
 
-    Attributes
-    ----------
-    name : str
-        Where in the result this is said.
-    functional : Functional
-    stated : float
-    certificate : SupportCertificate
-    rows : Rows
-    sarason : SarasonMap
-        The problem in the form in which the certificate is about it.
-    """
-
-    name: str
+    name: str  # where in the result this is said
     functional: Functional
     stated: float
     certificate: SupportCertificate
     rows: Rows
-    sarason: SarasonMap
+    sarason: SarasonMap  # the problem in the form in which the certificate is about it
 
     def verify(self, exact: bool = False) -> bool:
         """Return whether the certificate is about all consistent systems, proves what is stated, and holds when evaluated anew.
@@ -84,22 +72,12 @@ class RelaxedClaim(SupportClaim):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RefutationClaim(Frozen):
-    """The margin of a relaxed problem exceeds 1, by a certificate.
+    """The margin of a relaxed problem exceeds 1, by a certificate."""
 
-    Attributes
-    ----------
-    name : str
-        Where in the result this is said.
-    certificate : MarginCertificate
-    rows : Rows
-    sarason : SarasonMap
-        The problem in the form in which the certificate is about it.
-    """
-
-    name: str
+    name: str  # where in the result this is said
     certificate: MarginCertificate
     rows: Rows
-    sarason: SarasonMap
+    sarason: SarasonMap  # the problem in the form in which the certificate is about it
 
     def verify(self, exact: bool = False) -> bool:
         """Return whether the certificate is about the problem, says more than 1, and holds evaluated anew; see `SupportClaim`."""

@@ -6,7 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Frozen, Real, as_count, as_float, as_positive, freeze, one_thread
 from robustid.errors import InputError
@@ -112,18 +112,18 @@ class UncertaintyWeight(Frozen):
         return robust_stability_margin(self.nominal, controller, self.edges, self.bound, kind=self.kind)
 
 
-def _order(model: Any) -> int:
+def _order(model: control.StateSpace) -> int:
     return model.nstates
 
 
-def _sample_time(model: Any) -> float:
+def _sample_time(model: control.StateSpace) -> float:
     return float(model.dt)
 
 
 def uncertainty_weight(
     nominal: control.StateSpace,
-    edges: Any,
-    bound: Any,
+    edges: ArrayLike,
+    bound: ArrayLike,
     *,
     kind: str = "additive",
     order: int | None = None,
@@ -203,7 +203,9 @@ def uncertainty_weight(
     return dataclasses.replace(weight, kind=kind, nominal=plant)
 
 
-def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options: Any) -> NDArray[np.object_]:
+def entry_weights(
+    nominal: control.StateSpace, edges: ArrayLike, bound: ArrayLike, **options: Any
+) -> NDArray[np.object_]:
     """One weight for every entry of the error of a model: ``|F - F_id|_ij <= |W_ij|``, whatever the units of the signals.
 
     Parameters
@@ -236,7 +238,7 @@ def entry_weights(nominal: control.StateSpace, edges: Any, bound: Any, **options
     return weights
 
 
-def _relative(plant: Any, cells: Cells, kind: str) -> Real:
+def _relative(plant: control.StateSpace, cells: Cells, kind: str) -> Real:
     """The bound of one kind from that of the largest singular value of F - F_id."""
     if kind not in KINDS:
         raise InputError(f"`kind` must be one of {KINDS}; got {kind!r}")
@@ -253,7 +255,7 @@ def _relative(plant: Any, cells: Cells, kind: str) -> Real:
 
 @one_thread()
 def magnitude_weight(
-    edges: Any, bound: Any, *, dt: float, order: int | None = None, tightness: float = 1.5
+    edges: ArrayLike, bound: ArrayLike, *, dt: float, order: int | None = None, tightness: float = 1.5
 ) -> UncertaintyWeight:
     r"""Find the stable minimum-phase W of smallest order with ``|W| >= bound`` on the whole circle.
 
@@ -317,7 +319,7 @@ def magnitude_weight(
     jumps = np.abs(np.diff(np.log(cells.bound)))
     wanted = 0.0 if order is not None else tightness * float(np.exp(jumps.max(initial=0.0)))
     last = _LARGEST_ORDER if order is None else as_count("order", order)
-    found: list[tuple[Any, float]] = []
+    found: list[tuple[control.StateSpace | None, float]] = []
     magnitude = Magnitude(np.zeros(0, complex), np.zeros(0, complex))
     for degree in range(last + 1):
         if degree:
@@ -337,7 +339,7 @@ def magnitude_weight(
     return UncertaintyWeight(model, edges=cells.edges, bound=cells.bound, ratio=ratio, tried=tuple(enumerate(ratios)))
 
 
-def _lifted(magnitude: Magnitude, cells: Cells, unit: float, dt: float) -> tuple[Any, float]:
+def _lifted(magnitude: Magnitude, cells: Cells, unit: float, dt: float) -> tuple[control.StateSpace | None, float]:
     """The model of a magnitude with the smallest gain for which the bound is proved, and its ratio; inf where it isn't one."""
     zeros, poles = to_plane(magnitude.zeros), to_plane(magnitude.poles)
     y = arcs(cells.angles)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Arrays, Frozen, Real, freeze
 from robustid.figures import Drawable
@@ -101,7 +101,7 @@ class StructuredWeight(Frozen, Drawable):
 
     @property
     def _size(self) -> tuple[int, int]:
-        plant: Any = self.nominal
+        plant: control.StateSpace = self.nominal
         return plant.noutputs, plant.ninputs
 
     @property
@@ -121,13 +121,13 @@ class StructuredWeight(Frozen, Drawable):
         return self._sides[1]
 
     @property
-    def _sides(self) -> tuple[Any, Any]:
+    def _sides(self) -> tuple[control.StateSpace, control.StateSpace]:
         _, p, q = self.bound.shape
         rows, columns = self.blocks[0]
         # Block (a, b) takes the inputs of group b and adds to the outputs of group a.
         add = np.kron(np.kron(np.eye(p), np.ones((1, q))), np.eye(rows))
         take = np.kron(np.kron(np.ones((p, 1)), np.eye(q)), np.eye(columns))
-        each: list[Any] = [weight.model for weight in self.weights for _ in range(min(rows, columns))]
+        each = [weight.model for weight in self.weights for _ in range(min(rows, columns))]
         A, B, C, D = (scipy.linalg.block_diag(*[np.asarray(getattr(m, part)) for m in each]) for part in "ABCD")
         dt = float(each[0].dt)
         if rows < columns:
@@ -142,33 +142,33 @@ class StructuredWeight(Frozen, Drawable):
         InputError
             The nominal model has a pole at z = -1.
         """
-        plant: Any = self.nominal
+        plant: control.StateSpace = self.nominal
         return StructuredPlant(bilinear(plant), bilinear(self.left), bilinear(self.right), self.blocks, float(plant.dt))
 
     def arrays(self) -> Arrays:
         """Everything as plain arrays: `edges`, `bound`, `blocks`, and A, B, C, D of ``nominal``, ``left`` and ``right``."""
         found: Arrays = {"edges": self.edges, "bound": self.bound, "blocks": np.array(self.blocks)}
         for name in ("nominal", "left", "right"):
-            model: Any = getattr(self, name)
+            model: control.StateSpace = getattr(self, name)
             found |= {f"{name}_{part}": np.asarray(getattr(model, part)) for part in "ABCD"}
         return found
 
 
-def _model(A: Real, B: Real, C: Real, D: Real, dt: float) -> Any:
+def _model(A: Real, B: Real, C: Real, D: NDArray[np.floating], dt: float) -> control.StateSpace:
     import control
 
     return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
 
 
-def _static(gain: NDArray[Any], dt: float) -> Any:
+def _static(gain: NDArray[np.floating], dt: float) -> control.StateSpace:
     ny, nu = gain.shape
     return _model(np.zeros((0, 0)), np.zeros((0, nu)), np.zeros((ny, 0)), gain, dt)
 
 
 def structured_weight(
     nominal: control.StateSpace,
-    edges: Any,
-    bound: Any,
+    edges: ArrayLike,
+    bound: ArrayLike,
     *,
     structure: str,
     order: int | None = None,
@@ -225,8 +225,8 @@ def structured_weight(
 
 def structured_weights(
     nominal: control.StateSpace,
-    edges: Any,
-    bound: Any,
+    edges: ArrayLike,
+    bound: ArrayLike,
     *,
     controller: control.StateSpace | None = None,
     order: int | None = None,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import (
     Budget,
@@ -25,6 +26,9 @@ from robustid.guarantees.value_set import ValueSet, gap_of
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
 
+if TYPE_CHECKING:
+    import control
+
 LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree nothing is gained
 _NO_TIME = 1e-9  # seconds: the coefficients of the parametric part stay without intervals
 
@@ -32,8 +36,8 @@ _NO_TIME = 1e-9  # seconds: the coefficients of the parametric part stay without
 def worst_case_error(
     identification: Identification,
     *,
-    model: Any = None,
-    omega: Any = None,
+    model: control.StateSpace | None = None,
+    omega: ArrayLike | None = None,
     directions: int = 16,
     rtol: float = 0.05,
     executor: Processes = None,

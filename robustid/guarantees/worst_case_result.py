@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from robustid.guarantees.sweep import Folder, Processes
 from robustid.guarantees.value_set import Errors, SupportClaim, ValueSet, by_frequency, value_set_claims
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification, check_gain
+
+if TYPE_CHECKING:
+    import control
 
 _AT_ONCE = 10.0  # seconds of work, as estimated, that an attribute may take
 _COARSE_STEPS = 100  # Newton steps at a frequency of the circle, approximately
@@ -65,7 +68,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
     """
 
     identification: Identification
-    model: Any
+    model: control.StateSpace
     values: tuple[ValueSet, ...]
     parameters: ParameterIntervals
     directions: int
@@ -196,10 +199,9 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     def claims(self) -> Iterator[SupportClaim]:
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
-        consistent = self.consistent_set
-        yield from parameter_claims(consistent, self.parameters)
+        yield from parameter_claims(self.consistent_set, self.parameters)
         for _, sets in itertools.groupby(self._sets(), key=lambda one: one.omega):
-            yield from value_set_claims(consistent, *sets)
+            yield from value_set_claims(self.consistent_set, *sets)
 
     @property
     def claim_count(self) -> int:
@@ -221,7 +223,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """All consistent systems, as a convex set."""
         return consistent_set(self.identification)
 
-    def with_model(self, model: Any) -> WorstCaseError:
+    def with_model(self, model: control.StateSpace) -> WorstCaseError:
         """Return the same guarantees around another nominal; nothing is solved anew."""
         return dataclasses.replace(self, model=as_nominal(model, self.identification))
 
@@ -313,7 +315,9 @@ class WorstCaseError(Frozen, Drawable, Savable):
         circle = self.on_circle(0.3, everywhere=True, executor=executor, progress=progress, time_limit=time_limit)
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
-    def robust_stability_margin(self, controller: Any, *, kind: str = "additive") -> RobustStabilityMargin:
+    def robust_stability_margin(
+        self, controller: control.StateSpace, *, kind: str = "additive"
+    ) -> RobustStabilityMargin:
         """`robust_stability_margin` of a controller for `model` against every consistent system.
 
         From the bounds of `circle`; MIMO: those of the largest singular value and of the entries at the same time.

@@ -23,21 +23,12 @@ _FIRST = 80  # points of the first look around a mode
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Extraction(Frozen):
-    """Combinations of the samples that extract every amplitude.
-
-    Attributes
-    ----------
-    samples : Samples
-    about : (g,) complex array
-        From where the proof measures the amplitudes.
-    points : (g, n) int array
-    multipliers : (g, n + T) complex array
-    """
+    """Combinations of the samples that extract every amplitude."""
 
     samples: Samples
-    about: Complex
-    points: NDArray[np.intp]
-    multipliers: Complex
+    about: Complex  # (g,), from where the proof measures the amplitudes
+    points: NDArray[np.intp]  # (g, n)
+    multipliers: Complex  # (g, n + T)
 
     def __post_init__(self) -> None:
         names = ("about", "points", "multipliers")

@@ -26,9 +26,8 @@ def arc_bounds(
 ) -> tuple[Real, Real]:
     r"""Edges (angles) and bounds (arcs, ny, nu) of |F - model|, of every entry of every consistent system.
 
-    Along an arc the error of a consistent system, E = F - model, obeys |E| <= (1 - t) u_0 + t u_1 + B h^2/8: u the bounds at its
-    ends, with the multipliers of the arc, B a bound of |E''|. Arcs are divided until the last term is small; nothing is searched.
-    `corners` are further angles and bounds (N, ny, nu) there: between two of them they are the u as well.
+    |E| <= (1 - t) u_0 + t u_1 + B h^2/8 along an arc: u its multipliers' bounds of E = F - model at its ends, or those of `corners`
+    (angles, and bounds (N, ny, nu)), B a bound of |E''|. Arcs are divided until the last term is small; nothing is searched.
     """
     knots = np.unique(np.concatenate([band.angles for band in bands.bands]))
     bend = Bends(bands, model)

@@ -17,16 +17,10 @@ _EPS = float(np.finfo(float).eps)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Amplitudes(Frozen):
-    """Knowledge of the amplitudes of the parametric part: each within `radius` of `centre`.
+    """Knowledge of the amplitudes of the parametric part: each within `radius` of `centre`."""
 
-    Attributes
-    ----------
-    centre : (g,) complex array
-    radius : (g,) array
-    """
-
-    centre: Complex
-    radius: Real
+    centre: Complex  # (g,)
+    radius: Real  # (g,)
 
     @property
     def largest(self) -> Real:
@@ -42,25 +36,13 @@ class Amplitudes(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Targets(Frozen):
-    """Functionals that are to be bounded: values of the entry at angles, or coefficients, or samples of a response.
+    """Functionals that are to be bounded: values of the entry at angles, or coefficients, or samples of a response."""
 
-    Attributes
-    ----------
-    base : (B,) complex array
-        Zeta from which the harmonic measure is seen.
-    weight : (B,) complex array
-        K s W at the angle, whose zeta is `base`; 0 of coefficients.
-    values : (B, m) complex array
-        The functional of every function.
-    left_out : (B, g) array
-    later : (B, N) array, optional
-        What it is on the Taylor coefficients from number 1 on; `base` is 0 then, and `weight` what it is on number 0.
-    """
-
-    base: Complex
-    weight: Complex
-    values: Complex
-    left_out: Real
+    base: Complex  # (B,), zeta from which the harmonic measure is seen
+    weight: Complex  # (B,), K s W at the angle, whose zeta is `base`; 0 of coefficients
+    values: Complex  # (B, m), the functional of every function
+    left_out: Real  # (B, g)
+    # (B, N), what it is on the Taylor coefficients from number 1 on; `base` is 0 then, and `weight` what it is on number 0.
     later: Real = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
@@ -88,29 +70,15 @@ def targets_at(samples: Samples, angles: Real) -> Targets:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Chosen(Frozen):
-    """The arrays of some points, a choice for every target, and of all rows of records.
+    """The arrays of some points, a choice for every target, and of all rows of records."""
 
-    Attributes
-    ----------
-    points : (B, n) int array
-    gram : (B, S, S) complex array
-        Inner products of the functionals in H2 of the harmonic measure, S = n + T.
-    cross : (B, S) complex array
-        With the target.
-    values : (B, S, m) complex array
-    y : (B, S) complex array
-    bound : (B, S) array
-        Without what the series leave out.
-    left_out : (B, S, g) array
-    """
-
-    points: NDArray[np.intp]
-    gram: Complex
-    cross: Complex
-    values: Complex
-    y: Complex
-    bound: Real
-    left_out: Real
+    points: NDArray[np.intp]  # (B, n)
+    gram: Complex  # (B, S, S), inner products of the functionals in H2 of the harmonic measure, S = n + T
+    cross: Complex  # (B, S), with the target
+    values: Complex  # (B, S, m)
+    y: Complex  # (B, S)
+    bound: Real  # (B, S), without what the series leave out
+    left_out: Real  # (B, S, g)
 
 
 def choose(samples: Samples, targets: Targets, points: NDArray[np.intp]) -> Chosen:

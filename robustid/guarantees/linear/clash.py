@@ -31,24 +31,13 @@ class Clash(Frozen):
 
     A sum of functionals, d_k f_k, is bounded for all systems by its norm and what it sees of the functions; the sum of the samples
     is no farther from it than sum |d_k| bound_k.
-
-    Attributes
-    ----------
-    extraction : Extraction
-        Of the samples, with the discs of the amplitudes.
-    base : complex
-        Zeta from which the harmonic measure is seen.
-    points : (n,) int array
-    multipliers : (n + T,) complex array
-    sample : int
-        Number among the multipliers of the sample that the others predict.
     """
 
-    extraction: Extraction
-    base: complex
-    points: NDArray[np.intp]
-    multipliers: Complex
-    sample: int
+    extraction: Extraction  # of the samples, with the discs of the amplitudes
+    base: complex  # zeta from which the harmonic measure is seen
+    points: NDArray[np.intp]  # (n,)
+    multipliers: Complex  # (n + T,)
+    sample: int  # number among the multipliers of the sample that the others predict
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("points", "multipliers")})

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
-from robustid.guarantees.linear.samples import Samples
+from robustid.guarantees.linear.samples import Number, Samples
 from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
 from robustid.identification import MixedProblem
 
@@ -40,22 +40,13 @@ class EntryBand(Frozen):
     """Discs that hold an entry of every consistent system, at every angle between the first and the last knot.
 
     Between two knots the multipliers are those of both, in proportion: any multipliers are a certificate.
-
-    Attributes
-    ----------
-    samples : Samples
-    extraction : Extraction
-    angles : (F,) array
-        Ascending.
-    points : (F, n) int array
-    multipliers : (F, n + T) complex64 array
     """
 
     samples: Samples
     extraction: Extraction
-    angles: Real
-    points: NDArray[np.intp]
-    multipliers: NDArray[np.complex64]
+    angles: Real  # (F,), ascending
+    points: NDArray[np.intp]  # (F, n)
+    multipliers: NDArray[np.complex64]  # (F, n + T)
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("angles", "points", "multipliers")})
@@ -124,7 +115,7 @@ class EntryBands(Frozen):
         """The discs of an entry."""
         return self.bands[self._numbers[place]]
 
-    def matrices(self, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    def matrices(self, values: Sequence[NDArray[Number]]) -> NDArray[Number]:
         """Values (N,) of every band as matrices (N, ny, nu)."""
         found = np.empty((len(values[0]), *self.problem.entries.shape), values[0].dtype)
         for place, number in self._numbers.items():
@@ -325,7 +316,7 @@ def first_knots(samples: Samples, low: float, high: float, most: int = _LINES) -
     return np.unique(np.concatenate([every[(every >= low) & (every <= high)], [low, high]]))
 
 
-def multipliers_fit(samples: Samples, points: NDArray[Any], d: NDArray[Any], count: int) -> bool:
+def multipliers_fit(samples: Samples, points: NDArray[np.intp], d: NDArray[np.complexfloating], count: int) -> bool:
     """Return whether so many rows of points and multipliers belong to the samples."""
     return bool(
         points.shape[:1] == (count,) == d.shape[:1]

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse.csgraph
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.bases import ParametricBasis
 from robustid.core import Complex, Frozen, Plane, Real, StateMatrices, as_array, simulate
@@ -25,6 +25,25 @@ _LEFT_OUT = 1e-3  # of a mode, by its series, where the bounds of the samples as
 _TO_BOUND = 0.02  # of the bound of a sample, by the series
 _NEAR = 3.0  # half-widths around a mode in which its resonance is looked for
 
+Box = tuple[Real, Real]  # ends (M, 2) of the natural frequencies in rad/s, and of the damping ratios
+
+
+class SuggestedBox(Protocol):
+    """The part of a `KautzSuggestion` that a pole-uncertainty box is made of."""
+
+    @property
+    def omega_interval(self) -> Real:
+        """Ends (M, 2) of the natural frequencies, rad/s."""
+        ...
+
+    @property
+    def damping_interval(self) -> Real:
+        """Ends (M, 2) of the damping ratios."""
+        ...
+
+
+BoxLike = SuggestedBox | tuple[ArrayLike, ArrayLike]
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Functions(Frozen):
@@ -32,18 +51,11 @@ class Functions(Frozen):
 
     Amplitudes are the real coefficients of the fixed functions, then the complex c' of the modes. Further coefficients of a mode's
     series are parts of it, of bounded size.
-
-    Attributes
-    ----------
-    fixed : ParametricBasis or None
-    modes : PoleDiscs or None
-    kept : tuple of int
-        Numbers of the fixed functions in the basis of the problem.
     """
 
     fixed: ParametricBasis | None
     modes: PoleDiscs | None
-    kept: tuple[int, ...]
+    kept: tuple[int, ...]  # numbers of the fixed functions in the basis of the problem
 
     @property
     def fixed_count(self) -> int:
@@ -159,11 +171,7 @@ def functions_over(
     """The functions of a basis whose pairs have their poles anywhere in a pole-uncertainty box, a row (M, 2) a mode.
 
     `peaks` (M,) are sizes of the modes at their resonance in units of the bounds there: they say how many terms the series take.
-
-    Raises
-    ------
-    InputError
-        The box has not as many modes as the basis has pairs, or does not hold their poles.
+    InputError for a box that has not as many modes as the basis has pairs, or does not hold their poles.
     """
     pairs = {} if basis is None else pairs_of(basis)
     if basis is None or not pairs:
@@ -240,7 +248,7 @@ def pairs_of(basis: ParametricBasis) -> dict[tuple[int, int], tuple[complex, int
     return found
 
 
-def has_box(basis: Any, modes: int) -> bool:
+def has_box(basis: ParametricBasis | None, modes: int) -> bool:
     """Return whether functions are single pairs of so many modes, besides others: a pole-uncertainty box can hold these."""
     return basis is not None and len(pairs_of(basis)) == modes
 
@@ -270,7 +278,7 @@ def ends_of(box: Any) -> tuple[Real, Real]:
     return omega, damping
 
 
-def functions_of(problem: MixedProblem, box: Any) -> Functions:
+def functions_of(problem: MixedProblem, box: BoxLike | None) -> Functions:
     """The parametric part, with its poles in the box."""
     if box is None:
         return fixed_functions(problem.parametric)

@@ -106,9 +106,8 @@ def _tails_of_fixed(functions: Functions, count: int) -> Real:
 def tails_of_modes(functions: Functions, count: int) -> Real:
     r"""Bound of 2 |c a^(n + 1 - delay)/(1 - a)| over n >= t for an amplitude of 1, poles anywhere in their disc, (count + 1, M).
 
-    a = (tau + a_1)/(1 + a_1* tau) with \|tau\| <= T: a disc in the plane; and c/c' = 1/C_1 = 1/(1 + a_1* tau) in modulus. Of
-    amplitude number l in a group, sum_n |g_n R_nl| with the coefficients g_n of that function of tau, |g_n| <= max/r^n for its
-    largest value on a circle T < r < 1 (Cauchy).
+    a = (tau + a_1)/(1 + a_1* tau), |tau| <= T, is a disc; |c/c'| = 1/|C_1| = 1/|1 + a_1* tau|. Of amplitude l in a group,
+    sum_n |g_n R_nl|, g_n the coefficients of that function of tau: |g_n| <= max/r^n for its largest on a circle T < r < 1 (Cauchy).
     """
     modes = functions.modes
     if modes is None:

@@ -1,4 +1,23 @@
-"""Modes whose poles lie anywhere in a pole-uncertainty box, as series in a few functions with fixed poles."""
+r"""Modes whose poles lie anywhere in a pole-uncertainty box, as series in a few functions with fixed poles.
+
+.. math:: \frac{1}{1 - a x} = \sum_{j \le J} C_j \frac{\beta_1 \cdots \beta_{j-1}}{1 - a_j x} + \frac{\prod_{i \le J}
+    \tau_i \beta_i}{1 - a x}, \qquad \beta_i = \frac{x - a_i^*}{1 - a_i x}, \qquad \tau_i = \frac{a - a_i}{1 - a_i^* a}
+
+with the pole a of a mode c n(x)/(1 - a x) in a hyperbolic disc about a_1, x the delay, and
+C_j = (1 - |a_j|^2)/(1 - a_j* a) tau_1 ... tau_(j-1): what projections on functions with the poles a_i leave of a Szego kernel. On
+the unit circle |beta| = 1, so that the remainder is small at every frequency, at the resonance too, however light the damping is.
+The amplitude is c' = c C_1. In Re s < 0 the distance of poles is |(s - s_0)/(s + s_0*)|; that of a = exp(s T)
+is at most that (Schwarz and Pick).
+
+Modes whose boxes are close may cancel each other with any amplitudes. So m of them are one group with m amplitudes that the
+data do tell: the first m coefficients gamma_n = sum_i c_i C(a_i) tau_i^n of the series about one middle. The further ones
+follow from them as t^n modulo prod_i (t - tau_i): gamma_n = sum_l R_nl gamma_l, whose R are Schur functions of hooks, so that
+
+.. math:: |R_{nl}| \le \binom{n}{l} \binom{n - l - 1}{m - 1 - l} T^{n - l}, \qquad |\tau_i| \le T, \; l < m \le n.
+
+A box that reaches the circle has no such disc of use: about its middle a_1 a geometric series in (a - a_1) x/(1 - a_1 x) then
+serves at the frequencies that are farther from a_1 than all of the box, and nothing at the others.
+"""
 
 # pyright: reportConstantRedefinition=false
 # Matrices have capital letters.
@@ -27,47 +46,15 @@ _CELLS = 16  # of a box, along each side, on which distances are bounded
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PoleDiscs(Frozen):
-    r"""Every mode c n(x)/(1 - a x) with its pole a in a hyperbolic disc about a_1, x the delay.
+    """Every mode c n(x)/(1 - a x) with its pole a in a hyperbolic disc about a_1, x the delay: the series of the module."""
 
-    .. math:: \frac{1}{1 - a x} = \sum_{j \le J} C_j \frac{\beta_1 \cdots \beta_{j-1}}{1 - a_j x} + \frac{\prod_{i \le J}
-        \tau_i \beta_i}{1 - a x}, \qquad \beta_i = \frac{x - a_i^*}{1 - a_i x}, \qquad \tau_i = \frac{a - a_i}{1 - a_i^* a}
-
-    with C_j = (1 - |a_j|^2)/(1 - a_j* a) tau_1 ... tau_(j-1): what projections on functions with the poles a_i leave of a Szego
-    kernel. On the unit circle |beta| = 1, so that the remainder is small at every frequency, at the resonance too, however light
-    the damping is. The amplitude is c' = c C_1. In Re s < 0 the distance of poles is |(s - s_0)/(s + s_0*)|; that of a = exp(s T)
-    is at most that (Schwarz and Pick).
-
-    Modes whose boxes are close may cancel each other with any amplitudes. So m of them are one group with m amplitudes that the
-    data do tell: the first m coefficients gamma_n = sum_i c_i C(a_i) tau_i^n of the series about one middle. The further ones
-    follow from them as t^n modulo prod_i (t - tau_i): gamma_n = sum_l R_nl gamma_l, whose R are Schur functions of hooks, so that
-
-    .. math:: |R_{nl}| \le \binom{n}{l} \binom{n - l - 1}{m - 1 - l} T^{n - l}, \qquad |\tau_i| \le T, \; l < m \le n.
-
-    A box that reaches the circle has no such disc of use: about its middle a_1 a geometric series in (a - a_1) x/(1 - a_1 x) then
-    serves at the frequencies that are farther from a_1 than all of the box, and nothing at the others.
-
-    Attributes
-    ----------
-    poles : tuple of (J,) complex arrays
-        The a_i of every group in the z of the plane, in the upper half plane.
-    sizes : tuple of (J, m) arrays
-        Bounds of |C_j/C_1|, or |R|, for each of the m amplitudes of a group; 0 of coefficients that are another amplitude.
-    distance : (M,) array
-        Largest |tau_1|, below 1, of every amplitude.
-    rest : (M,) array
-        Bound of the sum of the coefficients beyond J: |tau_1 ... tau_J|/(1 - |tau_1|) of one mode.
-    reach : (M,) array
-        Largest |a - a_1| of boxes that reach the circle; 0 of the others.
-    delay : int
-        n(x) = x^delay; -1 stands for n(x) = 1 + x, of a strictly proper mode of continuous time.
-    """
-
-    poles: tuple[Complex, ...]
+    poles: tuple[Complex, ...]  # one (J,) a group: the a_i in the z of the plane, in the upper half plane
+    # One (J, m) a group: bounds of |C_j/C_1|, or |R|, for each of its m amplitudes; 0 of coefficients that are another amplitude.
     sizes: tuple[Real, ...]
-    distance: Real
-    rest: Real
-    reach: Real
-    delay: int
+    distance: Real  # (M,), largest |tau_1|, below 1, of every amplitude
+    rest: Real  # (M,), bound of the sum of the coefficients beyond J: |tau_1 ... tau_J|/(1 - |tau_1|) of one mode
+    reach: Real  # (M,), largest |a - a_1| of boxes that reach the circle; 0 of the others
+    delay: int  # n(x) = x^delay; -1 stands for n(x) = 1 + x, of a strictly proper mode of continuous time
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("distance", "rest", "reach")})
@@ -257,7 +244,7 @@ def middle_of(points: Complex) -> complex:
     """Middle of a small hyperbolic disc of Re s < 0 around points."""
     scale, turn = np.exp(np.log(-points.real).mean()), points.imag.mean()
 
-    def of(parts: Any) -> complex:
+    def of(parts: Real) -> complex:
         return complex(-scale * np.exp(parts[0]), turn + scale * parts[1])
 
     def radius(s: complex) -> float:

@@ -25,31 +25,16 @@ _CHECKED = 200  # samples that a check looks at
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Predictions(Frozen):
-    """Samples as all others predict them, each with multipliers of its own: -1 for the sample.
+    """Samples as all others predict them, each with multipliers of its own: -1 for the sample."""
 
-    Attributes
-    ----------
-    base : (B,) complex array
-    points : (B, n) int array
-    multipliers : (B, n + T) complex array
-    own : (B,) int array
-        Number of the sample among the multipliers.
-    y : (B,) complex array
-        The samples.
-    bound : (B,) array
-        Their bounds, with what the series leave out.
-    centre, radius : (B,) arrays
-        Of the discs that hold zero if any system keeps all bounds: centre + y and radius - bound are those that hold the sample.
-    """
-
-    base: Complex
-    points: NDArray[np.intp]
-    multipliers: Complex
-    own: NDArray[np.intp]
-    y: Complex
-    bound: Real
-    centre: Complex
-    radius: Real
+    base: Complex  # (B,)
+    points: NDArray[np.intp]  # (B, n)
+    multipliers: Complex  # (B, n + T)
+    own: NDArray[np.intp]  # (B,), number of the sample among the multipliers
+    y: Complex  # (B,), the samples
+    bound: Real  # (B,), their bounds, with what the series leave out
+    centre: Complex  # (B,); zero is in the disc about it if any system keeps all bounds, and the sample in that about centre + y
+    radius: Real  # (B,); of the disc that holds the sample it is radius - bound
 
     @property
     def excess(self) -> Real:

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 from robustid.core import Complex, Frozen, Real, as_array, as_count, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
+from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.linear.in_time import response_discs, step_tails
 from robustid.identification import MixedProblem
 
 _MOST_SAMPLES = 512  # of a step response whose peak is bounded
 _LITTLE = 0.01  # of the static gain: what a step response leaves when its samples end
-
-Box = tuple[Real, Real]  # ends (M, 2) of the natural frequencies in rad/s, and of the damping ratios
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)

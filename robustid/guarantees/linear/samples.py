@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -22,30 +22,21 @@ Entry = tuple[int, int]
 _ROWS = 256  # samples of the records of an entry that are used
 _MEAN = 1e-12  # rounding of a mean
 
+Number = TypeVar("Number", bound=np.generic)
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RecordRows(Frozen):
-    """Samples of one output from a record: inputs, what the class sees of them, and what the functions do.
-
-    Attributes
-    ----------
-    output : int
-    time : (T,) array, s
-    y, bound : (T,) arrays
-    blocks : dict of int to (T, N) array
-        For every component the Toeplitz matrix of its input, filtered by the weight of the class, columns times rho^-k.
-    functions : (T, m) complex array
-        What all functions of all components do.
-    left_out : (T, amplitudes) array
-    """
+    """Samples of one output from a record: inputs, what the class sees of them, and what the functions do."""
 
     output: int
-    time: Real
-    y: Real
-    bound: Real
+    time: Real  # (T,), s
+    y: Real  # (T,)
+    bound: Real  # (T,)
+    # (T, N), for every component the Toeplitz matrix of its input, filtered by the weight of the class, columns times rho^-k.
     blocks: dict[int, Real]
-    functions: Complex
-    left_out: Real
+    functions: Complex  # (T, m), what all functions of all components do
+    left_out: Real  # (T, amplitudes)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,31 +45,18 @@ class Samples(Frozen):
 
     A point sees sum_c v_c F_c at exp(j angle); every point stands with its conjugate, at -angle. F_c = sum_i p_ci P_i + K s_c W
     phi_c, with |phi|_2 <= `reach` over the components: 1 where they are in one row or one column.
-
-    Attributes
-    ----------
-    problem : MixedProblem
-    functions : Functions
-    entry : tuple of int
-    components : tuple of entries
-    angles : (N,) array
-    v : (N, C) complex array
-    y : (N,) complex array
-    bound : (N,) array
-    records : tuple of RecordRows
-    transients : int
-        Columns of `records` beyond those of the components, of unknown initial states: amplitudes of their own.
     """
 
     problem: MixedProblem
     functions: Functions
     entry: Entry
     components: tuple[Entry, ...]
-    angles: Real
-    v: Complex
-    y: Complex
-    bound: Real
+    angles: Real  # (N,)
+    v: Complex  # (N, C)
+    y: Complex  # (N,)
+    bound: Real  # (N,)
     records: tuple[RecordRows, ...]
+    # Columns of `records` beyond those of the components, of unknown initial states: amplitudes of their own.
     transients: int
 
     @property
@@ -142,7 +120,7 @@ class Samples(Frozen):
         every = [own + k * count for k in range(len(self.components))]
         return np.concatenate([*every, len(self.components) * count + np.arange(self.transients)]).astype(int)
 
-    def _every(self, own: NDArray[Any], transient: Any) -> NDArray[Any]:
+    def _every(self, own: NDArray[Number], transient: float) -> NDArray[Number]:
         return np.concatenate([np.tile(own, len(self.components)), np.full(self.transients, transient)])
 
     @functools.cached_property
@@ -230,7 +208,7 @@ class Samples(Frozen):
         """Most that the series leave out of the entry, (B, amplitudes)."""
         return self.of_target(self.functions.left_out(angles), self.amplitudes).real
 
-    def of_target(self, own: NDArray[Any], columns: int) -> Complex:
+    def of_target(self, own: Real | Complex, columns: int) -> Complex:
         """Columns of the entry among so many of all components and transients, zeros elsewhere."""
         found = np.zeros((len(own), columns), complex)
         found[:, self.target * own.shape[1] : (self.target + 1) * own.shape[1]] = own

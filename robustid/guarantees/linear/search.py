@@ -81,9 +81,7 @@ def reweighted(
     start: Complex | None = None,
     one: Complex | None = None,
 ) -> Complex:
-    r"""Multipliers of the smallest radius along the way; functions whose coefficients are unbounded are matched exactly.
-
-    So are the numbers `one` (B, S), if given: their combination is 1.
+    r"""Multipliers of the smallest radius along the way; unbounded functions and `one` (B, S), to 1, are matched exactly.
 
     A sum of moduli is at most the sum of |d|^2/(2 t) + t/2: with t the moduli of the last step that is least squares. Weights 1/t
     that go `_FARTHER` than that, in their logarithms, take half of the steps.

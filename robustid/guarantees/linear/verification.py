@@ -6,18 +6,23 @@ samples and bounds are taken as they are in double precision.
 
 from __future__ import annotations
 
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Real
-from robustid.guarantees.linear.amplitudes import amplitude_targets
-from robustid.guarantees.linear.certificate import Targets, targets_at
+from robustid.core import Complex, Real
+from robustid.guarantees.linear.amplitudes import Extraction, amplitude_targets
+from robustid.guarantees.linear.certificate import Amplitudes, Targets, targets_at
 from robustid.guarantees.linear.clash import Clash
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.predictions import nothing
 from robustid.guarantees.linear.samples import Samples
 from robustid.identification import ball_arithmetic
+
+if TYPE_CHECKING:
+    from flint import acb, arb
 
 
 def holds_exactly(band: EntryBand) -> bool:
@@ -53,20 +58,20 @@ def clashes_exactly(clash: Clash) -> bool:
 class Sums:
     """The sums of linear certificates as balls."""
 
-    def __init__(self, flint: Any, samples: Samples) -> None:
+    def __init__(self, flint: ModuleType, samples: Samples) -> None:
         self.flint, self.samples = flint, samples
         self.nodes = [flint.acb(*pair) for pair in _pairs(samples.nodes)]
-        self.inverse: dict[tuple[int, int], Any] = {}
+        self.inverse: dict[tuple[int, int], acb] = {}
 
-    def number(self, value: complex) -> Any:
+    def number(self, value: complex) -> acb:
         """A complex number, exactly."""
         return self.flint.acb(value.real, value.imag)
 
-    def distance(self, centre: Any, stated: complex) -> Any:
+    def distance(self, centre: acb, stated: complex) -> arb:
         """|centre - stated|."""
         return abs(centre - self.number(stated))
 
-    def _cauchy(self, k: int, other: int) -> Any:
+    def _cauchy(self, k: int, other: int) -> acb:
         """1/(1 - z_k conj(z_other)), kept."""
         found = self.inverse.get((k, other))
         if found is None:
@@ -74,7 +79,7 @@ class Sums:
             self.inverse[k, other], self.inverse[other, k] = found, found.conjugate()
         return found
 
-    def square(self, targets: Targets, row: int, points: Any, d: Any) -> Any:
+    def square(self, targets: Targets, row: int, points: NDArray[np.intp], d: Complex) -> arb:
         """The squared norm of the target less the combination, in H2 of the harmonic measure."""
         flint, samples = self.flint, self.samples
         base = self.number(complex(targets.base[row]))
@@ -90,7 +95,7 @@ class Sums:
         near = [1 - base.conjugate() * self.nodes[k] for k in places]
         every = [self._cauchy(k, other) for k in places for other in places]
         cauchy = flint.acb_mat(count, count, every) if count else None
-        powers: list[list[Any]] = []
+        powers: list[list[acb]] = []
         for c in range(len(samples.components)):
             u = [m * w[c] * v for m, w, v in zip(multipliers, weights, near, strict=False)]
             if count:
@@ -104,7 +109,7 @@ class Sums:
             cross += sum((m * s for m, s in zip(multipliers[count:], start, strict=True)), flint.acb(0))
         return (total - 2 * cross * weight.conjugate()).real
 
-    def _records(self, base: Any, scale: Any, places: list[int], powers: list[list[Any]], d: list[Any]) -> Any:
+    def _records(self, base: acb, scale: acb, places: list[int], powers: list[list[acb]], d: list[acb]) -> acb:
         """Part of the rows of the records: the polynomial q = d U of a component, beside the points, in the same norm."""
         flint, total = self.flint, self.flint.acb(0)
         for c, block in enumerate(self.samples.blocks):
@@ -126,7 +131,7 @@ class Sums:
                 total += 2 * (value * u.conjugate() / scale).real
         return total
 
-    def missed(self, targets: Targets, row: int, points: Any, d: Any) -> list[Any]:
+    def missed(self, targets: Targets, row: int, points: NDArray[np.intp], d: Complex) -> list[acb]:
         """Differences of the combination from the target in every function."""
         values = np.concatenate([self.samples.values[points], self.samples.record_functions])
         m = values.shape[1]
@@ -137,13 +142,13 @@ class Sums:
         found = (left * right).entries()
         return [one - self.number(t) for one, t in zip(found, targets.values[row].tolist(), strict=True)]
 
-    def _sizes(self, points: Any, d: Any) -> tuple[list[Any], Real, Real]:
+    def _sizes(self, points: NDArray[np.intp], d: Complex) -> tuple[list[arb], Real, Real]:
         samples = self.samples
         bound = np.concatenate([samples.bound[points], samples.record_bound])
         left_out = np.concatenate([samples.left_out[points], samples.record_left_out])
         return [abs(self.number(one)) for one in d.tolist()], bound, left_out
 
-    def radius(self, targets: Targets, row: int, points: Any, d: Any, known: Any) -> Any:
+    def radius(self, targets: Targets, row: int, points: NDArray[np.intp], d: Complex, known: Amplitudes) -> arb:
         """The radius of a disc."""
         arb = self.flint.arb
         size, bound, left_out = self._sizes(points, d)
@@ -165,12 +170,12 @@ class Sums:
             total += abs(missed) * (float(known.radius[at]) if first else largest[at] * power)
         return total
 
-    def _root(self, square: Any) -> Any:
+    def _root(self, square: arb) -> arb:
         """Above the root of a number that is not negative."""
         top = square.upper()
         return top.sqrt() if top > 0 else self.flint.arb(0)
 
-    def centre(self, targets: Targets, row: int, points: Any, d: Any, known: Any) -> Any:
+    def centre(self, targets: Targets, row: int, points: NDArray[np.intp], d: Complex, known: Amplitudes) -> acb:
         """The centre of a disc."""
         samples = self.samples
         y = np.concatenate([samples.y[points], samples.record_y])
@@ -186,7 +191,7 @@ class Sums:
                 total -= one * (value.conjugate() if conjugate else value)
         return total
 
-    def amplitudes_proved(self, extraction: Any, known: Any) -> bool:
+    def amplitudes_proved(self, extraction: Extraction, known: Amplitudes) -> bool:
         """Say whether b + E u <= u: then no amplitude is farther than u from its centre.
 
         u are distances from the stated centres; every combination bounds its own by what it confuses with the others.
@@ -206,5 +211,5 @@ class Sums:
         return True
 
 
-def _pairs(values: Any) -> list[tuple[float, float]]:
+def _pairs(values: Complex) -> list[tuple[float, float]]:
     return list(zip(np.real(values).tolist(), np.imag(values).tolist(), strict=True))
