@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeGuard
+
+from numpy.typing import ArrayLike
 
 from robustid import core
 from robustid.app.exports.network_files import is_network, save_network
+from robustid.core import Signal
 from robustid.errors import InputError
 
 
@@ -15,12 +18,12 @@ def load(
     path: Any,
     *,
     kind: str | None = None,
-    fields: Mapping[str, Any] | None = None,
+    fields: Mapping[str, object] | None = None,
     dt: float | None = None,
-    bound: Any = None,
+    bound: ArrayLike | None = None,
     frequency_unit: str | None = None,
-    inputs: Any = None,
-    outputs: Any = None,
+    inputs: Sequence[str | tuple[str, str] | Signal] | None = None,
+    outputs: Sequence[str | tuple[str, str] | Signal] | None = None,
     initial: str | None = None,
     rate: float | None = None,
     axes: str | None = None,
@@ -125,7 +128,7 @@ def load(
 
     stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial, "rate": rate,
               "axes": axes, "decimal": decimal, "start": start, "step": step}  # fmt: skip
-    if not isinstance(path, str | os.PathLike) or core.saved_kind(path) is None:
+    if not _is_place(path) or core.saved_kind(path) is None:
         return read_file(path, kind=kind, fields=fields, frequency_unit=frequency_unit, **stated)
     for name, value in ({"kind": kind, "fields": fields, "frequency_unit": frequency_unit} | stated).items():
         if value is not None:
@@ -133,23 +136,29 @@ def load(
     return load_result(path)
 
 
+def _is_place(path: object) -> TypeGuard[str | os.PathLike[str]]:
+    return isinstance(path, str | os.PathLike)
+
+
 def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
     """Load a saved result of one of these kinds ("identification", "matrix fraction", "worst-case error", "band over poles").
 
     Default: of any.
     """
-    from robustid import fitting, guarantees  # noqa: F401 - with them come all rooms that have results to load
+    # With them come all rooms that have results to load.
+    from robustid import fitting as fitting
+    from robustid import guarantees as guarantees
 
     return core.load_saved(path, *kinds)
 
 
 def save(
     path: str | os.PathLike[str],
-    thing: Any,
+    thing: object,
     *,
     parameter: str | None = None,
     reference: float | None = None,
-    omega: Any = None,
+    omega: ArrayLike | None = None,
 ) -> None:
     """Write a result, an excitation, a model or measurements, so that `load` gives back exactly the same.
 
@@ -199,10 +208,10 @@ def save(
     >>> bool((again.values == frf.values).all())
     True
     """
-    given = {"parameter": parameter, "reference": reference, "omega": omega}
     if is_network(path):
-        save_network(path, thing, **given)
+        save_network(path, thing, parameter=parameter, reference=reference, omega=omega)
         return
+    given = {"parameter": parameter, "reference": reference, "omega": omega}
     if names := [f"`{name}`" for name, value in given.items() if value is not None]:
         raise InputError(f"{names[0]} is for Touchstone (.s2p, ...) and SPICE (.cir, ...) files; got {str(path)!r}")
     from robustid.app.exports import exported

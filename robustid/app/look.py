@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from robustid.app.load_save import load
+from robustid.app.run.toml import is_array, is_table
 from robustid.core import Frozen, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import estimate_bound, record_faults, response_faults
-from robustid.formats import contents, read_table
+from robustid.formats import Item, contents, read_table
 
 _EVEN = 1e-6  # part of a step
 _FEW = 8  # rows of a spectrum
@@ -53,9 +54,9 @@ class Look(Frozen):
     how: str
     rows: tuple[tuple[str, str, str], ...]
     faults: tuple[Fault, ...]
-    data: Any = None
+    data: object = None
     refusal: str = ""
-    arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
+    arguments: dict[str, Any] = dataclasses.field(default_factory=dict[str, Any])
     bound: str = ""
 
     @property
@@ -126,14 +127,15 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
     odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
     try:
-        data = load(table, **options)
+        data: object = load(table, **options)
     except (InputError, InputTypeError, FileFormatError) as error:
         tried = error.remedy if "fields" in error.remedy else {}
         return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), arguments=tried)
-    for one in data if isinstance(data, list) else [data]:
+    several: Sequence[object] = data if is_array(data) else [data]
+    for one in several:
         odd += response_faults(one) if isinstance(one, FrequencyResponse) else []
-    records: Any = data if isinstance(data, list) else [data]
-    if all(isinstance(one, TimeRecord) for one in records):
+    records = [one for one in several if isinstance(one, TimeRecord)]
+    if len(records) == len(several):
         odd += record_faults(records)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
     return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), data=data, arguments=options, bound=own)
@@ -160,9 +162,7 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
     for one in looks:
         name = os.path.relpath(one.path, folder)
         response = isinstance(one.data, FrequencyResponse) or "values" in one.arguments.get("fields", {})
-        lines += [
-            f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not isinstance(one.data, list) else "")
-        ]
+        lines += [f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not is_array(one.data) else "")]
         lines += [f"# Looks odd: {fault}" for fault in one.faults]
         lines.append("[[frequency]]" if response else "[[record]]")
         lines.append(f"file = {json.dumps(name)}")
@@ -197,17 +197,17 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
     return "\n".join(lines)
 
 
-def _toml(value: Any) -> str:
-    if isinstance(value, dict):
+def _toml(value: object) -> str:
+    if is_table(value):
         return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(one)}" for key, one in value.items()) + " }"
     return json.dumps(value)
 
 
-def _shape(item: Any) -> str:
+def _shape(item: Item) -> str:
     return " x ".join(map(str, item.shape)) if item.values is not None else item.kind
 
 
-def _range(item: Any) -> str:
+def _range(item: Item) -> str:
     """Range of numbers, with their step where they are evenly spaced; else the text."""
     if item.values is None or not item.values.size:
         return str(item.text)[:60]
@@ -232,7 +232,7 @@ def _range(item: Any) -> str:
     return words
 
 
-def _step(values: Any) -> float:
+def _step(values: np.ndarray) -> float:
     """Step of numbers that are evenly spaced; 0 of others."""
     flat: Real = np.asarray(values, dtype=float).ravel()
     if flat.size < 3 or not np.all(np.isfinite(flat)):
@@ -242,14 +242,14 @@ def _step(values: Any) -> float:
     return middle if middle > 0 and float(np.max(np.abs(steps - middle))) <= _EVEN * middle * 10 else 0.0
 
 
-def _two_sided(values: Any) -> bool:
+def _two_sided(values: np.ndarray) -> bool:
     """Return whether the rows of a DFT of real signals go on beyond the Nyquist frequency."""
     rows = values.reshape(len(values), -1)
     size = float(np.abs(rows).max()) if rows.shape[0] >= _FEW else np.nan
-    return bool(np.any(rows.imag)) and bool(np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size))
+    return bool(np.any(np.imag(rows))) and bool(np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size))
 
 
-def _odd(item: Any) -> list[Fault]:
+def _odd(item: Item) -> list[Fault]:
     """Faults of one array: not finite, decibels, degrees."""
     values, name = np.asarray(item.values), item.address
     found: list[Fault] = []

@@ -2,7 +2,7 @@
 
 from robustid.report import plot
 from robustid.report.document import Verdict
-from robustid.report.identified import same
+from robustid.report.identified import Parts, same
 from robustid.report.live import live_figure, live_words, look_figure, look_words
 from robustid.report.pages import render_report, render_summary, verdict, write_report
 from robustid.report.poles import PoleRow, pole_table
@@ -10,6 +10,7 @@ from robustid.report.proved_band import stands_on
 from robustid.report.words import at_least, at_most
 
 __all__ = [
+    "Parts",
     "PoleRow",
     "Verdict",
     "at_least",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -196,7 +196,7 @@ def experiments(identification: Identification) -> list[Experiment]:
     """List what was measured, and where the bounds come from: of a MIMO problem for each entry or output that has bounds."""
     problem = identification.problem
     given = {"frequency": problem.frequency, "time": problem.time}
-    alike: dict[tuple[Any, ...], list[Experiment]] = {}
+    alike: dict[tuple[str, int, Experiment], list[Experiment]] = {}
     for r in identification.residuals:
         row = _experiment(identification, r, given[r.kind][r.index])
         shared = row.of if r.kind == "frequency" and None in r.entry else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -84,6 +84,13 @@ class Layer:
     size: float = 1.0
     fill: bool = False
     choice: bool = False
+
+
+class Ends(TypedDict, total=False):
+    """Ends of the bars or of the area of a layer; none where they are not known."""
+
+    low: np.ndarray
+    high: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)

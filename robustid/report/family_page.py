@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 
+from robustid.core import Complex
 from robustid.errors import InputError
 from robustid.guarantees import Coverage, Family, WorstCaseOverPoles
 from robustid.report.charts import (
@@ -18,6 +19,7 @@ from robustid.report.charts import (
     NOMINAL,
     Axis,
     Chart,
+    Ends,
     Layer,
     Panel,
     first_panel,
@@ -225,13 +227,13 @@ def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve
     errors: list[Layer] = []
     for k, (member, error) in enumerate(zip(family.members, family.errors, strict=True)):
         ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place][proved]
-        style: dict[str, Any] = {"colour": FURTHER[k % 3], "marker": MARKERS[k % len(MARKERS)]}
+        drawn = partial(Layer, colour=FURTHER[k % 3], marker=MARKERS[k % len(MARKERS)])
         middle = np.maximum(ends.mean(axis=1), span[0])
-        bars: dict[str, Any] = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
-        sizes.append(Layer(member.name, hz, middle, size=0.5, **bars, **style))
+        bars: Ends = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
+        sizes.append(drawn(member.name, hz, middle, size=0.5, **bars))
         own = error.upper[place][proved]
         said = at_hz(hz, "at most {}", own)
-        errors.append(Layer(f"{member.name}: error", hz, own, dash=DASHES[k % len(DASHES)], hover=said, **style))
+        errors.append(drawn(f"{member.name}: error", hz, own, dash=DASHES[k % len(DASHES)], hover=said))
     radius = family.centres.radius[place][proved]
     errors.append(Layer("smallest disc that holds all", hz, radius, FAINT, dash="solid"))
     x = frequency_axis(family.omega[proved])
@@ -255,16 +257,14 @@ def schedule_chart(family: Family) -> Chart:
     margin = 0.05 * max(high - low, np.ptp(values), 1e-12)
     x = Axis(family.schedule, range=(min(low, values.min()) - margin, max(high, values.max()) + margin))
     worst = np.argsort(-family.sigma_upper)
-    bands, places = [], np.sort(worst[:_SHOWN])
+    bands: list[Layer] = []
+    places = np.sort(worst[:_SHOWN])
     for k, place in enumerate(places):
         ends = np.array([_range_of(e, int(place), family) for e in family.errors])[order]
-        style: dict[str, Any] = {
-            "colour": (DATA, NOMINAL, ALERT, FURTHER[0])[k % 4],
-            "dash": "dot",
-            "marker": MARKERS[k % 3],
-        }
+        colour, marker = (DATA, NOMINAL, ALERT, FURTHER[0])[k % 4], MARKERS[k % 3]
         name = f"{number(float(family.omega[place]) / HZ, 5)} Hz"
-        bands.append(Layer(name, values[order], ends.mean(axis=1), low=ends[:, 0], high=ends[:, 1], **style))
+        middle, bottom, top = ends.mean(axis=1), ends[:, 0], ends[:, 1]
+        bands.append(Layer(name, values[order], middle, colour, dash="dot", marker=marker, low=bottom, high=top))
     panels = [Panel("Range of the magnitude where the band is widest", x, Axis("magnitude", log=True), bands)]
     poles = paired_modes([_poles_of(family.errors[k]) for k in order])
     if poles:
@@ -277,9 +277,9 @@ def schedule_chart(family: Family) -> Chart:
                 ]  # in Hz; shifts are too small to be seen beside the frequencies themselves
                 shown = found[known, part] if part else 100 * (found[known, 0] / first - 1)
                 middle, bottom, top = shown.T
-                style: dict[str, Any] = {"colour": (NOMINAL, ALERT, *FURTHER)[mode % 6], "marker": MARKERS[mode % 3]}
+                colour, marker = (NOMINAL, ALERT, *FURTHER)[mode % 6], MARKERS[mode % 3]
                 name, at = f"mode {mode + 1}, {number(first)} Hz", values[order][known]
-                layers.append(Layer(name, at, middle, low=bottom, high=top, dash="dot", **style))
+                layers.append(Layer(name, at, middle, colour, dash="dot", marker=marker, low=bottom, high=top))
             title = ("Natural frequency, from that of the first member", "Damping ratio")[part]
             panels.append(Panel(title, x, Axis(label), layers))
     return Chart("schedule", panels, columns=1)
@@ -299,9 +299,9 @@ def _poles_of(error: Bounded) -> np.ndarray:
         ends = np.stack([omega / HZ, damping], axis=1)
         return np.concatenate([ends.mean(axis=2, keepdims=True), ends], axis=2)
     basis = error.identification.problem.parametric
-    found: Any = np.zeros(0, complex) if basis is None else np.asarray(basis.poles)
-    found = np.unique(np.round(found[(found.imag > 0) & (np.abs(found) > 0)], 12))
-    logs: Any = error.identification.problem.plane.exponents(found)
+    found: Complex = np.zeros(0, complex) if basis is None else np.asarray(basis.poles, complex)
+    found = np.unique(np.round(found[(found.imag > 0) & (np.abs(found) > 0)], 12)).astype(complex)
+    logs: Complex = error.identification.problem.plane.exponents(found)
     each = np.stack([np.abs(logs) / HZ, -logs.real / np.abs(logs)], axis=1)
     return np.repeat(each[np.argsort(each[:, 0])][:, :, None], 3, axis=2)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from robustid.report.charts import (
     NOMINAL,
     Axis,
     Chart,
+    Ends,
     Layer,
     Panel,
     frequency_axis,
@@ -80,30 +81,30 @@ def _entry(
     x = rounded(omega / HZ)
     if deviation is not None:
         low = np.maximum(np.abs(values) - deviation, span[0])
-        bounds: dict[str, Any] = {"low": rounded(low), "high": rounded(np.abs(values) + deviation)}
+        bounds: Ends = {"low": rounded(low), "high": rounded(np.abs(values) + deviation)}
         magnitude.append(Layer("model ± σ", x, rounded(np.abs(values)), NOMINAL, dash="solid", fill=True, **bounds))
         magnitude.append(Layer("σ of the model", x, rounded(deviation), FURTHER[0], dash="dash"))
     if view.noise is not None:
         at, level = rounded(points[kept] / HZ), rounded(view.noise[kept, i, j])
         magnitude.append(Layer("σ of the data", at, level, FAINT, dash="dot"))
     # Drawn over the samples, thin: where both agree both are seen.
-    curve: dict[str, Any] = {"name": name, "x": x, "colour": NOMINAL, "dash": "solid", "size": 0.5}
+    curve = partial(Layer, name, x, colour=NOMINAL, dash="solid", size=0.5)
     unused = ~used & (measured != 0)  # a fit knows zeros where entries are missing
     groups = ((used, "data", DATA, "circle"), (unused, "data without weight", FAINT, "circle-open"))
     for mask, label, colour, marker in groups:
         part = kept[mask[kept]]
         if not part.size:
             continue
-        style: dict[str, Any] = {"name": label, "x": rounded(points[part] / HZ), "colour": colour, "marker": marker}
+        samples = partial(Layer, label, rounded(points[part] / HZ), colour=colour, marker=marker, size=0.6)
         near = angle[np.searchsorted(omega, points[part]).clip(0, omega.size - 1)]
         turned = next_to(np.degrees(np.angle(measured[part])), near)
-        magnitude.append(Layer(y=rounded(np.abs(measured[part])), size=0.6, **style))
-        phase.append(Layer(y=rounded(turned), size=0.6, **style))
+        magnitude.append(samples(rounded(np.abs(measured[part]))))
+        phase.append(samples(rounded(turned)))
     part = kept[used[kept]]
     at, left = rounded(points[part] / HZ), rounded(error[part])
     magnitude.append(Layer("residual |data − model|", at, left, ALERT, marker="circle", size=0.45))
-    magnitude.append(Layer(y=rounded(np.abs(values)), **curve))
-    phase.append(Layer(y=rounded(with_gaps(angle)), **curve))
+    magnitude.append(curve(rounded(np.abs(values))))
+    phase.append(curve(rounded(with_gaps(angle))))
     size = Axis(f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
     drawn = (size, magnitude), (phase_axis(phase_span), phase)
     return stacked(f"entry-{i}-{j}", axis, drawn, (view.entry(i, j), ""))
@@ -132,12 +133,12 @@ def convergence_chart(view: FitView) -> Chart:
     looks = zip((NOMINAL, *FURTHER, ALERT, FAINT), ("circle", *MARKERS, "circle-open", "square"), strict=False)
     for name, (colour, marker) in zip(dict.fromkeys(step.words for step in steps), looks, strict=False):
         mine = np.array([step.words == name for step in steps])
-        style: dict[str, Any] = {"name": name, "colour": colour, "marker": marker}
+        line = partial(Layer, name, iteration, colour=colour, dash="solid", marker=marker)
         values = np.array([step.cost for step in steps])
         # Iterations of other methods and criteria in between are gaps of the line.
-        cost.append(Layer(x=iteration, y=positive(np.where(mine, values, np.nan)), dash="solid", **style))
+        cost.append(line(positive(np.where(mine, values, np.nan))))
         excess = np.maximum(fit.condition_numbers - 1, EPSILON)
-        condition.append(Layer(x=iteration, y=np.where(mine, excess, np.nan), dash="solid", **style))
+        condition.append(line(np.where(mine, excess, np.nan)))
     if steps and steps[-1].former:  # the start and the end have the same weight
         cost.append(Layer("end", np.array([len(steps)]), positive(np.array([fit.cost])), DATA, marker="x"))
     if np.isfinite(fit.unstable_cost):
@@ -168,7 +169,7 @@ def fit_pole_chart(view: FitView) -> Chart:
     plane = [_plane_layer(view, kind) for kind in (False, True) if any(row.rigid == kind for row in rows)]
     damped = [row for row in rows if row.count == 2 and not row.rigid and row.damping > 0]
     hz, damping, std = (np.array([getattr(row, part) for row in damped]) for part in ("hz", "damping", "damping_std"))
-    bars: dict[str, Any] = {}
+    bars: Ends = {}
     if np.all(np.isfinite(std)):
         bars = {"low": np.maximum(damping - std, damping / 100), "high": damping + std}
     hover = tuple(_words(row) for row in damped)
@@ -201,7 +202,7 @@ def _plane_layer(view: FitView, rigid: bool) -> Layer:
     rows = [row for row in view.modes if row.rigid == rigid]
     poles = np.array([complex(row.pole) for row in rows], dtype=complex)
     hover = tuple(_words(row) for row in rows)
-    bars: dict[str, Any] = {}
+    bars: Ends = {}
     if view.dt is None:
         poles = poles / HZ
         # The imaginary part of a light mode is its frequency.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, fit_covariance, mode_table
 from robustid.identification import Check
+
+if TYPE_CHECKING:
+    import control
 
 # The realisation reproduces the fraction to 1e-8 at the worst point of noisy 4 x 4 data of order 40.
 _SAME_MODEL = 1e-8
@@ -120,7 +123,7 @@ class FitView:
         return np.sqrt(variance).reshape(-1, self.nu, self.ny).transpose(0, 2, 1)
 
     @cached_property
-    def model(self) -> Any:
+    def model(self) -> control.StateSpace:
         """The `control.StateSpace` that leaves the library."""
         return self.fit.model
 

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification, MixedProblem
 from robustid.report.assumptions import shared_words
-from robustid.report.charts import DATA, FAINT, Axis, Chart, Layer, Panel, lighter, phase_axis, side_by_side, stacked
+from robustid.report.charts import (
+    DATA,
+    FAINT,
+    Axis,
+    Chart,
+    Ends,
+    Layer,
+    Panel,
+    lighter,
+    phase_axis,
+    side_by_side,
+    stacked,
+)
 from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
 from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import (
@@ -29,6 +42,9 @@ from robustid.report.identified import (
 from robustid.report.words import HZ, at_hz, unit_label
 
 LARGEST = "σmax of the "
+if TYPE_CHECKING:
+    import control
+
 _MANY = 300  # points, above which their bars run into one another
 _NOWHERE = np.zeros(0)
 _SIGMA = (
@@ -98,19 +114,18 @@ def entry_chart(
     magnitude: list[Layer] = []
     phase: list[Layer] = []
     for one, value, angle in zip(shown, values, phases, strict=True):
-        style: dict[str, Any] = {"name": one.name, "x": omega / HZ, "colour": one.colour, "dash": one.dash}
-        magnitude.append(Layer(y=np.abs(value), **style))
-        phase.append(Layer(y=with_gaps(angle), **style))
-    for name, at, value, bound in measured:
+        curve = partial(Layer, one.name, omega / HZ, colour=one.colour, dash=one.dash)
+        magnitude.append(curve(np.abs(value)))
+        phase.append(curve(with_gaps(angle)))
+    for what, at, value, bound in measured:
         size, angle = np.abs(value), np.degrees(np.angle(value))
         turn = np.where(bound >= size, 180.0, half_angle(size, bound))  # the disc holds 0: any phase
         angle = next_to(angle, phases[0][np.searchsorted(omega, at).clip(0, omega.size - 1)])
         hover = at_hz(at / HZ, "{} ± {}, {}°", size, bound, angle)
         x = np.maximum(at, band[0]) / HZ
-        style = {"name": name, "x": x, "colour": DATA, "marker": "circle", "hover": hover, "choice": True}
         ends = np.maximum(size - bound, reach[0]), size + bound
-        _add_samples(magnitude, np.maximum(size, reach[0]), ends, style)
-        _add_samples(phase, angle, (angle - turn, angle + turn), style)
+        _add_samples(magnitude, what, x, np.maximum(size, reach[0]), ends, hover)
+        _add_samples(phase, what, x, angle, (angle - turn, angle + turn), hover)
     axis, title = hertz(problem, *band), transfer(identification, *entry)
     if siso(identification):
         titles, label = ("Magnitude", "Phase"), title
@@ -123,37 +138,55 @@ def entry_chart(
     return stacked(chart, axis, drawn, titles, grid=not siso(identification))
 
 
-def _measured(problem: MixedProblem, output: int, input_: int) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """Samples of an entry: name, frequencies in rad/s, values, and radius of the disc around what the bound leaves to it alone."""
+class Named(NamedTuple):
+    """Names of samples: with their bars; without them; of the area that stands for bars."""
+
+    both: str
+    alone: str
+    area: str
+
+
+Samples = tuple[Named, np.ndarray, np.ndarray, np.ndarray]
+
+
+def _measured(problem: MixedProblem, output: int, input_: int) -> list[Samples]:
+    """Samples of an entry: names, frequencies in rad/s, values, and radius of the disc around what the bound leaves to it alone."""
     responses = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
-    out: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]] = []
+    out: list[Samples] = []
     for k, frf in enumerate(responses):
         used, place = frf.bound.used[:, output, input_], (slice(None), output, input_)
         if not used.any():
             continue
-        what = "data with their bounds" if frf.bound.tilt is None else "data with discs around their ellipses"
-        what += "" if frf.bound.joint == "entry" else " (shared bound)"
-        name = numbered(what, k, len(responses))
-        out.append((name, frf.omega[used], frf.values[place][used], frf.bound.outer_radius[place][used]))
+        names = ("data with their bounds", "data", "bounds of the data")
+        if frf.bound.tilt is not None:
+            names = ("data with discs around their ellipses",) * 3
+        shared = "" if frf.bound.joint == "entry" else " (shared bound)"
+        named = Named(*(numbered(name + shared, k, len(responses)) for name in names))
+        out.append((named, frf.omega[used], frf.values[place][used], frf.bound.outer_radius[place][used]))
     return out
 
 
 def _add_samples(
-    layers: list[Layer], y: np.ndarray, ends: tuple[np.ndarray, np.ndarray], style: dict[str, Any]
+    layers: list[Layer],
+    named: Named,
+    x: np.ndarray,
+    y: np.ndarray,
+    ends: tuple[np.ndarray, np.ndarray],
+    hover: tuple[str, ...],
 ) -> None:
     """Samples with bars; so many that bars would hide everything: small ones on an area, behind the models."""
     low, high = ends
+    samples = partial(Layer, x=x, y=y, colour=DATA, marker="circle", hover=hover, choice=True)
     if y.size <= _MANY:
-        layers.append(Layer(y=y, low=low, high=high, **style))
+        layers.append(samples(named.both, low=low, high=high))
         return
-    name = style["name"].replace("data with their bounds", "bounds of the data")
     layers[:0] = [
-        Layer(name, style["x"], y, DATA, low=low, high=high, fill=True),
-        Layer(y=y, size=0.4, **style | {"name": style["name"].replace(" with their bounds", "")}),
+        Layer(named.area, x, y, DATA, low=low, high=high, fill=True),
+        samples(named.alone, size=0.4),
     ]
 
 
-def _range(measured: list[Any], values: list[np.ndarray]) -> tuple[float, float]:
+def _range(measured: list[Samples], values: list[np.ndarray]) -> tuple[float, float]:
     """Range that holds all samples and the curves, but not the bottom of deep notches."""
     sizes = [np.abs(value) for *_, value, _ in measured]
     tops = [size + bound for size, (*_, bound) in zip(sizes, measured, strict=True)]
@@ -177,15 +210,15 @@ def sigma_chart(identification: Identification, models: Models = None, omega: np
     reach = magnitude_range(top, [low, 2 * low_quantile(sizes[0])])
     if points.size:
         hover = at_hz(points / HZ, "{} ± {}", sigma, radius)
-        bars: dict[str, Any] = {"low": np.maximum(sigma - radius, reach[0]), "high": sigma + radius, "hover": hover}
+        bars: Ends = {"low": np.maximum(sigma - radius, reach[0]), "high": sigma + radius}
         x, y = np.maximum(points, ends[0]) / HZ, np.maximum(sigma, reach[0])
-        layers.append(Layer("σmax of the data", x, y, DATA, marker="circle", **bars))
+        layers.append(Layer("σmax of the data", x, y, DATA, marker="circle", hover=hover, **bars))
     y_axis = Axis(f"singular value{sigma_unit(identification)}", log=True, range=reach)
     panel = Panel("Singular values", hertz(problem, *ends), y_axis, layers)
     return Chart("sigma", (panel,), linked=True)
 
 
-def size_panel(identification: Identification, model: Any, omega: np.ndarray) -> tuple[str, Panel]:
+def size_panel(identification: Identification, model: control.StateSpace, omega: np.ndarray) -> tuple[str, Panel]:
     """Name of the curve of `model` and the panel that holds it: magnitude of a SISO response, largest singular value of others."""
     name, further = bounded_model(identification, model)
     if siso(identification):

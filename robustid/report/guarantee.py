@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
@@ -335,8 +333,8 @@ def _widened(span: tuple[float, float], areas: list[Layer]) -> tuple[float, floa
     return 90 * np.floor(min([span[0], *lows]) / 90 + 0.5) - 45, 90 * np.ceil(max([span[1], *highs]) / 90 - 0.5) + 45
 
 
-def _ends(areas: list[Layer]) -> tuple[list[Any], list[Any]]:
-    return [a.low for a in areas], [a.high for a in areas]
+def _ends(areas: list[Layer]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    return [a.low for a in areas if a.low is not None], [a.high for a in areas if a.high is not None]
 
 
 def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) -> Panel:

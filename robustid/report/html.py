@@ -12,13 +12,18 @@ import platform
 import re
 import zlib
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from robustid._version import __version__
 from robustid.report.charts import Chart, Layer
 from robustid.report.document import Document, Drawing, Grid, Text
 from robustid.report.with_matplotlib import draw
 from robustid.report.with_plotly import Figure, figures
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+    from matplotlib.figure import Figure as Picture
 
 MOST_WARNINGS = 3  # on the first screen; the others stand in a part of their own
 _COLUMNS = 4  # of small figures on a wide screen
@@ -92,7 +97,7 @@ def _legend(grid: Grid) -> list[Layer]:
 
 
 @functools.cache  # it keeps the compiled template, which takes longer than a page
-def _environment() -> Any:
+def _environment() -> Environment:
     import jinja2
 
     environment = jinja2.Environment(
@@ -112,7 +117,7 @@ def _environment() -> Any:
     return environment
 
 
-def _words(text: Text) -> Any:
+def _words(text: Text) -> Markup:
     """The text, escaped, with the words of programs marked as such."""
     import markupsafe
 
@@ -133,7 +138,7 @@ def _versions() -> list[tuple[str, str]]:
     return first + [(name, importlib.metadata.version(name)) for name in _PACKAGES]
 
 
-def _json(value: Any) -> str:
+def _json(value: object) -> str:
     return json.dumps(value, allow_nan=False, separators=(",", ":"))
 
 
@@ -163,7 +168,7 @@ def pictures(figures: Sequence[Figure]) -> dict[str, str]:
     return found
 
 
-def _address(figure: Any, dpi: float) -> str:
+def _address(figure: Picture, dpi: float) -> str:
     from PIL import Image
 
     raw, small = io.BytesIO(), io.BytesIO()

@@ -145,7 +145,7 @@ class Shown(NamedTuple):
     """A model to be drawn, under its name and with its looks."""
 
     name: str
-    model: Any
+    model: Any  # a control.StateSpace; None where there is no model yet
     colour: str
     dash: str
     marker: str
@@ -165,7 +165,7 @@ def shown_models(identification: Identification, models: Models = None) -> list[
     return out
 
 
-def checked_model(name: str, model: Any, identification: Identification) -> Any:
+def checked_model(name: str, model: object, identification: Identification) -> control.StateSpace:
     """Return the model, if it has the signals and the time base of the data."""
     system, dt = check_model(name, model), identification.problem.dt
     p, q = len(identification.problem.outputs), len(identification.problem.inputs)
@@ -184,9 +184,9 @@ def checked_model(name: str, model: Any, identification: Identification) -> Any:
     return system
 
 
-def further_models(reduction: Reduction | None, models: Models) -> dict[str, Any]:
+def further_models(reduction: Reduction | None, models: Models) -> dict[str, control.StateSpace]:
     """The reduced model under its name, and the other ones."""
-    out: dict[str, Any] = {}
+    out: dict[str, control.StateSpace] = {}
     if reduction is not None:
         out[f"reduced model, order {reduction.order}"] = reduction.model
     if models is not None and not isinstance(models, Mapping):
@@ -219,14 +219,16 @@ def hertz(problem: MixedProblem, low: float, high: float) -> Axis:
 
 
 def responses(
-    models: list[Any], problem: MixedProblem, ends: tuple[float, float], wanted: np.ndarray
+    models: Sequence[control.StateSpace], problem: MixedProblem, ends: tuple[float, float], wanted: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
     omega = _grid(models, problem, *ends, wanted)
     return omega, [problem.plane.values_at(model, omega) for model in models]
 
 
-def _grid(models: list[Any], problem: MixedProblem, low: float, high: float, wanted: np.ndarray) -> np.ndarray:
+def _grid(
+    models: Sequence[control.StateSpace], problem: MixedProblem, low: float, high: float, wanted: np.ndarray
+) -> np.ndarray:
     """Log-spaced, the points of the data, wanted ones, and as many around each light pole as its resonance needs."""
     base = np.geomspace(low, high, _GRID)
     step = base[1] / base[0] - 1
@@ -257,7 +259,9 @@ def _numbers(result: Identification) -> str:
     return fingerprint((result.problem, result.claim, result.coefficients, result.scaled_parameters))
 
 
-def bounded_model(identification: Identification, model: Any) -> tuple[str, dict[str, Any]]:
+def bounded_model(
+    identification: Identification, model: control.StateSpace
+) -> tuple[str, dict[str, control.StateSpace]]:
     """Name of the model that errors are measured from, and the model under it where it is not the nominal one or its copy."""
     name, own = shown_models(identification)[0][:2]
     if all(np.array_equal(getattr(model, part), getattr(own, part)) for part in "ABCD"):

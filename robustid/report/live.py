@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from robustid.report.guarantee import guarantee_sentence, worst_case_charts
 from robustid.report.identification_page import identification_verdict, margin_interval
 from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
 from robustid.report.proved_band import band_sentence, drawn_band, with_band
-from robustid.report.with_plotly import plotly_figure
+from robustid.report.with_plotly import Drawn, plotly_figure
 from robustid.report.words import HZ, number, percent
 
 LEFT_OUT = "left out"
@@ -37,7 +36,7 @@ def live_figure(
     band: Band | None = None,
     left_out: Sequence[FrequencyResponse] = (),
     withheld: Sequence[FrequencyResponse] = (),
-) -> dict[str, Any]:
+) -> Drawn:
     """Magnitude, phase and error of a SISO identification as plotly draws them: data and layout.
 
     The points of the data that are used or `left_out` carry their frequency in Hz as `customdata`. The error is that of the
@@ -57,7 +56,7 @@ def look_figure(
     band: Band | None = None,
     left_out: Sequence[FrequencyResponse] = (),
     withheld: Sequence[FrequencyResponse] = (),
-) -> dict[str, Any]:
+) -> Drawn:
     """Magnitude and phase before there is a model, as `live_figure` draws them: the band around its centre.
 
     Where there is none: the sample that the others contradict, and the response that they prove.
@@ -81,7 +80,7 @@ def _figure(
     panels: Sequence[Panel],
     left_out: Sequence[FrequencyResponse],
     withheld: Sequence[FrequencyResponse],
-) -> dict[str, Any]:
+) -> Drawn:
     """Panels with the points that are not used, as plotly draws them."""
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4, choice=True)
     first = replace(panels[0], layers=(*under, *panels[0].layers, *over))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Unpack
 
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction
@@ -18,13 +18,13 @@ from robustid.report.pages import verdict
 _LINES = 18  # of a summary
 
 
-def head(result: Any) -> str | None:
+def head(result: object) -> str | None:
     """Head of the page about a result as HTML; of what has no page, the first lines of its summary, or None."""
     document = _head(result)
     return None if document is None else render_head(document)
 
 
-def _head(result: Any) -> Document | None:
+def _head(result: object) -> Document | None:
     if isinstance(result, Identification):
         return _identified(result)
     if isinstance(result, WorstCaseError):
@@ -33,7 +33,8 @@ def _head(result: Any) -> Document | None:
         return _identified(result.identification, over_poles=result)
     identification = getattr(result, "identification", None)
     if isinstance(identification, Identification) and hasattr(result, "reduction"):
-        return _identified(identification, reduction=result.reduction, worst_case=getattr(result, "error", None))
+        reduction, error = getattr(result, "reduction"), getattr(result, "error", None)  # noqa: B009 - any result of a run
+        return _identified(identification, reduction=reduction, worst_case=error)
     if isinstance(result, MatrixFraction):
         said = verdict(result)
         return _first_screen(said, Glance(said.numbers))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from robustid.core import as_flag, atomic_write
 from robustid.data import FrequencyResponse
@@ -213,7 +213,7 @@ def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verd
     return identification_verdict(result)
 
 
-def kind_of(name: str, value: Any, kinds: Iterable[type]) -> type:
+def kind_of(name: str, value: object, kinds: Iterable[type]) -> type:
     """Return the kind that an argument is of; refuse one of no kind."""
     for kind in kinds:
         if isinstance(value, kind):
@@ -223,7 +223,7 @@ def kind_of(name: str, value: Any, kinds: Iterable[type]) -> type:
     raise InputTypeError(f"`{name}` must be of class {wanted}; got {type(value).__name__}")
 
 
-def refuse_foreign(result: Any, given: Iterable[str], belonging: Iterable[str]) -> None:
+def refuse_foreign(result: object, given: Iterable[str], belonging: Iterable[str]) -> None:
     """Refuse what doesn't belong to this kind of result."""
     for name in given:
         if name not in belonging:

@@ -42,9 +42,11 @@ from robustid.report.with_matplotlib import draw
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     Models = Mapping[str, control.StateSpace] | None
+    Where = Axes | Sequence[Axes] | None
 
 __all__ = [
     "bode",
@@ -100,12 +102,12 @@ def of(result: Any, **options: Any) -> Figure:
 
 
 def bode(
-    result: Any,
+    result: object,
     *,
     models: Models = None,
     data: FrequencyResponse | None = None,
     records: TimeRecord | Sequence[TimeRecord] | None = None,
-    ax: Any = None,
+    ax: Where = None,
 ) -> Figure:
     r"""Draw magnitude and phase, entry by entry: outputs below each other, inputs beside each other.
 
@@ -168,7 +170,7 @@ def bode(
     return _drawn(kinds, result, {"models": models, "data": data, "records": records}, ax)
 
 
-def time_response(result: Identification | ResponseTube, *, models: Models = None, ax: Any = None) -> Figure:
+def time_response(result: Identification | ResponseTube, *, models: Models = None, ax: Where = None) -> Figure:
     """Draw a response in time.
 
     Of an Identification: every record with the interval of each sample against the models (a record from an unknown state is
@@ -193,7 +195,7 @@ def time_response(result: Identification | ResponseTube, *, models: Models = Non
     return _drawn(kinds, result, {"models": models}, ax)
 
 
-def schedule(result: Family, *, ax: Any = None) -> Figure:
+def schedule(result: Family, *, ax: Where = None) -> Figure:
     """Draw how band and poles of a family move with amplitude, position or load.
 
     At the frequencies with the widest bands the range of the magnitude of every member; natural frequency and damping of every
@@ -216,7 +218,7 @@ def schedule(result: Family, *, ax: Any = None) -> Figure:
     return _drawn({Family: (schedule_chart, ())}, result, {}, ax)
 
 
-def residuals(result: Identification, *, models: Models = None, ax: Any = None) -> Figure:
+def residuals(result: Identification, *, models: Models = None, ax: Where = None) -> Figure:
     r"""Draw \|residual\|/bound of every sample, with the limit 1 and the margin, and the samples that touch it.
 
     A panel for each entry or output, or for what shares a bound (the norm of those samples together). Samples within 1 % of
@@ -236,7 +238,7 @@ def residuals(result: Identification, *, models: Models = None, ax: Any = None) 
     return _drawn({Identification: (identified_residuals, ("models",))}, result, {"models": models}, ax)
 
 
-def nyquist(result: WorstCaseError, *, ax: Any = None) -> Figure:
+def nyquist(result: WorstCaseError, *, ax: Where = None) -> Figure:
     """Draw at every frequency the polygon that holds every consistent value, values that are reached, and the discs of the data.
 
     Beside it the polygons of the largest errors around the model, to scale. Of a MIMO problem a row for every entry, at the
@@ -261,7 +263,7 @@ def poles(
     *,
     models: Models = None,
     data: FrequencyResponse | None = None,
-    ax: Any = None,
+    ax: Where = None,
 ) -> Figure:
     """Draw poles in their plane, and damping over frequency.
 
@@ -281,7 +283,7 @@ def poles(
     return _drawn(kinds, result, {"models": models, "data": data}, ax)
 
 
-def hankel(result: Identification, *, reduction: Reduction | None = None, ax: Any = None) -> Figure:
+def hankel(result: Identification, *, reduction: Reduction | None = None, ax: Where = None) -> Figure:
     """Draw the Hankel singular values of the full model, with the order that a `reduction` of it chose.
 
     Parameters and errors as for `bode`.
@@ -298,7 +300,7 @@ def hankel(result: Identification, *, reduction: Reduction | None = None, ax: An
     return _drawn({Identification: (hankel_chart, ("reduction",))}, result, {"reduction": reduction}, ax)
 
 
-def convergence(result: MatrixFraction, *, ax: Any = None) -> Figure:
+def convergence(result: MatrixFraction, *, ax: Where = None) -> Figure:
     """Draw the cost after every iteration, and the condition number of its normal matrix less one, not below machine epsilon.
 
     Source: `voorhoeve2016` figure 5.
@@ -317,7 +319,7 @@ def convergence(result: MatrixFraction, *, ax: Any = None) -> Figure:
     return _drawn({MatrixFraction: (fit_convergence, ())}, result, {}, ax)
 
 
-def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Any = None) -> Figure:
+def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Where = None) -> Figure:
     """Draw what was found at every order.
 
     Of an OrderSweep: singular values of the subspace estimate; cost, MDL and AIC. Of a Reduction from `reduce_within_bounds`: the
@@ -344,7 +346,7 @@ def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Any = None) -> Fi
     return _drawn({kind: (chart, ()) for kind, chart in kinds.items()}, result, {}, ax)
 
 
-def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin], *, ax: Any = None) -> Figure:
+def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin], *, ax: Where = None) -> Figure:
     """Draw the upper bound of the structured singular value over frequency, its largest value, and the limit 1.
 
     Below 1 at every frequency a controller stabilises every plant of the set. The bound holds on whole arcs. Several margins, by
@@ -363,7 +365,7 @@ def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin
     return draw(stability_chart(result), ax)
 
 
-def stabilisation(result: OrderSweep, *, ax: Any = None) -> Figure:
+def stabilisation(result: OrderSweep, *, ax: Where = None) -> Figure:
     """Draw every oscillating pole of every order at its frequency, over the sum of all magnitudes.
 
     A physical mode keeps its frequency and damping from order to order.
@@ -383,7 +385,10 @@ def stabilisation(result: OrderSweep, *, ax: Any = None) -> Figure:
 
 
 def _drawn(
-    kinds: Mapping[type, tuple[Callable[..., Chart], tuple[str, ...]]], result: Any, options: dict[str, Any], ax: Any
+    kinds: Mapping[type, tuple[Callable[..., Chart], tuple[str, ...]]],
+    result: object,
+    options: dict[str, object],
+    ax: Where,
 ) -> Figure:
     """Draw the chart that belongs to the kind of the result; refuse other kinds, and options that don't belong to this one."""
     chart, belonging = kinds[kind_of("result", result, kinds)]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def pole_table(model: control.StateSpace) -> list[PoleRow]:
     return pole_rows(system.poles(), system.dt or 0)
 
 
-def pole_rows(poles: Any, dt: float) -> list[PoleRow]:
+def pole_rows(poles: np.ndarray, dt: float) -> list[PoleRow]:
     """Return the rows of `pole_table`, from the poles."""
     upper = sorted((complex(p) for p in np.atleast_1d(poles) if p.imag >= 0), key=lambda p: (p.imag, p.real))
     rows = [_pole_row(pole, dt) for pole in upper]
@@ -258,15 +259,15 @@ def pole_chart(identification: Identification, models: Models = None) -> Chart:
     for one in shown:
         rows, poles = pole_table(one.model) if one.model.nstates else [], one.model.poles()
         marker = "x" if one.colour == NOMINAL else one.marker
-        style: dict[str, Any] = {"name": one.name, "colour": one.colour, "marker": marker, "size": 1.3}
+        dots = partial(Layer, one.name, colour=one.colour, marker=marker, size=1.3)
         words = {row.pole: _pole_words(row) for row in rows}
         words |= {pole.conjugate(): text for pole, text in words.items()}
         hover = tuple(words.get(complex(p), "") for p in poles)
         reach = max(reach, float(np.abs(poles).max(initial=0.0)))
-        plane.append(Layer(x=poles.real, y=poles.imag, hover=hover, **style))
+        plane.append(dots(poles.real, poles.imag, hover=hover))
         swings = [row for row in rows if row.count == 2 and row.damping > 0]
         x, y = (np.array([getattr(row, part) for row in swings]) for part in ("hz", "damping"))
-        damping.append(Layer(x=x, y=y, hover=tuple(_pole_words(row) for row in swings), **style))
+        damping.append(dots(x, y, hover=tuple(_pole_words(row) for row in swings)))
     span, letter = (-1.1 * reach, 1.1 * reach), "z [–]" if discrete else "s [rad/s]"
     every = np.concatenate([layer.x for layer in damping] + [np.array(band(identification.problem)) / HZ])
     ratios = np.concatenate([layer.y for layer in damping])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,6 +51,8 @@ _LOOKS = {
 }
 _FEW = 300  # points, up to which each gets a marker
 
+Records = TimeRecord | Sequence[TimeRecord] | None
+
 
 class Spectrum(NamedTuple):
     """Amplitudes of one signal: of the sine at every spectral line of the whole record, 0 left out."""
@@ -84,7 +86,7 @@ class ResponseView:
     """
 
     frf: FrequencyResponse
-    records: Any = None
+    records: Any = None  # as given, then a tuple of TimeRecord
 
     def __post_init__(self) -> None:
         if not isinstance(self.frf, FrequencyResponse):
@@ -182,7 +184,7 @@ class ResponseView:
         return Spectrum(step * np.arange(1, amplitude.size), amplitude[1:], excited[1:])
 
 
-def _checked(records: Any, frf: FrequencyResponse) -> tuple[TimeRecord, ...]:
+def _checked(records: Records, frf: FrequencyResponse) -> tuple[TimeRecord, ...]:
     listed = [] if records is None else as_records("records", records)
     for k, record in enumerate(listed):
         shape, wanted = (len(record.outputs), len(record.inputs)), (len(frf.outputs), len(frf.inputs))
@@ -224,39 +226,36 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
     magnitude: list[Layer] = []
     phase: list[Layer] = []
     if radius is not None:
-        ends = {"low": np.maximum(size - radius, low_high[0]), "high": size + radius}
+        ends = np.maximum(size - radius, low_high[0]), size + radius
         magnitude.append(_band(x, size, ends, kept))
         turn = half_angle(size, radius)
-        ends = {"low": np.where(silent, span[0], angle - turn), "high": np.where(silent, span[1], angle + turn)}
+        ends = np.where(silent, span[0], angle - turn), np.where(silent, span[1], angle + turn)
         jump = np.isnan(with_gaps(angle[kept])) & ~silent[kept] & ~silent[np.roll(kept, 1)]
-        phase.append(_band(x, angle, {name: np.clip(end, *span) for name, end in ends.items()}, kept, jump))
+        phase.append(_band(x, angle, (np.clip(ends[0], *span), np.clip(ends[1], *span)), kept, jump))
         magnitude.append(Layer("bound", x, _shown(radius[kept]), NOMINAL, dash="dash", size=0.5))
     for name, level in levels.items():
         colour, dash = _LOOKS[name]
         magnitude.append(Layer(name, x, _shown(level[kept]), colour, dash=dash))
     marker = "circle" if kept.size <= _FEW else ""
-    curve: dict[str, Any] = {"name": "response", "x": x, "colour": DATA, "dash": "solid", "marker": marker, "size": 0.5}
+    curve = partial(Layer, "response", x, colour=DATA, dash="solid", marker=marker, size=0.5)
     sure = np.where(silent, np.nan, 1.0)
-    magnitude.append(Layer(y=_shown((sure * size)[kept]), **curve))
-    phase.append(Layer(y=rounded(with_gaps((sure * angle)[kept])), **curve))
+    magnitude.append(curve(_shown((sure * size)[kept])))
+    phase.append(curve(rounded(with_gaps((sure * angle)[kept]))))
     if silent[kept].any():
-        lost: dict[str, Any] = {
-            "name": "response below its bound",
-            "colour": ALERT,
-            "marker": "circle-open",
-            "size": 0.5,
-        }
         part = silent[kept]
-        magnitude.append(Layer(x=x[part], y=_shown(size[kept][part]), **lost))
-        phase.append(Layer(x=x[part], y=rounded(angle[kept][part]), **lost))
+        lost = partial(Layer, "response below its bound", x[part], colour=ALERT, marker="circle-open", size=0.5)
+        magnitude.append(lost(_shown(size[kept][part])))
+        phase.append(lost(rounded(angle[kept][part])))
     unit = unit_label(frf.outputs[i].unit, frf.inputs[j].unit)
     y = Axis(f"magnitude{unit}", log=True, range=low_high)
     return stacked(f"entry-{i}-{j}", axis, ((y, magnitude), (phase_axis(span), phase)), (view.entry(i, j), ""))
 
 
-def _band(x: np.ndarray, y: np.ndarray, ends: dict[str, np.ndarray], kept: np.ndarray, gap: Any = False) -> Layer:
-    drawn: dict[str, Any] = {name: rounded(np.where(gap, np.nan, end[kept])) for name, end in ends.items()}
-    return Layer("response ± bound", x, rounded(y[kept]), _BAND, fill=True, **drawn)
+def _band(
+    x: np.ndarray, y: np.ndarray, ends: tuple[np.ndarray, np.ndarray], kept: np.ndarray, gap: np.ndarray | bool = False
+) -> Layer:
+    low, high = (rounded(np.where(gap, np.nan, end[kept])) for end in ends)
+    return Layer("response ± bound", x, rounded(y[kept]), _BAND, fill=True, low=low, high=high)
 
 
 def _shown(values: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -81,16 +80,16 @@ def sensitivity_chart(table: Sensitivity, identification: Identification) -> Cha
 
 def _layers(rows: Sequence[Variation], x: np.ndarray) -> tuple[Layer, ...]:
     stated = [row.kind == "stated" for row in rows]
-    looks: tuple[tuple[str, str, dict[str, Any]], ...] = (
-        ("worst", "worst of the frequencies", {"colour": ALERT, "dash": "dash", "marker": "square"}),
-        ("median", "median over the frequencies", {"colour": NOMINAL, "dash": "solid", "marker": "circle"}),
+    looks = (
+        ("worst", "worst of the frequencies", ALERT, "dash", "square"),
+        ("median", "median over the frequencies", NOMINAL, "solid", "circle"),
     )
     curves: list[Layer] = []
     rings: list[Layer] = []
-    for part, name, style in looks:
+    for part, name, colour, dash, marker in looks:
         y = 100 * np.array([getattr(row, part) for row in rows])
         hover = tuple(f"{row.what}: {number(v, 3)} %" for row, v in zip(rows, y, strict=True))
-        curves.append(Layer(name, x, y, hover=hover, **style))
+        curves.append(Layer(name, x, y, colour, dash=dash, marker=marker, hover=hover))
         rings.append(Layer("as stated", x[stated], y[stated], DATA, marker="circle-open", size=2.0))
     return (*curves, *rings)
 

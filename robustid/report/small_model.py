@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,6 +32,8 @@ from robustid.report.identified import in_unit, siso, transfer, unit
 from robustid.report.words import HZ, number
 
 if TYPE_CHECKING:
+    import control
+
     from robustid.reduction import Reduction
 
 _HANKEL_FLOOR = 1e-8  # of the largest Hankel singular value
@@ -194,7 +196,7 @@ def worth_chart(found: ModelWorth) -> Chart:
     return Chart("worth", panels)
 
 
-def matrices_section(name: str, model: Any, dt: float) -> list[Block]:
+def matrices_section(name: str, model: control.StateSpace, dt: float) -> list[Block]:
     """Build the section of the matrices of a `control.StateSpace`."""
     where = f"discrete, sample time {number(dt, 6)} s" if dt else "continuous time"
     size = sum(np.size(getattr(model, part)) for part in "ABCD")
@@ -208,13 +210,13 @@ def matrices_section(name: str, model: Any, dt: float) -> list[Block]:
     ]
 
 
-def _printed(name: str, matrix: Any) -> str:
+def _printed(name: str, matrix: np.ndarray) -> str:
     """One matrix in full precision, as MATLAB reads it; row by row."""
     rows = ";\n     ".join(" ".join(repr(float(value)) for value in row) for row in np.atleast_2d(matrix))
     return f"{name} = [{rows}];"
 
 
-def model_chart(model: Any) -> Chart:
+def model_chart(model: control.StateSpace) -> Chart:
     """Magnitude and phase of every entry of a `control.StateSpace`, around its poles and up to the Nyquist frequency."""
     system = check_model("result", model)
     if system.dt is True:
@@ -231,7 +233,7 @@ def model_chart(model: Any) -> Chart:
     return side_by_side("model", charts, system.ninputs)
 
 
-def _entry(system: Any, i: int, j: int, omega: np.ndarray, values: np.ndarray) -> Chart:
+def _entry(system: control.StateSpace, i: int, j: int, omega: np.ndarray, values: np.ndarray) -> Chart:
     size, ((angle,), span) = np.abs(values), phase_curves([values])
     axis, name = frequency_axis(omega), f"model, order {system.nstates}"
     magnitude = Axis("magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -180,7 +179,7 @@ def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
     return Layer("largest", place[0], place[1], DATA, marker="diamond", hover=(words,))
 
 
-def named_margins(argument: str, margins: Any) -> dict[str, RobustStabilityMargin]:
+def named_margins(argument: str, margins: object) -> dict[str, RobustStabilityMargin]:
     """Margins by the names of their controllers; one alone has none."""
     if isinstance(margins, RobustStabilityMargin):
         return {"": margins}
@@ -209,7 +208,7 @@ def weights_section(
     found, problem = as_weights(weights), identification.problem
     size = len(problem.outputs), len(problem.inputs)
     for one in found:
-        nominal: Any = one.nominal
+        nominal = one.nominal
         if (nominal.noutputs, nominal.ninputs) != size or not np.isclose(nominal.dt, problem.dt, rtol=1e-9):
             raise InputError(
                 f"`weights` must be about a model of {size[0]} x {size[1]} entries with dt = {problem.dt:g} s, as the"
@@ -280,7 +279,7 @@ def weights_chart(
     steps = np.maximum(np.repeat(weight.edges, 2)[1:-1] / HZ, low)
     panels: list[Panel] = []
     for k, (i, j) in enumerate(np.ndindex(p, q)):
-        model: Any = weight.weights[k].model
+        model = weight.weights[k].model
         sizes = np.abs(responses(model, HZ * hz * model.dt)[:, 0, 0])
         layers = (
             Layer("bound of the error", steps, np.repeat(weight.bound[:, i, j], 2), ALERT, dash="solid"),
@@ -303,7 +302,7 @@ def _names(identification: Identification) -> tuple[list[str], list[str]]:
     return [str(signal) for signal in problem.outputs], [str(signal) for signal in problem.inputs]
 
 
-def as_weights(weights: Any) -> tuple[StructuredWeight, ...]:
+def as_weights(weights: object) -> tuple[StructuredWeight, ...]:
     """One structure or several, as `structured_weights` gives them."""
     found = (weights,) if isinstance(weights, StructuredWeight) else weights
     if not isinstance(found, Sequence) or not found or not all(isinstance(one, StructuredWeight) for one in found):

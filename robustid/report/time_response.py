@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -41,6 +42,9 @@ from robustid.report.identified import (
     transfer,
 )
 from robustid.report.words import at_least, at_most, number, unit_label
+
+if TYPE_CHECKING:
+    import control
 
 _Answers = tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]
 _PERIODS, _INSTANTS = 60, 1201  # of the fastest oscillation that are drawn, and samples of the curves
@@ -124,7 +128,9 @@ def answer_panels(identification: Identification, shown: list[Shown], output: in
     return panels
 
 
-def _sampled_answers(identification: Identification, models: list[Any], output: int, input_: int) -> _Answers:
+def _sampled_answers(
+    identification: Identification, models: Sequence[control.StateSpace], output: int, input_: int
+) -> _Answers:
     """Times, and the answers of models to a step and to a pulse."""
     count = _settling(identification.model)
     t, u = identification.problem.dt * np.arange(count), np.zeros((count, len(identification.problem.inputs)))
@@ -133,7 +139,9 @@ def _sampled_answers(identification: Identification, models: list[Any], output: 
     return t, [np.cumsum(pulse) for pulse in pulses], pulses
 
 
-def _continuous_answers(identification: Identification, models: list[Any], output: int, input_: int) -> _Answers:
+def _continuous_answers(
+    identification: Identification, models: Sequence[control.StateSpace], output: int, input_: int
+) -> _Answers:
     """Times, and the answers of continuous models to a step and to an impulse, from 0 s on, exact at these times."""
     poles = identification.model.poles()
     decays = -poles.real[poles.real < -1e-7 * np.abs(poles)]
@@ -157,7 +165,7 @@ def _continuous_answers(identification: Identification, models: list[Any], outpu
     return t, steps, impulses
 
 
-def _settling(model: Any) -> int:
+def _settling(model: control.StateSpace) -> int:
     """Samples until the slowest decaying mode is down to 5 %, within reason."""
     size = np.abs(model.poles())
     slowest = max(size[size < 1 - 1e-7], default=0.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from robustid.data import FrequencyResponse
@@ -71,8 +69,8 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
     ]
 
 
-def _plane(name: str, values: np.ndarray, colour: str, **style: Any) -> Layer:
-    return Layer(name, np.real(values), np.imag(values), colour, **style)
+def _plane(name: str, values: np.ndarray, colour: str, *, dash: str = "", marker: str = "", size: float = 1.0) -> Layer:
+    return Layer(name, np.real(values), np.imag(values), colour, dash=dash, marker=marker, size=size)
 
 
 def _outline(values: ValueSet) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from robustid.report.charts import NOMINAL, Axis, Chart, Layer, Panel
 from robustid.report.curves import between_gaps
 
+Drawn = dict[str, Any]  # as plotly reads it
 _PLOT, _SQUARE, _SMALL = 240, 480, 150  # pixels: height of one panel, of a square figure, of one panel among many
 
 
@@ -44,13 +45,13 @@ def figures(chart: Chart, *, small: bool = False) -> list[Figure]:
 
 def plotly_figure(
     panels: Sequence[Panel], height: int, *, small: bool = False, domains: Sequence[tuple[float, float]] = ()
-) -> dict[str, Any]:
+) -> Drawn:
     """Describe panels below each other on one x axis as plotly does: data and layout.
 
     A small one is one of many, whose legend stands before them all; `domains`: the ends of each
     panel of a live figure, as parts of its height.
     """
-    layout: dict[str, Any] = {
+    layout: Drawn = {
         "height": height,
         "margin": {"l": 50, "r": 10, "t": 6, "b": 40} if small else {"l": 78, "r": 40, "t": 12, "b": 52},
         "modebar": {"orientation": "v"},  # beside the plot: above it stands the legend
@@ -89,8 +90,8 @@ def plotly_figure(
     return {"data": traces, "layout": layout}
 
 
-def _axis(axis: Axis) -> dict[str, Any]:
-    out: dict[str, Any] = {
+def _axis(axis: Axis) -> Drawn:
+    out: Drawn = {
         "title": {"text": _plain(axis.label), "standoff": 8},
         "type": "log" if axis.log else "linear",
         "gridcolor": "#e6e6e6",
@@ -116,11 +117,11 @@ def _axis(axis: Axis) -> dict[str, Any]:
     return out
 
 
-def _trace(layer: Layer) -> dict[str, Any]:
+def _trace(layer: Layer) -> Drawn:
     if layer.fill and layer.low is not None and layer.high is not None:
         return _area(layer, layer.low, layer.high)
     broad = layer.colour == NOMINAL
-    trace: dict[str, Any] = {
+    trace: Drawn = {
         "type": "scatter",
         "name": _plain(layer.name),
         "legendgroup": _plain(layer.name),
@@ -155,7 +156,7 @@ def _trace(layer: Layer) -> dict[str, Any]:
     return trace
 
 
-def _area(layer: Layer, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
+def _area(layer: Layer, low: np.ndarray, high: np.ndarray) -> Drawn:
     """From `low` to `high`, as a polygon; several ones where there are gaps."""
     gap = np.full(1, np.nan)
     x: list[np.ndarray] = []

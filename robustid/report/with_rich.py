@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robustid.report.document import Block, Code, Column, Facts, Heading, Share, Table, Text, Verdict
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from rich.console import Group, RenderableType
 
 _COLOURS = {"consistent": "green", "weak": "yellow", "inconsistent": "red", "undecided": "yellow", "failed": "red"}
 _STYLES = {"": "", "soft": "dim", "caution": "dim", "warning": "yellow"}
@@ -22,7 +22,7 @@ def render(blocks: Iterable[Block]) -> Group:
     return Group(*(part for block in blocks if (part := _rendered(block)) is not None))
 
 
-def _rendered(block: Block) -> Any:
+def _rendered(block: Block) -> RenderableType | None:
     # Text, never markup: names in brackets, such as units, are to be shown as they stand.
     from rich.text import Text as Words
 
@@ -42,7 +42,7 @@ def _rendered(block: Block) -> Any:
     return None
 
 
-def _banner(verdict: Verdict) -> Any:
+def _banner(verdict: Verdict) -> RenderableType:
     from rich.panel import Panel
     from rich.text import Text as Words
 
@@ -50,7 +50,7 @@ def _banner(verdict: Verdict) -> Any:
     return Panel(Words.assemble((verdict.word, f"bold {colour}"), "  ", verdict.sentence), border_style=colour)
 
 
-def _facts(facts: Facts) -> Any:
+def _facts(facts: Facts) -> RenderableType:
     from rich.table import Table as Grid
     from rich.text import Text as Words
 
@@ -60,7 +60,7 @@ def _facts(facts: Facts) -> Any:
     return grid
 
 
-def _table(table: Table) -> Any:
+def _table(table: Table) -> RenderableType:
     from rich import box
     from rich.table import Table as Rows
     from rich.text import Text as Words

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from robustid.guarantees import Coverage
-from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Ends, Layer, Panel, frequency_axis
 from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict, of_numbers
 from robustid.report.words import HZ, at_hz, number, percent
 
@@ -76,7 +75,7 @@ def withheld_chart(found: Coverage) -> Chart:
         for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
             if mask.any():
                 words = name + (", outside" if colour == ALERT else "")
-                bars: dict[str, Any] = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
+                bars: Ends = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
                 said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
                 layers.append(
                     Layer(words, found.omega[mask] / HZ, size[mask], colour, marker=marker, hover=said, **bars)

@@ -27,8 +27,8 @@ def test_samples_outside_are_named_with_their_entry():
     words = findings.sample_words(result, truth, 4)
     assert f"leaves 1 of 120 samples outside their bounds: {frf.freq_hz[3]:.5g} Hz (right / a)" in words
     lines_ = problem.frequency[0]
-    assert "(right / a)" in findings.unused_words(rid.validate(truth, lines_))
+    assert "(right / a)" in findings.unused_words(truth, lines_)
     column = rebound(lines_, joint="column")
-    assert f"{frf.freq_hz[3]:.5g} Hz (a)" in findings.unused_words(rid.validate(truth, column))
+    assert f"{frf.freq_hz[3]:.5g} Hz (a)" in findings.unused_words(truth, column)
     ratio = max(r.ratio.max() for r in model_residuals(problem, truth))
     assert f"({ratio:.4g} bounds)" in words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
@@ -13,6 +13,25 @@ from robustid.app.cli.command_options import Force, Output, Report, Static, word
 from robustid.app.cli.screen import counting, in_words, resumable, say, step
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    import control
+    from rich.console import Console
+
+    from robustid.advice import KautzSuggestion
+    from robustid.bases import ParametricBasis
+    from robustid.core import Real
+    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+    from robustid.identification import Identification, MixedProblem
+    from robustid.report import Parts
+
+
+class Spread(TypedDict):
+    """Spread of work over frequencies: over so many processes, its finished part in a folder."""
+
+    executor: int | None
+    resume: Path | None
+
 
 _WORTH_PROCESSES = 10.0  # seconds of work from which their start is worth while
 _GIVEN = (
@@ -75,8 +94,8 @@ def bounds(
     console = screen.console()
     loops = {path.stem: _controller(path) for path in controller or []}
     identification = load_result(source, "identification")
-    asked: Any = _spaced(identification, points) if points else omega
-    spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
+    asked = _spaced(identification, points) if points else omega
+    spread: Spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
     words = words_of(bounds, executor="--workers", identification="the identification")
     found_again = f"finished frequencies are in {resume}: the same command goes on from there"
     with step(console, "proving the error at every frequency"):
@@ -100,7 +119,7 @@ def bounds(
     screen.say_written(console, *written)
     if how.over_poles:
         with in_words(words), resumable(console, found_again, lambda: resume is not None):
-            band = _over_poles(console, error, spread | {"time_limit": how.time_limit, "known": proved})
+            band = _over_poles(console, error, how, spread, proved)
         if band is None:
             say(console, _GIVEN)
         else:
@@ -115,10 +134,8 @@ def bounds(
             screen.say_written(console, *written_poles)
     if report is not None:
         with step(console, "drawing the report"):
-            shown_too: dict[str, Any] = {"stability": margins} if margins else {}
-            write_report(
-                identification, report, static=static, worst_case=error, over_poles=band, band=proved, **shown_too
-            )
+            found: Parts = {"worst_case": error, "over_poles": band, "band": proved, "stability": margins or None}
+            write_report(identification, report, static=static, **found)
         screen.say_written(console, report)
     screen.repeat_warnings(console, identification)
     if not certified:
@@ -126,7 +143,7 @@ def bounds(
     raise typer.Exit(0 if certified else 1)
 
 
-def _controller(path: Path) -> Any:
+def _controller(path: Path) -> control.StateSpace:
     """The controller that a file holds."""
     from robustid.app.load_save import load
 
@@ -141,19 +158,25 @@ def _beside(output: Path, ending: str = "-poles") -> Path:
     return base.with_name(base.name + ending)
 
 
-def _say_refined(console: Any, band: Any) -> None:
+def _say_refined(console: Console, band: Band) -> None:
     """Say what semidefinite programs add to the band that was shown before."""
     if band.polygons is not None:
         say(console, f"band       {band.polygon_words}")
 
 
-def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spread: dict[str, Any], known: Any) -> Any:
+def _bounded(
+    console: Console,
+    identification: Identification,
+    omega: Real | list[float] | None,
+    how: WorstCase,
+    spread: Spread,
+    known: Band | None,
+) -> WorstCaseError:
     """The bounds at the frequencies, and between them where asked."""
     from robustid.guarantees import worst_case_error
 
     with counting(console, _BOUNDING) as progress:
-        asked: dict[str, Any] = {name: getattr(how, name) for name in ("directions", "rtol", "time_limit")}
-        error = worst_case_error(identification, omega=omega, known=known, progress=progress, **asked, **spread)
+        error = worst_case_error(identification, omega=omega, known=known, progress=progress, **how.arguments, **spread)
     if how.circle:
         with counting(console, _BETWEEN) as progress:
             error = error.completed(executor=spread["executor"])
@@ -161,12 +184,14 @@ def _bounded(console: Any, identification: Any, omega: Any, how: WorstCase, spre
     return error
 
 
-def _certified(console: Any, result: Any) -> bool:
+def _certified(console: Console, result: WorstCaseError | WorstCaseOverPoles) -> bool:
     with step(console, "verifying every certificate"):
         return result.certified
 
 
-def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
+def _over_poles(
+    console: Console, error: WorstCaseError, how: WorstCase, spread: Spread, known: Band | None
+) -> WorstCaseOverPoles | None:
     """The band that covers the pole-uncertainty box which the data leave to the poles that they suggest; None for other poles."""
     from robustid.guarantees import worst_case_over_poles
 
@@ -181,11 +206,13 @@ def _over_poles(console: Any, error: Any, spread: dict[str, Any]) -> Any:
             delay=found.delay,
             omega=error.omega,
             progress=progress,
+            time_limit=how.time_limit,
+            known=known,
             **spread,
         )
 
 
-def _suggested(problem: Any) -> Any:
+def _suggested(problem: MixedProblem) -> KautzSuggestion | None:
     """The modes that the first frequency response suggests; None where those of the problem are others."""
     from robustid.advice import suggest_kautz
     from robustid.data import FrequencyResponse
@@ -200,7 +227,7 @@ def _suggested(problem: Any) -> Any:
     return found if _same_poles(found.basis, problem.parametric) else None
 
 
-def _box(problem: Any) -> Any:
+def _box(problem: MixedProblem) -> tuple[Real, Real] | None:
     """The pole-uncertainty box of poles that the data suggest; None of others, which were stated."""
     found = _suggested(problem)
     if found is None:
@@ -209,13 +236,13 @@ def _box(problem: Any) -> Any:
     return found.omega_interval[light], found.damping_interval[light]
 
 
-def _unfinished(error: Any, band: Any) -> list[str]:
+def _unfinished(error: WorstCaseError, band: WorstCaseOverPoles) -> list[str]:
     """Words for what the time limit left out; none where nothing is missing."""
     done, asked = band.omega.size, error.omega.size
     return [] if done == asked else [f"unfinished {done} of {asked} frequencies are bounded in all cells of the box"]
 
 
-def _same_poles(one: Any, other: Any) -> bool:
+def _same_poles(one: ParametricBasis | None, other: ParametricBasis | None) -> bool:
     import numpy as np
 
     if one is None or other is None or one.poles.shape != other.poles.shape:
@@ -223,24 +250,26 @@ def _same_poles(one: Any, other: Any) -> bool:
     return np.allclose(one.in_s().poles, other.in_s().poles, atol=1e-6)
 
 
-def circle_words(error: Any) -> str:
+def circle_words(error: WorstCaseError) -> str:
     """The bound on the whole circle in words."""
     found, end = error.circle, "pi/dt" if error.identification.problem.dt else "infinity"
     text = f"circle     |F - model| <= {found.largest:.4g} at every frequency from {found.edges[0]:.4g} rad/s to {end}"
     return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
 
 
-def _spaced(identification: Any, points: int) -> Any:
+def _spaced(identification: Identification, points: int) -> Real:
     """Equally spaced frequencies over the range of the default ones."""
     import numpy as np
 
     from robustid.guarantees import default_grid
 
     grid = default_grid(identification.problem)
-    return np.linspace(grid[0], grid[-1], points)
+    return np.linspace(float(grid[0]), float(grid[-1]), points)
 
 
-def _processes(identification: Any, omega: Any, directions: int, asked: int | None) -> int | None:
+def _processes(
+    identification: Identification, omega: Real | list[float] | None, directions: int, asked: int | None
+) -> int | None:
     """Number of processes; None for this one. The work: about 10 ms a side, growing with the third power of the coefficients."""
     if asked is not None:
         return None if asked == 1 else asked

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,12 @@ from robustid.app.cli.screen import in_words, step
 from robustid.app.run.checks import low_high
 from robustid.app.run.sources import Estimate, RecordSource
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from robustid.data import Excitation, FrequencyResponse, TimeRecord
 
 _SAME_STEP = 1e-6  # part of a sample time
 
@@ -83,11 +89,11 @@ def excite(
     screen.say(console, *_then_record(play, output))
 
 
-def _one_or_all(values: list[float] | None) -> Any:
+def _one_or_all(values: list[float] | None) -> list[float] | float | None:
     return values[0] if values is not None and len(values) == 1 else values
 
 
-def _described(play: Any, realisations: int) -> list[str]:
+def _described(play: Excitation, realisations: int) -> list[str]:
     experiments, period, inputs = play.u.shape
     seconds = period * play.dt
     lines = [
@@ -104,7 +110,7 @@ def _described(play: Any, realisations: int) -> list[str]:
     return lines
 
 
-def _then_record(play: Any, output: Path) -> list[str]:
+def _then_record(play: Excitation, output: Path) -> list[str]:
     loop = " in a loop" if play.periods == 1 or output.suffix.lower() == ".npz" else ""
     return [
         f"Next: play every experiment{loop}, record all inputs and outputs, and drop whole periods until the response repeats."
@@ -169,8 +175,14 @@ def frf(
     words = f"estimating the response: {len(records)} record{'s' * (len(records) > 1)} of {len(records[0].u)} samples"
     with in_words(words_of(frf, record="RECORD", path="--output")), step(console, words):
         try:
-            asked = {"method": how.method, "probability": how.probability, "about": how.about}
-            found = estimate_frf(records, period=samples, lines=index, **asked)
+            found = estimate_frf(
+                records,
+                period=samples,
+                lines=index,
+                method=how.method,
+                probability=how.probability,
+                about=how.about,
+            )
         except InputError as error:
             if "samples" not in error.remedy:
                 raise
@@ -183,7 +195,9 @@ def frf(
     screen.say(console, *_then_model(found, output))
 
 
-def _periods(lines: str | None, period: int | None, method: str | None, record: Any) -> tuple[int | None, Any]:
+def _periods(
+    lines: str | None, period: int | None, method: str | None, record: TimeRecord
+) -> tuple[int | None, list[int] | NDArray[np.int_] | None]:
     """Samples of a period, and numbers of lines."""
     if lines is None or re.fullmatch(r"[\d:, ]+", lines):
         return period, None if lines is None else _numbers(lines, len(record.u))
@@ -215,7 +229,7 @@ def _numbers(text: str, samples: int) -> list[int]:
     return found
 
 
-def _then_model(found: Any, output: Path) -> list[str]:
+def _then_model(found: FrequencyResponse, output: Path) -> list[str]:
     name = shlex.quote(str(output))
     several = found.values[0].size > 1
     what = "a model of all entries (of one: --entry OUTPUT,INPUT), with a proof" if several else "a model with a proof"

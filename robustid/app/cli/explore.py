@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,6 +15,13 @@ from robustid.app.cli.screen import in_words, say, shown, step
 from robustid.app.run.settings import General
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robustid.app.run.reading import Tables
+    from robustid.app.run.run_file import RunFile
+    from robustid.data import SimulatedExperiment
 
 _SIDES = 6  # of the polygons around the errors of the demo at each frequency
 
@@ -56,8 +63,8 @@ def explore(
 
 
 def _asked(
-    console: Any, file: Path | None, source: ResponseSource, general: General, tables: Any
-) -> tuple[Any, Path, str]:
+    console: Console, file: Path | None, source: ResponseSource, general: General, tables: Tables
+) -> tuple[RunFile, Path, str]:
     """The run file of a file, the folder that its names are seen from, and the title of the page."""
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_file import RunFile, read_run_file
@@ -90,14 +97,14 @@ def _asked(
     return run, file.parent, file.name
 
 
-def _demo(console: Any) -> Path:
+def _demo(console: Console) -> Path:
     """The measurements of the demo, in a new folder."""
     folder = written_files.new_folder(Path("robustid-demo"))
     _measurements(console, folder)
     return folder
 
 
-def _opened(console: Any, address: str, browser: bool) -> None:
+def _opened(console: Console, address: str, browser: bool) -> None:
     """Say the address, and open it."""
     import webbrowser
 
@@ -107,7 +114,7 @@ def _opened(console: Any, address: str, browser: bool) -> None:
     say(console, "Ctrl-C ends it")
 
 
-def _measurements(console: Any, folder: Path, seed: int = 0) -> Any:
+def _measurements(console: Console, folder: Path, seed: int = 0) -> SimulatedExperiment:
     """Write the measurements of the demo into a folder; what they are of."""
     import numpy as np
 

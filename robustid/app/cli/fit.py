@@ -6,7 +6,7 @@ import dataclasses
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +16,13 @@ from robustid.app.cli.screen import in_words, shown, step, warn
 from robustid.app.run.settings import Fit, FrequencyPoints
 from robustid.app.run.sources import ResponseSource
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robustid.core import Real
+    from robustid.data import FrequencyResponse
+    from robustid.fitting import FitStep, MatrixFraction, OrderSweep, Weight
 
 _WIDTH = 56  # characters of the frequency axis
 _MARKS = {"stable": "o", "frequency": "+", "damping": ".", "new": "."}
@@ -84,8 +91,8 @@ def fit(
         both = dataclasses.replace(structure, feedthrough=limits.feedthrough, time_limit=limits.time_limit)
         asked |= both.arguments
         asked |= _weight(source, frf, relative)
-        sweep: Any = _swept(console, frf, asked) if wanted is None else None
-        result = _fitted(console, frf, wanted or sweep.suggested, asked)
+        sweep = _swept(console, frf, asked) if wanted is None else None
+        result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
     page = None
     if report is not None:
         with step(console, "drawing the report"):
@@ -99,7 +106,7 @@ def fit(
     raise typer.Exit(0 if verdict(result).key == "consistent" else 1)
 
 
-def _weight(source: Path, frf: Any, relative: bool | None) -> dict[str, Any]:
+def _weight(source: Path, frf: FrequencyResponse, relative: bool | None) -> dict[str, Weight]:
     """The weight that is asked for; the default of the fit without."""
     from robustid.fitting import Weight
 
@@ -125,7 +132,7 @@ def _model_file(output: Path) -> Path:
     return output.with_name(output.name + ".npz")
 
 
-def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
+def _fitted(console: Console, frf: FrequencyResponse, order: int, asked: dict[str, Any]) -> MatrixFraction:
     """The fit, every iteration shown."""
     from robustid.fitting import fit_mfd
 
@@ -133,7 +140,7 @@ def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
     with shown(console, text) as show:
         count = 0
 
-        def progress(line: Any) -> None:
+        def progress(line: FitStep) -> None:
             nonlocal count
             count += 1
             show(
@@ -143,7 +150,7 @@ def _fitted(console: Any, frf: Any, order: int, asked: dict[str, Any]) -> Any:
         return fit_mfd(frf, order=order, progress=progress, **asked)
 
 
-def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
+def _swept(console: Console, frf: FrequencyResponse, asked: dict[str, Any]) -> OrderSweep:
     """A sweep over the order on all cores; the stabilisation diagram grows with it."""
     from robustid.core import worker_pool
     from robustid.fitting import suggest_order
@@ -154,7 +161,7 @@ def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
         def progress(done: int, count: int) -> None:
             show(f"fitting a range of orders: {done} of {count}")
 
-        def grown(sweep: Any) -> None:
+        def grown(sweep: OrderSweep) -> None:
             screen.say(console, *diagram.lines(sweep))
 
         sweep = suggest_order(frf, executor=pool, progress=progress, grown=grown, **asked)
@@ -164,20 +171,14 @@ def _swept(console: Any, frf: Any, asked: dict[str, Any]) -> Any:
 
 
 class Stabilisation:
-    """Lines of a stabilisation diagram over a logarithmic frequency axis, each given once.
+    """Lines of a stabilisation diagram over a logarithmic frequency axis, each given once; points at 0 rad/s have no place."""
 
-    Parameters
-    ----------
-    omega : (F,) array
-        Frequency points of the data, rad/s; those at 0 have no place.
-    """
-
-    def __init__(self, omega: Any) -> None:
+    def __init__(self, omega: Real) -> None:
         known = omega[omega > 0]
         self.low, self.high = float(known.min()), float(known.max())
         self.told: set[int] = set()
 
-    def lines(self, sweep: Any) -> list[str]:
+    def lines(self, sweep: OrderSweep) -> list[str]:
         """Lines of the orders that are new, below the axis at first, and what the sweep suggests so far."""
         new = [order for order in sweep.fits if order not in self.told]
         out = [] if self.told else self._axis()
@@ -195,7 +196,7 @@ class Stabilisation:
             f"order  {ends[0]}{ends[1]:>{_WIDTH - len(ends[0])}}",
         ]
 
-    def _marks(self, sweep: Any, order: int) -> str:
+    def _marks(self, sweep: OrderSweep, order: int) -> str:
         """The poles of an order, each at its natural frequency; those beside the band at its ends."""
         marks = [" "] * _WIDTH
         span = math.log(self.high / self.low) or 1.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypedDict, Unpack
 
 import typer
 
@@ -17,6 +18,23 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.settings import FrequencyPoints, General, Identify, Modes, Withheld
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robustid.app.run.proved_band import Box
+    from robustid.data import FrequencyResponse, TimeRecord
+    from robustid.identification import Identification
+    from robustid.report import Parts
+
+
+class Stated(TypedDict, total=False):
+    """Sections of a run file that state the class."""
+
+    modes: Modes
+    prior: PriorChoice
+    identify: Identify
+
 
 _HELPS = "what would help: units, signs, other modes, other priors"
 
@@ -75,21 +93,18 @@ def identify(
     written_files.check_static(report, static)
     written_files.check_outputs([*written_files.result_files(output), report], paths, force)
     console, entry = screen.console(), general.entry
-    asked = [
-        Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True),
-        Files(paths=time or [], source=records, entry=entry, first=first, bounded=True),
-    ]
-    lines, samples = (one.read(console) for one in asked)
+    asked_lines = Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True)
+    asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
+    lines, samples = asked_lines.read(console), asked_samples.read(console)
     dt = (*lines, *samples)[0].dt
-    stated = {"modes": _with_pairs(modes, mode, dt), "prior": prior, "identify": how}
-    result, box = identified(console, lines, samples, **stated)
+    result, box = identified(console, lines, samples, modes=_with_pairs(modes, mode, dt), prior=prior, identify=how)
     if apply and not result.consistent:
         result = _applied(console, how, result)
     finish(console, result, output, report, reduce=reduce, static=static, box=box)
     raise typer.Exit(screen.EXIT[result.status])
 
 
-def _applied(console: Any, how: Identify, result: Any) -> Any:
+def _applied(console: Console, how: Identify, result: Identification) -> Identification:
     """The identification with the change of the most likely cause, where that makes the data consistent; one of its choices."""
     from robustid.advice import diagnose
     from robustid.core import Choice, Source
@@ -133,7 +148,12 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
     return hz, damping
 
 
-def identified(console: Any, frequency: list[Any], time: list[Any], **stated: Any) -> tuple[Any, Any]:
+def identified(
+    console: Console,
+    frequency: Sequence[FrequencyResponse],
+    time: Sequence[TimeRecord],
+    **stated: Unpack[Stated],
+) -> tuple[Identification, Box | None]:
     """Return the identification of data as the sections of a run file state it, with all choices, and the box of its poles."""
     from robustid.app.run.measurements import Measured
     from robustid.app.run.proved_band import box_of_modes
@@ -154,15 +174,16 @@ def identified(console: Any, frequency: list[Any], time: list[Any], **stated: An
 
 
 def finish(
-    console: Any,
-    result: Any,
+    console: Console,
+    result: Identification,
     output: Path,
     report: Path | None,
     *,
     reduce: bool,
     static: bool = False,
-    box: Any = None,
-    **shown_too: Any,
+    box: Box | None = None,
+    title: str | None = None,
+    **shown_too: Unpack[Parts],
 ) -> None:
     """Compute and render everything; only then write, and show what was found."""
     from robustid.advice import diagnose
@@ -184,7 +205,10 @@ def finish(
         band = refined_band(band, shown_too.get("worst_case"))
     if report is not None:
         page = render_report(
-            result, static=static, reduction=reduction, band=band, diagnosis=diagnosis or None, **shown_too
+            result,
+            title=title,
+            static=static,
+            **shown_too | {"reduction": reduction, "band": band, "diagnosis": diagnosis or None},
         )
     summary = render_summary(result, reduction)
     result.save(output)

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Generic, TypeVar, overload
 
 import numpy as np
 
 from robustid.app.cli.screen import say, warn
 from robustid.app.run.checks import options
-from robustid.app.run.reading import Tables, in_options, option_words, read_source
+from robustid.app.run.reading import Data, Tables, in_options, option_words, read_source
 from robustid.app.run.sources import RecordSource, ResponseSource
+from robustid.core import Signal
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import BOUND_SOURCES, record_faults, response_faults
 from robustid.formats import Origin, origin
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+S = TypeVar("S", ResponseSource, RecordSource)
 _SHARED = ("--dt", "--rate", "--axes", "--decimal")  # by files of both kinds
 _NOTE = "given on the command line"
 _SAME_STEP = 1e-6
@@ -26,29 +32,15 @@ _MOST_NAMED = 4
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Files:
-    """Files of one kind, how they are read, and which part of them is used.
-
-    Attributes
-    ----------
-    paths : sequence of Path
-    source : ResponseSource or RecordSource
-        Its `file` is that of each.
-    entry : optional
-        Output and input, by number or name.
-    band_hz : (float, float), optional
-    first : int, optional
-        Samples of records.
-    bounded : bool
-        Whether sample time and bound are needed.
-    """
+class Files(Generic[S]):
+    """Files of one kind, how they are read, and which part of them is used."""
 
     paths: Sequence[Path]
-    source: ResponseSource | RecordSource
-    entry: tuple[int | str, int | str] | None = None
+    source: S  # its `file` is that of each
+    entry: tuple[int | str, int | str] | None = None  # output and input
     band_hz: tuple[float, float] | None = None
-    first: int | None = None
-    bounded: bool = False
+    first: int | None = None  # samples of records
+    bounded: bool = False  # whether sample time and bound are needed
     tables: Tables = dataclasses.field(default_factory=Tables, repr=False)
 
     def __post_init__(self) -> None:
@@ -66,10 +58,14 @@ class Files:
         """Frequency or time."""
         return self.source.kind
 
-    def read(self, out: Any) -> list[Any]:
+    @overload
+    def read(self: Files[ResponseSource], out: Console) -> list[FrequencyResponse]: ...
+    @overload
+    def read(self: Files[RecordSource], out: Console) -> list[TimeRecord]: ...
+    def read(self, out: Console) -> Sequence[Data]:
         """The measurements, one line said about each."""
         seen: set[Path] = set()
-        data = []
+        data: list[Data] = []
         for path in self.paths:
             data += self._read_one(out, path)
             if path.resolve() in seen:
@@ -77,7 +73,7 @@ class Files:
             seen.add(path.resolve())
         return data
 
-    def _read_one(self, out: Any, path: Path) -> list[Any]:
+    def _read_one(self, out: Console, path: Path) -> list[Data]:
         """The measurements of a file: several records where its axes have realisations."""
         how, unit = self.source, getattr(self.source, "unit", None)
         with _named(path, self.kind):
@@ -109,20 +105,21 @@ class Files:
             warn(out, f"--dt {how.dt:g} s is used; {path.name} has {found.dt:.6g} s ({found.dt_from})")
         return [data for _, data in read]
 
-    def _taken(self, data: Any, path: Path) -> tuple[str, Any]:
+    def _taken(self, data: Data, path: Path) -> tuple[str, Data]:
         """The part that is asked for, with its bound, and what it is in words."""
         if self.bounded and self.source.bound is not None and self.source.bound not in BOUND_SOURCES:
             data = data.with_bound(data.bound, note=_NOTE)
         words, data = self._entry_of(data, path)
         return words, self._part_of(data)
 
-    def _faults(self, data: Sequence[Any]) -> list[str]:
+    def _faults(self, data: Sequence[Data]) -> list[str]:
         """Faults that the data show, before any class is assumed."""
-        if all(isinstance(one, FrequencyResponse) for one in data):
-            return [fault.said(", --frequency-correct") for one in data for fault in response_faults(one)]
-        return [str(fault) for fault in record_faults(data)] if self.bounded and self.kind == "time" else []
+        responses = [one for one in data if isinstance(one, FrequencyResponse)]
+        records = [one for one in data if isinstance(one, TimeRecord)]
+        found = [fault.said(", --frequency-correct") for one in responses for fault in response_faults(one)]
+        return found + ([str(fault) for fault in record_faults(records)] if records and self.bounded else [])
 
-    def _entry_of(self, data: Any, path: Path) -> tuple[str, Any]:
+    def _entry_of(self, data: Data, path: Path) -> tuple[str, Data]:
         """The entry that is asked for, else the whole matrix, and what it is in words."""
         outputs, inputs = len(data.outputs), len(data.inputs)
         size = f"{outputs} output{'s' * (outputs > 1)} and {inputs} input{'s' * (inputs > 1)}"
@@ -142,10 +139,10 @@ class Files:
         words = f"{one.outputs[0]} / {one.inputs[0]} (one entry of {size}; without --entry the whole matrix)"
         return words, one
 
-    def _part_of(self, data: Any) -> Any:
-        """The band and the first samples asked for."""
-        if self.band_hz is not None:
-            return data.band(*self.band_hz)
+    def _part_of(self, data: Data) -> Data:
+        """The band or the first samples asked for."""
+        if isinstance(data, FrequencyResponse):
+            return data if self.band_hz is None else data.band(*self.band_hz)
         if self.first is None:
             return data
         if data.initial == "periodic":
@@ -154,7 +151,7 @@ class Files:
         return dataclasses.replace(data, **{k: v[: self.first] for k, v in arrays.items() if v is not None})
 
 
-def _names(signals: Sequence[Any]) -> str:
+def _names(signals: Sequence[Signal]) -> str:
     return ", ".join(map(str, signals)) if len(signals) <= _MOST_NAMED else f"{len(signals)} signals"
 
 
@@ -183,7 +180,7 @@ def _unit_words(found: Origin, unit: str | None) -> str:
 
 
 @contextlib.contextmanager
-def _named(path: Path, kind: str) -> Iterator[None]:
+def _named(path: Path, kind: str) -> Generator[None]:
     """Name the file and the options in what is wrong with it."""
     try:
         yield

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +11,13 @@ from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, words_of
 from robustid.app.cli.screen import counting, in_words, step
 from robustid.app.run.checks import low_high
+
+if TYPE_CHECKING:
+    import control
+    from rich.console import Console
+
+    from robustid.identification import Identification
+    from robustid.reduction import Reduction
 
 
 def reduce(
@@ -89,7 +96,7 @@ def reduce(
     raise typer.Exit(1 if reduction.status is ReductionStatus.UNSTABLE else 0)
 
 
-def _within_bounds(console: Any, identification: Any, time_limit: float | None) -> Any:
+def _within_bounds(console: Console, identification: Identification, time_limit: float | None) -> Reduction:
     from robustid.reduction import reduce_within_bounds
 
     words = "searching for the smallest order"
@@ -103,7 +110,7 @@ def _within_bounds(console: Any, identification: Any, time_limit: float | None) 
     return reduction
 
 
-def _truncated(console: Any, model: Any, asked: dict[str, Any]) -> Any:
+def _truncated(console: Console, model: control.StateSpace, asked: dict[str, Any]) -> Reduction:
     import numpy as np
 
     from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
@@ -122,7 +129,7 @@ def _truncated(console: Any, model: Any, asked: dict[str, Any]) -> Any:
     return reduction
 
 
-def _say_margin(console: Any, identification: Any, reduction: Any) -> None:
+def _say_margin(console: Console, identification: Identification, reduction: Reduction) -> None:
     from robustid.identification import largest_ratio
 
     margin = largest_ratio(identification.problem, reduction.model)
@@ -130,7 +137,7 @@ def _say_margin(console: Any, identification: Any, reduction: Any) -> None:
     screen.say(console, f"largest |residual|/bound {margin:.4g}: {verdict}")
 
 
-def _load_identification(path: Path) -> Any:
+def _load_identification(path: Path) -> Identification | None:
     """The saved identification at `path`; None where the file is a plain model."""
     from robustid.app.load_save import load_result
     from robustid.core import paths

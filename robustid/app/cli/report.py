@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +11,14 @@ from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Static
 from robustid.app.cli.screen import step
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robustid.advice import Sensitivity
+    from robustid.guarantees import ResponseTube
+    from robustid.identification import Identification, MixedProblem
+    from robustid.report import Parts
 
 
 def report(
@@ -49,10 +57,9 @@ def report(
     console = screen.console()
     result = load_result(source, "identification")
     shown = _bounds(bounds or [], result)
-    reduction = None
     if reduce:
         with step(console, "searching for the smallest order"):
-            reduction = reduce_within_bounds(result)
+            shown["reduction"] = reduce_within_bounds(result)
     if steps is not None:
         shown["tube"] = _tube(console, result, steps)
     if sensitivity:
@@ -61,39 +68,39 @@ def report(
         with step(console, "what would help"):
             shown["diagnosis"] = diagnose(result).summary()
     with step(console, "verifying every certificate"):
-        write_report(result, output, reduction=reduction, title=title, static=static, **shown)
-    console.print(render_summary(result, reduction))
+        write_report(result, output, title=title, static=static, **shown)
+    console.print(render_summary(result, shown.get("reduction")))
     screen.say_written(console, output)
     screen.repeat_warnings(console, result)
     raise typer.Exit(screen.EXIT[result.status])
 
 
-def _bounds(paths: list[Path], result: Any) -> dict[str, Any]:
+def _bounds(paths: list[Path], result: Identification) -> Parts:
     """The bounds that were saved of the identification, by the argument of `write_report` that takes it."""
     from robustid.app.load_save import load_result
     from robustid.guarantees import WorstCaseOverPoles
     from robustid.report import same
 
-    found: dict[str, Any] = {}
+    found: Parts = {}
     for file in paths:
         bound = load_result(file, "worst-case error", "band over poles")
-        name = "over_poles" if isinstance(bound, WorstCaseOverPoles) else "worst_case"
-        if name in found:
+        own: Parts = {"over_poles": bound} if isinstance(bound, WorstCaseOverPoles) else {"worst_case": bound}
+        if found.keys() & own.keys():
             raise InputError(f"--bounds {file} is the second of its kind; give NAME once, and NAME-poles once")
-        found[name] = bound
-        if not same(found[name].identification, result):
+        found |= own
+        if not same(bound.identification, result):
             raise InputError(f"--bounds {file} is about another identification than the one reported")
     return found
 
 
-def _tube(console: Any, result: Any, samples: int) -> Any:
+def _tube(console: Console, result: Identification, samples: int) -> ResponseTube:
     from robustid.guarantees import response_tube
 
     with step(console, "bounding the step response"):
         return response_tube(result, input="step", horizon=samples)
 
 
-def _sensitivity(console: Any, problem: Any) -> Any:
+def _sensitivity(console: Console, problem: MixedProblem) -> Sensitivity:
     from robustid.advice import sensitivity
 
     with step(console, "bounding the error under other assumptions"):
@@ -123,7 +130,7 @@ def export(
 
     written_files.check_outputs([output], written_files.sources(source), force)
     console = screen.console()
-    thing: Any = load(source)
+    thing = load(source)
     if output.suffix.lower() != ".csv" and type(thing).__name__ in (
         "Identification",
         "MatrixFraction",

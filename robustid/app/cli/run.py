@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,10 +15,15 @@ from robustid.app.cli.screen import counted, in_words, resumable, shown
 from robustid.app.run.checks import options
 from robustid.app.run.settings import PARTS
 
+if TYPE_CHECKING:
+    from robustid.core import Progress
+
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
-_WORDS = {name: name for name in (*FLAGS, "order", "scaling")}
-_WORDS |= {"folder": "--output", "resume": "--resume", "force": "--force", "executor": "--workers"}
-_WORDS |= {
+_WORDS = {name: name for name in (*FLAGS, "order", "scaling")} | {
+    "folder": "--output",
+    "resume": "--resume",
+    "force": "--force",
+    "executor": "--workers",
     "passive": "[prior] passive",
     "frequency_unit": "unit",
     "period": "period in [estimate]",
@@ -136,7 +141,7 @@ def run(
 
 def _told(show: Callable[[str], None]) -> Callable[..., None]:
     """One line for every step, and at most ten for what is counted."""
-    counters: dict[str, Any] = {}
+    counters: dict[str, Progress] = {}
 
     def say(text: str, done: int | None = None, count: int | None = None) -> None:
         if done is None or count is None:

@@ -4,21 +4,34 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Protocol
 
 from robustid.errors import InputError, InputTypeError, SolverError, Status
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+class Warned(Protocol):
+    """Result with sentences that must not scroll away."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """The sentences."""
+        ...
+
 
 _WORTH_SAYING = 2.0  # seconds that are left
 EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
-def console(**options: Any) -> Any:
+def console(*, stderr: bool = False) -> Console:
     """A rich console on the present stdout or stderr."""
     from rich.console import Console
 
-    return Console(**options)
+    return Console(stderr=stderr)
 
 
 def plain(text: str) -> str:
@@ -28,37 +41,37 @@ def plain(text: str) -> str:
     return escape(text)
 
 
-def say(out: Any, *texts: str) -> None:
+def say(out: Console, *texts: str) -> None:
     """Print plain text, as it stands."""
     for text in texts:
         out.print(plain(text), highlight=False, soft_wrap=True)
 
 
-def warn(out: Any, text: str) -> None:
+def warn(out: Console, text: str) -> None:
     """Print a yellow sentence."""
     out.print(f"[yellow]warning:[/yellow] {plain(text)}", highlight=False, soft_wrap=not out.is_terminal)
 
 
-def say_written(out: Any, *paths: Path | None) -> None:
+def say_written(out: Console, *paths: Path | None) -> None:
     """Print the names of the files, on one line."""
     say(out, "written: " + ", ".join(str(path) for path in paths if path is not None))
 
 
-def repeat_warnings(out: Any, result: Any) -> None:
+def repeat_warnings(out: Console, result: Warned) -> None:
     """Print at the end what must not scroll away."""
     for sentence in result.warnings:
         warn(out, sentence)
 
 
 @contextlib.contextmanager
-def step(out: Any, text: str) -> Iterator[None]:
+def step(out: Console, text: str) -> Generator[None]:
     """Show a long step: a spinner at a terminal, else one line."""
     with shown(out, text):
         yield
 
 
 @contextlib.contextmanager
-def shown(out: Any, text: str) -> Iterator[Callable[[str], None]]:
+def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
     """Show a line that changes at a terminal; elsewhere one line for every change."""
     if out.is_terminal:
         with out.status(plain(text)) as status:
@@ -86,14 +99,14 @@ def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], Non
 
 
 @contextlib.contextmanager
-def counting(out: Any, words: str) -> Iterator[Callable[[int, int], None]]:
+def counting(out: Console, words: str) -> Generator[Callable[[int, int], None]]:
     """Show a long step; receiver of its progress."""
     with shown(out, words) as show:
         yield counted(show, words)
 
 
 @contextlib.contextmanager
-def resumable(out: Any, words: str, there: Callable[[], bool]) -> Iterator[None]:
+def resumable(out: Console, words: str, there: Callable[[], bool]) -> Generator[None]:
     """Say on Ctrl-C how an unfinished computation goes on, where something of it is there."""
     try:
         yield
@@ -104,7 +117,7 @@ def resumable(out: Any, words: str, there: Callable[[], bool]) -> Iterator[None]
 
 
 @contextlib.contextmanager
-def in_words(words: dict[str, str]) -> Iterator[None]:
+def in_words(words: dict[str, str]) -> Generator[None]:
     """Name options, and files, in place of Python's arguments."""
     try:
         yield

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robustid.app.cli import screen
 from robustid.app.cli.bounds import circle_words
 from robustid.app.cli.screen import counting, in_words, say, step
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+    from robustid.identification import Identification
 
 _ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
 
@@ -52,12 +58,12 @@ def verify(
     raise typer.Exit(1 if failed else 0)
 
 
-def _identification_failures(console: Any, result: Any, exact: bool) -> list[str]:
+def _identification_failures(console: Console, result: Identification, exact: bool) -> list[str]:
     """Print what an identification claims; the names of what does not hold."""
     from robustid.identification import verify_margin_exactly
 
     say(console, f"claimed    {result.status.value}", f"           {_margin(result)}")
-    failed = []
+    failed: list[str] = []
     for check in result.verification.checks:
         word = "verified" if check.holds else "FAILED"
         say(console, f"{word:<11}{check.name}: {check.measured:.3g} (limit {check.limit:.8g})")
@@ -69,14 +75,14 @@ def _identification_failures(console: Any, result: Any, exact: bool) -> list[str
     return failed
 
 
-def _margin(result: Any) -> str:
+def _margin(result: Identification) -> str:
     low, high = f"{result.margin_lower:.6g}", f"{result.margin:.6g}"
     if result.certificate.value > 1:
         return f"no system of the class keeps every |residual| below {low} times its bound: the class is refuted"
     return f"margin {high}, reached by a system of the class, and proved not below {low}"
 
 
-def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
+def _bound_failures(console: Console, error: WorstCaseError, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
     upper, count = error.sigma_upper, error.omega.size
     intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))
@@ -91,7 +97,7 @@ def _bound_failures(console: Any, error: Any, exact: bool) -> list[str]:
     return failed
 
 
-def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
+def _band_failures(console: Console, band: WorstCaseOverPoles, exact: bool) -> list[str]:
     """Print what a band over poles claims; the names of what does not hold."""
     say(console, "claimed    of all poles in a pole-uncertainty box:", band.summary())
     if not band.covered:
@@ -105,7 +111,7 @@ def _band_failures(console: Any, band: Any, exact: bool) -> list[str]:
     return failed if band.supported else [*failed, "bounds, from those of the cells"]
 
 
-def _sum_failures(console: Any, band: Any, exact: bool) -> list[str]:
+def _sum_failures(console: Console, band: Band, exact: bool) -> list[str]:
     """Print what a band of linear certificates claims, from its multipliers; the names of what does not hold."""
     say(console, f"claimed    {band.claim}")
     with step(console, "evaluating the sums"):
@@ -120,11 +126,11 @@ def _sum_failures(console: Any, band: Any, exact: bool) -> list[str]:
     return [] if holds else ["discs, from the sums of their multipliers, or polygons, from their certificates"]
 
 
-def _claim_failures(console: Any, result: Any, exact: bool) -> list[str]:
+def _claim_failures(console: Console, result: WorstCaseError | WorstCaseOverPoles, exact: bool) -> list[str]:
     """Evaluate every certificate, count those that hold, name the others."""
     total = result.claim_count
-    failed, words = [], "evaluating certificates"
-    with counting(console, words) as progress:
+    failed: list[str] = []
+    with counting(console, "evaluating certificates") as progress:
         for done, claim in enumerate(result.claims(), start=1):
             failed += [] if claim.verify(exact) else [claim.name]
             progress(done, total)

@@ -12,6 +12,7 @@ from robustid.core import atomic_write
 from robustid.errors import InputError, RobustIdError
 from robustid.report import live_figure, live_words, look_figure, look_words
 
+# An `app` is a Dash, whose callbacks have no types.
 _WAITING = "This choice is being looked at; what is drawn is of the one before."
 _MODE = {"color": "#a8447d", "width": 4, "dash": "dot"}
 
@@ -43,7 +44,7 @@ def _connect_fields(app: Any, session: Session) -> None:
         State("left-out", "value"),
         prevent_initial_call=True,
     )
-    def brushed(selected: Any, words: str | None) -> Any:
+    def brushed(selected: dict[str, list[dict[str, float]]] | None, words: str | None) -> tuple[str, None]:
         points = [point for point in (selected or {}).get("points", []) if "customdata" in point]
         if not points:
             raise PreventUpdate
@@ -65,7 +66,7 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
     fields = [*(one.name for one in every), "left-out"]
 
     @app.callback(Output("trouble", "children"), *[Input(name, "value") for name in fields])
-    def chosen(*values: Any) -> str:
+    def chosen(*values: float | str | None) -> str:
         try:
             worker.ask(choice_of(session, every, values))
         except RobustIdError as error:
@@ -73,7 +74,7 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
         return ""
 
     @app.callback(Output("cancel", "title"), Input("cancel", "n_clicks"), prevent_initial_call=True)
-    def cancelled(_: Any) -> Any:
+    def cancelled(_: object) -> None:
         choice = worker.found.choice
         if worker.found.doing:
             worker.cancel()
@@ -88,7 +89,7 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
         *[State(name, "value") for name in fields],
         prevent_initial_call=True,
     )
-    def written(_: Any, name: str | None, *values: Any) -> str:
+    def written(_: object, name: str | None, *values: float | str | None) -> str:
         try:
             path = write_run_file(session, choice_of(session, every, values), name or "")
         except RobustIdError as error:
@@ -113,7 +114,7 @@ def _connect_state(app: Any, session: Session, worker: Worker) -> None:
             (Output("tick", "disabled"), True, False)
         ],  # an answer that comes after the next question would be lost
     )
-    def looked(_: Any, shown: list[int]) -> Any:
+    def looked(_: object, shown: list[int]) -> tuple[object, ...]:
         found = worker.found
         state = [found.number, found.done, 0 if found.look is None else found.look.number]
         if shown == state:
@@ -125,7 +126,7 @@ def _connect_state(app: Any, session: Session, worker: Worker) -> None:
         return *seen, _doing(found), str(share), work, button, found.trouble.replace("`", ""), state
 
 
-def _seen(session: Session, found: Found, looked: int) -> list[Any]:
+def _seen(session: Session, found: Found, looked: int) -> list[object]:
     """Picture, verdict, its key, guarantee and numbers; the picture before it stays until there is another one.
 
     `looked` is the number of the look that is drawn already.
@@ -155,9 +156,9 @@ def _seen(session: Session, found: Found, looked: int) -> list[Any]:
     return [figure, verdict, key, guarantee, numbers]
 
 
-def _line(hz: float, number: int) -> dict[str, Any]:
+def _line(hz: float, number: int) -> dict[str, object]:
     """The vertical line of a mode, which can be dragged."""
-    label: dict[str, Any] = {"text": f"{number} ", "font": {"color": _MODE["color"]}}
+    label: dict[str, object] = {"text": f"{number} ", "font": {"color": _MODE["color"]}}
     label |= {"textposition": "start", "textangle": 0, "xanchor": "right", "yanchor": "bottom"}
     return {"type": "line", "x0": hz, "x1": hz, "y0": 0, "y1": 1, "yref": "y domain", "line": _MODE, "label": label}
 
@@ -171,13 +172,7 @@ def _doing(found: Found) -> str:
 
 
 def write_run_file(session: Session, choice: Choice, name: str) -> Path:
-    """Write a run file that gives the same identification again; its name is seen from where the program was started.
-
-    Raises
-    ------
-    InputError
-        No name, another ending, a file that exists, a folder that can't be written to.
-    """
+    """Write a run file that gives the same identification again; its name is seen from where the program was started."""
     path = Path(name.strip())
     if path.suffix != ".toml":
         raise InputError(f"The run file needs a name that ends in .toml; got {name!r}")

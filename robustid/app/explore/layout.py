@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robustid.app.explore.quantities import STEPS, Quantity, quantities
 from robustid.app.explore.session import Session
+
+if TYPE_CHECKING:
+    from dash.development.base_component import Component
 
 _POLL = 100  # milliseconds
 _BUTTONS = ["select2d", "zoom2d", "pan2d", "resetScale2d", "toImage"]
@@ -27,7 +30,7 @@ _PROVED = (
 )
 
 
-def layout(session: Session, title: str) -> Any:
+def layout(session: Session, title: str) -> Component:
     """Return the parts of the page: verdict, picture and numbers; fields."""
     from dash import dcc, html
 
@@ -41,7 +44,7 @@ def layout(session: Session, title: str) -> Any:
     )
 
 
-def _verdict() -> Any:
+def _verdict() -> Component:
     from dash import html
 
     work = [
@@ -59,7 +62,7 @@ def _verdict() -> Any:
     return html.Section(parts, **_named("Verdict"))
 
 
-def _picture() -> Any:
+def _picture() -> Component:
     from dash import dcc, html
 
     graph = dcc.Graph(
@@ -73,13 +76,13 @@ def _picture() -> Any:
     return html.Figure([html.Div(graph, role="img", **_named(_PICTURE)), html.Figcaption(words)])
 
 
-def _numbers() -> Any:
+def _numbers() -> Component:
     from dash import html
 
     return html.Details([html.Summary("The result in numbers"), html.Pre(id="numbers")])
 
 
-def _fields(session: Session) -> Any:
+def _fields(session: Session) -> Component:
     from dash import dcc, html
 
     groups = itertools.groupby(quantities(session), key=lambda one: one.group)
@@ -102,7 +105,7 @@ def _fields(session: Session) -> Any:
     return html.Section(sets, id="fields", **_named("Choices"))
 
 
-def _row(one: Quantity) -> Any:
+def _row(one: Quantity) -> Component:
     """A number with its field and its slider."""
     from dash import dcc, html
 

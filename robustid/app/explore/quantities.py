@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from robustid.app.explore.session import Choice, Session
 from robustid.errors import InputError
@@ -19,31 +18,16 @@ _DIGITS = 6  # that a field shows
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
-    """A number with a field and a slider, whose steps are equal factors of `value - offset`.
+    """A number with a field and a slider, whose steps are equal factors of `value - offset`."""
 
-    Attributes
-    ----------
-    name : str
-        Of its field in the page; its slider is NAME-slider.
-    group, label : str
-        In words.
-    value : float
-        At the start.
-    low, high : float
-        Ends of the slider, less the offset.
-    offset : float
-    most : float
-        Largest value that makes sense.
-    """
-
-    name: str
+    name: str  # of its field in the page; its slider is NAME-slider
     group: str
     label: str
-    value: float
-    low: float
+    value: float  # at the start
+    low: float  # ends of the slider, less the offset
     high: float
     offset: float = 0.0
-    most: float = math.inf
+    most: float = math.inf  # largest value that makes sense
 
     @property
     def position(self) -> int:
@@ -56,16 +40,9 @@ class Quantity:
         """The value in the digits of the field."""
         return float(f"{self.value:.{_DIGITS}g}")
 
-    def checked(self, value: Any) -> float:
-        """The number that a field states.
-
-        Raises
-        ------
-        InputError
-            No number, or one that makes no class.
-        """
-        is_number = isinstance(value, int | float) and math.isfinite(value)
-        if not is_number or not self.offset < value <= self.most:
+    def checked(self, value: object) -> float:
+        """The number that a field states; InputError of none, or of one that makes no class."""
+        if not isinstance(value, int | float) or not math.isfinite(value) or not self.offset < value <= self.most:
             wanted = f"above {self.offset:g}" + (f" and at most {self.most:g}" if math.isfinite(self.most) else "")
             got = "" if value is None else f"; got {value}"
             raise InputError(f"{self.group}, {self.label}: give a number {wanted}{got}")
@@ -75,7 +52,8 @@ class Quantity:
 
 def quantities(session: Session) -> list[Quantity]:
     """Return all of them: frequency and damping of every mode, K, and the decay."""
-    start, found = session.start, []
+    start = session.start
+    found: list[Quantity] = []
     for k, (hz, damping) in enumerate(zip(start.hz, start.damping, strict=True)):
         mode = f"Mode {k + 1}"
         found.append(Quantity(f"hz-{k}", mode, "frequency [Hz]", hz, hz / _NEAR, hz * _NEAR))
@@ -87,14 +65,8 @@ def quantities(session: Session) -> list[Quantity]:
     return [*found, Quantity("rate", _REST, "decay rate ρ", rate, (rate - 1) / _WIDE, (rate - 1) * _WIDE, 1.0)]
 
 
-def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[Any]) -> Choice:
-    """The choice that the fields state: those of the quantities, and the lines left out in words.
-
-    Raises
-    ------
-    InputError
-        A field that makes no class, or that names no line.
-    """
+def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[float | str | None]) -> Choice:
+    """The choice that the fields state: those of the quantities, and the lines left out in words."""
     *numbers, words = values
     found = {one.name: one.checked(value) for one, value in zip(every, numbers, strict=True)}
     modes = range(len(session.start.hz))
@@ -103,5 +75,5 @@ def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[Any]
         tuple(found[f"damping-{k}"] for k in modes),
         found["gain"],
         found["rate"],
-        session.points(words or ""),
+        session.points(str(words or "")),
     )

@@ -9,7 +9,7 @@ import os
 import secrets
 import socket
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from robustid.app.explore.callbacks import connect
 from robustid.app.explore.layout import layout
@@ -17,6 +17,10 @@ from robustid.app.explore.quantities import quantities
 from robustid.app.explore.session import Session
 from robustid.app.explore.worker import Worker
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from flask import Flask, Response
+    from werkzeug.wrappers import Response as WerkzeugResponse
 
 _HOST = "127.0.0.1"
 _STRANGER = (
@@ -37,13 +41,7 @@ _PAGE = """<!DOCTYPE html>
 
 
 class Server:
-    """A page that is served; it begins with `serve` and ends with `close`, from another thread or by Ctrl-C.
-
-    Attributes
-    ----------
-    address : str
-        With the token without which nothing is shown.
-    """
+    """A page that is served; it begins with `serve` and ends with `close`, from another thread or by Ctrl-C."""
 
     def __init__(self, session: Session, title: str, port: int = 0) -> None:
         try:
@@ -67,7 +65,7 @@ class Server:
         class Quiet(WSGIRequestHandler):
             """Says nothing of requests that a browser gave up."""
 
-            def log(self, type: str, message: str, *args: Any) -> None:
+            def log(self, type: str, message: str, *args: object) -> None:
                 """Say nothing."""
 
         port = listening.getsockname()[1]
@@ -76,7 +74,7 @@ class Server:
 
     @property
     def address(self) -> str:
-        """The address with its token."""
+        """The address with its token, without which nothing is shown."""
         return f"http://{self._site}/?token={self._token}"
 
     def serve(self) -> None:
@@ -92,17 +90,17 @@ class Server:
         self._server.server_close()
         self._worker.close()
 
-    def _guard(self, flask: Any) -> None:
+    def _guard(self, flask: Flask) -> None:
         """Refuse requests that are addressed to another name, come from another site, or have no token."""
         from flask import Response, redirect, request
 
         cookie = f"robustid-{self._site.split(':')[1]}"  # cookies are shared by the ports of a machine
 
-        def refused(words: str) -> Any:
+        def refused(words: str) -> Response:
             return Response(words, 403, mimetype="text/plain")
 
         @flask.before_request
-        def check() -> Any:
+        def check() -> Response | WerkzeugResponse | None:
             # A name that a stranger's server gives this address (DNS rebinding) stands in Host.
             if request.headers.get("Host") != self._site:
                 return refused(_ELSEWHERE.format(self._site))
@@ -115,7 +113,7 @@ class Server:
             return None if _equal(request.cookies.get(cookie, ""), self._token) else refused(_STRANGER)
 
         @flask.after_request
-        def private(answer: Any) -> Any:
+        def private(answer: Response) -> Response:
             answer.headers["Content-Security-Policy"] = _POLICY
             answer.headers["Referrer-Policy"] = "no-referrer"
             answer.headers["X-Content-Type-Options"] = "nosniff"
@@ -143,13 +141,7 @@ def _listening(port: int) -> socket.socket:
 
 
 def serve(session: Session, title: str, port: int, ready: Callable[[str], None]) -> None:
-    """Serve the page until Ctrl-C; `ready` is told its address.
-
-    Raises
-    ------
-    InputError
-        Dash is not installed, or the port is in use.
-    """
+    """Serve the page until Ctrl-C; `ready` is told its address."""
     server = Server(session, title, port)
     try:
         ready(server.address)

@@ -6,7 +6,6 @@ import dataclasses
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -122,7 +121,7 @@ class Session(Frozen):
         """The run file of a choice, its names seen from the folder of the session."""
         run, start = self.run, self.start
         if (choice.hz, choice.damping) != (start.hz, start.damping):
-            given: dict[str, Any] = {"hz": choice.hz, "damping": choice.damping, "source": None, "note": _BY_HAND}
+            given: dict[str, object] = {"hz": choice.hz, "damping": choice.damping, "source": None, "note": _BY_HAND}
             modes = dataclasses.replace(run.modes, **given, hz_interval=None, damping_interval=None)
             # Modes are stated or those of a fit, and the pole-uncertainty box was that of others.
             worst_case = dataclasses.replace(run.worst_case, over_poles=False)
@@ -163,7 +162,7 @@ class Session(Frozen):
         """Frequency points in words: numbers, and LOW:HIGH for neighbours."""
         every = self.points_hz
         gone = np.array([int(np.argmin(np.abs(every - hz))) for hz in left_out_hz], dtype=int)
-        parts = []
+        parts: list[str] = []
         for group in np.split(np.unique(gone), np.flatnonzero(np.diff(np.unique(gone)) > 1) + 1):
             if group.size >= _RUN:
                 parts.append(f"{every[group[0]]:.15g}:{every[group[-1]]:.15g}")

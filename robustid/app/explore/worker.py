@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import logging
 import threading
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -32,35 +32,17 @@ class Superseded(BaseException):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Look:
-    """The first look at a choice, in a fraction of a second, before its margin is known.
-
-    Attributes
-    ----------
-    choice : Choice
-    check : SampleCheck
-        Of samples against what the others prove.
-    band : Band, optional
-        Proved at every frequency; None where the check finds a contradiction, so that it would say nothing.
-    withheld : tuple of FrequencyResponse
-    number : int
-        Of the state that it came with.
-    """
+    """The first look at a choice, in a fraction of a second, before its margin is known."""
 
     choice: Choice
-    check: SampleCheck
-    band: Band | None
+    check: SampleCheck  # of samples against what the others prove
+    band: Band | None  # None where the check finds a contradiction, so that it would say nothing
     withheld: tuple[FrequencyResponse, ...] = ()
-    number: int = 0
+    number: int = 0  # of the state that it came with
 
 
 def look(session: Session, choice: Choice) -> Look:
-    """Look at a choice: over the pole-uncertainty box where the data gave the modes, at the poles as stated where they are moved.
-
-    Raises
-    ------
-    InputError
-        Numbers that make no class.
-    """
+    """Look at a choice: over the pole-uncertainty box where the data gave the modes, at the poles where they are moved."""
     problem, withheld = session.problem(choice)
     check = check_samples(problem)
     band = None if check.contradicts else band_at_once(problem, session.box(choice))
@@ -69,51 +51,38 @@ def look(session: Session, choice: Choice) -> Look:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Found:
-    """The state of a computation, as a page shows it.
+    """The state of a computation, as a page shows it; results as far as they are known."""
 
-    Attributes
-    ----------
-    number : int
-        Rises with every change of what is drawn.
-    choice : Choice, optional
-        The one that this is about.
-    doing : str
-        The step at hand; empty where there is none.
-    done, count : int
-        Of it.
-    look : Look, optional
-        The newest one, of this choice or of one before.
-    identification, band, error
-        As far as they are known; the band is around the nominal model.
-    trouble : str
-        The sentence of an error.
-    cancelled : bool
-    """
-
-    number: int = 0
+    number: int = 0  # rises with every change of what is drawn
     choice: Choice | None = None
-    doing: str = ""
+    doing: str = ""  # the step at hand; empty where there is none
     done: int = 0
     count: int = 0
-    look: Look | None = None
+    look: Look | None = None  # the newest one, of this choice or of one before
     identification: Identification | None = None
-    band: Band | None = None
+    band: Band | None = None  # around the nominal model
     error: WorstCaseError | None = None
-    trouble: str = ""
+    trouble: str = ""  # the sentence of an error
     cancelled: bool = False
 
 
-class Worker:
-    """Computes the newest choice; an older one ends at its next step.
+class News(TypedDict, total=False):
+    """Fields of a state that change."""
 
-    Attributes
-    ----------
-    found : Found
-        The present state.
-    """
+    doing: str
+    done: int
+    count: int
+    identification: Identification | None
+    band: Band | None
+    error: WorstCaseError
+    trouble: str
+
+
+class Worker:
+    """Computes the newest choice; an older one ends at its next step."""
 
     def __init__(self, session: Session) -> None:
-        self.found = Found()
+        self.found = Found()  # the present state
         self._session, self._asked = session, threading.Condition()
         self._wanted: Choice | None = None
         self._ticket, self._closed = 0, False
@@ -153,7 +122,8 @@ class Worker:
                         return
                     choice, ticket, self._wanted = self._wanted, self._ticket, None
                 try:
-                    self._compute(ticket, choice)
+                    if choice is not None:
+                        self._compute(ticket, choice)
                 except Superseded:
                     continue
                 except RobustIdError as error:
@@ -168,14 +138,14 @@ class Worker:
         except Superseded:
             return
 
-    def _say(self, ticket: int, **new: Any) -> None:
+    def _say(self, ticket: int, **new: Unpack[News]) -> None:
         with self._asked:
             if ticket != self._ticket:
                 raise Superseded
             number = self.found.number + (not new.keys() <= {"done", "count"})
             self.found = dataclasses.replace(self.found, number=number, **new)
 
-    def _look(self, ticket: int, choice: Any) -> Look:
+    def _look(self, ticket: int, choice: Choice) -> Look:
         """Look at a choice; while it goes on changing, every look that was begun is shown."""
         found = look(self._session, choice)
         with self._asked:
@@ -185,17 +155,21 @@ class Worker:
                 raise Superseded
         return found
 
-    def _compute(self, ticket: int, choice: Any) -> None:
+    def _compute(self, ticket: int, choice: Choice) -> None:
         say = functools.partial(self._say, ticket)
+
+        def told(done: int, count: int) -> None:
+            say(done=done, count=count)
+
         seen = self._look(ticket, choice)
         how = self._session.run.identify.arguments
-        result = identify(seen.check.problem, **how, progress=lambda done, count: say(done=done, count=count))
+        result = identify(seen.check.problem, **how, progress=told)
         if not result.consistent:
             say(identification=result, done=0, count=0, doing="")
             return
         band = None if seen.band is None else seen.band.with_model(result.model)
         say(identification=result, band=band, done=0, count=0, doing=BAND)
-        omega, told = band_frequencies(result), lambda done, count: say(done=done, count=count)
+        omega = band_frequencies(result)
         for error in growing_error(result, omega, directions=_DIRECTIONS, gap=_GAP, progress=told):
             say(error=error)
         say(doing="")
@@ -208,5 +182,5 @@ def band_frequencies(identification: Identification) -> Real:
     chosen = [grid[::_THIN], grid[-1:]]
     if basis is not None:
         light = basis.poles[np.imag(basis.poles) > 0]
-        chosen.append(plane.omega(np.angle(light)) if plane.dt else np.abs(np.imag(light)))
+        chosen.append(plane.omega(np.angle(light)) if plane.dt else np.abs(light.imag))
     return np.unique(np.concatenate(chosen))

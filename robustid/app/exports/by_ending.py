@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,16 +21,19 @@ from robustid.formats import save_model, write_universal
 from robustid.guarantees import UncertaintyWeight, WorstCaseError
 from robustid.identification import Identification
 
+if TYPE_CHECKING:
+    import control
 
-def _json_text(model: Any, name: str) -> str:
+
+def _json_text(model: control.StateSpace, name: str) -> str:
     """Return A, B, C, D, dt (0: continuous), the names of the signals; numbers with all their digits."""
-    found: dict[str, Any] = {"name": name, "dt": float(model.dt or 0)}
+    found: dict[str, object] = {"name": name, "dt": float(model.dt or 0)}
     found |= {part: np.asarray(getattr(model, part), dtype=float).tolist() for part in "ABCD"}
     found |= {"inputs": list(model.input_labels), "outputs": list(model.output_labels)}
     return json.dumps(found, indent=1) + "\n"
 
 
-def _pole_table(model: Any, name: str) -> str:
+def _pole_table(model: control.StateSpace, name: str) -> str:
     """Return the poles of a model: in Hz with damping ratio, and as complex numbers."""
     found: Complex = np.array(model.poles(), dtype=complex)
     with np.errstate(divide="ignore"):
@@ -42,21 +45,21 @@ def _pole_table(model: Any, name: str) -> str:
     return _csv(("frequency [Hz]", "damping ratio", "real", "imag"), rows)
 
 
-def _bound_table(error: Any, name: str) -> str:
+def _bound_table(error: WorstCaseError, name: str) -> str:
     """Return the model and the bounds of its error at every frequency, a row for each entry."""
     upper, lower = error.upper, error.lower
     nominal = error.nominal.reshape(upper.shape)
     problem = error.identification.problem
-    rows: list[tuple[Any, ...]] = []
-    for k, i, j in np.ndindex(upper.shape):
+    rows: list[tuple[object, ...]] = []
+    for k, i, j in np.ndindex(*upper.shape):
         value = nominal[k, i, j]
-        of = error.omega[k] / (2 * np.pi), str(problem.outputs[i]), str(problem.inputs[j])
+        of = error.omega[k] / (2 * np.pi), str(problem.outputs[int(i)]), str(problem.inputs[int(j)])
         rows.append((*of, value.real, value.imag, upper[k, i, j], lower[k, i, j]))
     heads = ("frequency [Hz]", "output", "input", "real", "imag", "guaranteed error", "reached error")
     return _csv(heads, rows)
 
 
-def _verdict_table(identification: Any, name: str) -> str:
+def _verdict_table(identification: Identification, name: str) -> str:
     """Return status, margin, order, class and checks."""
     prior = identification.problem.prior
     rows = [
@@ -72,7 +75,7 @@ def _verdict_table(identification: Any, name: str) -> str:
     return _csv(("what", "value"), rows)
 
 
-def _csv(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+def _csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(heads)
@@ -98,7 +101,7 @@ _OF_RESULTS: tuple[tuple[type, dict[str, Writer]], ...] = (
 _OF_RESPONSES = (".uff", ".unv", ".uf")
 
 
-def exported(path: str | os.PathLike[str], thing: Any) -> bool:
+def exported(path: str | os.PathLike[str], thing: object) -> bool:
     """Write a thing for another program, whole or not at all; False where that isn't what the ending of the file means."""
     import control
 

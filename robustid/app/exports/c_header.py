@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from robustid.app.exports.matlab import identifier
 from robustid.app.exports.roots import compared_at
 from robustid.core import Complex, Real, StateMatrices, points_of, response_at
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    import control
 
 _WORST_CONDITION = 1e8  # of the modes, beyond which they are not taken apart
 
@@ -66,7 +69,7 @@ static inline void {name}_step({name}_state *s, const {name}_real *u, {name}_rea
 """
 
 
-def header(model: Any, name: str) -> str:
+def header(model: control.StateSpace, name: str) -> str:
     """Return the header; see the comment at its head."""
     if not model.dt or model.dt is True:
         raise InputError(
@@ -78,7 +81,7 @@ def header(model: Any, name: str) -> str:
     omega = compared_at(model)
     values = response_at(StateMatrices.of(model), points_of(omega, model.dt))
     size = np.maximum(np.abs(values), 1e-6 * float(np.abs(values).max(initial=0.0)))
-    lost = []
+    lost: list[float] = []
     for kind in (np.float64, np.float32):
         parts = [np.asarray(part, dtype=kind).astype(float) for part in (A, B, C, D)]
         found = response_at(StateMatrices(*parts), points_of(omega, model.dt))
@@ -104,14 +107,14 @@ def _rows(values: Real) -> str:
     return ", ".join("{" + _row(row) + "}" for row in values)
 
 
-def _rotations(model: Any) -> tuple[Real, Real, Real, NDArray[np.bool_]]:
+def _rotations(model: control.StateSpace) -> tuple[Real, Real, Real, NDArray[np.bool_]]:
     """A as blocks [p] and [[p, -w], [w, p]], with B and C; and which states are the first of two."""
     A, B, C = (np.asarray(getattr(model, part), dtype=float) for part in "ABC")
     if not len(A):
         return A, B, C, np.zeros(0, dtype=bool)
-    found: Any = np.linalg.eig(A)
-    poles: Complex = np.array(found[0], dtype=complex)
-    modes: Complex = np.array(found[1], dtype=complex)
+    values, vectors = np.linalg.eig(A)
+    poles: Complex = np.array(values, dtype=complex)
+    modes: Complex = np.array(vectors, dtype=complex)
     kept = np.flatnonzero(poles.imag >= 0)
     columns: list[Real] = []
     pair: list[bool] = []
@@ -125,7 +128,7 @@ def _rotations(model: Any) -> tuple[Real, Real, Real, NDArray[np.bool_]]:
             f"modes of this model lie so close together (condition number {condition:.1e}) that a C header of single modes would"
             " lose its digits; take fewer states, or save it as .m or .json"
         )
-    B, C = np.asarray(np.linalg.solve(T, B), dtype=float), C @ T
+    inputs, outputs = np.asarray(np.linalg.solve(T, B), dtype=float), C @ T
     blocks = np.zeros_like(A)
     row = 0
     for k in kept:
@@ -141,7 +144,7 @@ def _rotations(model: Any) -> tuple[Real, Real, Real, NDArray[np.bool_]]:
     starts = [k for k in range(len(A)) if k == 0 or not first[k - 1]]
     for k in starts:
         own = slice(k, k + 1 + bool(first[k]))
-        big, small = np.abs(C[:, own]).max(), np.abs(B[own]).max()
+        big, small = np.abs(outputs[:, own]).max(), np.abs(inputs[own]).max()
         scale = np.sqrt(big / small) if big and small else 1.0
-        B[own], C[:, own] = B[own] * scale, C[:, own] / scale
-    return blocks, B, C, first
+        inputs[own], outputs[:, own] = inputs[own] * scale, outputs[:, own] / scale
+    return blocks, inputs, outputs, first

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    import control
+
+    from robustid.guarantees import UncertaintyWeight
 
 _PLANTS = {
     "additive": "{p} + {w}*Delta",
@@ -17,7 +24,7 @@ _PLANTS = {
 }
 
 
-def script(model: Any, name: str) -> str:
+def script(model: control.StateSpace, name: str) -> str:
     """Return a script that makes the model: ss(A, B, C, D, Ts), with the names of its signals."""
     name = identifier(name)
     lines = [f"% {name}: written by robustid; run it, and {name} is a model of the Control System Toolbox."]
@@ -29,7 +36,7 @@ def script(model: Any, name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def uncertain_script(weight: Any, name: str) -> str:
+def uncertain_script(weight: UncertaintyWeight, name: str) -> str:
     """Return a script that makes the uncertain plant: nominal model, weight, and Delta = ultidyn of norm one."""
     if weight.nominal is None:
         raise InputError(
@@ -59,19 +66,19 @@ def identifier(name: str) -> str:
     return name if re.match(r"[A-Za-z]", name) else f"m_{name}"
 
 
-def _system(name: str, system: Any) -> list[str]:
+def _system(name: str, system: control.StateSpace) -> list[str]:
     lines = [f"{name}_{part} = {_matrix(getattr(system, part))};" for part in "ABCD"]
     parts = ", ".join(f"{name}_{part}" for part in "ABCD")
     step = f", {float(system.dt)!r}" if system.dt else ""
     return [*lines, f"{name} = ss({parts}{step});"]
 
 
-def _matrix(values: Any) -> str:
+def _matrix(values: ArrayLike) -> str:
     values = np.atleast_2d(np.asarray(values, dtype=float))
     if not values.size:
         return f"zeros({values.shape[0]}, {values.shape[1]})"
     return "[" + ";\n  ".join(" ".join(f"{value:.17g}" for value in row) for row in values) + "]"
 
 
-def _cells(labels: Any) -> str:
+def _cells(labels: Iterable[str]) -> str:
     return "{" + ", ".join("'" + str(label).replace("'", "''") + "'" for label in labels) + "}"

@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.core import StateMatrices, as_array, as_positive, input_states
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.formats import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 
+if TYPE_CHECKING:
+    import control
+
 __all__ = ["is_network", "save_network"]  # asked of a path before anything else is loaded
 
 _PARAMETERS = ("s", "z", "y")
 
 
-def save_network(path: str | os.PathLike[str], thing: Any, *, parameter: Any, reference: Any, omega: Any) -> None:
+def save_network(
+    path: str | os.PathLike[str],
+    thing: object,
+    *,
+    parameter: str | None,
+    reference: float | None,
+    omega: ArrayLike | None,
+) -> None:
     """Write Touchstone or a SPICE subcircuit; see `robustid.save`."""
     parameter = "s" if parameter is None else parameter
     if parameter not in _PARAMETERS:
@@ -37,13 +48,11 @@ def save_network(path: str | os.PathLike[str], thing: Any, *, parameter: Any, re
         note = thing.note if thing.bound is None else thing.bound.words(thing.note)
         write_touchstone(path, thing.omega, values, resistance, note)
         return
-    system = _model(thing)
+    system = StateMatrices.of(_model(thing))
     if not touchstone:
         if omega is not None:
             raise InputError("`omega` is for Touchstone: a subcircuit holds at all frequencies")
-        write_spice(
-            path, _passive(thing, scattering_model(system, parameter, resistance)), resistance, _header(resistance)
-        )
+        write_spice(path, _passive(scattering_model(system, parameter, resistance)), resistance, _header(resistance))
         return
     if omega is None:
         raise InputError("`omega` is needed to write a model as Touchstone: the frequencies in rad/s, (F,)")
@@ -55,25 +64,26 @@ def save_network(path: str | os.PathLike[str], thing: Any, *, parameter: Any, re
     write_touchstone(path, frequencies, values, resistance)
 
 
-def _model(thing: Any) -> StateMatrices:
+def _model(thing: object) -> control.StateSpace:
     import control
 
     if not isinstance(thing, control.StateSpace):
         raise InputTypeError(
             f"`thing` must be a FrequencyResponse or a control.StateSpace for this ending; got {type(thing).__name__}"
         )
-    _check_square(thing.D.shape, thing.dt if thing.nstates else None)
-    return StateMatrices.of(thing)
+    model: control.StateSpace = thing
+    _check_square(model.D.shape, model.dt if model.nstates else None)
+    return model
 
 
-def _check_square(shape: Any, dt: Any) -> None:
+def _check_square(shape: tuple[int, ...], dt: float | None) -> None:
     if shape[0] != shape[1]:
         raise InputError(f"a network has as many outputs as inputs, one pair a port; got {shape[0]} and {shape[1]}")
     if dt:
         raise InputError(f"a network is one in continuous time; got dt = {dt:g}")
 
 
-def _passive(model: Any, waves: StateMatrices) -> StateMatrices:
+def _passive(waves: StateMatrices) -> StateMatrices:
     """The scattering matrices, if no violation of passivity is found: a subcircuit that isn't passive can make others unstable."""
     import control
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robustid.core import Complex, Real, StateMatrices, points_of, response_at
 from robustid.errors import InputError
 
+if TYPE_CHECKING:
+    import control
+
 _WORST = 1e-3  # of the response, that roots may lose
 _POINTS = 400
 
 
-def sections_text(model: Any, name: str) -> str:
+def sections_text(model: control.StateSpace, name: str) -> str:
     """Return second-order sections, one a line: b0 b1 b2 a0 a1 a2, from the input on."""
     import scipy.signal
 
@@ -42,7 +45,7 @@ def _later(sections: Real, samples: int) -> Real:
     return sections
 
 
-def roots_text(model: Any, name: str) -> str:
+def roots_text(model: control.StateSpace, name: str) -> str:
     """Return ``zpk([zeros], [poles], gain, "n")`` in Hz: gain prod(1 + i f/z) / prod(1 + i f/p), a root at 0 as i f.
 
     Roots in the left half-plane have a positive real part there.
@@ -82,7 +85,7 @@ def _complex(root: complex) -> str:
     return f"{root.real:.17g}{'+' if root.imag > 0 else '-'}i*{abs(root.imag):.17g}"
 
 
-def _roots(model: Any, what: str) -> tuple[Complex, Complex, float]:
+def _roots(model: control.StateSpace, what: str) -> tuple[Complex, Complex, float]:
     """Zeros, poles and gain of a model of one input and one output."""
     import scipy.linalg
 
@@ -138,7 +141,7 @@ def _paired(roots: Complex) -> Complex:
     return np.concatenate([real.astype(complex), upper, upper.conj()])
 
 
-def compared_at(model: Any) -> Real:
+def compared_at(model: control.StateSpace) -> Real:
     """Frequencies at which a filter is compared: spread evenly in log, and at every resonance."""
     poles = np.asarray(model.poles(), dtype=complex)
     poles = poles[np.abs(poles) > 0]
@@ -149,7 +152,7 @@ def compared_at(model: Any) -> Real:
     return np.unique(np.concatenate([np.geomspace(low, top * (1 - 1e-9), _POINTS), size[(size < top) & (size > low)]]))
 
 
-def _lost(model: Any, omega: Real, found: Complex, what: str) -> float:
+def _lost(model: control.StateSpace, omega: Real, found: Complex, what: str) -> float:
     """Largest difference from the response of the model, in part of the larger of it and a millionth of its largest."""
     values = response_at(StateMatrices.of(model), points_of(omega, model.dt or 0.0))[:, 0, 0]
     size = np.maximum(np.abs(values), 1e-6 * float(np.abs(values).max()))

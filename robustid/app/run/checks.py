@@ -7,10 +7,14 @@ import dataclasses
 import difflib
 import importlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Generator, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, Required, TypedDict, TypeVar, Unpack
 
+from robustid.app.run.toml import is_array, is_table
 from robustid.errors import InputError, InputTypeError, SizeError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 AUTO = "auto"
 _RENAMED = {
@@ -54,38 +58,24 @@ _WORDS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("dead_time latency", ("seconds",), "a delay is seconds, in [delay]"),
 )
 _MEANT = {word: (*keys, where) for words, keys, where in _WORDS for word in words.split()}
-Check = Callable[[str, Any], Any]  # (name, value) -> the value to take; raises with the name in the sentence
+T = TypeVar("T")
+Kind = TypeVar("Kind", bound="DataclassInstance")
+Check = Callable[[str, object], T]  # (name, value) -> the value to take; raises with the name in the sentence
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Option:
-    """Description of one option: the key of a run file, and where these are given, that of the command line and of Python.
+    """Description of one option: the key of a run file, and where these are given, that of the command line and of Python."""
 
-    Attributes
-    ----------
-    check : callable (name, value)
-        Returns the value to take; raises InputError or InputTypeError with `name` in its sentence.
-    help : str or callable
-        What the option does, in whole sentences; a callable is asked when the text is shown.
-    unit : str
-        Of numbers; empty for none.
-    flag : str, optional
-        Its spelling on the command line; None where it has no place there.
-    text : callable (name, text), optional
-        From text of the command line to what `check` takes, where that isn't the plain type of the field.
-    metavar : str, optional
-        Form of that text, such as LOW:HIGH.
-    keyword : str, optional
-        Its name as an argument of `identify_reduced`.
-    """
-
-    check: Check
-    help: str | Callable[[], str]
+    check: Check[object]
+    help: str | Callable[[], str]  # in whole sentences; a callable is asked when the text is shown
     unit: str = ""
-    flag: str | None = None
-    text: Callable[[str, Any], Any] | None = None
-    metavar: str | None = None
-    keyword: str | None = None
+    flag: str | None = None  # its spelling on the command line; None where it has no place there
+    text: Callable[[str, Any], object] | None = (
+        None  # to what `check` takes, where that isn't the plain type of the field
+    )
+    metavar: str | None = None  # form of that text, such as LOW:HIGH
+    keyword: str | None = None  # its name as an argument of `identify_reduced`
 
     @property
     def sentence(self) -> str:
@@ -93,7 +83,18 @@ class Option:
         return self.help if isinstance(self.help, str) else self.help()
 
 
-def key(check: Check, default: Any = None, **described: Any) -> Any:
+class Described(TypedDict, total=False):
+    """Everything of an `Option` but its check."""
+
+    help: Required[str | Callable[[], str]]
+    unit: str
+    flag: str | None
+    text: Callable[[str, Any], object] | None
+    metavar: str | None
+    keyword: str | None
+
+
+def key(check: Check[T], default: T | None = None, **described: Unpack[Described]) -> Any:
     """A field of a section, with the description of its option; default None: left to the program."""
     return dataclasses.field(default=default, metadata={"option": Option(check=check, **described)})
 
@@ -111,14 +112,14 @@ _EXPLAINED = {
 }
 
 
-def options(kind: Any) -> Iterator[tuple[dataclasses.Field, Option]]:
+def options(kind: DataclassInstance | type[DataclassInstance]) -> Iterator[tuple[dataclasses.Field[Any], Option]]:
     """The fields of a section that can be stated."""
     return ((field, field.metadata["option"]) for field in dataclasses.fields(kind) if "option" in field.metadata)
 
 
-def section(kind: Any, content: Any, place: str) -> Any:
+def section(kind: type[Kind], content: object, place: str) -> Kind:
     """A section of the kind, every key known and of the right type."""
-    if not isinstance(content, Mapping):
+    if not is_table(content):
         raise InputTypeError(f"{place} must be a section with keys; got {_got(content)}")
     checks = {field.name: option.check for field, option in options(kind)}
     refuse_unknown(content, checks, place)
@@ -145,7 +146,7 @@ def refuse_unknown(
 
 
 @contextlib.contextmanager
-def too_large(way_out: str) -> Iterator[None]:
+def too_large(way_out: str) -> Generator[None]:
     """Say of data that are too large how less of them is asked for here, in place of the arguments that Python has for it."""
     try:
         yield
@@ -153,10 +154,10 @@ def too_large(way_out: str) -> Iterator[None]:
         raise error.reworded({"problem": "the problem"}, lambda _: f"Use a part of the data: {way_out}") from None
 
 
-def text(choices: Iterable[str] | Callable[[], Iterable[str]] = ()) -> Check:
+def text(choices: Iterable[str] | Callable[[], Iterable[str]] = ()) -> Check[str]:
     """Text, one of the choices where there are any (upper or lower case); a callable is asked for them when they are needed."""
 
-    def check(name: str, value: Any) -> str:
+    def check(name: str, value: object) -> str:
         if not isinstance(value, str):
             raise InputTypeError(f"{name} must be text in quotes; got {_got(value)}")
         known = {choice.lower(): choice for choice in (choices() if callable(choices) else choices)}
@@ -167,10 +168,10 @@ def text(choices: Iterable[str] | Callable[[], Iterable[str]] = ()) -> Check:
     return check
 
 
-def number(above: float = -math.inf, least: float = -math.inf) -> Check:
+def number(above: float = -math.inf, least: float = -math.inf) -> Check[float]:
     """A finite number."""
 
-    def check(name: str, value: Any) -> float:
+    def check(name: str, value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputTypeError(f"{name} must be a number; got {_got(value)}")
         if not math.isfinite(value):
@@ -183,10 +184,10 @@ def number(above: float = -math.inf, least: float = -math.inf) -> Check:
     return check
 
 
-def whole(least: int = 0, most: float = math.inf) -> Check:
+def whole(least: int = 0, most: float = math.inf) -> Check[int]:
     """A whole number."""
 
-    def check(name: str, value: Any) -> int:
+    def check(name: str, value: object) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise InputTypeError(f"{name} must be a whole number; got {_got(value)}")
         if not least <= value <= most:
@@ -197,18 +198,18 @@ def whole(least: int = 0, most: float = math.inf) -> Check:
     return check
 
 
-def flag(name: str, value: Any) -> bool:
+def flag(name: str, value: object) -> bool:
     """True or false."""
     if not isinstance(value, bool):
         raise InputTypeError(f"{name} must be true or false; got {_got(value)}")
     return value
 
 
-def several(item: Check, size: int | None = None) -> Check:
+def several(item: Check[T], size: int | None = None) -> Check[tuple[T, ...]]:
     """An array, of `size` items where that is given."""
 
-    def check(name: str, value: Any) -> tuple:
-        if not isinstance(value, list | tuple):
+    def check(name: str, value: object) -> tuple[T, ...]:
+        if not is_array(value):
             raise InputTypeError(f"{name} must be an array in [ ]; got {_got(value)}")
         if size is not None and len(value) != size:
             raise InputError(f"{name} must have {size} items; got {len(value)}")
@@ -217,21 +218,21 @@ def several(item: Check, size: int | None = None) -> Check:
     return check
 
 
-def table(item: Check) -> Check:
+def table(item: Check[T]) -> Check[dict[str, T]]:
     """A table of names and values."""
 
-    def check(name: str, value: Any) -> dict[str, Any]:
-        if not isinstance(value, Mapping) or not value:
+    def check(name: str, value: object) -> dict[str, T]:
+        if not is_table(value) or not value:
             raise InputTypeError(f"{name} must be a table such as {{ name = value }}; got {_got(value)}")
         return {part: item(f"{name} {part}", one) for part, one in value.items()}
 
     return check
 
 
-def either(*checks: Check) -> Check:
+def either(*checks: Check[T]) -> Check[T]:
     """A value that passes one of the checks; the sentence is that of the last."""
 
-    def check(name: str, value: Any) -> Any:
+    def check(name: str, value: object) -> T:
         for one in checks[:-1]:
             try:
                 return one(name, value)
@@ -242,10 +243,10 @@ def either(*checks: Check) -> Check:
     return check
 
 
-def auto_or(item: Check) -> Check:
+def auto_or(item: Check[T]) -> Check[T | str]:
     """A value that passes the check, or the word auto."""
 
-    def check(name: str, value: Any) -> Any:
+    def check(name: str, value: object) -> T | str:
         if isinstance(value, str):
             if value == AUTO:
                 return value
@@ -285,7 +286,7 @@ def output_input(name: str, content: str) -> list[int | str]:
     return [int(part) if part.isdigit() else part for part in parts]
 
 
-def roles(name: str, content: Iterable[str], repeated: tuple[str, ...] = ()) -> dict[str, Any]:
+def roles(name: str, content: Iterable[str], repeated: tuple[str, ...] = ()) -> dict[str, str | list[str]]:
     """The name in the file of every role; a role that may be repeated has several signals."""
     found: dict[str, list[str]] = {}
     for pair in content:
@@ -299,7 +300,7 @@ def roles(name: str, content: Iterable[str], repeated: tuple[str, ...] = ()) -> 
     return {role: titles[0] if len(titles) == 1 else titles for role, titles in found.items()}
 
 
-def _got(value: Any) -> str:
+def _got(value: object) -> str:
     shown = repr(value)
     return shown if len(shown) <= 60 else shown[:57] + "..."
 

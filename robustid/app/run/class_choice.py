@@ -23,6 +23,7 @@ from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL, PriorChoice
 from robustid.app.run.measurements import Measured, Say
 from robustid.app.run.modes import basis_of
+from robustid.app.run.reading import D, Data
 from robustid.app.run.run_file import PRIOR_NOTE, RunFile
 from robustid.bases import ParametricBasis
 from robustid.core import Source
@@ -78,7 +79,7 @@ def placeholder(run: RunFile, data: Measured) -> Prior:
     return any_prior(data.dt, run.prior.scaling, **run.prior.shape(data.dt))
 
 
-def _default_prior(data: Sequence[Any], shape: dict[str, Any] | None = None) -> Prior:
+def _default_prior(data: Sequence[Data], shape: dict[str, Any] | None = None) -> Prior:
     """A prior of no meaning but its shape and scaling, the sizes of the entries of a MIMO response."""
     several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
     scaling = suggest_scaling(data) if several else None
@@ -98,7 +99,7 @@ def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
     return dataclasses.replace(problem.prior.with_rate(float(rates[len(rates) // 2])), gain_bound=size), words
 
 
-def inflated(data: Any, run: RunFile) -> Any:
+def inflated(data: D, run: RunFile) -> D:
     """Data with all bounds multiplied by the factor of the run file, which their note says.
 
     What the bound is about stays, and from how many excitations it was taken: a wider bound doesn't measure how the plant varies.
@@ -159,9 +160,9 @@ def with_prior(
     return _with_choice(run, problem.prior, source, note, curve=found.table), problem
 
 
-def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, **said: str | None) -> RunFile:
+def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, curve: str | None = None) -> RunFile:
     """The run file with a prior that was chosen."""
-    return dataclasses.replace(run, prior=PriorChoice.of(prior, note, run.prior, source=source, **said))
+    return dataclasses.replace(run, prior=PriorChoice.of(prior, note, run.prior, source=source, curve=curve))
 
 
 def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, MixedProblem] | None:

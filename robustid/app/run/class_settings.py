@@ -21,6 +21,7 @@ from robustid.app.run.checks import (
     text,
     whole,
 )
+from robustid.app.run.toml import is_table
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -31,25 +32,36 @@ _positive = number(above=0)
 POSITIVE_REAL = "positive real"  # whose decay can be chosen, beside modes
 
 
-def _weight_model() -> Check:
+def _weight_model() -> Check[Mapping[str, object]]:
     """The numbers of a weight that is stable and of minimum phase."""
     roots = several(several(number(), 2))
-    checks: dict[str, Check] = {"zeros": roots, "poles": roots, "gain": number(), "dt": number(least=0)}
+    gain, dt = number(), number(least=0)
 
-    def check(name: str, value: Any) -> dict[str, Any]:
-        if not isinstance(value, Mapping) or {*value} != {*checks}:
+    def check(name: str, value: object) -> Mapping[str, object]:
+        if not is_table(value) or {*value} != {"zeros", "poles", "gain", "dt"}:
             raise InputTypeError(
                 f"{name} must be a table {{ zeros, poles, gain, dt }}, as the program writes it; got {value!r}"
             )
-        found = {part: one(f"{name} {part}", value[part]) for part, one in checks.items()}
-        sizes = [math.hypot(*root) - 1 if found["dt"] else root[0] for root in (*found["zeros"], *found["poles"])]
-        if max(sizes, default=-1.0) >= 0 or len(found["zeros"]) > len(found["poles"]):
+        zeros, poles = (roots(f"{name} {part}", value[part]) for part in ("zeros", "poles"))
+        found = {"zeros": zeros, "poles": poles, "gain": gain(f"{name} gain", value["gain"])}
+        found["dt"] = step = dt(f"{name} dt", value["dt"])
+        sizes = [math.hypot(*root) - 1 if step else root[0] for root in (*zeros, *poles)]
+        if max(sizes, default=-1.0) >= 0 or len(zeros) > len(poles):
             raise InputError(
                 f"{name} must be stable and of minimum phase, without more zeros than poles; give weight, a table"
             )
         return found
 
     return check
+
+
+def _spelled(_: str, content: str) -> str:
+    """The name of a physical property, however it is joined."""
+    return content.replace("-", " ").replace("_", " ").lower()
+
+
+def _whole_or_word(_: str, content: str) -> int | str:
+    return int(content) if content.isdigit() else content
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -74,12 +86,12 @@ class PriorChoice:
         " velocity per force at the same points (modes and real poles take only what is passive; over decades they and the decay"
         " can be chosen); negative imaginary: displacement per force; bounded real: scattering parameters.",
         flag="--passive",
-        text=lambda _, content: content.replace("-", " ").replace("_", " ").lower(),
+        text=_spelled,
     )
     slack: float | None = key(
         number(least=0), help="Of positive real plants: how far below 0 the real part may be, in units of the response."
     )
-    scaling: tuple | None = key(
+    scaling: tuple[tuple[float, ...], ...] | None = key(
         several(several(_positive)), help="Of MIMO responses: sizes of the entries, one row an output."
     )
     roll_off: int | str | None = key(
@@ -87,13 +99,13 @@ class PriorChoice:
         help='Prior: the gain bound falls as frequency^-N above the corner, 2 for a mass line; with a corner. "auto": the steepest'
         " that leaves the gain bound nearly as small, where there is one (`suggest_roll_off`).",
         flag="--roll-off",
-        text=lambda _, content: int(content) if content.isdigit() else content,
+        text=_whole_or_word,
         metavar="N",
     )
     corner_hz: float | None = key(
         _positive, help="Prior: where the gain bound begins to fall.", unit="Hz", flag="--corner"
     )
-    weight: tuple | None = key(
+    weight: tuple[tuple[float, float], ...] | None = key(
         several(several(number(least=0), 2)),
         help="Prior: the gain bound times a level that depends on the frequency, rows [Hz, level], between them straight in"
         " logarithms; covered from above by a small weight. In the place of a roll-off.",
@@ -101,7 +113,7 @@ class PriorChoice:
         text=hz_levels,
         metavar="HZ:LEVEL,...",
     )
-    weight_model: Mapping[str, Any] | None = key(
+    weight_model: Mapping[str, object] | None = key(
         _weight_model(),
         help="The weight of a prior that was made in Python, by its zeros and poles; written by the program.",
     )
@@ -140,9 +152,17 @@ class PriorChoice:
         return {"roll_off": self.roll_off, "corner": 2 * math.pi * self.corner_hz}
 
     @classmethod
-    def of(cls, prior: Prior, note: str | None = None, asked: PriorChoice | None = None, **said: Any) -> PriorChoice:
+    def of(
+        cls,
+        prior: Prior,
+        note: str | None = None,
+        asked: PriorChoice | None = None,
+        *,
+        source: str | None = None,
+        curve: str | None = None,
+    ) -> PriorChoice:
         """A prior as it is stated in a run file; its weight by the table that was asked for, where there is one."""
-        return cls(**prior_keys(prior, asked), note=note, **said)
+        return cls(**prior_keys(prior, asked), note=note, source=source, curve=curve)
 
     def check(self, names: dict[str, str]) -> None:
         """Refuse a part of a prior; `names` are those of its keys where they were given, if they are others."""

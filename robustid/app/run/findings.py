@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,12 +12,16 @@ from robustid.app.run.class_choice import SPARE
 from robustid.app.run.measurements import Say
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
+from robustid.core import Real
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage
-from robustid.identification import Identification, Validation, model_residuals, validate
+from robustid.identification import Identification, MixedProblem, model_residuals, validate
 from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
 from robustid.report import at_most, stands_on
+
+if TYPE_CHECKING:
+    import control
 
 _MOST_NAMED = 6
 EMPTY = (
@@ -98,7 +102,7 @@ def box_words(band: WorstCaseOverPoles) -> str:
     return f"{text} of {upper.size} frequencies. At the others nothing is guaranteed: {advice}."
 
 
-def sample_words(identification: Identification, model: Any, order: int) -> str:
+def sample_words(identification: Identification, model: control.StateSpace, order: int) -> str:
     """Sentence that says whether a model keeps all samples, or names those that it doesn't."""
     problem = identification.problem
     residuals = model_residuals(problem, model)
@@ -117,12 +121,11 @@ def sample_words(identification: Identification, model: Any, order: int) -> str:
     )
 
 
-def unused_words(validation: Validation) -> str:
+def unused_words(model: control.StateSpace, data: FrequencyResponse) -> str:
     """Sentence about the small model at frequency points that were not used."""
-    data: Any = validation.data
-    ratio = data.ratio(validation.residuals)
+    ratio = data.ratio(validate(model, data).residuals)
     joint = data.bound.joint
-    outside = []
+    outside: list[tuple[float, str]] = []
     for k, i, j in np.argwhere(ratio > 1):
         entry = (None if joint != "entry" else int(i), None if joint == "matrix" else int(j))
         place = _place("frequency", float(data.omega[k]), of_entry(data, *entry))
@@ -157,11 +160,11 @@ def withheld_words(worth: ModelWorth, unused: Sequence[FrequencyResponse]) -> st
     )
 
 
-def _percent(values: Any) -> str:
+def _percent(values: Real) -> str:
     return ", ".join(f"{value:.1f}" for value in values) + " %"
 
 
-def of_entry(data: Any, output: int | None, input: int | None) -> str:
+def of_entry(data: FrequencyResponse | MixedProblem, output: int | None, input: int | None) -> str:
     """Name of the entry, output or input that a sample is of, where there are several."""
     if len(data.outputs) == len(data.inputs) == 1:
         return ""
@@ -201,7 +204,7 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 
 
-def mean_words(used: Any, withheld: list[FrequencyResponse], kind: str) -> str:
+def mean_words(used: FrequencyResponse, withheld: list[FrequencyResponse], kind: str) -> str:
     """Sentence that says how many samples of withheld records lie within the bounds of the used ones, which have another mean."""
     found = coverage(used, withheld, kind=kind)
     outside = "" if not found.contradicted else f", the farthest at {found.largest:.4g} bounds ({found.where})"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,7 +97,9 @@ def split_points(run: RunFile, frf: FrequencyResponse) -> tuple[RunFile, Frequen
     return run, frf.select(~out), frf.select(out)
 
 
-def looked_at(grid: Real, poles: Any, plane: Plane, withheld: Sequence[FrequencyResponse]) -> Real:
+def looked_at(
+    grid: Real, poles: Sequence[complex] | np.ndarray, plane: Plane, withheld: Sequence[FrequencyResponse]
+) -> Real:
     """The frequencies of a band, and some withheld ones: the nearest to each pole, and others over the whole range."""
     if not withheld:
         return grid

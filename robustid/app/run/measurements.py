@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from robustid.app.run.kept_out import Split, split
-from robustid.app.run.reading import RUN_FILE, Tables, in_run_file, read_source
+from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, read_source
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.sources import RecordSource
+from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.core import Source, digest
 from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import bounds_from_noise_floor, estimate_delay, estimate_frf, response_faults
 
+S = TypeVar("S", RecordSource, ResponseSource)
+Used = list[tuple[str, list[TimeRecord]]]  # records, with what they are used for
 _SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
 
 
@@ -31,6 +33,14 @@ class Say(Protocol):
 
 def silent(text: str, done: int | None = None, count: int | None = None) -> None:
     """No progress."""
+
+
+class Change(Protocol):
+    """Change of a response, or of a record."""
+
+    def __call__(self, item: D, /) -> D:
+        """The item as it becomes."""
+        ...
 
 
 class Measured(NamedTuple):
@@ -50,7 +60,7 @@ class Measured(NamedTuple):
         """Sample time in s; None in continuous time."""
         return next((item.dt for item in (*self.responses, *self.records)), None)
 
-    def each(self, change: Callable[[Any], Any]) -> Measured:
+    def each(self, change: Change) -> Measured:
         """With a change of every response and record."""
         records, excited = (tuple(map(change, kept)) for kept in (self.records, self.excited))
         return self.each_response(change)._replace(records=records, excited=excited)
@@ -115,11 +125,10 @@ def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
     return rest
 
 
-def _records(
-    run: RunFile, folder: Path, say: Say, tables: Tables
-) -> tuple[RunFile, list[tuple[str, list[TimeRecord]]]]:
+def _records(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[RunFile, Used]:
     """The records, prepared, with what each is used for."""
-    sources, records = [], []
+    sources: list[RecordSource] = []
+    records: Used = []
     quiet = all(source.use != "noise_floor" for source in run.record)
     for k, source in enumerate(run.record, start=1):
         name = source.file or source.dataset
@@ -140,7 +149,8 @@ def _records(
 
 def _responses(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[RunFile, list[FrequencyResponse]]:
     """The responses that were measured elsewhere."""
-    sources, responses = [], []
+    sources: list[ResponseSource] = []
+    responses: list[FrequencyResponse] = []
     for k, source in enumerate(run.frequency, start=1):
         place = f"[[frequency]] {k}, {source.file}"
         with _said_of(place):
@@ -160,7 +170,7 @@ def _responses(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[Ru
 
 
 @contextlib.contextmanager
-def _said_of(place: str) -> Iterator[None]:
+def _said_of(place: str) -> Generator[None]:
     """Say of which source a sentence is."""
     try:
         yield
@@ -168,7 +178,7 @@ def _said_of(place: str) -> Iterator[None]:
         raise type(error)(f"{place}: {error.said(RUN_FILE, in_run_file)}") from None
 
 
-def _with_digest(source: Any, data: Sequence[Any], place: str) -> Any:
+def _with_digest(source: S, data: Sequence[Data], place: str) -> S:
     """The source with the digest of what was read; refused where it was made with other data."""
     names = ("u", "y", "reference", "omega", "values", "bound")
     arrays = {f"{k}/{n}": a for k, d in enumerate(data) for n in names if (a := getattr(d, n, None)) is not None}
@@ -196,11 +206,11 @@ def _detrended(record: TimeRecord, source: RecordSource) -> TimeRecord:
 
     Nothing bounds what a transient leaves in the mean of such a record.
     """
-    how: dict[str, Any] = {"kind": source.detrend, "until": source.until}
+    kind, until = source.detrend or "mean", source.until
     if record.bound is None or record.initial != "free":
-        return detrend(record, **how)
+        return detrend(record, kind=kind, until=until)
     bound, note = record.bound, record.note
-    return detrend(record.with_bound(None), **how).with_bound(
+    return detrend(record.with_bound(None), kind=kind, until=until).with_bound(
         bound, f"{note or 'bound as stated'}, of what is left by detrend"
     )
 
@@ -213,7 +223,7 @@ def _with_past(source: RecordSource, record: TimeRecord) -> RecordSource:
     return dataclasses.replace(source, past=usual)
 
 
-def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
+def _combined(record: TimeRecord, weights: Mapping[str, float]) -> TimeRecord:
     names = [output.name for output in record.outputs]
     if missing := [name for name in weights if name not in names]:
         raise InputError(f"combine names {missing[0]!r}; the outputs are {', '.join(names)}")
@@ -228,13 +238,13 @@ def _combined(record: TimeRecord, weights: Any) -> TimeRecord:
     return dataclasses.replace(record, y=record.y @ w, bound=bound, outputs=[output])
 
 
-def _say_bound(say: Say, name: str | None, stated: Any, taken: Any, data: FrequencyResponse | TimeRecord) -> None:
+def _say_bound(say: Say, name: str | None, stated: float | str | None, taken: float | str | None, data: Data) -> None:
     """Say what a bound was taken from that nobody stated."""
     if taken != stated:
         say(f"{name} states no error bound, so it is taken from the data: {data.bound.words(data.note)}")
 
 
-def _with_method(run: RunFile, records: list) -> RunFile:
+def _with_method(run: RunFile, records: Used) -> RunFile:
     """The method that `estimate_frf` takes by itself, said."""
     excited = [record for use, made in records if use == "response" for record in made]
     if run.estimate.method is not None or not excited:
@@ -243,7 +253,7 @@ def _with_method(run: RunFile, records: list) -> RunFile:
     return run.changed("estimate", method="periodic" if periodic else "local")
 
 
-def _bounded(run: RunFile, records: list) -> tuple[RunFile, Measured]:
+def _bounded(run: RunFile, records: Used) -> tuple[RunFile, Measured]:
     """The response of the records that are used for one, and the samples of the others, with bounds from the noise floor."""
     quiet = next((made[0] for use, made in records if use == "noise_floor"), None)
     noise = None if quiet is None else bounds_from_noise_floor(quiet, factor=run.estimate.noise_floor_factor)
@@ -252,10 +262,11 @@ def _bounded(run: RunFile, records: list) -> tuple[RunFile, Measured]:
     if excited:
         run, kept = split(run, excited)
         how = run.estimate
-        asked: dict[str, Any] = {"method": how.method, "probability": how.probability, "about": how.about}
-        frf = estimate_frf(kept.used, period=how.period, **asked)
+        frf = estimate_frf(
+            kept.used, period=how.period, method=how.method, probability=how.probability, about=how.about
+        )
         estimated = [frf if noise is None else noise.bound_response(frf, kept.used, period=how.period)]
-    samples = []
+    samples: list[TimeRecord] = []
     for record in (record for use, made in records if use == "samples" for record in made):
         samples.append(record if record.bound is not None else noise.bound_record(record))  # type: ignore[union-attr]
     return run, Measured(tuple(estimated), tuple(samples), kept.withheld, kept.kind, tuple(kept.used))

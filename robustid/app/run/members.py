@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from robustid.app.run.class_settings import prior_keys
 from robustid.app.run.kept_out import compared, looked_at
 from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.modes import with_fit, with_modes
+from robustid.app.run.proved_band import Box
 from robustid.app.run.reading import Tables
 from robustid.app.run.results import FamilyRun
 from robustid.app.run.run_file import RunFile
@@ -25,9 +25,6 @@ from robustid.core import Source
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import Member, family, frequencies_of
 from robustid.identification import Identification, MixedProblem, Prior, identify
-
-if TYPE_CHECKING:
-    pass
 
 _AS_STATED = (
     "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
@@ -145,7 +142,7 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
     return first.changed("prior", **prior_keys(prior, run.prior), note=note, curve=curves or None), prior
 
 
-def _box_of(member: MemberChoice) -> Any:
+def _box_of(member: MemberChoice) -> Box | None:
     """The pole-uncertainty box of a member, in rad/s; None where it has none."""
     if member.hz_interval is None:
         return None
@@ -178,13 +175,13 @@ def _united(
     if asked.at_hz is None:
         grid = frequencies_of(members)
         bases = [one.problem.parametric for one in found.values()]
-        poles = np.unique(np.concatenate([[], *(basis.poles for basis in bases if basis is not None)]))
+        poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))
         withheld = [frf for one in left.values() for frf in one.withheld]
         grid = looked_at(grid, tuple(poles), members[0].identification.problem.plane, withheld)
         run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
-    how = {name: getattr(asked, name) for name in ("directions", "rtol", "time_limit")} | {"order": run.family.order}
+    how = asked.arguments | {"order": run.family.order}
     spread = around.counted("bounding the members at every frequency")
     how |= {"omega": omega, "schedule": run.family.schedule, "interval": run.family.interval}
     try:

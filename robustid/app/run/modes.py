@@ -17,6 +17,7 @@ from robustid.app.run.measurements import Measured, Say
 from robustid.app.run.run_file import MODES_NOTE, RECORD_MODES_NOTE, RunFile
 from robustid.app.run.run_folder import RunFolder
 from robustid.app.run.settings import Modes
+from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
 from robustid.core import Budget, Source
 from robustid.data import FrequencyResponse, TimeRecord
@@ -62,12 +63,9 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         return dataclasses.replace(run, modes=_from_records(chosen, data.records))
     say("looking for modes in the frequency response")
     found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
-    box: dict[str, Any] = {}
+    hz_interval = damping_interval = None
     if found.omega.size:
-        box = {
-            "hz_interval": _pairs(found.omega_interval / (2 * np.pi)),
-            "damping_interval": _pairs(found.damping_interval),
-        }
+        hz_interval, damping_interval = map(_pairs, (found.omega_interval / (2 * np.pi), found.damping_interval))
     modes = Modes(
         hz=tuple((found.omega / (2 * np.pi)).tolist()),
         damping=tuple(found.damping.tolist()),
@@ -76,7 +74,8 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         delay=found.delay,
         source=Source.DATA,
         note=MODES_NOTE + found.summary(),
-        **box,
+        hz_interval=hz_interval,
+        damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=modes)
 
@@ -95,8 +94,8 @@ def _from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:
     )
 
 
-def _pairs(intervals: np.ndarray) -> tuple:
-    return tuple(tuple(pair) for pair in intervals.tolist())
+def _pairs(intervals: np.ndarray) -> tuple[tuple[float, float], ...]:
+    return tuple((float(low), float(high)) for low, high in intervals.tolist())
 
 
 def basis_of(modes: Modes, dt: float, passive: str | None = None) -> ParametricBasis | None:
@@ -110,7 +109,7 @@ def basis_of(modes: Modes, dt: float, passive: str | None = None) -> ParametricB
     return stack_bases(parts) if parts else None
 
 
-def stated_modes(modes: Any) -> dict[str, Any]:
+def stated_modes(modes: object) -> dict[str, object]:
     """Keys of the section [modes] for the argument `modes`: pairs (Hz, damping), a fit, or rows of its mode table.
 
     The poles at z = 1 of a fit become integrators.
@@ -122,7 +121,7 @@ def stated_modes(modes: Any) -> dict[str, Any]:
     """
     if isinstance(modes, MatrixFraction | RecordFit):
         modes = mode_table(modes if isinstance(modes, MatrixFraction) else modes.model)
-    if not isinstance(modes, Sequence) or isinstance(modes, str):
+    if not is_array(modes):
         raise InputTypeError(
             f"`modes` must be pairs (Hz, damping), a fit, or its mode table; got {type(modes).__name__}"
         )
@@ -134,13 +133,13 @@ def stated_modes(modes: Any) -> dict[str, Any]:
     rows = [row for row in rows if not row.rigid]
     if bad := [row for row in rows if not 0 < row.damping <= 1 or not row.hz > 0]:
         raise InputError(f"`modes`: the fit has a pole that is not damped, at {bad[0].hz:.5g} Hz; leave its row out")
-    found: dict[str, Any] = {"hz": [row.hz for row in rows], "damping": [row.damping for row in rows]}
+    found: dict[str, object] = {"hz": [row.hz for row in rows], "damping": [row.damping for row in rows]}
     return found | ({"integrators": rigid} if rigid else {})
 
 
 def _pair(row: Any) -> tuple[float, float]:
     try:
-        hz, damping = (float(number) for number in row)
+        hz, damping = map(float, row)
     except (TypeError, ValueError):
         raise InputTypeError(f"`modes` must hold pairs (Hz, damping); got {row!r}") from None
     return hz, damping
@@ -198,6 +197,7 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
     lines = [
         f"  {row.hz:.5g} Hz (± {row.hz_std:.2g}), damping {row.damping:.3g} (± {row.damping_std:.2g})" for row in modes
     ]
+    hz_interval, damping_interval = _box(modes) or (None, None)
     found = Modes(
         hz=tuple(row.hz for row in modes),
         damping=tuple(row.damping for row in modes),
@@ -206,7 +206,8 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
         delay=chosen.delay if chosen.delay is not None else int(not run.fit.feedthrough and frf.dt is not None),
         source=Source.DATA,
         note="\n".join([MODES_NOTE + words, *lines]),
-        **_box(modes),
+        hz_interval=hz_interval,
+        damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=found).changed("fit", order=len(fit.poles))
 
@@ -234,17 +235,16 @@ def _usable(row: ModeRow, frf: FrequencyResponse) -> bool:
     return not row.rigid and 0 < row.damping <= 1 and 0 < row.hz < high
 
 
-def _box(modes: list[ModeRow]) -> dict[str, Any]:
+def _box(modes: list[ModeRow]) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]] | None:
     """The pole-uncertainty box: three standard deviations on either side; none where one isn't known."""
     spread = np.array([(row.hz_std, row.damping_std) for row in modes])
     if not len(spread) or not np.all(np.isfinite(spread)):
-        return {}
+        return None
     hz, damping = (np.array([getattr(row, name) for row in modes]) for name in ("hz", "damping"))
-    ends = [(np.maximum(hz - _DEVIATIONS * spread[:, 0], _LEAST * hz), hz + _DEVIATIONS * spread[:, 0])]
-    low = np.maximum(damping - _DEVIATIONS * spread[:, 1], _LEAST * damping)
-    ends.append((low, np.minimum(damping + _DEVIATIONS * spread[:, 1], 1.0)))
-    pairs = [tuple(zip(below.tolist(), above.tolist(), strict=True)) for below, above in ends]
-    return {"hz_interval": pairs[0], "damping_interval": pairs[1]}
+    low, high = np.maximum(hz - _DEVIATIONS * spread[:, 0], _LEAST * hz), hz + _DEVIATIONS * spread[:, 0]
+    least = np.maximum(damping - _DEVIATIONS * spread[:, 1], _LEAST * damping)
+    most = np.minimum(damping + _DEVIATIONS * spread[:, 1], 1.0)
+    return _pairs(np.stack([low, high], axis=1)), _pairs(np.stack([least, most], axis=1))
 
 
 def modes_of_records(
@@ -256,7 +256,9 @@ def modes_of_records(
     times their bounds; else the one of least description length. The fit has a direct term, as the class may. No rows where no
     fit says anything.
     """
-    budget, lengths, fits = Budget(seconds), {}, {}
+    budget = Budget(seconds)
+    lengths: dict[int, float] = {}
+    fits: dict[int, tuple[RecordFit, float]] = {}
     for order, fit in _fits(records, 2 * count if count else None, budget):
         found = [validate(fit.model, record) for record in records]
         ratio = max(one.ratio or 0.0 for one in found)

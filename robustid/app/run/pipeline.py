@@ -6,25 +6,32 @@ import inspect
 import os
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustid.app.run.checks import Option, options, refuse_unknown, too_large
 from robustid.app.run.class_settings import prior_keys
 from robustid.app.run.measurements import Measured, Say, measured, silent
 from robustid.app.run.members import run_members
 from robustid.app.run.modes import stated_modes
+from robustid.app.run.reading import Data
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
-from robustid.app.run.run_file import SECTIONS, RunFile, read_run_file
+from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.app.run.run_folder import RunFolder
 from robustid.app.run.sequence import Surroundings, from_data, from_problem
+from robustid.app.run.settings import SECTIONS
+from robustid.app.run.toml import is_array
 from robustid.core import as_flag, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.fitting import MatrixFraction, ModeRow, RecordFit
 from robustid.identification import MixedProblem, Prior
 
+F = TypeVar("F", bound=Callable[..., Any])
 __all__ = ["IdentifiedReduced", "identify_reduced", "run"]
 
 # The options of a run file that are arguments of `identify_reduced` too: their section, their key there, their description.
@@ -36,7 +43,7 @@ _KEYWORDS = {
 }
 
 
-def _with_keywords(function: Callable[..., Any]) -> Callable[..., Any]:
+def _with_keywords(function: F) -> F:
     """Give signature and docstring of a function the options of the run file that are arguments too."""
     signature = inspect.signature(function)
     *own, _ = signature.parameters.values()
@@ -50,17 +57,17 @@ def _with_keywords(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-def _described(name: str, kind: Any, default: Any, option: Option) -> str:
+def _described(name: str, kind: str | type, default: object, option: Option) -> str:
     """Lines of a numpydoc section."""
     text = option.sentence + (f" In {option.unit}." if option.unit else "")
     return f"    {name} : {kind}, default {default!r}\n{textwrap.indent(textwrap.fill(text, 120), 8 * ' ')}\n"
 
 
-def _stated(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def _stated(given: Mapping[str, object]) -> dict[str, dict[str, object]]:
     """Arguments by section and key of the run file, checked under their own name."""
     _, *known = inspect.signature(identify_reduced).parameters
     refuse_unknown(given, known, "identify_reduced", "argument", InputTypeError)
-    content: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
+    content: dict[str, dict[str, object]] = {section: {} for section in SECTIONS}
     for name, value in given.items():
         section, field, option = _KEYWORDS[name]
         if value is not None or field.default is not None:
@@ -71,14 +78,14 @@ def _stated(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 @_with_keywords
 @one_thread()
 def identify_reduced(
-    data: Any,
+    data: MixedProblem | Data | Sequence[Data],
     *,
-    modes: Any = None,
+    modes: Sequence[tuple[float, float] | ModeRow] | MatrixFraction | RecordFit | None = None,
     prior: Prior | None = None,
-    omega: Any = None,
-    executor: Any = None,
+    omega: ArrayLike | None = None,
+    executor: Executor | int | None = None,
     progress: Say | None = None,
-    **stated: Any,
+    **stated: object,
 ) -> IdentifiedReduced:
     """From bounded data to the smallest model inside the bounds, with its worst-case error and all choices.
 
@@ -149,17 +156,16 @@ def identify_reduced(
     return from_problem(asked, data, around)
 
 
-def _as_measured(data: Any) -> Measured:
-    items = [data] if isinstance(data, FrequencyResponse | TimeRecord) else data
-    if not isinstance(items, Sequence) or not all(isinstance(x, FrequencyResponse | TimeRecord) for x in items):
+def _as_measured(data: object) -> Measured:
+    items = data if is_array(data) else [data]
+    responses = tuple(one for one in items if isinstance(one, FrequencyResponse))
+    records = tuple(one for one in items if isinstance(one, TimeRecord))
+    if len(responses) + len(records) < len(items):
         raise InputTypeError(
             "`data` must be a MixedProblem, a FrequencyResponse, a TimeRecord, or a sequence of these two; got"
             f" {type(data).__name__}"
         )
-    return Measured(
-        tuple(x for x in items if isinstance(x, FrequencyResponse)),
-        tuple(x for x in items if isinstance(x, TimeRecord)),
-    )
+    return Measured(responses, records)
 
 
 @one_thread()
@@ -170,7 +176,7 @@ def run(
     resume: bool = False,
     force: bool = False,
     static: bool = False,
-    executor: Any = None,
+    executor: Executor | int | None = None,
     progress: Say | None = None,
 ) -> IdentifiedReduced | FamilyRun:
     r"""Everything that a run file says, from the measured files to the report, kept in a folder.

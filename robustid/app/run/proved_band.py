@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robustid.app.run.settings import Modes
+from robustid.core import Real
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles, band, has_box
 from robustid.identification import Identification, MixedProblem
 
-Box = tuple[Any, Any]
+if TYPE_CHECKING:
+    import control
+
+Box = tuple[Real, Real]  # (M, 2) each: natural frequencies in rad/s, damping ratios
 
 _KNOTS, _KNOTS_OF_BOX = (
     400,
@@ -29,7 +33,7 @@ def box_of_modes(modes: Modes) -> Box | None:
     return 2 * np.pi * hz, damping
 
 
-def proved_band(result: Identification, box: Box | None, model: Any = None) -> Band | None:
+def proved_band(result: Identification, box: Box | None, model: control.StateSpace | None = None) -> Band | None:
     """The band; at the poles as they stand where a box does not go with them, None of classes without a gain."""
     if not result.consistent or result.prior.positive_real:
         return None

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, TypeVar, overload
 
 from robustid.app.run.sources import RecordSource, ResponseSource
-from robustid.app.run.toml import write_toml
+from robustid.app.run.toml import is_array, write_toml
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, Remedy
 from robustid.estimation import BOUND_SOURCES, correct, default_bound
 from robustid.formats import NAMES, Table, datasets, read_said, read_table
 
+Data = FrequencyResponse | TimeRecord
+D = TypeVar("D", FrequencyResponse, TimeRecord)
 _KEYS = {"frequency_unit": "unit"}
 RUN_FILE = {name: f"{name} = ..." for name in ("bound", "averages")}
 
@@ -30,21 +32,33 @@ class Tables:
         return self._parsed[path, decimal]
 
 
-class Read(NamedTuple):
+class Read(NamedTuple, Generic[D]):
     """Data as a file has them, without its mistakes, and with bounds; what these are or are taken from, and how it was read."""
 
-    raw: list[Any]
-    corrected: list[Any]
-    data: list[Any]
+    raw: list[D]
+    corrected: list[D]
+    data: list[D]
     bound: float | str | None
     how: str
 
 
-def read_source(source: RecordSource | ResponseSource, folder: Path, tables: Tables, *, bounded: bool) -> Read:
+@overload
+def read_source(source: RecordSource, folder: Path, tables: Tables, *, bounded: bool) -> Read[TimeRecord]: ...
+@overload
+def read_source(source: ResponseSource, folder: Path, tables: Tables, *, bounded: bool) -> Read[FrequencyResponse]: ...
+def read_source(
+    source: RecordSource | ResponseSource, folder: Path, tables: Tables, *, bounded: bool
+) -> Read[TimeRecord] | Read[FrequencyResponse]:
     """The data of a source, several records where its axes have realisations; with a bound, where one is asked for.
 
     That is the one that the source states or asks to be taken from the data; else the one that the data state, or show.
     """
+    if isinstance(source, RecordSource):
+        return _read(TimeRecord, source, folder, tables, bounded)
+    return _read(FrequencyResponse, source, folder, tables, bounded)
+
+
+def _read(kind: type[D], source: RecordSource | ResponseSource, folder: Path, tables: Tables, bounded: bool) -> Read[D]:
     options = source.arguments
     if isinstance(source, RecordSource) and source.file is None:
         given = {name: value for name, value in options.items() if value is not None}
@@ -52,8 +66,9 @@ def read_source(source: RecordSource | ResponseSource, folder: Path, tables: Tab
     else:
         table = tables.of(folder / str(source.file), source.decimal)
         found, how = read_said(table, kind=source.kind, **options)
-    raw: list[Any] = found if isinstance(found, list) else [found]
-    if not all(isinstance(one, FrequencyResponse if source.kind == "frequency" else TimeRecord) for one in raw):
+    several = found if is_array(found) else [found]
+    raw = [one for one in several if isinstance(one, kind)]
+    if len(raw) < len(several):
         raise InputError("this data set is a model, not a record")
     corrected = [correct(one, *(source.correct or ())) for one in raw]
     if not bounded:
@@ -62,7 +77,7 @@ def read_source(source: RecordSource | ResponseSource, folder: Path, tables: Tab
     return Read(raw, corrected, [one for one, _ in data], data[0][1], how)
 
 
-def _with_bound(data: Any, source: RecordSource | ResponseSource) -> tuple[Any, float | str | None]:
+def _with_bound(data: D, source: RecordSource | ResponseSource) -> tuple[D, float | str | None]:
     word = source.bound if source.bound in BOUND_SOURCES else None
     if data.bound is not None and word is None:
         return data, source.bound
@@ -83,7 +98,7 @@ def in_options(remedy: Remedy, kind: str) -> str:
     words: list[str] = []
     for name, value in remedy.arguments.items():
         if name == "fields":
-            several = {role: names if isinstance(names, list) else [names] for role, names in value.items()}
+            several = {role: names if is_array(names) else [names] for role, names in value.items()}
             pairs = [f"{role}={one}" for role, names in several.items() for one in names]
             words += [f"--{kind}-field {shlex.quote(pair)}" for pair in pairs]
         else:

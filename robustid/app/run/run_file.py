@@ -6,12 +6,14 @@ import dataclasses
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from robustid._version import __version__
 from robustid.app.run.checks import AUTO, options, refuse_unknown, section
 from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.settings import (
+    LISTS,
+    SECTIONS,
     Delay,
     Fit,
     FrequencyPoints,
@@ -23,10 +25,14 @@ from robustid.app.run.settings import (
     WorstCase,
 )
 from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
-from robustid.app.run.toml import read_toml, write_toml
+from robustid.app.run.toml import is_array, is_table, read_toml, write_toml
 from robustid.core import Choice, Frozen, Source, digest
 from robustid.errors import InputError, InputTypeError
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+S = TypeVar("S", RecordSource, ResponseSource)
 MODES_NOTE = "Modes taken from the frequency response:\n"
 RECORD_MODES_NOTE = "Modes taken from a fit of the records:\n"
 PRIOR_NOTE = "Prior taken from the curve of the smallest gain bound:\n"
@@ -86,7 +92,7 @@ class RunFile(Frozen, General):
                 found[name] = Choice(value, source or Source.STATED, note or "", getattr(part, "curve", None) or "")
         return found
 
-    def changed(self, name: str, **values: Any) -> RunFile:
+    def changed(self, name: str, **values: object) -> RunFile:
         """With other values in one section."""
         return dataclasses.replace(self, **{name: dataclasses.replace(getattr(self, name), **values)})
 
@@ -105,7 +111,7 @@ class RunFile(Frozen, General):
     def moved(self, old: Path, new: Path) -> RunFile:
         """With the names of files as seen from another folder."""
 
-        def seen(source: Any) -> Any:
+        def seen(source: S) -> S:
             if source.file is None:
                 return source
             path = (old / source.file).resolve()
@@ -139,15 +145,13 @@ class RunFile(Frozen, General):
 
     def agrees(self, asked: RunFile) -> bool:
         """True if this answers what was asked: every value stated there is the same here."""
-        many = [[len(getattr(run, name)) for name in _MANY] for run in (self, asked)]
+        many = [[len(getattr(run, name)) for name in LISTS] for run in (self, asked)]
         if many[0] != many[1]:
             return False
-        pairs: list[tuple[Any, Any]] = [*zip(self.record, asked.record, strict=True)]
+        pairs: list[tuple[DataclassInstance, DataclassInstance]] = [*zip(self.record, asked.record, strict=True)]
         pairs += zip(self.frequency, asked.frequency, strict=True)
         pairs += zip(self.members, asked.members, strict=True)
-        pairs += [
-            (getattr(self, f.name), getattr(asked, f.name)) for f in dataclasses.fields(self) if f.name in SECTIONS
-        ]
+        pairs += [(getattr(self, name), getattr(asked, name)) for name in SECTIONS]
         open_values = (None, AUTO)
         alike = all(
             getattr(have, f.name) == value or value in open_values
@@ -157,14 +161,6 @@ class RunFile(Frozen, General):
         )
         same = [(run.title, run.entry) for run in (self, asked)]
         return alike and same[0] == same[1]
-
-
-_MANY = {"record": RecordSource, "frequency": ResponseSource, "members": MemberChoice}
-SECTIONS: dict[str, Any] = {
-    field.name: field.default_factory
-    for field in dataclasses.fields(RunFile)
-    if field.default_factory is not dataclasses.MISSING
-}
 
 
 def _check_fit(run: RunFile) -> None:
@@ -231,29 +227,21 @@ def _without_digests(run: RunFile) -> RunFile:
     return run
 
 
-def _listed(value: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} = {list(one) if isinstance(one, tuple) else one}" for key, one in value.items())
+def _listed(value: Mapping[str, object]) -> str:
+    return ", ".join(f"{key} = {list(one) if is_array(one) else one}" for key, one in value.items())
 
 
-def read_run_file(source: Any, place: str = "the run file", *, sources: bool = True) -> RunFile:
-    """A `RunFile` from the content of a TOML file: every key known, every value of its type, no contradiction.
+def read_run_file(
+    source: str | os.PathLike[str] | Mapping[str, object], place: str = "the run file", *, sources: bool = True
+) -> RunFile:
+    """A `RunFile` from a TOML file or its content: every key known, every value of its type, no contradiction.
 
-    Parameters
-    ----------
-    source : mapping, or path of a TOML file
-    place : str
-        Its name, for sentences.
-    sources : bool
-        Whether it must say where the data are.
-
-    Raises
-    ------
-    InputError, InputTypeError, FileFormatError
-        With the section, the key, what was got, and the nearest key that is known.
+    `place` is its name in sentences; with `sources` it must say where the data are.
     """
     if isinstance(source, str | os.PathLike):
-        source, place = read_toml(Path(source)), Path(source).name
-    if not isinstance(source, Mapping):
+        path = Path(source)
+        source, place = read_toml(path), path.name
+    if not is_table(source):
         raise InputTypeError(f"{place} must be a path or a table of sections; got {type(source).__name__}")
     try:
         run = _run_file(source)
@@ -264,13 +252,13 @@ def read_run_file(source: Any, place: str = "the run file", *, sources: bool = T
     return run
 
 
-def _run_file(content: Mapping[str, Any]) -> RunFile:
+def _run_file(content: Mapping[str, object]) -> RunFile:
     plain = {field.name: option.check for field, option in options(RunFile)}
-    refuse_unknown(content, [*plain, *_MANY, *SECTIONS], "the file")
+    refuse_unknown(content, [*plain, *LISTS, *SECTIONS], "the file")
     parts: dict[str, Any] = {name: plain[name](name, content[name]) for name in plain if name in content}
-    for name, kind in _MANY.items():
+    for name, kind in LISTS.items():
         items = content.get(name, [])
-        if not isinstance(items, list | tuple):
+        if not is_array(items):
             raise InputTypeError(f"{name} must be written [[{name}]], once for each")
         parts[name] = tuple(section(kind, item, f"[[{name}]] {k + 1}:") for k, item in enumerate(items))
     parts |= {name: section(kind, content[name], f"[{name}]") for name, kind in SECTIONS.items() if name in content}

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Any
 
 from robustid.app.load_save import load_result
-from robustid.app.run.results import IdentifiedReduced
+from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.core import Source, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
@@ -144,7 +143,7 @@ class RunFolder:
         self._clear()
         return self._written()
 
-    def finish_family(self, result: Any) -> None:
+    def finish_family(self, result: FamilyRun) -> None:
         """Keep the family, its nominal and its page; of members that refute the class the sentences."""
         self.choices(result.run_file)
         self._text(_SUMMARY, result.summary() + "\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ from robustid.guarantees import (
     worst_case_error,
     worst_case_over_poles,
 )
-from robustid.identification import Identification, MixedProblem, identify, largest_ratio, validate
+from robustid.identification import Identification, MixedProblem, identify, largest_ratio
 from robustid.reduction import (
     DoubtfulMode,
     ModelWorth,
@@ -65,7 +66,7 @@ class Surroundings:
 
     say: Say = silent
     folder: RunFolder = dataclasses.field(default_factory=RunFolder)
-    executor: Any = None
+    executor: Executor | int | None = None
 
     def counted(self, words: str) -> dict[str, Any]:
         """Arguments of what is computed at many frequencies: workers, finished ones, progress."""
@@ -179,7 +180,7 @@ class Untouched(NamedTuple):
     points: list[FrequencyResponse]
     withheld: list[FrequencyResponse]
     kind: str
-    measured: Sequence[Any]
+    measured: Sequence[FrequencyResponse | TimeRecord]
     records: Sequence[TimeRecord] = ()
 
     @property
@@ -214,7 +215,7 @@ def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surro
         found.append(worth.summary() + findings.withheld_words(worth, left.points or left.withheld))
     else:
         found.append(why_not_compared(result, reduction, left.response, left.records))
-    found += [findings.unused_words(validate(reduction.model, points)) for points in left.points]
+    found += [findings.unused_words(reduction.model, points) for points in left.points]
     error = small = over_poles = seen = None
     if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
         found.append(findings.EMPTY)
@@ -333,8 +334,7 @@ def _bounded(
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
     around.say(f"bounding the error at {omega.size} frequencies, at most {asked.time_limit:g} s")
     counted = around.counted("bounding the error at every frequency")
-    how: dict[str, Any] = {name: getattr(asked, name) for name in ("directions", "rtol", "time_limit")}
-    small = worst_case_error(result, model=reduction.model, omega=omega, known=proved, **how, **counted)
+    small = worst_case_error(result, model=reduction.model, omega=omega, known=proved, **asked.arguments, **counted)
     if asked.circle:
         small = small.completed(executor=around.executor)
         small.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))

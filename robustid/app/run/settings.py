@@ -7,7 +7,7 @@ A run file is validated by these sections, `robustid run --keys` lists them, the
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robustid.app.run.checks import (
     AUTO,
@@ -28,10 +28,14 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.errors import InputError
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
 _positive, _frequencies = number(above=0), number(least=0)
 
 
-def _solver(name: str, value: Any) -> str:
+def _solver(name: str, value: object) -> str:
     wanted = text()(name, value)
     if wanted not in (AUTO, "structured"):
         from robustid.identification.solver import solver_name
@@ -43,7 +47,7 @@ def _solver(name: str, value: Any) -> str:
     return wanted
 
 
-def _directions(name: str, value: Any) -> int:
+def _directions(name: str, value: object) -> int:
     from robustid.guarantees import LEAST, MOST
 
     return whole(LEAST, MOST)(name, value)
@@ -154,7 +158,7 @@ class Fit:
         """The keyword arguments of `robustid.fit_mfd` and of `suggest_order`, but for the order."""
         from robustid.fitting import Modal, RigidBody
 
-        structure: Any = False
+        structure: Modal | bool = False
         if self.modal is not None:
             structure = Modal(self.modal, symmetric=self.symmetric, quantity=self.quantity or "position")
         elif self.symmetric or self.quantity is not None:
@@ -194,10 +198,10 @@ class Modes:
     delay: int | None = key(
         whole(), help="Delay of the pairs; default: from the data.", unit="samples", flag="--delay", keyword="delay"
     )
-    hz_interval: tuple | None = key(
+    hz_interval: tuple[tuple[float, float], ...] | None = key(
         several(several(_positive, 2)), help="The pole-uncertainty box: an interval for each of hz.", unit="Hz"
     )
-    damping_interval: tuple | None = key(
+    damping_interval: tuple[tuple[float, float], ...] | None = key(
         several(several(_positive, 2)), help="The pole-uncertainty box: an interval for each of damping."
     )
     source: str | None = explained("source")
@@ -321,13 +325,18 @@ class WorstCase:
         flag="--poles",
     )
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The keyword arguments of a bound at many frequencies."""
+        return {name: getattr(self, name) for name in ("directions", "rtol", "time_limit")}
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class General:
     """The subject of a run."""
 
     title: str | None = key(text(), help="Heading of the report.")
-    entry: tuple | None = key(
+    entry: tuple[int | str, int | str] | None = key(
         several(either(whole(), text()), 2),
         help="Output and input, by number from 0 or by name, of the one entry of a MIMO response that is used; default all.",
         flag="--entry",
@@ -336,21 +345,27 @@ class General:
     )
 
 
+LISTS: dict[str, type[DataclassInstance]] = {
+    "record": RecordSource,
+    "frequency": ResponseSource,
+    "members": MemberChoice,
+}
+SECTIONS: dict[str, type[DataclassInstance]] = {
+    "family": FamilyChoice,
+    "estimate": Estimate,
+    "delay": Delay,
+    "frequency_points": FrequencyPoints,
+    "withheld": Withheld,
+    "fit": Fit,
+    "modes": Modes,
+    "prior": PriorChoice,
+    "identify": Identify,
+    "small_model": SmallModel,
+    "worst_case": WorstCase,
+}
 # As they stand in a run file.
-PARTS: dict[str, Any] = {
+PARTS: dict[str, type[DataclassInstance]] = {
     "": General,
-    "[[record]]": RecordSource,
-    "[[frequency]]": ResponseSource,
-    "[[members]]": MemberChoice,
-    "[family]": FamilyChoice,
-    "[estimate]": Estimate,
-    "[delay]": Delay,
-    "[frequency_points]": FrequencyPoints,
-    "[withheld]": Withheld,
-    "[fit]": Fit,
-    "[modes]": Modes,
-    "[prior]": PriorChoice,
-    "[identify]": Identify,
-    "[small_model]": SmallModel,
-    "[worst_case]": WorstCase,
+    **{f"[[{name}]]": kind for name, kind in LISTS.items()},
+    **{f"[{name}]": kind for name, kind in SECTIONS.items()},
 }

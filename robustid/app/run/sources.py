@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 from robustid.app.run.checks import (
+    Check,
+    Described,
     either,
     key,
     listed,
@@ -28,21 +30,21 @@ _OF_RESPONSE, _OF_RECORD = (
     ("scatter", "coherence"),
     ("periods", "rest"),
 )  # what bounds are taken from; see `estimate_bound`
-_DT: dict[str, Any] = {"help": "Sample time, where the file doesn't say.", "unit": "s", "flag": "--dt"}
-_RATE: dict[str, Any] = {"help": "Sample rate, in place of the sample time.", "unit": "Hz", "flag": "--rate"}
-_AXES: dict[str, Any] = {
+_DT: Described = {"help": "Sample time, where the file doesn't say.", "unit": "s", "flag": "--dt"}
+_RATE: Described = {"help": "Sample rate, in place of the sample time.", "unit": "Hz", "flag": "--rate"}
+_AXES: Described = {
     "help": "Names of the axes of the arrays in the file, in their order: time,signal,realisation,period or"
     " output,input,frequency; every realisation is a record, and periods follow each other.",
     "flag": "--axes",
 }
-_DECIMAL: dict[str, Any] = {
+_DECIMAL: Described = {
     "help": "Decimal mark of a text, a point or a comma, where its numbers don't say.",
     "flag": "--decimal",
 }
 _READ = ("fields", "dt", "rate", "axes", "decimal", "bound")
 
 
-def _signal_roles(name: str, content: Iterable[str]) -> dict[str, Any]:
+def _signal_roles(name: str, content: Iterable[str]) -> dict[str, str | list[str]]:
     return roles(name, content, _SIGNALS)
 
 
@@ -68,16 +70,16 @@ def _record_fields() -> str:
     )
 
 
-def _probability(name: str, value: Any) -> float:
+def _probability(name: str, value: object) -> float:
     if (wanted := number()(name, value)) <= 0 or wanted >= 1:
         raise InputError(f"{name} must be between 0 and 1; got {wanted:g}")
     return wanted
 
 
-def _bound(words: tuple[str, ...], part: bool) -> dict[str, Any]:
-    """The check of a bound, and the way from text to what it takes."""
+def _bound(words: tuple[str, ...], part: bool) -> Check[float | str]:
+    """The check of a bound: a number, or what it is taken from; a part of the response such as "5%" if `part`."""
 
-    def check(name: str, value: Any) -> float | str:
+    def check(name: str, value: object) -> float | str:
         if not isinstance(value, str):
             return _positive(name, value)
         if part and value.strip().endswith("%"):
@@ -87,13 +89,14 @@ def _bound(words: tuple[str, ...], part: bool) -> dict[str, Any]:
             raise InputError(f"{name} must be a positive number,{others} or one of {', '.join(words)}; got {value!r}")
         return value
 
-    def read(_: str, content: str) -> float | str:
-        try:
-            return float(content)
-        except ValueError:
-            return content
+    return check
 
-    return {"check": check, "text": read, "metavar": "RADIUS" if part else "HALF_WIDTH"}
+
+def _number_or_word(_: str, content: str) -> float | str:
+    try:
+        return float(content)
+    except ValueError:
+        return content
 
 
 def _separated(name: str, content: str) -> list[str]:
@@ -125,7 +128,7 @@ class RecordSource:
         help="What the record is for: response (a frequency response is estimated), samples (as they are), or noise_floor (a"
         " record without excitation that bounds the others).",
     )
-    fields: Mapping[str, Any] | None = key(
+    fields: Mapping[str, object] | None = key(
         _names, help=_record_fields, flag="--time-field", text=_signal_roles, metavar="ROLE=NAME"
     )
     dt: float | None = key(_positive, **_DT)
@@ -133,10 +136,12 @@ class RecordSource:
     axes: str | None = key(text(), **_AXES)
     decimal: str | None = key(text((".", ",")), **_DECIMAL)
     bound: float | str | None = key(
+        _bound(_OF_RECORD, part=False),
         help="Half-width of the error interval of every sample, in units of y; or what it is taken from, as where none is stated:"
         " periods (the largest deviation from their mean) or rest (the noise before the input moves).",
         flag="--time-bound",
-        **_bound(_OF_RECORD, part=False),
+        text=_number_or_word,
+        metavar="HALF_WIDTH",
     )
     initial: str | None = key(
         text(listed("data", "INITIAL")),
@@ -173,7 +178,7 @@ class ResponseSource:
     """A frequency response that was measured elsewhere."""
 
     file: str | None = key(text(), help="File with the response, seen from the folder of the run file.")
-    fields: Mapping[str, Any] | None = key(
+    fields: Mapping[str, object] | None = key(
         _names, help=_response_fields, flag="--frequency-field", text=roles, metavar="ROLE=NAME"
     )
     dt: float | None = key(_positive, **_DT)
@@ -189,10 +194,12 @@ class ResponseSource:
         _positive, help="Distance of the frequencies of a file that has none.", flag="--frequency-step"
     )
     bound: float | str | None = key(
+        _bound(_OF_RESPONSE, part=True),
         help='Radius of the error disc of every frequency point, in units of the response, or the part of it, such as "5%"; or what'
         " it is taken from, as where none is stated: scatter (around a smooth model) or coherence (with averages).",
         flag="--frequency-bound",
-        **_bound(_OF_RESPONSE, part=True),
+        text=_number_or_word,
+        metavar="RADIUS",
     )
     averages: int | None = key(
         whole(2), help="Blocks without overlap behind a coherence that stands beside the response.", flag="--averages"
@@ -237,13 +244,13 @@ class MemberChoice:
         unit="Hz",
     )
     damping: tuple[float, ...] | None = key(several(_positive), help="Damping ratios of its own poles.")
-    hz_interval: tuple | None = key(
+    hz_interval: tuple[tuple[float, float], ...] | None = key(
         several(several(_positive, 2)),
         help="Its own pole-uncertainty box, where over_poles = true: an interval for each of hz; default: that of [modes], or what"
         " its data leave.",
         unit="Hz",
     )
-    damping_interval: tuple | None = key(
+    damping_interval: tuple[tuple[float, float], ...] | None = key(
         several(several(_positive, 2)), help="Its own pole-uncertainty box: an interval for each of damping."
     )
 

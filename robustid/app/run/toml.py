@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypeGuard
 
 from robustid.errors import FileFormatError
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """The content of a TOML file.
+def is_table(value: object) -> TypeGuard[Mapping[str, object]]:
+    """True of names with values."""
+    return isinstance(value, Mapping)
 
-    Raises
-    ------
-    FileFormatError
-        No such file, or not TOML.
-    """
+
+def is_array(value: object) -> TypeGuard[Sequence[object]]:
+    """True of a list, a tuple or another sequence, but for text."""
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def read_toml(path: Path) -> dict[str, object]:
+    """The content of a TOML file; FileFormatError where there is none."""
     import tomllib
 
     try:
@@ -31,32 +35,31 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise FileFormatError(f"{path} is not TOML: {error}") from None
 
 
-def write_toml(content: Mapping[str, Any]) -> str:
+def write_toml(content: Mapping[str, object]) -> str:
     """Plain values first, then sections; what is None, or empty as a section, is left out."""
-    plain = {k: v for k, v in content.items() if v is not None and not _is_section(v)}
+    plain = {k: v for k, v in content.items() if v is not None and not is_table(v) and not _sections(v)}
     parts = ["".join(f"{_name(k)} = {_value(v)}\n" for k, v in plain.items())]
     for name, value in content.items():
-        if not _is_section(value):
-            continue
-        many = not isinstance(value, Mapping)
-        for item in value if many else [value]:
+        for item in _sections(value):
             lines = [f"{_name(k)} = {_value(v)}\n" for k, v in item.items() if v is not None]
-            head = f"[[{name}]]\n" if many else f"[{name}]\n"
+            head = f"[{name}]\n" if is_table(value) else f"[[{name}]]\n"
             parts.append(head + "".join(lines) if lines else "")
     return "\n".join(part for part in parts if part)
 
 
-def _is_section(value: Any) -> bool:
-    if isinstance(value, list | tuple):
-        return bool(value) and all(isinstance(item, Mapping) for item in value)
-    return isinstance(value, Mapping)
+def _sections(value: object) -> list[Mapping[str, object]]:
+    """The tables of a section, one or several; none of a plain value."""
+    if is_table(value):
+        return [value]
+    tables = [item for item in value if is_table(item)] if is_array(value) else []
+    return tables if is_array(value) and len(tables) == len(value) else []
 
 
 def _name(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
@@ -65,9 +68,11 @@ def _value(value: Any) -> str:
         if "\n" not in value:
             return _quoted(value)
         return '"""\n' + "\n".join(_quoted(line)[1:-1] for line in value.split("\n")) + '"""'
-    if isinstance(value, Mapping):
+    if is_table(value):
         return "{ " + ", ".join(f"{_name(k)} = {_value(v)}" for k, v in value.items()) + " }"
-    return "[" + ", ".join(_value(item) for item in value) + "]"
+    if is_array(value):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    raise TypeError(f"{type(value).__name__} has no place in TOML")
 
 
 def _quoted(line: str) -> str:
