@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import seeds, slow
 from support.half_plane import edge_truth
 
 
@@ -22,7 +23,7 @@ def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
     return truth, rid.MixedProblem(frequency=frf, prior=prior, parametric=rid.kautz(5.0, 0.02, dt=0))
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(100)])
+@pytest.mark.parametrize("seed", seeds(1, 100))
 def test_truths_at_the_edge_of_the_class_are_inside(seed):
     truth, problem = edge_problem(seed)
     found = rid.identify(problem).require()
@@ -119,9 +120,7 @@ def test_a_continuous_weight_is_above_the_bound_on_the_whole_axis():
     assert pair.controller(nominal) is nominal
 
 
-@pytest.mark.parametrize(
-    "kind", ["additive", *(pytest.param(k, marks=pytest.mark.slow) for k in ("multiplicative", "inverse"))]
-)
+@pytest.mark.parametrize("kind", ["additive", *(slow(k) for k in ("multiplicative", "inverse"))])
 def test_the_margin_of_a_continuous_loop_is_that_of_a_fine_grid(kind):
     nominal, edges, bound = flexible()
     nominal = nominal + control.ss([], [], [], [[2.0]])  # no zero near the axis: relative bounds are finite

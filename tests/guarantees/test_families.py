@@ -133,10 +133,7 @@ def test_a_member_over_a_pole_uncertainty_box():
     omega = 2 * np.pi * np.array([30.0])
     alone = rid.family([first, second], omega=omega, directions=4)
     wide = rid.family(
-        [rid.Member(first, "a", poles=box), rid.Member(second, "b")],
-        omega=omega,
-        directions=4,
-        model=alone.model,
+        [rid.Member(first, "a", poles=box), rid.Member(second, "b")], omega=omega, directions=4, model=alone.model
     )
     assert wide.certified
     assert wide.uppers[0, 0] >= alone.uppers[0, 0]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import slow
 from support.posed import proposed
 
 DT = 0.01
@@ -91,9 +92,7 @@ def single_mode(lines):
     return problem, (np.array([[19.9, 20.1]]), np.array([[0.048, 0.052]]))
 
 
-@pytest.mark.parametrize(
-    ("lines", "points", "rtol", "plants"), [(7, 5, 1.0, 3), pytest.param(25, 9, 0.1, 20, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("lines", "points", "rtol", "plants"), [(7, 5, 1.0, 3), slow(25, 9, 0.1, 20)])
 def test_the_bound_on_the_circle_holds_plants_with_poles_anywhere_in_the_box(lines, points, rtol, plants):
     """Plants of the class through the data with other poles, on a fine grid; more than any single one of them is allowed."""
     problem, box = single_mode(lines)

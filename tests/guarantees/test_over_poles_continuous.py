@@ -11,6 +11,7 @@ import scipy.linalg
 import robustid as rid
 from robustid.guarantees import PoleCell
 from robustid.identification.formulation import ExactFormulation
+from support.cases import seeds
 
 
 def draw(rng, width, modes=2):
@@ -154,7 +155,7 @@ def others(problem, box, rng, count):
             yield found.model
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(10)])
+@pytest.mark.parametrize("seed", seeds(1, 10))
 def test_the_band_holds_models_with_poles_anywhere_in_the_box(seed, tmp_path):
     points, directions, cells, draws = (24, 6, 4, 20) if seed else (12, 4, 2, 5)
     problem, box = plant(seed, points)

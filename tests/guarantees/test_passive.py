@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.identification.exact_evaluation import verify_margin_exactly
+from robustid.identification import verify_margin_exactly
+from support.cases import slow
 from support.passive import reactance, scattering
 
 
@@ -39,9 +40,7 @@ def inside(truth, found, error):
 CASES = [(seed, kind, ports) for seed in range(50) for kind in ("positive", "bounded", "negative") for ports in (1, 2)]
 
 
-@pytest.mark.parametrize(
-    ("seed", "kind", "ports"), [pytest.param(*c, marks=pytest.mark.slow) if c[0] else c for c in CASES]
-)
+@pytest.mark.parametrize(("seed", "kind", "ports"), [slow(*c) if c[0] else c for c in CASES])
 def test_truths_at_the_edge_are_inside(seed, kind, ports):
     truth, problem = edge(seed, kind, ports)
     found = rid.identify(problem).require()
@@ -65,11 +64,7 @@ def test_more_data_never_widen_the_band():
 
 
 @pytest.mark.parametrize(
-    ("kind", "ports"),
-    [
-        ("positive", 1),
-        *(pytest.param(*c, marks=pytest.mark.slow) for c in (("positive", 2), ("negative", 1), ("negative", 2))),
-    ],
+    ("kind", "ports"), [("positive", 1), *(slow(*c) for c in (("positive", 2), ("negative", 1), ("negative", 2)))]
 )
 def test_the_bound_between_the_frequency_points(kind, ports, tmp_path):
     truth, problem = edge(4, kind, ports)

@@ -8,6 +8,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import PoleCell
 from robustid.identification.formulation import ExactFormulation
+from support.cases import slow
 
 DT = 0.01
 
@@ -84,7 +85,7 @@ def test_a_mode_in_the_cell_is_a_repeated_pair_and_a_small_remainder(delay):
     assert tightest >= 0.05
 
 
-@pytest.mark.parametrize("delay", [*(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1)), 2])
+@pytest.mark.parametrize("delay", [*(slow(k) for k in (0, 1)), 2])
 def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(delay):
     """Seventy drawn plants each, measured with errors at the limit and against the expansion, tilted lines and records."""
     rng = np.random.default_rng(10 + delay)

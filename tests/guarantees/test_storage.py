@@ -10,7 +10,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import load_saved
-from robustid.identification.certificate import evaluate_support
+from robustid.identification import evaluate_support
 from support.forging import damage_is_named, forge, lower
 from support.problems import random_problem
 

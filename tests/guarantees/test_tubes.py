@@ -10,8 +10,9 @@ import pytest
 import robustid as rid
 from robustid.core import simulate
 from robustid.guarantees import outputs, response_tube
-from robustid.identification.certificate import Functional
+from robustid.identification import Functional
 from robustid.identification.formulation import choice
+from support.cases import slow
 from support.problems import CASES, random_problem, truth_of
 
 SLACK = 1e-9  # of rounding in the comparisons, relative to the outputs
@@ -99,7 +100,7 @@ def test_a_form_that_misses_part_of_the_functional_pays_its_norm(monkeypatch):
     assert np.all(tube.error_lower <= tube.error_upper)
 
 
-@pytest.mark.parametrize("case", ["mixed", pytest.param("frequency", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", ["mixed", slow("frequency")])
 def test_forms_agree(case, monkeypatch):
     result = rid.identify(random_problem(5, case, 10))
     options = {"input": "step", "horizon": 12, "times": [0.02, 0.11], "gap": 1e-3}

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.identification import verify_margin_exactly
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.entries import Entries
-from robustid.identification.exact_evaluation import enclose_margin, verify_margin_exactly
+from robustid.identification.exact_evaluation import enclose_margin
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.taylor import ShiftMap
 from support.bounds import rebound
+from support.cases import slow
 from support.matrix_plants import judge_margin, random_matrix_problem, response
 
 SHAPES = (2, 2), (2, 3), (3, 2)
@@ -41,7 +43,7 @@ def check_random_plant(seed, lines):
     assert agrees(random_matrix_problem(seed, p, q, lines, factor=0.5)[0]).margin >= inside.margin - 1e-6
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("seed", [0, slow(1), 2])
 def test_random_plants(seed):
     check_random_plant(seed, 3)
 

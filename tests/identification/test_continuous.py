@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import SPlane, bilinear_in_s, bilinear_in_z
-from robustid.core.state_space import StateMatrices, response_at
+from robustid.core import SPlane, StateMatrices, bilinear_in_s, bilinear_in_z, response_at
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.region import HalfPlane
+from support.cases import seeds
 from support.half_plane import edge_truth, judged_margin, smallest_gain
 
 
@@ -86,7 +86,7 @@ def test_the_smallest_gain_is_that_of_pick_s_theorem(decay):
 
 
 @pytest.mark.parametrize("size", [1, 2])
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(60)])
+@pytest.mark.parametrize("seed", seeds(1, 60))
 def test_the_margin_is_that_of_the_complex_pick_matrix(seed, size):
     rng = np.random.default_rng(seed)
     count, decay = rng.integers(2, 6 if size == 1 else 4), 10 ** rng.uniform(-1, 0.5)

@@ -8,15 +8,16 @@ import pytest
 import robustid as rid
 from robustid.advice import diagnose
 from robustid.identification.formulation import ExactFormulation
-from robustid.identification.solver.paths import margin_path
+from robustid.identification.solver import margin_path
 from robustid.report.assumptions import assumptions
+from support.cases import slow
 from support.intervals import FREE, KINDS, bounded, inside, tight, truthful
 from support.problems import random_problem
 
 # --- laws -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kinds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kinds", [1, slow(3)])
 @pytest.mark.parametrize("power", [-60, 60])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_units_do_not_matter(power, form, kinds):
@@ -38,7 +39,7 @@ def test_units_do_not_matter(power, form, kinds):
         assert np.array_equal(second.parameters, unit * first.parameters)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(6)])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_intervals_around_the_truth_never_refute(form, seeds):
     for seed in range(seeds):

@@ -12,6 +12,7 @@ from robustid.identification.formulation.section_choice import shortest_sections
 from robustid.identification.formulation.sections import SectionMap
 from robustid.identification.formulation.tails import demands, taylor_tail
 from robustid.identification.formulation.taylor import taylor_length
+from support.cases import slow
 from support.sections_of_lines import CIRCLE, coordinates, lines, random_member
 from support.taylor_members import at, random_experiments, responses, taylor
 
@@ -88,7 +89,7 @@ def test_the_shift_is_a_section():
 # --- tails ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [30, slow(60)])
 def test_the_tails_of_all_samples_hold_for_random_members(seeds):
     """Lines, records from rest, periodic and with free start: sections of any kind, also times members."""
     reached = np.zeros(4)
@@ -196,7 +197,7 @@ def exact_functions(sections, zeta, B):
 # --- the choice -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [4, slow(20)])
 def test_the_choice_keeps_every_tail_below_a_tenth_of_the_accuracy(seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)

@@ -7,11 +7,12 @@ import pytest
 
 import robustid as rid
 from robustid.bases import Sections
+from robustid.identification import model_residuals
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation import formulate_in
-from robustid.identification.residuals import model_residuals
 from robustid.identification.truncation import BalancedContraction
 from robustid.reduction import hankel_singular_values
+from support.cases import slow
 from support.forging import forge
 from support.problems import random_problem
 from support.sections_of_lines import CIRCLE, coordinates, lines, oversampled, random_member
@@ -138,8 +139,8 @@ def test_time_samples_from_rest_are_answered_by_taylor_coefficients():
     [
         (0.99, rid.Status.CONSISTENT, 80),
         (3.0, rid.Status.INCONSISTENT, 80),
-        pytest.param(0.99, rid.Status.CONSISTENT, 300, marks=pytest.mark.slow),
-        pytest.param(3.0, rid.Status.INCONSISTENT, 300, marks=pytest.mark.slow),
+        slow(0.99, rid.Status.CONSISTENT, 300),
+        slow(3.0, rid.Status.INCONSISTENT, 300),
     ],
 )
 def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status, count, tmp_path):
@@ -170,7 +171,7 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
         rid.load(tmp_path / "sections")
 
 
-@pytest.mark.parametrize("count", [30, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [30, slow(60)])
 def test_objectives_and_other_solutions(count):
     problem = oversampled(count, rho=1.02)
     exact, result = (rid.identify(problem, form=form, objective="gain") for form in ("orthonormal", "sections"))

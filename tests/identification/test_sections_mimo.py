@@ -6,6 +6,7 @@ import pytest
 import robustid as rid
 from robustid.identification.formulation import formulate_in
 from robustid.identification.formulation.section_choice import shortest_sections
+from support.cases import slow
 from support.matrix_plants import random_matrix_problem, response
 from support.sections_of_lines import CIRCLE, coordinates
 
@@ -17,10 +18,7 @@ def few_lines(seed, p, q, lines=8, **options):
     return random_matrix_problem(seed, p, q, lines, rho=1.15, bound=0.02, **options)
 
 
-@pytest.mark.parametrize(
-    ("shape", "seeds"),
-    [((2, 3), 1), *(pytest.param(shape, 4, marks=pytest.mark.slow) for shape in ((2, 2), (2, 3), (3, 1)))],
-)
+@pytest.mark.parametrize(("shape", "seeds"), [((2, 3), 1), *(slow(shape, 4) for shape in ((2, 2), (2, 3), (3, 1)))])
 def test_the_remainder_of_plants_of_the_class_is_below_the_tail(shape, seeds):
     """In the largest singular value, at the samples and elsewhere; the coefficients are in the ball."""
     largest = 0.0
@@ -44,7 +42,7 @@ def test_the_remainder_of_plants_of_the_class_is_below_the_tail(shape, seeds):
     [
         (0, (2, 1), {}),
         *(
-            pytest.param(seed, shape, options, marks=pytest.mark.slow)
+            slow(seed, shape, options)
             for seed, (shape, options) in enumerate(
                 [
                     ((2, 2), {}),

@@ -29,11 +29,7 @@ def test_round_trip_is_exact_and_verified_again(case, tmp_path):
     assert np.array_equal(again.coefficients, result.coefficients)
     assert np.array_equal(again.parameters, result.parameters)
     assert np.array_equal(again.model.A, result.model.A)
-    assert (again.margin, again.margin_lower, again.status) == (
-        result.margin,
-        result.margin_lower,
-        result.status,
-    )
+    assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert again.prior == result.prior
     assert again.verification.passed
 

@@ -6,14 +6,15 @@ import pytest
 
 import robustid as rid
 from robustid.bases import shift_pair
+from robustid.identification import model_residuals
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation import TaylorFormulation
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.tails import taylor_tail
 from robustid.identification.formulation.taylor import ShiftMap, taylor_length
 from robustid.identification.formulation.taylor_columns import ShiftColumns
-from robustid.identification.residuals import model_residuals
-from support.problems import CASES, random_problem
+from support.cases import slow
+from support.problems import CASES, MIXED_IS_SLOW, random_problem
 from support.taylor_members import DT, EPS, at, polynomials, random_experiments, responses, taylor
 
 
@@ -220,10 +221,8 @@ def compare(case, seed):
     return result
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
-)
+@pytest.mark.parametrize("seeds", [2, slow(4)])
+@pytest.mark.parametrize("case", MIXED_IS_SLOW)
 def test_both_forms_prove_the_same_margin(case, seeds):
     statuses = {compare(case, seed).status for seed in range(seeds)}
     assert rid.Status.CONSISTENT in statuses
@@ -241,7 +240,7 @@ def test_both_forms_on_many_problems(case):
     [
         ("time", 0, "gain"),
         ("mixed", 1, "margin"),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("time", 0, "margin"), ("mixed", 1, "gain"))),
+        *(slow(*each) for each in (("time", 0, "margin"), ("mixed", 1, "gain"))),
     ],
 )
 def test_objectives_agree_between_the_forms(case, seed, objective):
