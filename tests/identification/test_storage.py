@@ -2,6 +2,8 @@ import contextlib
 import dataclasses
 import json
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -32,6 +34,19 @@ def test_round_trip_is_exact_and_verified_again(case, tmp_path):
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert again.prior == result.prior
     assert again.verification.passed
+
+
+def test_a_new_process_saves_what_it_has_made(tmp_path):
+    """Nothing has been loaded or saved before that would have registered the parts."""
+    code = """
+import robustid as rid
+frf = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=0.1, dt=0.1)
+frf.save("data.npz")
+rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1))).save("result")
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    assert rid.load(tmp_path / "result").verification.passed
+    assert rid.load(tmp_path / "data.npz").dt == 0.1
 
 
 def test_channel_names_units_and_notes_survive(tmp_path):
