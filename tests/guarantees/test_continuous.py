@@ -1,5 +1,7 @@
 """Guarantees in continuous time: bounds that hold for truths at the edge of the class, at frequencies and up to infinity."""
 
+import dataclasses
+
 import control
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 import robustid as rid
 from support.cases import seeds, slow
 from support.half_plane import edge_truth
+from support.passive import passive_edge
 
 
 def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
@@ -35,10 +38,10 @@ def test_truths_at_the_edge_of_the_class_are_inside(seed):
     assert error.verify()
 
 
-def test_more_data_never_widen_the_band():
-    _, problem = edge_problem(3)
+@pytest.mark.parametrize("problem", [edge_problem(3)[1], passive_edge(3, "positive", 1)[1]], ids=["gain", "positive"])
+def test_more_data_never_widen_the_band(problem):
     (frf,) = problem.frequency
-    few = rid.MixedProblem(frequency=frf.select(slice(0, None, 2)), prior=problem.prior, parametric=problem.parametric)
+    few = dataclasses.replace(problem, frequency=frf.select(slice(0, None, 2)))
     wide, narrow = (
         rid.worst_case_error(rid.identify(one), omega=[1.0, 5.0], directions=8, rtol=0.05) for one in (few, problem)
     )

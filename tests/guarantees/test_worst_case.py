@@ -85,12 +85,12 @@ def test_two_taylor_coefficients():
 # Drawn truths.
 
 
-def band_holds(seed, case, coefficients, directions, form="auto"):
+def band_holds(seed, case, coefficients, directions, count=3):
     """Truth inside every polygon and interval, upper bounds above attained errors; returns the largest relative gap."""
     problem, truth = random_experiment(seed, case, coefficients)
-    result = rid.identify(problem, form=form)
+    result = rid.identify(problem)
     assert result.consistent
-    omega = np.random.default_rng(seed).uniform(0.02, 3.1, 3) / problem.dt
+    omega = np.random.default_rng(seed).uniform(0.02, 3.1, count) / problem.dt
     error = rid.worst_case_error(result, omega=omega, directions=directions)
     values = truth.response(error.omega * problem.dt)
     upper, lower = error.upper[:, 0, 0], error.lower[:, 0, 0]
@@ -117,9 +117,11 @@ def test_the_truth_is_inside_every_band_and_interval(case):
     assert band_holds(0, case, 10, 16) <= 0.05
 
 
-@pytest.mark.parametrize("case", ["time", slow("parametric")])  # all among the hundred
-def test_the_gap_closes_with_more_directions(case):
-    assert band_holds(7, case, 6, 64) <= 0.01
+@pytest.mark.parametrize(
+    ("case", "count"), [("time", 1), slow("time", 3), slow("parametric", 3)]
+)  # all among the hundred
+def test_the_gap_closes_with_more_directions(case, count):
+    assert band_holds(7, case, 6, 64, count) <= 0.01
 
 
 @pytest.mark.parametrize(

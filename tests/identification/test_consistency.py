@@ -10,22 +10,16 @@ from robustid.identification import model_residuals
 from robustid.identification.solver.cvxpy_backend import available_solvers
 from support.cases import slow
 from support.problems import CASES, MIXED_IS_SLOW, judge_margin, random_problem, rigid_structure
+from support.structure import about_structure
 
 
 def simulate(model, u):
     return simulate_all(model, np.asarray(u, float)[:, None])[0][:, 0]
 
 
-def flexible(size=None, **options):
-    experiment = rid.flexible_structure(seed=1, **(size or {}))
-    basis = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
-    problem = {
-        "frequency": experiment.frequency,
-        "time": experiment.time,
-        "prior": rid.Prior(gain_bound=0.2, decay_rate=1.1),
-        "parametric": basis,
-    }
-    return rid.MixedProblem(**(problem | options))
+def flexible(size=None, **changes):
+    data = rid.flexible_structure(seed=1, **(size or {}))
+    return dataclasses.replace(about_structure(data, 0.2, 1.1, time=True), **changes)
 
 
 @pytest.mark.parametrize("seeds", [1, slow(6)])

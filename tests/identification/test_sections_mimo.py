@@ -69,13 +69,3 @@ def test_the_margin_is_that_of_the_exact_form(seed, shape, options):
         error = rid.worst_case_error(result, omega=omega, rtol=0.2)
         assert np.all(np.abs(response(truth, omega) - error.nominal) <= error.upper)
         assert error.certified
-
-
-def test_a_matrix_in_sections_survives_a_file(tmp_path):
-    problem, _ = few_lines(1, 1, 2, lines=5)
-    result = rid.identify(problem, form="sections", accuracy=ACCURACY)
-    result.save(tmp_path / "sections")
-    again = rid.load(tmp_path / "sections")
-    assert again.formulation.repeated.repeats == result.formulation.repeated.repeats
-    assert again.margin == result.margin
-    assert again.verification.passed

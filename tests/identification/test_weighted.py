@@ -8,7 +8,8 @@ import robustid as rid
 from robustid.core import response_at
 from robustid.identification import PriorWeight, as_weight
 from support.cases import seeds, slow
-from support.half_plane import edge_truth, judged_margin
+from support.half_plane import edge_truth
+from support.passive import smallest_factor
 
 K, DECAY, CORNER = 2.0, 1.0, 6.0
 
@@ -97,7 +98,9 @@ def test_the_margin_is_that_of_the_pick_matrix_of_the_quotient(seed):
         problem_of(omega, values, bound, prior(gain_bound=3.0, decay=decay, roll_off=order, corner=corner)),
         accuracy=1e-7,
     )
-    judged = judged_margin(omega, (values / size)[:, None, None], (bound / np.abs(size))[:, None, None], 3.0, decay)
+    judged = smallest_factor(
+        omega, *(one[:, None, None] / 3.0 for one in (values / size, bound / np.abs(size))), decay, bounded=True
+    )
     assert found.margin == pytest.approx(judged, rel=1e-5, abs=1e-5)
 
 
@@ -231,20 +234,6 @@ def test_matrices_share_the_weight():
     assert np.all(found.model.D == 0)
     error = rid.worst_case_error(found, omega=[300.0], directions=4)
     assert error.upper.max() < 2 * 2 * K * np.abs(rolled(300j)) * 1.5
-
-
-def test_results_save_and_load(tmp_path):
-    omega, values, bound, basis, _ = truth_of(1)
-    weight = control.zpk([-30.0], [-8.0 + 2j, -8.0 - 2j], 3.0)
-    for one in (prior(), prior(roll_off=None, corner=None, weight=weight, gain_bound=5.0)):
-        found = rid.identify(problem_of(omega, values, bound, one, parametric=basis))
-        found.save(tmp_path / "result.json")
-        again = rid.load(tmp_path / "result.json")
-        assert again.prior == one
-        assert again.verification.passed
-        assert np.array_equal(again.model.A, found.model.A)
-        assert again.summary() == found.summary()
-    assert "times <weight of s: zeros -30" in found.summary()
 
 
 @pytest.mark.slow
