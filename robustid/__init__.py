@@ -13,6 +13,7 @@ See and keep:         plot, write_report, save; run and identify_reduced for the
 Every name has a docstring with an example: help(robustid.identify). On the command line: robustid demo, robustid --help.
 """
 
+import importlib
 from typing import Any
 
 import lazy_loader
@@ -71,10 +72,15 @@ _MEANT = {
 def __getattr__(name: str) -> Any:
     """Load a public name; of another, say which one is meant."""
     try:
-        return _found(name)
+        found = _found(name)
     except AttributeError:
         import difflib
 
         meant = _MEANT.get(name) or next(iter(difflib.get_close_matches(name, __all__, 1, 0.75)), None)
         hint = f"; robustid.{meant} is what you look for" if meant else "; help(robustid) lists them by task"
         raise AttributeError(f"robustid has no {name!r}{hint}") from None
+    if (
+        name in __all__
+    ):  # whatever is made with it can be saved: the files of measurements are registered by a room behind theirs
+        importlib.import_module("robustid.formats")
+    return found

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from robustid.core import Choice, Signal, Source, StateMatrices, fingerprint, stored
-from robustid.core.description import described, made
+from robustid.core import Choice, Signal, Source, StateMatrices, described, fingerprint, made, stored
 from robustid.errors import InputTypeError
 
 MATRICES = StateMatrices(np.diag([1.0, 2.0]), np.ones((2, 1)), 2 * np.ones((1, 2)), np.zeros((1, 1)))

@@ -6,6 +6,7 @@ import numpy as np
 
 import robustid as rid
 from robustid.core.progress import ShowProgress
+from support.structure import about_structure
 
 
 class Notebook:
@@ -50,12 +51,7 @@ def test_a_file_gets_at_most_eleven_lines(capsys):
 def test_functions_of_all_kinds_take_it(capsys):
     data = rid.flexible_structure(seed=0)
     rid.fit_mfd(data.frequency, order=2, progress=rid.show_progress)
-    problem = rid.MixedProblem(
-        frequency=data.frequency,
-        prior=rid.Prior(gain_bound=0.2, decay_rate=1.1),
-        parametric=rid.kautz(*data.modes.T, dt=0.01, delay=1),
-    )
-    result = rid.identify(problem, progress=rid.show_progress)
+    result = rid.identify(about_structure(data, 0.2, 1.1), progress=rid.show_progress)
     rid.worst_case_error(result, omega=np.array([60.0]), directions=4, progress=rid.show_progress)
     out = capsys.readouterr().out
     assert "cost" in out

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustid.core import DampedSteps
+from robustid.core import DampedSteps, lengths
 
 
 @pytest.fixture
@@ -37,3 +37,11 @@ def test_directions_that_are_not_seen_are_not_moved_along(problem):
     J = J * np.array([1.0, 1.0, 1.0, 1e-14])
     assert abs(DampedSteps.of(J, r, 1e-12).within(np.inf)[3]) < 1e-9
     assert abs(DampedSteps.of(J, r).within(np.inf)[3]) > 1.0
+
+
+@pytest.mark.quick
+def test_lengths_are_norms_but_never_zero():
+    matrix = np.array([[3.0, 0.0, 1j], [4.0, 0.0, 0.0]])
+    assert np.array_equal(lengths(matrix), [5.0, 1.0, 1.0])
+    assert np.array_equal(lengths(matrix[:, 1:2], axis=1), [1.0, 1.0])
+    assert lengths(matrix, axis=1, keepdims=True).shape == (2, 1)

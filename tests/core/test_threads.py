@@ -5,6 +5,7 @@ import threadpoolctl
 
 import robustid as rid
 from robustid.core import one_thread, threads_for
+from support.structure import about_structure
 
 
 def threads():
@@ -45,9 +46,7 @@ def test_long_calls_of_small_matrices_have_one_thread():
     def look(*_):
         seen.append(threads())
 
-    anything = rid.Prior(gain_bound=1.0, decay_rate=1.1)
-    basis = rid.kautz(*plant.modes.T, dt=0.01, delay=1)
-    problem = rid.MixedProblem(frequency=plant.frequency, parametric=basis, prior=anything)
+    problem = about_structure(plant, 1.0, 1.1)
     rid.suggest_prior(problem, decay_rates=[1.1], progress=look)
     result = rid.identify(problem.with_prior(gain_bound=0.2))
     rid.response_tube(result, horizon=2, times=[0.0], progress=look)

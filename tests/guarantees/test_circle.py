@@ -5,10 +5,12 @@ import pytest
 
 import robustid as rid
 from robustid.core import response
-from robustid.guarantees.circle import CircleBound, Remembered
-from robustid.identification.certificate import Functional
-from robustid.identification.formulation.convex import Candidate
+from robustid.guarantees import CircleBound
+from robustid.guarantees.circle import Remembered
+from robustid.identification import Functional
+from robustid.identification.formulation import Candidate
 from robustid.identification.model import nominal_model
+from support.cases import slow
 from support.problems import CASES, random_experiment
 
 
@@ -46,7 +48,7 @@ def circle_holds(seed, case, coefficients, points):
     return worst / circle.largest
 
 
-@pytest.mark.parametrize("case", ["parametric", pytest.param("mixed", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", ["parametric", slow("mixed")])
 def test_no_system_exceeds_the_bound_on_the_circle(case):
     assert circle_holds(4, case, 8, 20_000) >= 0.05
 

@@ -1,11 +1,15 @@
 """Guarantees in continuous time: bounds that hold for truths at the edge of the class, at frequencies and up to infinity."""
 
+import dataclasses
+
 import control
 import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import seeds, slow
 from support.half_plane import edge_truth
+from support.passive import passive_edge
 
 
 def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
@@ -22,7 +26,7 @@ def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
     return truth, rid.MixedProblem(frequency=frf, prior=prior, parametric=rid.kautz(5.0, 0.02, dt=0))
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(100)])
+@pytest.mark.parametrize("seed", seeds(1, 100))
 def test_truths_at_the_edge_of_the_class_are_inside(seed):
     truth, problem = edge_problem(seed)
     found = rid.identify(problem).require()
@@ -34,10 +38,10 @@ def test_truths_at_the_edge_of_the_class_are_inside(seed):
     assert error.verify()
 
 
-def test_more_data_never_widen_the_band():
-    _, problem = edge_problem(3)
+@pytest.mark.parametrize("problem", [edge_problem(3)[1], passive_edge(3, "positive", 1)[1]], ids=["gain", "positive"])
+def test_more_data_never_widen_the_band(problem):
     (frf,) = problem.frequency
-    few = rid.MixedProblem(frequency=frf.select(slice(0, None, 2)), prior=problem.prior, parametric=problem.parametric)
+    few = dataclasses.replace(problem, frequency=frf.select(slice(0, None, 2)))
     wide, narrow = (
         rid.worst_case_error(rid.identify(one), omega=[1.0, 5.0], directions=8, rtol=0.05) for one in (few, problem)
     )
@@ -119,9 +123,7 @@ def test_a_continuous_weight_is_above_the_bound_on_the_whole_axis():
     assert pair.controller(nominal) is nominal
 
 
-@pytest.mark.parametrize(
-    "kind", ["additive", *(pytest.param(k, marks=pytest.mark.slow) for k in ("multiplicative", "inverse"))]
-)
+@pytest.mark.parametrize("kind", ["additive", *(slow(k) for k in ("multiplicative", "inverse"))])
 def test_the_margin_of_a_continuous_loop_is_that_of_a_fine_grid(kind):
     nominal, edges, bound = flexible()
     nominal = nominal + control.ss([], [], [], [[2.0]])  # no zero near the axis: relative bounds are finite

@@ -8,6 +8,7 @@ import robustid as rid
 from robustid.core import responses
 from robustid.guarantees import norm_of_bounds, robust_stability_margin, uncertainty_weight
 from robustid.guarantees.covers import cover_bound
+from support.cases import seeds
 
 DT = 0.1
 EDGES = np.linspace(0, np.pi / DT, 41)
@@ -45,7 +46,7 @@ def uncertainty(kind, F0, E):
 
 
 @pytest.mark.parametrize("kind", ["additive", "multiplicative", "input_multiplicative", "inverse"])
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 1 else k for k in range(3)])
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_no_error_has_a_larger_uncertainty(kind, seed):
     nominal, size = plant(), entries(seed)
     bound = cover_bound(nominal, EDGES, norm_of_bounds(size), size, kind)

@@ -7,6 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import diameter
+from support.cases import slow
 from support.problems import random_problem
 
 
@@ -35,7 +36,7 @@ def test_next_to_no_data_leave_the_gain_bound_twice():
     assert found.lower.item() == pytest.approx(6.0, rel=0.01)
 
 
-@pytest.mark.parametrize("case", ["mixed", pytest.param("parametric", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", ["mixed", slow("parametric")])
 def test_no_data_have_a_wider_set(case):
     # The same inputs, lines and bounds; data of the truth with other errors, some at their bounds.
     noises = (-1.0, 0.5, 1.0)

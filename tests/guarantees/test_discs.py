@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robustid.guarantees.common_nominal import smallest_disc
+from support.cases import seeds
 
 
 def judged(points):
@@ -25,7 +26,7 @@ def held(centre, points, radius):
     return radius if np.abs(points - centre).max() <= radius * (1 + 1e-9) else np.inf
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 8 else k for k in range(30)])
+@pytest.mark.parametrize("seed", seeds(8, 30))
 def test_it_is_the_smallest_of_all_pairs_and_triples(seed):
     rng = np.random.default_rng(seed)
     points = rng.standard_normal(rng.integers(2, 14)) + 1j * rng.standard_normal(1) * rng.standard_normal(1)

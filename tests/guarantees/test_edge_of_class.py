@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees.value_set import norm_of_bounds
+from robustid.guarantees import norm_of_bounds
+from support.cases import seeds
 from support.edge_plants import edge_problem, inner
 
 
@@ -13,7 +14,7 @@ def test_an_inner_function_has_norm_one_on_the_circle():
     np.testing.assert_allclose(np.linalg.norm(values, 2, axis=(1, 2)), 1)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 50))])
+@pytest.mark.parametrize("seed", seeds(1, 50))
 def test_a_plant_at_the_edge_is_inside_every_band_and_interval(seed):
     """At a line and between lines; the slow seeds at two of each."""
     problem, truth, residues = edge_problem(seed)
@@ -42,7 +43,7 @@ def impulse_of(truth, horizon, size=4096):
     return np.fft.irfft(truth(2 * np.pi * np.arange(size // 2 + 1) / size), size, axis=0)[:horizon]
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 50))])
+@pytest.mark.parametrize("seed", seeds(1, 50))
 def test_a_plant_at_the_edge_is_inside_every_tube(seed):
     problem, truth, _ = edge_problem(seed)
     result, horizon = rid.identify(problem), 4

@@ -11,6 +11,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import PoleCell
 from robustid.guarantees.exact_cells import relaxed_enough
+from support.pole_cells import drawn_cell
 
 pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
 
@@ -27,19 +28,14 @@ def problem_of(shape: tuple[int, ...]) -> rid.MixedProblem:
     return rid.MixedProblem(frequency=frf, time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2))
 
 
-def drawn(rng: np.random.Generator, width: float, delay: int, shape: tuple[int, ...]) -> PoleCell:
-    omega, damping = 2 * np.pi * np.sort(rng.uniform(5, 40, 2)), rng.uniform(0.005, 0.1, 2)
-    spread = width * np.array([-1.0, 1.0])
-    ends = omega[:, None] * (1 + damping[:, None] * spread), damping[:, None] * (1 + spread)
-    return PoleCell(*ends, rng.uniform(0.1, 2, (2, *shape)), delay, DT)
-
-
 @pytest.mark.parametrize("width", [0.0, 1e-11, 1e-3, 0.1, 0.3])
 @pytest.mark.parametrize(("delay", "shape"), [(0, ()), (1, (2, 2)), (2, (1, 3))])
 def test_cells_cover_their_poles(width: float, delay: int, shape: tuple[int, ...]) -> None:
     """Five drawn cells of every width, delay and shape: all of them."""
     rng = np.random.default_rng(delay)
-    assert all(relaxed_enough(drawn(rng, width, delay, shape), problem_of(shape), OMEGA) for _ in range(5))
+    assert all(
+        relaxed_enough(drawn_cell(rng, width, delay=delay, shape=shape), problem_of(shape), OMEGA) for _ in range(5)
+    )
 
 
 def fallen_short(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
@@ -50,13 +46,13 @@ def fallen_short(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["intervals", "remainder", "impulse_remainder"])
 def test_numbers_that_fall_short_are_found(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    cell = drawn(np.random.default_rng(3), 0.1, 1, (2, 2))
+    cell = drawn_cell(np.random.default_rng(3), 0.1, delay=1, shape=(2, 2))
     fallen_short(monkeypatch, name)
     assert not relaxed_enough(cell, problem_of((2, 2)), OMEGA)
 
 
 def test_a_radius_that_leaves_out_a_corner_is_found() -> None:
-    cell = drawn(np.random.default_rng(3), 0.1, 1, ())
+    cell = drawn_cell(np.random.default_rng(3), 0.1, delay=1, shape=())
     radius = np.array(cell.radius)
     radius[1] *= 1 - 1e-8
     short = dataclasses.replace(cell)

@@ -11,6 +11,8 @@ from robustid.core import responses
 from robustid.guarantees.circle import union_of_circles
 from robustid.guarantees.common_nominal import ENOUGH
 from support.families import DT, LINES, identified, measured, truth
+from support.forging import forge
+from support.structure import about_structure
 
 OMEGA = np.array([0.0, 2.0, 11.0, 20.0, np.pi / DT])
 GAINS = {"weak": 0.8, "middle": 1.0, "strong": 1.3}
@@ -124,19 +126,14 @@ def test_the_union_of_circles_is_the_largest_on_every_piece():
 def test_a_member_over_a_pole_uncertainty_box():
     """The band covers plants whose poles are elsewhere in the box; the circle takes its time, which no attribute does."""
     data = rid.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
-    modes, prior = rid.kautz(*data.modes.T, dt=0.01, delay=1), rid.Prior(gain_bound=0.1, decay_rate=1.3)
-    frf = data.frequency
-    first = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=modes))
+    problem, frf = about_structure(data, 0.1, 1.3), data.frequency
     shifted = dataclasses.replace(frf, values=frf.values * (1 + 1e-3))
-    second = rid.identify(rid.MixedProblem(frequency=shifted, prior=prior, parametric=modes))
+    first, second = (rid.identify(one) for one in (problem, dataclasses.replace(problem, frequency=shifted)))
     box = data.modes[:, :1] * [0.999, 1.001], data.modes[:, 1:] * [0.95, 1.05]
     omega = 2 * np.pi * np.array([30.0])
     alone = rid.family([first, second], omega=omega, directions=4)
     wide = rid.family(
-        [rid.Member(first, "a", poles=box), rid.Member(second, "b")],
-        omega=omega,
-        directions=4,
-        model=alone.model,
+        [rid.Member(first, "a", poles=box), rid.Member(second, "b")], omega=omega, directions=4, model=alone.model
     )
     assert wide.certified
     assert wide.uppers[0, 0] >= alone.uppers[0, 0]
@@ -239,3 +236,39 @@ def test_a_time_limit_leaves_the_frequencies_that_all_members_have(members, thre
     assert found.omega.size < omega.size
     assert np.array_equal(found.members[0].result.missing, np.setdiff1d(omega, found.omega))
     assert found.certified
+
+
+# Files.
+
+
+@pytest.fixture(scope="module")
+def two():
+    members = [rid.Member(identified(g, seed=k), load=g, date=f"2026-11-0{k + 1}") for k, g in enumerate((0.8, 1.0))]
+    return rid.family(members, omega=[2.0, 9.0, np.pi / DT], directions=4)
+
+
+def test_round_trip(two, tmp_path):
+    two.save(tmp_path / "a")
+    again = rid.load(tmp_path / "a")
+    assert again.summary() == two.summary()
+    assert np.array_equal(again.upper, two.upper)
+    assert np.array_equal(again.centres.radius, two.centres.radius)
+    assert [m.condition for m in again.members] == [m.condition for m in two.members]
+    assert (again.schedule, again.interval, again.tried) == (two.schedule, two.interval, two.tried)
+    assert again.certified
+
+
+def test_a_bound_on_the_circle_survives(two, tmp_path):
+    circle = two.on_circle(1.0)
+    rid.save(tmp_path / "a", two)
+    again = rid.load(tmp_path / "a")
+    assert all(error.known_circle is not None for error in again.errors)
+    assert np.array_equal(again.circle.bound, circle.bound)
+
+
+@pytest.mark.parametrize("change", [{"members": []}, {"interval": [1]}, {"tried": 3}])
+def test_edited_text_is_refused(two, tmp_path, change):
+    two.save(tmp_path / "a")
+    forge(tmp_path / "a", text=lambda record: record.update(change))
+    with pytest.raises(rid.errors.FileFormatError):
+        rid.load(tmp_path / "a")

@@ -8,6 +8,7 @@ import pytest
 import robustid as rid
 from robustid.core import response
 from robustid.guarantees import consistent_set
+from support.cases import slow
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,7 @@ def result():
     return rid.identify(rid.MixedProblem(frequency=frf, parametric=basis, prior=prior)), truth
 
 
-@pytest.mark.parametrize(("points", "directions"), [([10], 4), pytest.param([3, 10, 20], 6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("points", "directions"), [([10], 4), slow([3, 10, 20], 6)])
 def test_bounds_of_both_forms_enclose_the_same_errors(result, tmp_path, monkeypatch, points, directions):
     found, truth = result
     assert found.formulation.exact

@@ -9,11 +9,6 @@ from robustid.guarantees import magnitude_weight
 from support.weights import biquad, check_densely, largest_on, pair
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def jump(bound):
     return np.exp(np.abs(np.diff(np.log(bound))).max())
 

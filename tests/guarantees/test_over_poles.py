@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import slow
 from support.posed import proposed
+from support.structure import about_structure
 
 DT = 0.01
 
@@ -65,12 +67,7 @@ def test_bands_of_twenty_experiments(capsys):
 def test_eleven_lines_leave_the_damping_open(capsys):
     """True poles: at most 12 % at the peak. Poles from the data: wide, truth inside, and the line to measure is at the mode."""
     data = structure(0, fine=False)
-    problem = rid.MixedProblem(
-        frequency=data.frequency,
-        time=data.time,
-        prior=rid.Prior(gain_bound=0.2, decay_rate=1.3),
-        parametric=rid.kautz(*data.modes.T, dt=DT, delay=1),
-    )
+    problem = about_structure(data, 0.2, 1.3, time=True)
     error = rid.worst_case_error(rid.identify(problem), omega=[2 * np.pi * 17.67])
     peak = float(error.upper[0, 0, 0] / np.abs(error.nominal[0]))
     _, found, away, _ = band(0, fine=False, hz=(5.0, 12.0, 17.67, 18.5), cells=24)
@@ -91,9 +88,7 @@ def single_mode(lines):
     return problem, (np.array([[19.9, 20.1]]), np.array([[0.048, 0.052]]))
 
 
-@pytest.mark.parametrize(
-    ("lines", "points", "rtol", "plants"), [(7, 5, 1.0, 3), pytest.param(25, 9, 0.1, 20, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("lines", "points", "rtol", "plants"), [(7, 5, 1.0, 3), slow(25, 9, 0.1, 20)])
 def test_the_bound_on_the_circle_holds_plants_with_poles_anywhere_in_the_box(lines, points, rtol, plants):
     """Plants of the class through the data with other poles, on a fine grid; more than any single one of them is allowed."""
     problem, box = single_mode(lines)
@@ -133,11 +128,7 @@ def test_what_the_expansion_leaves_out_on_an_arc_is_the_largest_inside_it():
 
 def test_bad_input():
     data = structure(0)
-    problem = rid.MixedProblem(
-        frequency=data.frequency,
-        prior=rid.Prior(gain_bound=0.1, decay_rate=1.2),
-        parametric=rid.kautz(*data.modes.T, dt=DT, delay=1),
-    )
+    problem = about_structure(data, 0.1, 1.2)
     result = rid.identify(problem)
     box = data.modes[:, :1] * [0.99, 1.01], data.modes[:, 1:] * [0.9, 1.1]
     with pytest.raises(rid.InputError, match="one row"):
@@ -157,9 +148,7 @@ def test_bad_input():
 def test_a_box_that_the_data_refute_has_no_band():
     data = structure(0)
     wrong = data.modes * [[1.0, 1.0], [0.97, 1.0]]
-    prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
-    basis = rid.kautz(*wrong.T, dt=DT, delay=1)
-    result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis))
+    result = rid.identify(about_structure(data, 0.1, 1.2, modes=wrong))
     box = wrong[:, :1] * [0.9999, 1.0001], wrong[:, 1:] * [0.99, 1.01]
     with pytest.raises(rid.InconsistentDataError, match="all 1 cells of it are refuted"):
         rid.worst_case_over_poles(result, *box, omega=[30.0], cells=1)

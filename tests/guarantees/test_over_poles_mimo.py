@@ -7,6 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import box_of
+from support.cases import seeds, slow
 from support.edge_plants import edge_problem
 from support.matrix_plants import plant, response
 
@@ -22,7 +23,7 @@ def box_around(basis, away=AWAY):
     )
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 50))])
+@pytest.mark.parametrize("seed", seeds(1, 50))
 def test_a_plant_at_the_edge_with_its_pole_in_the_box_is_inside_the_band(seed, tmp_path):
     problem, truth, _ = edge_problem(seed, AWAY, 0.3)
     result = rid.identify(problem)
@@ -46,15 +47,12 @@ def test_a_plant_at_the_edge_with_its_pole_in_the_box_is_inside_the_band(seed, t
     assert again.verify()
 
 
-@pytest.mark.parametrize("symmetric", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("symmetric", [True, slow(False)])
 def test_a_box_of_one_point_gives_the_error_at_these_poles(symmetric):
     """Entries apart and tied by the ball, symmetric too: within the gap that was asked for."""
     mode = rid.kautz([1.2], [0.05], dt=1.0, delay=1)
     system, gain = plant(int(symmetric), 2, 2, 1.3, symmetric=symmetric)
-    lines, residues = (
-        np.array([0.3, 1.1, 1.3, 2.5]),
-        np.array([[[2.0, 1.0], [1.0, -2.0]], [[1.0, 3.0], [3.0, 1.0]]]),
-    )
+    lines, residues = (np.array([0.3, 1.1, 1.3, 2.5]), np.array([[[2.0, 1.0], [1.0, -2.0]], [[1.0, 3.0], [3.0, 1.0]]]))
     values = response(system, lines) + np.tensordot(mode.response(lines), residues, 1)
     bound = np.full(values.shape, 0.1)
     bound[1, 0, 1] = bound[1, 1, 0] = np.inf

@@ -6,29 +6,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.identification.exact_evaluation import verify_margin_exactly
-from support.passive import reactance, scattering
-
-
-def edge(seed, kind, ports):
-    """A truth at the edge of its class, lossless or nearly so, and data with noise at the ends of their bounds."""
-    rng = np.random.default_rng(seed)
-    decay, omega = float(rng.uniform(0.5, 2)), np.sort(rng.uniform(0.2, 10, 7 if ports == 1 else 4))
-    loss = float(rng.choice([0.0, 1e-3, 0.3]))
-    truth, prior = reactance(rng, ports, decay, int(rng.integers(1, 4)), loss=loss), rid.PositiveReal(decay=decay)
-    if kind == "bounded":
-        truth, prior = scattering(truth, float(rng.choice([0.0, 0.2])), decay), rid.BoundedReal(decay=decay)
-    if kind == "negative":
-        velocity, prior = truth, rid.NegativeImaginary(decay=decay)
-
-        def truth(s):
-            return velocity(s) / np.asarray(s)[:, None, None]
-
-    values = truth(1j * omega)
-    bound = 0.02 * np.abs(values).max()
-    noise = bound * np.exp(2j * np.pi * rng.random(values.shape))
-    frf = rid.FrequencyResponse(omega, values + noise, bound=bound * (1 + 1e-3))
-    return truth, rid.MixedProblem(frequency=frf, prior=prior)
+from robustid.identification import verify_margin_exactly
+from support.cases import slow
+from support.passive import passive_edge
 
 
 def inside(truth, found, error):
@@ -39,11 +19,9 @@ def inside(truth, found, error):
 CASES = [(seed, kind, ports) for seed in range(50) for kind in ("positive", "bounded", "negative") for ports in (1, 2)]
 
 
-@pytest.mark.parametrize(
-    ("seed", "kind", "ports"), [pytest.param(*c, marks=pytest.mark.slow) if c[0] else c for c in CASES]
-)
+@pytest.mark.parametrize(("seed", "kind", "ports"), [slow(*c) if c[0] else c for c in CASES])
 def test_truths_at_the_edge_are_inside(seed, kind, ports):
-    truth, problem = edge(seed, kind, ports)
+    truth, problem = passive_edge(seed, kind, ports)
     found = rid.identify(problem).require()
     grid = np.array([0.7, 20.0])
     error = rid.worst_case_error(found, omega=grid, directions=6, rtol=0.2)
@@ -52,27 +30,11 @@ def test_truths_at_the_edge_are_inside(seed, kind, ports):
     assert error.verify()
 
 
-def test_more_data_never_widen_the_band():
-    _, problem = edge(3, "positive", 1)
-    (frf,) = problem.frequency
-    few = rid.MixedProblem(frequency=frf.select(slice(0, None, 2)), prior=rid.PositiveReal(decay=problem.prior.decay))
-    wide, narrow = (
-        rid.worst_case_error(rid.identify(one), omega=[1.0, 5.0], directions=8, rtol=0.05) for one in (few, problem)
-    )
-    for one, other in zip(wide.values, narrow.values, strict=True):
-        before, after = (np.abs(v.vertices[:, None] - v.vertices).max() for v in (one, other))
-        assert after <= before * 1.05
-
-
 @pytest.mark.parametrize(
-    ("kind", "ports"),
-    [
-        ("positive", 1),
-        *(pytest.param(*c, marks=pytest.mark.slow) for c in (("positive", 2), ("negative", 1), ("negative", 2))),
-    ],
+    ("kind", "ports"), [("positive", 1), *(slow(*c) for c in (("positive", 2), ("negative", 1), ("negative", 2)))]
 )
 def test_the_bound_between_the_frequency_points(kind, ports, tmp_path):
-    truth, problem = edge(4, kind, ports)
+    truth, problem = passive_edge(4, kind, ports)
     found = rid.identify(problem).require()
     error = rid.worst_case_error(found, omega=[1.0], directions=4, rtol=0.3)
     circle = error.on_circle(0.5, everywhere=True, time_limit=20)
@@ -95,7 +57,7 @@ def test_the_bound_between_the_frequency_points(kind, ports, tmp_path):
 @pytest.mark.parametrize("kind", ["positive", "bounded", "negative"])
 def test_certificates_in_ball_arithmetic(kind, ports):
     pytest.importorskip("flint")
-    _, problem = edge(1, kind, ports)
+    _, problem = passive_edge(1, kind, ports)
     error = rid.worst_case_error(rid.identify(problem), omega=[0.7], directions=4, rtol=0.3)
     checked = [claim.verify(exact=True) for claim in error.claims()]
     assert len(checked) >= 4 * ports
@@ -106,7 +68,7 @@ def test_certificates_in_ball_arithmetic(kind, ports):
 def test_a_refutation_in_ball_arithmetic(kind):
     """Values that no function of the class has: their margin above 1 is proved, and a larger one is not."""
     pytest.importorskip("flint")
-    _, problem = edge(2, kind, 1)
+    _, problem = passive_edge(2, kind, 1)
     (frf,) = problem.frequency
     wrong = dataclasses.replace(frf, values=-frf.values if kind != "bounded" else 1.5 * frf.values / np.abs(frf.values))
     found = rid.identify(dataclasses.replace(problem, frequency=wrong))

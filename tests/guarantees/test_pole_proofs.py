@@ -10,16 +10,12 @@ import pytest
 import robustid as rid
 from robustid.core import load_saved
 from support.forging import forge, lower
+from support.structure import about_structure
 
 
 def identified(seed=0):
     data = rid.flexible_structure(seed=seed, lines=8, samples=2, extra_hz=[17.4, 17.6, 17.7, 17.9])
-    problem = rid.MixedProblem(
-        frequency=data.frequency,
-        prior=rid.Prior(gain_bound=0.1, decay_rate=1.3),
-        parametric=rid.kautz(*data.modes.T, dt=0.01, delay=1),
-    )
-    return rid.identify(problem), data.modes
+    return rid.identify(about_structure(data, 0.1, 1.3)), data.modes
 
 
 def banded(**options):

@@ -13,11 +13,6 @@ from support.destabilising import destabilising
 from support.weights import largest_on, mode, pair, random_model, values_of
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def small_controller(rng, nominal):
     """Stabilises every stable nominal model: the largest gain of the open loop is a half."""
     controller = random_model(rng, nominal.ninputs, nominal.noutputs, states=2)
@@ -50,10 +45,15 @@ def drawn_plant(nominal, limit, edges, bound, rng):
     return nominal + E * (limit / (np.abs(values_of(E, omega)[:, 0, 0]) / here).max())
 
 
+def edges_and_bound(nominal):
+    """Of 60 cells: a tenth of the nominal, and as much everywhere."""
+    edges = np.linspace(0, np.pi, 61) / 0.1
+    return edges, 0.04 + 0.1 * largest_on(lambda w: np.abs(values_of(nominal, w)[:, 0, 0]), edges, 50)
+
+
 def test_guaranteed_means_that_every_drawn_plant_is_stabilised(rng):
     nominal, controller = mode(), control.ss(control.tf([0.2, -0.15], [1, -0.5], 0.1))
-    edges = np.linspace(0, np.pi, 61) / 0.1
-    bound = 0.04 + 0.1 * largest_on(lambda w: np.abs(values_of(nominal, w)[:, 0, 0]), edges, 50)
+    edges, bound = edges_and_bound(nominal)
     result = uncertainty_weight(nominal, edges, bound).robust_stability_margin(controller)
     assert result.guaranteed
     assert result.margin > 1
@@ -280,8 +280,7 @@ def test_channels_that_do_not_meet_have_the_smaller_of_their_margins():
 
 def test_the_pair_for_synthesis_has_the_same_values_and_the_controller_comes_back():
     nominal = mode()
-    edges = np.linspace(0, np.pi, 61) / 0.1
-    bound = 0.04 + 0.1 * largest_on(lambda w: np.abs(values_of(nominal, w)[:, 0, 0]), edges, 50)
+    edges, bound = edges_and_bound(nominal)
     weight = uncertainty_weight(nominal, edges, bound)
     pair_ = weight.to_control()
     omega = np.linspace(0.1, 30, 50)
@@ -306,8 +305,7 @@ def test_a_synthesised_controller_keeps_the_gain_that_was_promised():
     """H-infinity synthesis of the mixed sensitivities: the same largest gain in discrete time, and a margin of its reciprocal."""
     pytest.importorskip("slycot", reason="slycot is not installed: control.mixsyn needs it")
     nominal = mode()
-    edges = np.linspace(0, np.pi, 61) / 0.1
-    bound = 0.04 + 0.1 * largest_on(lambda w: np.abs(values_of(nominal, w)[:, 0, 0]), edges, 50)
+    edges, bound = edges_and_bound(nominal)
     weight = uncertainty_weight(nominal, edges, bound)
     continuous = weight.to_control()
     performance = control.ss(control.tf([0.5, 0.3], [1.0, 3e-4]))  # |S| below 1 up to about 0.3 rad/s

@@ -10,9 +10,10 @@ import pytest
 
 import robustid as rid
 from robustid.core import load_saved
-from robustid.identification.certificate import evaluate_support
+from robustid.identification import evaluate_support
 from support.forging import damage_is_named, forge, lower
 from support.problems import random_problem
+from support.structure import about_structure
 
 
 @pytest.fixture(scope="module")
@@ -211,12 +212,7 @@ def test_a_full_disk_leaves_what_was_there_and_says_so(computed, saved, tmp_path
 
 def test_two_sides_are_no_polygon():
     """Directions 0 and pi of a complex value bound no area: what they leave out can be anywhere above and below."""
-    data = rid.flexible_structure(lines=5, samples=2)
-    problem = rid.MixedProblem(
-        frequency=data.frequency,
-        prior=rid.Prior(gain_bound=0.1, decay_rate=1.3),
-        parametric=rid.kautz(*data.modes.T, dt=0.01, delay=1),
-    )
+    problem = about_structure(rid.flexible_structure(lines=5, samples=2), 0.1, 1.3)
     error = rid.worst_case_error(rid.identify(problem), omega=[50.0], directions=4)
     value = error.values[0]
     ends = {name: getattr(value, name)[[0, 2]] for name in ("directions", "support", "points")}

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.workers import Workers
+from robustid.core import Workers
 from robustid.guarantees import sweep
+from support.cases import slow
 from support.problems import random_problem
 
 OMEGA = [10.0, 60.0, 110.0, 200.0]
@@ -54,7 +55,7 @@ def test_any_executor_gives_the_same(result, expected):
         same(run(result, executor=executor), expected)
 
 
-@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("processes", [1, slow(2)])
 def test_a_process_that_is_killed_loses_nothing(result, expected, caplog, processes):
     counts = []
 

@@ -10,8 +10,10 @@ import pytest
 import robustid as rid
 from robustid.core import simulate
 from robustid.guarantees import outputs, response_tube
-from robustid.identification.certificate import Functional
+from robustid.guarantees.outputs import tail_bounds
+from robustid.identification import Functional
 from robustid.identification.formulation import choice
+from support.cases import slow
 from support.problems import CASES, random_problem, truth_of
 
 SLACK = 1e-9  # of rounding in the comparisons, relative to the outputs
@@ -99,7 +101,7 @@ def test_a_form_that_misses_part_of_the_functional_pays_its_norm(monkeypatch):
     assert np.all(tube.error_lower <= tube.error_upper)
 
 
-@pytest.mark.parametrize("case", ["mixed", pytest.param("frequency", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", ["mixed", slow("frequency")])
 def test_forms_agree(case, monkeypatch):
     result = rid.identify(random_problem(5, case, 10))
     options = {"input": "step", "horizon": 12, "times": [0.02, 0.11], "gap": 1e-3}
@@ -334,3 +336,21 @@ def test_a_budget_leaves_the_samples_that_are_finished(mixed):
     assert part.samples.size == 1
     np.testing.assert_allclose(part.upper, whole.upper[part.samples], rtol=1e-9)
     assert part.verify()
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("start", [1, 7])
+def test_tails_of_impulse_responses(start):
+    for a in (0.3, -0.9, 0.9999):
+        total, largest = tail_bounds(np.array([[a]]), np.array([[2.0]]), np.array([[3.0]]), start)
+        assert total[0] == pytest.approx(6 * abs(a) ** (start - 1) / (1 - abs(a)), rel=1e-6)
+        assert total[0] >= 6 * abs(a) ** (start - 1) / (1 - abs(a)) * (1 - 1e-12)
+        assert largest[0] == pytest.approx(6 * abs(a) ** (start - 1), rel=1e-6, abs=1e-8)
+    pair = rid.kautz(20.0, 0.004, dt=0.01, delay=1)
+    h = np.abs(pair.impulse(100_000))[start:]
+    total, largest = tail_bounds(pair.A, pair.B, pair.C, start)
+    np.testing.assert_allclose(total, h.sum(axis=0), rtol=1e-5)
+    np.testing.assert_allclose(largest, h.max(axis=0), rtol=1e-5)
+    assert np.all(total >= h.sum(axis=0) * (1 - 1e-12))
+    assert np.all(largest >= h.max(axis=0) * (1 - 1e-12))
+    assert np.isinf(tail_bounds(np.eye(1), np.eye(1), np.eye(1), start)[0][0])

@@ -8,6 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import response_tube
+from support.cases import slow
 from support.matrix_plants import random_matrix_problem
 
 BASIS = rid.kautz([0.8], [0.1], dt=1.0, delay=1)
@@ -15,11 +16,7 @@ BASIS = rid.kautz([0.8], [0.1], dt=1.0, delay=1)
 
 @pytest.mark.parametrize(
     ("shape", "options"),
-    [
-        *(pytest.param(shape, {}, marks=pytest.mark.slow) for shape in ((2, 2), (2, 3))),
-        ((2, 2), {"symmetric": True}),
-        ((2, 1), {"parametric": BASIS}),
-    ],
+    [*(slow(shape, {}) for shape in ((2, 2), (2, 3))), ((2, 2), {"symmetric": True}), ((2, 1), {"parametric": BASIS})],
 )
 def test_the_truth_is_inside(shape, options):
     problem, truth = random_matrix_problem(1, *shape, 3, rho=1.4, **options)

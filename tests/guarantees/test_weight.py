@@ -11,11 +11,6 @@ from support.weights import check_densely, largest_on, mode, modulus, random_mod
 pytestmark = pytest.mark.quick
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 # ------------------------------------------------------------------------------------------------------ kinds and channels
 
 

@@ -9,6 +9,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import magnitude_weight, robust_stability_margin, structured_weight, structured_weights
 from robustid.guarantees.cells import STRUCTURES, implied, log_volume, shape_of
+from support.cases import slow
 from support.weights import modulus, random_model, values_of
 
 EDGES = np.linspace(0, np.pi, 13) / 0.1
@@ -51,9 +52,7 @@ def test_bounds_that_follow_from_others_hold(rng, structure, size):
                 assert np.all(found <= bounds[structure])
 
 
-@pytest.mark.parametrize(
-    "structure", ["output", "input", *(pytest.param(s, marks=pytest.mark.slow) for s in ("full", "entry"))]
-)
+@pytest.mark.parametrize("structure", ["output", "input", *(slow(s) for s in ("full", "entry"))])
 def test_both_sides_give_every_error_within_the_bounds(rng, structure):
     nominal = random_model(rng, 2, 3)
     bounds, errors = drawn_bounds(rng, (2, 3))
@@ -102,7 +101,7 @@ def test_for_synthesis_and_as_arrays(rng):
     assert repr(weight) == f"<StructuredWeight: output, 2 weights of order {weight.order} in all>"
 
 
-@pytest.mark.parametrize("size", [(1, 1), (2, 2), pytest.param((1, 3), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), slow((1, 3))])
 def test_the_size_of_a_set_against_a_count_of_points(rng, size):
     """Of 50 000 matrices drawn from a cube around it, the part in the set, for every structure."""
     for structure in STRUCTURES:

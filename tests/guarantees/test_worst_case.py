@@ -8,11 +8,12 @@ import pytest
 
 import robustid as rid
 from robustid.core import Choice, Source, response
-from robustid.guarantees.consistent_set import consistent_set
+from robustid.guarantees import ValueSet, consistent_set
 from robustid.guarantees.polygons import value_set
-from robustid.guarantees.value_set import ValueSet, value_set_claims
-from robustid.identification.certificate import Functional, certify_support, evaluate_support
-from support.problems import CASES, random_experiment, random_problem
+from robustid.guarantees.value_set import value_set_claims
+from robustid.identification import Functional, certify_support, evaluate_support
+from support.cases import slow
+from support.problems import CASES, MIXED_IS_SLOW, random_experiment, random_problem
 
 K, RHO, DT = 2.0, 1.2, 0.1
 
@@ -84,12 +85,12 @@ def test_two_taylor_coefficients():
 # Drawn truths.
 
 
-def band_holds(seed, case, coefficients, directions, form="auto"):
+def band_holds(seed, case, coefficients, directions, count=3):
     """Truth inside every polygon and interval, upper bounds above attained errors; returns the largest relative gap."""
     problem, truth = random_experiment(seed, case, coefficients)
-    result = rid.identify(problem, form=form)
+    result = rid.identify(problem)
     assert result.consistent
-    omega = np.random.default_rng(seed).uniform(0.02, 3.1, 3) / problem.dt
+    omega = np.random.default_rng(seed).uniform(0.02, 3.1, count) / problem.dt
     error = rid.worst_case_error(result, omega=omega, directions=directions)
     values = truth.response(error.omega * problem.dt)
     upper, lower = error.upper[:, 0, 0], error.lower[:, 0, 0]
@@ -111,24 +112,21 @@ def band_holds(seed, case, coefficients, directions, form="auto"):
     return float(np.max(1 - lower / upper))
 
 
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
-)
+@pytest.mark.parametrize("case", MIXED_IS_SLOW)
 def test_the_truth_is_inside_every_band_and_interval(case):
     assert band_holds(0, case, 10, 16) <= 0.05
 
 
-@pytest.mark.parametrize("case", ["time", pytest.param("parametric", marks=pytest.mark.slow)])  # all among the hundred
-def test_the_gap_closes_with_more_directions(case):
-    assert band_holds(7, case, 6, 64) <= 0.01
+@pytest.mark.parametrize(
+    ("case", "count"), [("time", 1), slow("time", 3), slow("parametric", 3)]
+)  # all among the hundred
+def test_the_gap_closes_with_more_directions(case, count):
+    assert band_holds(7, case, 6, 64, count) <= 0.01
 
 
 @pytest.mark.parametrize(
     ("case", "seed", "omega"),
-    [
-        ("time", 1, [150.0]),
-        *(pytest.param(*each, [20.0, 150.0], marks=pytest.mark.slow) for each in (("time", 1), ("parametric", 0))),
-    ],
+    [("time", 1, [150.0]), *(slow(*each, [20.0, 150.0]) for each in (("time", 1), ("parametric", 0)))],
 )
 def test_the_taylor_form_gives_the_same_bounds(case, seed, omega):
     problem = random_problem(seed, case, 8)
@@ -151,7 +149,7 @@ def test_bands_of_a_hundred_truths(capsys):
     assert max(fine) <= 0.01
 
 
-@pytest.mark.parametrize("case", [pytest.param("mixed", marks=pytest.mark.slow), "parametric"])
+@pytest.mark.parametrize("case", [slow("mixed"), "parametric"])
 def test_more_data_never_widen_the_set(case):
     """Support functions and the error of a fixed nominal, with lines and samples added."""
     problem = random_problem(5, case, 16)

@@ -9,11 +9,12 @@ import pytest
 
 import robustid as rid
 from robustid.advice.sensitivity import guaranteed
-from robustid.guarantees.consistent_set import consistent_set
+from robustid.guarantees import consistent_set, norm_of_bounds
 from robustid.guarantees.polygons import value_sets_at
-from robustid.guarantees.value_set import along, norm_of_bounds, schur_bound
+from robustid.guarantees.value_set import along, schur_bound
 from robustid.identification.formulation import parts_of
 from support.bounds import rebound
+from support.cases import seeds, slow
 from support.matrix_plants import discs_of, random_matrix_problem, response, unknowns_of
 
 SHAPES = [(2, 2), (1, 2), (2, 1), (2, 3)]
@@ -72,13 +73,13 @@ def error():
 @pytest.mark.parametrize(
     ("p", "q", "options"),
     [
-        pytest.param(2, 2, {}, marks=pytest.mark.slow),
+        slow(2, 2, {}),
         (2, 2, {"symmetric": True}),
         (2, 1, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}),
         (1, 2, {"scaled": True}),
-        pytest.param(3, 2, {}, marks=pytest.mark.slow),
-        pytest.param(2, 2, {"scaled": True, "symmetric": True}, marks=pytest.mark.slow),
-        pytest.param(2, 2, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}, marks=pytest.mark.slow),
+        slow(3, 2, {}),
+        slow(2, 2, {"scaled": True, "symmetric": True}),
+        slow(2, 2, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}),
     ],
 )
 def test_the_judge_finds_the_same_support_of_every_entry(p, q, options):
@@ -111,12 +112,7 @@ def test_the_judge_finds_the_same_support_of_every_entry(p, q, options):
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        pytest.param({}, marks=pytest.mark.slow),
-        {"symmetric": True},
-        {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)},
-    ],
+    "options", [slow({}), {"symmetric": True}, {"parametric": rid.kautz([0.8], [0.1], dt=1.0, delay=1)}]
 )
 def test_entries_alone_are_bounded_from_above(options):
     """A part of the problem sees the samples of one entry: its bound is proved, and nowhere below that of all of it."""
@@ -209,7 +205,7 @@ def test_norms_of_bounds_and_of_entrywise_products():
 # Laws.
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(30)])
+@pytest.mark.parametrize("seed", seeds(1, 30))
 def test_the_truth_is_inside_on_random_plants(seed):
     """30 plants of four shapes, symmetric ones among them, truth of the class and noise in the discs: no bound is exceeded."""
     p, q = SHAPES[seed % 4]
@@ -317,9 +313,7 @@ def test_intervals_of_symmetric_residues_are_symmetric_and_proved():
     assert not dataclasses.replace(error, parameters=dataclasses.replace(error.parameters, upper=lowered)).certified
 
 
-@pytest.mark.parametrize(
-    ("p", "q", "rho", "damping"), [(2, 1, 4.0, 0.5), pytest.param(2, 2, 1.5, 0.05, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("p", "q", "rho", "damping"), [(2, 1, 4.0, 0.5), slow(2, 2, 1.5, 0.05)])
 def test_the_bound_on_the_circle_holds_between_frequencies(p, q, rho, damping):
     problem, truth, _ = small_problem(p, q, rho, damping)
     error = bounded(problem, [0.0, 1.0, np.pi], directions=3)
@@ -444,7 +438,7 @@ def test_half_widths_of_matrices_are_below_the_errors():
     assert 0.5 * largest < median == worst <= largest
 
 
-@pytest.mark.parametrize("joint", [pytest.param("column", marks=pytest.mark.slow), "matrix"])
+@pytest.mark.parametrize("joint", [slow("column"), "matrix"])
 def test_a_bound_of_the_whole_matrix_bounds_the_largest_singular_value(joint):
     """At a frequency point sigma(F - N) <= sigma(y - N) + r, where the entries alone would give twice that for 2x2."""
     problem, truth = random_matrix_problem(3, 2, 2, 3, rho=1.05)
@@ -463,7 +457,7 @@ def test_a_bound_of_the_whole_matrix_bounds_the_largest_singular_value(joint):
     assert np.all(error.sigma_lower <= error.sigma_upper)
 
 
-@pytest.mark.parametrize("omega", [[1.6], pytest.param(np.linspace(1.4, 1.8, 4), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("omega", [[1.6], slow(np.linspace(1.4, 1.8, 4))])
 def test_entries_are_bounded_more_tightly_where_the_largest_singular_value_asks_for_it(omega, monkeypatch):
     """The gap of the largest singular value is smaller where it misses the one asked for by little, and nowhere wider."""
     from robustid.guarantees import polygons

@@ -7,14 +7,15 @@ import pytest
 
 from robustid.bases import Sections, input_normal_pair
 from robustid.identification.entries import Entries
-from robustid.identification.formulation.ball import DenseMap, SymmetricBall, TurnedBall
-from robustid.identification.formulation.columns import DenseDesign
+from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
+from robustid.identification.formulation.ball import TurnedBall
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.sections import BlockHankelMap, SectionMap
 from robustid.identification.formulation.taylor import HankelMap
 from robustid.identification.formulation.taylor_columns import ShiftColumns, ShiftDesign
 from robustid.identification.solver import cones as discs
 from robustid.identification.solver.cones import longest_step
+from support.cases import seeds
 from support.paths import arrow, dense_scaling, times, triple
 
 pytestmark = pytest.mark.quick
@@ -150,7 +151,7 @@ def random_pair(rng, count, real=0):
     return np.abs(e) * (1 + rng.uniform(1e-4, 3, count)), e
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 2 else k for k in range(4)])
+@pytest.mark.parametrize("seed", seeds(2, 4))
 def test_the_algebra_of_discs(seed):
     rng = np.random.default_rng(seed)
     cones, s, z = discs.Cones(40), random_pair(rng, 40, real=15), random_pair(rng, 40, real=15)
@@ -163,7 +164,7 @@ def test_the_algebra_of_discs(seed):
         assert np.all(pair[1][25:].imag == 0)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 2 else k for k in range(4)])
+@pytest.mark.parametrize("seed", seeds(2, 4))
 def test_the_scaling_of_discs_against_three_by_three_matrices(seed):
     rng = np.random.default_rng([7, seed])
     s, z = random_pair(rng, 40, real=15), random_pair(rng, 40, real=15)

@@ -6,28 +6,23 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate as simulate_all
-from robustid.identification.residuals import model_residuals
+from robustid.identification import model_residuals
 from robustid.identification.solver.cvxpy_backend import available_solvers
-from support.problems import CASES, judge_margin, random_problem, rigid_structure
+from support.cases import slow
+from support.problems import CASES, MIXED_IS_SLOW, judge_margin, random_problem, rigid_structure
+from support.structure import about_structure
 
 
 def simulate(model, u):
     return simulate_all(model, np.asarray(u, float)[:, None])[0][:, 0]
 
 
-def flexible(size=None, **options):
-    experiment = rid.flexible_structure(seed=1, **(size or {}))
-    basis = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
-    problem = {
-        "frequency": experiment.frequency,
-        "time": experiment.time,
-        "prior": rid.Prior(gain_bound=0.2, decay_rate=1.1),
-        "parametric": basis,
-    }
-    return rid.MixedProblem(**(problem | options))
+def flexible(size=None, **changes):
+    data = rid.flexible_structure(seed=1, **(size or {}))
+    return dataclasses.replace(about_structure(data, 0.2, 1.1, time=True), **changes)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(6)])
 @pytest.mark.parametrize("case", CASES)
 def test_margin_agrees_with_the_paper_s_theorem_on_random_problems(case, seeds):
     """Truth inside and outside the bounds: all within 1e-6 of an independent formulation."""
@@ -71,9 +66,7 @@ def test_margin_agrees_with_general_solvers_up_to_60_coefficients(case, coeffici
         check_model(problem, ours)
 
 
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
-)
+@pytest.mark.parametrize("case", MIXED_IS_SLOW)
 def test_the_structured_solver_agrees_with_the_conic_solver(case):
     problem = random_problem(7, case, 28, spread=0.2, noise=4.0)
     ours, other = rid.identify(problem), rid.identify(problem, solver="cvxpy")
@@ -88,9 +81,7 @@ def test_both_forms_give_the_same_margin():
         assert paper.margin == pytest.approx(ours.margin, abs=1e-5 * max(1, ours.margin))
 
 
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
-)
+@pytest.mark.parametrize("case", MIXED_IS_SLOW)
 def test_order_is_minimal(case):
     """No pole-zero cancellations: the Hankel singular values of the scaled central part stay away from rounding."""
     smallest = []
@@ -106,7 +97,7 @@ def test_order_is_minimal(case):
     assert np.sum(np.array(smallest) > 1e-7) >= 7
 
 
-@pytest.mark.parametrize("size", [{"lines": 5, "samples": 4}, pytest.param(None, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [{"lines": 5, "samples": 4}, slow(None)])
 def test_objectives_choose_what_they_say(size):
     problem = flexible(size)
     results = {name: rid.identify(problem, objective=name) for name in ("center", "margin", "gain", "order")}
@@ -160,7 +151,7 @@ def test_inconsistent_data_come_with_a_proof_and_a_model():
         result.require()
 
 
-@pytest.mark.parametrize("seeds", [5, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [5, slow(10)])
 def test_more_data_never_lower_the_margin(seeds):
     """Dropping samples from inconsistent problems: the margin never grows."""
     held = 0

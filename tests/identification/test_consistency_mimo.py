@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.identification import verify_margin_exactly
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.entries import Entries
-from robustid.identification.exact_evaluation import enclose_margin, verify_margin_exactly
+from robustid.identification.exact_evaluation import enclose_margin
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.taylor import ShiftMap
 from support.bounds import rebound
+from support.cases import slow
 from support.matrix_plants import judge_margin, random_matrix_problem, response
 
 SHAPES = (2, 2), (2, 3), (3, 2)
@@ -29,7 +31,8 @@ def agrees(problem, tolerance=1e-5):
     return result
 
 
-def check_random_plant(seed, lines):
+@pytest.mark.parametrize(("seed", "lines"), [(0, 3), slow(1, 3), (2, 3), *(slow(seed, 6) for seed in range(30))])
+def test_random_plants(seed, lines):
     """The truth is inside for 1.2 of its own gain; half of that gives larger margins."""
     p, q = SHAPES[seed % 3]
     problem, truth = random_matrix_problem(seed, p, q, lines)
@@ -39,17 +42,6 @@ def check_random_plant(seed, lines):
     frf = problem.frequency[0]
     assert frf.ratio(frf.values - response(truth, frf.omega)).max() <= 1 + 1e-12
     assert agrees(random_matrix_problem(seed, p, q, lines, factor=0.5)[0]).margin >= inside.margin - 1e-6
-
-
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), 2])
-def test_random_plants(seed):
-    check_random_plant(seed, 3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(30))
-def test_thirty_random_plants(seed):
-    check_random_plant(seed, 6)
 
 
 # --- every kind of data and class -----------------------------------------------------------------------------------------

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import SPlane, bilinear_in_s, bilinear_in_z
-from robustid.core.state_space import StateMatrices, response_at
+from robustid.core import SPlane, StateMatrices, bilinear_in_s, bilinear_in_z, response_at
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.region import HalfPlane
-from support.half_plane import edge_truth, judged_margin, smallest_gain
+from support.cases import seeds
+from support.half_plane import edge_truth, smallest_gain
+from support.passive import smallest_factor
 
 
 def problem_of(omega, values, bound, gain, decay, **more):
@@ -86,7 +87,7 @@ def test_the_smallest_gain_is_that_of_pick_s_theorem(decay):
 
 
 @pytest.mark.parametrize("size", [1, 2])
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(60)])
+@pytest.mark.parametrize("seed", seeds(1, 60))
 def test_the_margin_is_that_of_the_complex_pick_matrix(seed, size):
     rng = np.random.default_rng(seed)
     count, decay = rng.integers(2, 6 if size == 1 else 4), 10 ** rng.uniform(-1, 0.5)
@@ -94,7 +95,9 @@ def test_the_margin_is_that_of_the_complex_pick_matrix(seed, size):
     values = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
     bounds = rng.uniform(0.1, 0.6, shape)
     found = rid.identify(problem_of(omega, values, bounds, 1.0, decay), accuracy=1e-7)
-    assert found.margin == pytest.approx(judged_margin(omega, values, bounds, 1.0, decay), rel=1e-5, abs=1e-5)
+    assert found.margin == pytest.approx(
+        smallest_factor(omega, values, bounds, decay, bounded=True), rel=1e-5, abs=1e-5
+    )
 
 
 @pytest.mark.parametrize("form", ["orthonormal", "sections"])
@@ -124,19 +127,6 @@ def test_continuous_pairs_have_unit_norm_and_their_poles():
     assert np.trapezoid(square, w, axis=0) / 2 / np.pi == pytest.approx(np.ones(6), rel=2e-3)
     one = rid.integrators(2, dt=0)
     assert np.allclose(response_at(one.matrices, [2j])[0, :, 0], [1 / 2j, 1 / 2j**2])
-
-
-def test_results_save_and_load(tmp_path):
-    omega = np.array([1.0, 2.0, 3.0])
-    found = rid.identify(problem_of(omega, 1 / (1j * omega + 1), 0.05, 1.0, 0.5, parametric=rid.kautz(2.0, 0.3, dt=0)))
-    path = tmp_path / "result.json"
-    found.save(path)
-    again = rid.load(path)
-    assert again.prior == rid.Prior(gain_bound=1.0, decay=0.5)
-    assert again.verification.passed
-    assert np.array_equal(again.model.A, found.model.A)
-    assert "Re s > -0.5 1/s" in again.summary()
-    assert "continuous time" in again.summary()
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,12 @@ import pytest
 
 import robustid as rid
 from robustid.bases import Sections
-from robustid.identification.certificate import Functional, evaluate_certificate, evaluate_support
-from robustid.identification.exact_evaluation import enclose_margin, enclose_support, verify_margin_exactly
+from robustid.identification import Functional, evaluate_support, verify_margin_exactly
+from robustid.identification.certificate import evaluate_certificate
+from robustid.identification.exact_evaluation import enclose_margin, enclose_support
 from robustid.identification.formulation import ExactFormulation, formulate_in
 from robustid.identification.formulation.taylor_columns import ShiftColumns
+from support.cases import slow
 from support.problems import random_problem
 
 pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
@@ -96,7 +98,7 @@ def reference(functional, samples, S, level, rows, sarason):
     return total + mp.mpf(functional.tail)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(2)])
 @pytest.mark.parametrize("name", FORMS)
 def test_the_enclosure_of_a_support_is_right_and_the_double_never_below_it(name, seeds):
     rows, sarason = arrays(name)
@@ -119,7 +121,7 @@ def test_the_enclosure_of_a_support_is_right_and_the_double_never_below_it(name,
         assert plain - found < 1e-7 * abs(plain)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(2)])
 @pytest.mark.parametrize("name", FORMS)
 def test_the_enclosure_of_a_margin_is_right_and_the_double_never_above_it(name, seeds):
     rows, sarason = arrays(name)

@@ -10,10 +10,12 @@ from robustid.bases import Sections
 from robustid.identification.certificate import certify_margin
 from robustid.identification.formulation import formulate_in
 from robustid.identification.formulation.sarason import PairMap
+from robustid.identification.solver import Limits, Supports, analytic_center, gain_path, margin_path, path, start
 from robustid.identification.solver.cvxpy_backend import solve_conic
-from robustid.identification.solver.interior_point import center, path, start
-from robustid.identification.solver.newton import Limits, State
-from robustid.identification.solver.paths import Supports, analytic_center, barrier_program, gain_path, margin_path
+from robustid.identification.solver.interior_point import center
+from robustid.identification.solver.newton import State
+from robustid.identification.solver.paths import barrier_program
+from support.cases import slow
 from support.paths import arrow, dense_scaling, times, triple
 from support.problems import CASES, random_problem
 
@@ -143,7 +145,7 @@ def barrier_gradient(data, level, v):
     return out
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("case", CASES)
 def test_the_centre_is_where_the_barrier_is_stationary(case, form, seeds):
@@ -289,7 +291,7 @@ def check_problem(seed, case, form, coefficients, count):
     return off
 
 
-@pytest.mark.parametrize("every_seed", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every_seed", [False, slow(True)])
 @pytest.mark.parametrize("form", range(len(FORMS)))
 @pytest.mark.parametrize("case", CASES)
 def test_paths_end_at_the_optimum_of_an_independent_solver(case, form, every_seed, monkeypatch):

@@ -10,6 +10,7 @@ from robustid.bases import input_normal_pair
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation.classical import classical_form
 from robustid.identification.formulation.sarason import PairMap
+from support.cases import seeds, slow
 
 K, RHO, DT = 1.7, 1.2, 0.01
 
@@ -62,7 +63,7 @@ def test_two_values_at_real_nodes_meet_at_pick_s_disc():
     assert margin(frf) == pytest.approx(brentq(gap, 0, 1.3 / bound, xtol=1e-14), abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k > 1 else k for k in range(5)])
+@pytest.mark.parametrize("seed", seeds(2, 5))
 def test_every_solution_interpolates_and_stays_in_the_ball(seed):
     rng = np.random.default_rng(seed)
     angles, taylor = np.sort(rng.uniform(0.1, 3, 4)), 5
@@ -171,7 +172,7 @@ def test_adjoint_and_basis_agree_with_the_stein_equation():
     assert np.linalg.norm(H, 2) == pytest.approx(np.linalg.norm(X, 2), rel=1e-12)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, slow(5)])
 def test_any_multipliers_prove_a_true_bound(seeds):
     """Four problems a seed x 20 random multipliers: none claims more than the margin that a system reaches."""
     from robustid.identification.formulation import ExactFormulation

@@ -11,6 +11,7 @@ from robustid.bases import input_normal_pair, shift_pair
 from robustid.identification import Prior
 from robustid.identification.entries import Entries
 from robustid.identification.formulation.sarason import PairMap
+from support.cases import slow
 from support.matrix_plants import random_matrix_problem, response
 
 pytestmark = pytest.mark.quick
@@ -64,34 +65,30 @@ def test_the_central_model(p, q):
     assert frf.ratio(frf.values - response(model, frf.omega)).max() <= 1 + 1e-9
 
 
-@pytest.mark.parametrize(("p", "q"), SHAPES)
-def test_all_solutions_and_their_balls(p, q):
+@pytest.mark.parametrize(
+    ("shape", "seed", "lines", "tolerance"),
+    [*((shape, 2, 3, 1e-7) for shape in SHAPES), *(slow(SHAPES[seed % 3], seed, 6, 1e-6) for seed in range(30))],
+)
+def test_all_solutions_and_their_balls(shape, seed, lines, tolerance):
     """Every E: the same values at the lines, in the ball, its values in the Weyl balls; isometries on their borders."""
-    rng, problem, result = sampled(p, q, 2)
-    prior = problem.prior
+    rng, problem, result = sampled(*shape, seed, lines)
+    gain, radius = problem.prior.gain_bound, 1 / problem.prior.decay_rate
+    assert result.order == problem.coefficients * min(shape)
     centre, left, right = result.weyl_ball(ANGLES)
-    reached = 0.0
-    for E, isometry in contractions(rng, p, q):
+    reached, at_lines = 0.0, response(result.model, problem.angles)
+    for E, isometry in contractions(rng, *shape):
         model = result.solution(E)
-        np.testing.assert_allclose(
-            response(model, problem.angles),
-            response(result.model, problem.angles),
-            rtol=0,
-            atol=1e-8 * prior.gain_bound,
-        )
-        assert max(np.linalg.norm(G, 2) for G in response(model, ANGLES, 1 / prior.decay_rate)) <= prior.gain_bound * (
-            1 + 1e-9
-        )
+        np.testing.assert_allclose(response(model, problem.angles), at_lines, rtol=0, atol=1e-8 * gain)
+        assert max(np.linalg.norm(G, 2) for G in response(model, ANGLES, radius)) <= gain * (1 + 1e-9)
         U = np.linalg.solve(left, response(model, ANGLES) - centre) @ np.linalg.inv(right)
         sizes = np.linalg.svd(U, compute_uv=False)
-        assert sizes.max() <= 1 + 1e-7
+        assert sizes.max() <= 1 + tolerance
         if isometry:  # maps of balls take isometries to isometries
-            np.testing.assert_allclose(sizes, 1, rtol=0, atol=1e-7)
+            np.testing.assert_allclose(sizes, 1, rtol=0, atol=tolerance)
         reached = max(reached, sizes.max())
-    assert reached > 1 - 1e-7
-    at_lines = result.weyl_ball(problem.frequency[0].omega)
-    radius = np.linalg.norm(at_lines[1], 2, axis=(1, 2)) * np.linalg.norm(at_lines[2], 2, axis=(1, 2))
-    assert radius.max() < 1e-5 * prior.gain_bound
+    assert reached > 1 - tolerance
+    _, left, right = result.weyl_ball(problem.frequency[0].omega)
+    assert (np.linalg.norm(left, 2, axis=(1, 2)) * np.linalg.norm(right, 2, axis=(1, 2))).max() < 1e-5 * gain
 
 
 def test_the_ball_of_one_exact_value():
@@ -161,25 +158,3 @@ def test_a_free_parameter_must_be_a_contraction():
             result.solution(E)
     with pytest.raises(rid.InputError, match="weyl_ball"):
         result.weyl_disc(1.0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(30))
-def test_thirty_random_plants(seed):
-    p, q = SHAPES[seed % 3]
-    rng, problem, result = sampled(p, q, seed, 6)
-    centre, left, right = result.weyl_ball(ANGLES)
-    assert result.order == problem.coefficients * min(p, q)
-    for E, isometry in contractions(rng, p, q):
-        model = result.solution(E)
-        np.testing.assert_allclose(
-            response(model, problem.angles),
-            response(result.model, problem.angles),
-            rtol=0,
-            atol=1e-8 * problem.prior.gain_bound,
-        )
-        sizes = np.linalg.svd(
-            np.linalg.solve(left, response(model, ANGLES) - centre) @ np.linalg.inv(right), compute_uv=False
-        )
-        assert sizes.max() <= 1 + 1e-6
-        assert not isometry or sizes.min() > 1 - 1e-6

@@ -11,6 +11,7 @@ import robustid as rid
 from robustid.identification.model import modes_of
 from support import problems
 from support.bounds import rebound
+from support.cases import slow
 from support.matrix_plants import judge_margin, random_matrix_problem, response
 
 OMEGA = np.linspace(0.01, 3.1, 60)
@@ -41,7 +42,7 @@ def near(one, other, tolerance):
     np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
 
 
-@pytest.mark.parametrize("case", [pytest.param("frequency", marks=pytest.mark.slow), "mixed", "parametric"])
+@pytest.mark.parametrize("case", [slow("frequency"), "mixed", "parametric"])
 def test_the_judge_of_matrices_agrees_with_that_of_one_channel(case):
     problem = problems.random_problem(1, case, 12, noise=4.0)
     margin = identified(problem).margin
@@ -104,7 +105,7 @@ def test_independent_blocks():
     [
         ("entry", "taylor"),
         ("column", "orthonormal"),
-        *(pytest.param(*c, marks=pytest.mark.slow) for c in (("entry", "orthonormal"), ("column", "taylor"))),
+        *(slow(*c) for c in (("entry", "orthonormal"), ("column", "taylor"))),
     ],
 )
 def test_the_order_of_the_channels(form, joint):

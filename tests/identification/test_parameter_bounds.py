@@ -9,8 +9,9 @@ import pytest
 import robustid as rid
 from robustid.identification.certificate import certify_margin, evaluate_certificate
 from robustid.identification.formulation import ExactFormulation
+from robustid.identification.solver import Supports, analytic_center, gain_path, margin_path
 from robustid.identification.solver.cvxpy_backend import solve_conic
-from robustid.identification.solver.paths import Supports, analytic_center, gain_path, margin_path
+from support.cases import slow
 from support.intervals import FREE, KINDS, bounded, inside, intervals, tight
 from support.problems import judge_margin, random_problem
 
@@ -84,8 +85,8 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
 # --- an independent solver --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(20, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k in KINDS[::2] else k for k in KINDS])
+@pytest.mark.parametrize("seeds", [2, slow(20)])
+@pytest.mark.parametrize("kind", [slow(k) if k in KINDS[::2] else k for k in KINDS])
 def test_margin_against_the_paper_s_theorem(kind, seeds):
     """Clarabel on the printed inequality with the intervals written out; Taylor forms enclose the same number."""
     active = positive = 0
@@ -113,8 +114,8 @@ def test_margin_against_the_paper_s_theorem(kind, seeds):
     assert active >= {"outside": 3, "one side": 1, "far": 1}.get(kind, 0) * seeds // 4
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", [k if k in KINDS[::2] else pytest.param(k, marks=pytest.mark.slow) for k in KINDS])
+@pytest.mark.parametrize("seeds", [2, slow(4)])
+@pytest.mark.parametrize("kind", [k if k in KINDS[::2] else slow(k) for k in KINDS])
 def test_gain_and_centre_with_intervals(kind, seeds):
     """The smallest gain against Clarabel; every point on the way keeps to the intervals; the centre is stationary."""
     for seed in range(seeds):
@@ -152,7 +153,7 @@ def barrier(data, level, x, p):
 # --- certificates -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(10)])
 def test_a_certificate_belongs_to_its_intervals(seeds):
     """Evaluated under wider intervals it proves no more than holds there; under its own, what it says."""
     for seed in range(seeds):
@@ -174,7 +175,7 @@ def test_a_certificate_belongs_to_its_intervals(seeds):
         assert not proof.verify(data.rows, data.sarason) or result.margin_lower < 1e-6
 
 
-@pytest.mark.parametrize("seeds", [6, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [6, slow(30)])
 def test_certificates_from_arbitrary_multipliers_hold_for_members(seeds):
     """Random multipliers, good or bad: no member with coefficients in their intervals is below the value."""
     proved = 0

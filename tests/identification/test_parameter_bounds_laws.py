@@ -8,15 +8,17 @@ import pytest
 import robustid as rid
 from robustid.advice import diagnose
 from robustid.identification.formulation import ExactFormulation
-from robustid.identification.solver.paths import margin_path
+from robustid.identification.solver import margin_path
 from robustid.report.assumptions import assumptions
+from support.cases import slow
 from support.intervals import FREE, KINDS, bounded, inside, tight, truthful
 from support.problems import random_problem
+from support.structure import about_structure
 
 # --- laws -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kinds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kinds", [1, slow(3)])
 @pytest.mark.parametrize("power", [-60, 60])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_units_do_not_matter(power, form, kinds):
@@ -38,7 +40,7 @@ def test_units_do_not_matter(power, form, kinds):
         assert np.array_equal(second.parameters, unit * first.parameters)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(6)])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_intervals_around_the_truth_never_refute(form, seeds):
     for seed in range(seeds):
@@ -175,18 +177,15 @@ def test_intervals_need_functions():
 def test_intervals_take_the_place_of_samples_that_tell_coefficients_apart():
     """One line, four functions: refused with free coefficients, and a bounded set where all of them lie in intervals."""
     data = rid.flexible_structure(lines=1, samples=2)
-    modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
-    prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
     with pytest.raises(rid.errors.InputError, match="cannot tell its 4 functions"):
-        rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=modes))
+        rid.identify(about_structure(data, 0.1, 1.3))
     box = np.tile([-20.0, 20.0], (4, 1))
-    held = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=modes, parameter_bounds=box))
+    held = rid.identify(about_structure(data, 0.1, 1.3, parameter_bounds=box))
     assert held.consistent
     error = rid.worst_case_error(held, omega=[30.0], directions=4)
     assert error.certified
     assert np.all(np.abs(held.parameters) <= 20)
     # One complex line tells two real functions apart, not three.
     free = np.where(np.arange(4)[:, None] < 3, FREE, box)
-    partly = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=modes, parameter_bounds=free)
     with pytest.raises(rid.errors.InputError, match="cannot tell its 3 functions"):
-        rid.identify(partly)
+        rid.identify(about_structure(data, 0.1, 1.3, parameter_bounds=free))

@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.advice import diagnose
 from robustid.errors import SizeError
 from robustid.identification import verify_margin_exactly
+from support.cases import seeds
 from support.passive import reactance, scattering, smallest_factor
 
 
@@ -25,43 +26,22 @@ def random_data(seed, ports):
     return omega, values + 0.5 * np.eye(ports), rng.uniform(0.3, 1, values.shape), decay, float(rng.choice([0, 0.1]))
 
 
-def slow_but(first):
-    return [pytest.param(k, marks=pytest.mark.slow) if k >= first else k for k in range(60)]
-
-
 @pytest.mark.parametrize("ports", [1, 2])
-@pytest.mark.parametrize("seed", slow_but(1))
-def test_margins_of_positive_real_classes_against_pick(seed, ports):
+@pytest.mark.parametrize("kind", [rid.PositiveReal, rid.NegativeImaginary, rid.BoundedReal])
+@pytest.mark.parametrize("seed", seeds(1, 60))
+def test_margins_against_pick(seed, kind, ports):
     omega, values, bound, decay, slack = random_data(seed, ports)
-    prior = rid.PositiveReal(decay=decay, slack=slack)
-    found = rid.identify(problem_of(omega, values, bound, prior), accuracy=1e-6)
+    by = (1j * omega)[:, None, None] if kind is rid.NegativeImaginary else 1.0
+    bounded = kind is rid.BoundedReal
+    prior = kind(decay=decay) if bounded else kind(decay=decay, slack=slack)
+    found = rid.identify(problem_of(omega, values / by, bound / np.abs(by), prior), accuracy=1e-6)
     assert found.verification.passed
-    expected = smallest_factor(omega, values, bound, decay, slack=slack)
+    expected = smallest_factor(omega, values, bound, decay, slack=0.0 if bounded else slack, bounded=bounded)
     assert found.margin == pytest.approx(expected, rel=1e-5)
-    assert found.margin_lower <= expected * (1 + 1e-6)
-
-
-@pytest.mark.parametrize("ports", [1, 2])
-@pytest.mark.parametrize("seed", slow_but(1))
-def test_margins_of_negative_imaginary_classes_against_pick(seed, ports):
-    omega, values, bound, decay, slack = random_data(seed, ports)
-    by = (1j * omega)[:, None, None]
-    found = rid.identify(
-        problem_of(omega, values / by, bound / np.abs(by), rid.NegativeImaginary(decay=decay, slack=slack)),
-        accuracy=1e-6,
-    )
-    assert found.verification.passed
-    assert found.margin == pytest.approx(smallest_factor(omega, values, bound, decay, slack=slack), rel=1e-5)
-    assert found.order == 2 * omega.size * ports + ports  # the integrators once
-
-
-@pytest.mark.parametrize("ports", [1, 2])
-@pytest.mark.parametrize("seed", slow_but(1))
-def test_margins_of_bounded_real_classes_against_pick(seed, ports):
-    omega, values, bound, decay, _ = random_data(seed, ports)
-    found = rid.identify(problem_of(omega, values, bound, rid.BoundedReal(decay=decay)), accuracy=1e-6)
-    assert found.verification.passed
-    assert found.margin == pytest.approx(smallest_factor(omega, values, bound, decay, bounded=True), rel=1e-5)
+    if kind is rid.PositiveReal:
+        assert found.margin_lower <= expected * (1 + 1e-6)
+    if kind is rid.NegativeImaginary:
+        assert found.order == 2 * omega.size * ports + ports  # the integrators once
 
 
 def test_the_structured_and_the_general_solver_agree_and_the_scale_has_no_influence():
@@ -134,22 +114,6 @@ def test_classes_of_discrete_time():
     assert rid.identify(rid.MixedProblem(frequency=dataclasses.replace(frf, values=-values), prior=prior)).margin > 1
 
 
-def test_saved_and_loaded(tmp_path):
-    omega, values, bound, decay, _ = random_data(3, 1)
-    for prior in (
-        rid.PositiveReal(decay=decay, slack=0.2),
-        rid.BoundedReal(decay=decay),
-        rid.NegativeImaginary(decay=decay),
-    ):
-        found = rid.identify(problem_of(omega, values, 3 * bound, prior))
-        found.save(tmp_path / f"{type(prior).__name__}.json")
-        again = rid.load(tmp_path / f"{type(prior).__name__}.json")
-        assert type(again.prior) is type(prior)
-        assert (again.margin, again.status) == (found.margin, found.status)
-        assert again.prior == found.prior
-        assert "passive" in again.summary()
-
-
 def mobility(seed):
     """Modes of 1 % damping, a positive-real rest that decays fast, and noise at the ends of the bounds."""
     rng = np.random.default_rng(seed)
@@ -166,7 +130,7 @@ def mobility(seed):
     return at, omega, values, 1.001 * bound, rid.passive_modes(w, zeta)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(30)])
+@pytest.mark.parametrize("seed", seeds(1, 30))
 def test_lightly_damped_modes_beside_a_positive_real_rest(seed):
     truth, omega, values, bound, modes = mobility(seed)
     problem = problem_of(omega, values, bound, rid.PositiveReal(decay=4.0), parametric=modes)
@@ -213,7 +177,7 @@ def transfer_mobility(seed):
     )
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(20)])
+@pytest.mark.parametrize("seed", seeds(1, 20))
 def test_modes_of_several_ports_beside_a_positive_real_rest(seed):
     """The class holds that of positive semidefinite residues: its margin is at most as large, and the truth is in its band."""
     truth, omega, values, bound, modes = transfer_mobility(seed)
@@ -247,11 +211,7 @@ def test_what_contradicts_a_class_is_said():
     assert found.status is rid.Status.INCONSISTENT
     words = diagnose(found).summary()
     assert f"not passive at 1 of 12 frequency points by themselves, most at {omega[4] / (2 * np.pi):.5g} Hz" in words
-    for factor, change in (
-        (-1, "opposite sign"),
-        (1 / (1j * omega), "times j omega"),
-        (1j * omega, "over j omega"),
-    ):
+    for factor, change in ((-1, "opposite sign"), (1 / (1j * omega), "times j omega"), (1j * omega, "over j omega")):
         found = diagnose(rid.identify(problem_of(omega, values * factor, 1e-3, rid.PositiveReal(decay=1.0))))
         assert change in found.best().name
         assert found.best().margin < 1

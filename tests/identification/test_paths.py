@@ -6,15 +6,13 @@ import pytest
 import robustid as rid
 from robustid.identification import margin as margin_module
 from robustid.identification.formulation import ExactFormulation
-from robustid.identification.solver.paths import analytic_center, gain_path, margin_path
-from support.problems import CASES, judge_margin, random_problem
+from robustid.identification.solver import analytic_center, gain_path, margin_path
+from support.problems import CASES, MIXED_IS_SLOW, judge_margin, random_problem
 
 # --- decisions on the border, and degenerate input --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
-)
+@pytest.mark.parametrize("case", MIXED_IS_SLOW)
 def test_barely_feasible_problems_are_decided(case):
     """K from the gain path such that the margin is 1 + d: the margin path returns it, and the proof decides."""
     decided = 0

@@ -85,6 +85,18 @@ def test_what_is_too_large_is_refused_at_once():
         rid.identify(problem(frequency=None, time=record, prior=slow))
 
 
+def test_too_large_for_every_form_says_what_each_would_need():
+    omega = np.geomspace(0.5, 150, 200)
+    values = np.broadcast_to(0.5 / (1 + 1j * omega)[:, None, None] * np.ones((4, 4)), (200, 4, 4))
+    frf = rid.FrequencyResponse(omega, values, bound=0.02)
+    with pytest.raises(
+        rid.errors.SizeError, match=r"400 coefficients where up to \d+ .*sections form.* single entries"
+    ) as said:
+        rid.identify(problem(frequency=frf, prior=rid.BoundedReal(decay=0.3)), accuracy=1e-3)
+    assert 'form="auto"' not in str(said.value)
+    assert "0.3 1/s" in str(said.value)
+
+
 def test_ten_thousand_samples_are_answered():
     record = rid.TimeRecord(np.ones(10_000), np.ones(10_000), dt=0.1, bound=0.1)
     result = rid.identify(problem(frequency=None, time=record))

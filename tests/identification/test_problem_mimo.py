@@ -58,11 +58,7 @@ CASES = {
         "`symmetric` needs as many outputs as inputs, in the same order; got 2 outputs and 3 inputs",
     ),
     "bounds of the residues of another shape": (
-        {
-            "frequency": FRF,
-            "parametric": rid.kautz(1.0, 0.1, dt=0.1),
-            "parameter_bounds": np.zeros((2, 3, 2, 2)),
-        },
+        {"frequency": FRF, "parametric": rid.kautz(1.0, 0.1, dt=0.1), "parameter_bounds": np.zeros((2, 3, 2, 2))},
         r"`parameter_bounds` must have shape \(m, 2\) .* or \(m, ny, nu, 2\) = \(2, 2, 2, 2\); got",
     ),
 }

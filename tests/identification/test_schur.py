@@ -11,6 +11,7 @@ from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.schur import taylor_interpolants
 from robustid.identification.truncation import balanced_from_impulse
 from robustid.reduction import balanced_truncation, hankel_singular_values
+from support.cases import seeds, slow
 from support.reduction_models import gap, points_of
 
 CIRCLE = np.exp(1j * np.linspace(0, np.pi, 2001))
@@ -60,7 +61,7 @@ def test_two_coefficients_by_hand():
     assert family.coefficients(0).shape == (0,)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 5 else k for k in range(20)])
+@pytest.mark.parametrize("seed", seeds(5, 20))
 def test_every_solution_is_that_of_the_dense_form(seed):
     rng = np.random.default_rng(seed)
     L = int(rng.integers(1, 31))
@@ -146,7 +147,7 @@ def test_a_first_order_response_has_one_state_and_one_known_singular_value(pole)
     assert np.abs(markov(*small[:4], 2501) - g).max() < 1e-13
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k > 1 else k for k in range(6)])
+@pytest.mark.parametrize("seed", seeds(2, 6))
 def test_the_truncation_is_that_of_a_state_space(seed):
     rng = np.random.default_rng(seed)
     n, M = 7, int(rng.integers(400, 1500))
@@ -175,11 +176,7 @@ def smooth(rng, M, decay):
 
 @pytest.mark.parametrize(
     ("M", "decay", "tolerance"),
-    [
-        (800, 0.9, 1e-6),
-        (300, 1.0, 0.1),
-        *(pytest.param(*c, marks=pytest.mark.slow) for c in ((800, 0.9, 1e-1), (800, 0.9, 1e-10), (1500, 0.9, 1e-8))),
-    ],
+    [(800, 0.9, 1e-6), (300, 1.0, 0.1), *(slow(*c) for c in ((800, 0.9, 1e-1), (800, 0.9, 1e-10), (1500, 0.9, 1e-8)))],
 )
 def test_the_error_stays_within_the_bound_and_the_order_is_the_smallest(M, decay, tolerance):
     g = smooth(np.random.default_rng(7), M, decay)

@@ -12,8 +12,9 @@ from robustid.identification.formulation.section_choice import shortest_sections
 from robustid.identification.formulation.sections import SectionMap
 from robustid.identification.formulation.tails import demands, taylor_tail
 from robustid.identification.formulation.taylor import taylor_length
+from support.cases import slow
 from support.sections_of_lines import CIRCLE, coordinates, lines, random_member
-from support.taylor_members import at, random_experiments, responses, taylor
+from support.taylor_members import at, shares_of_tails, taylor, wide_problem
 
 CASES = (
     Sections([0.6], 5),
@@ -88,32 +89,19 @@ def test_the_shift_is_a_section():
 # --- tails ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [30, slow(60)])
 def test_the_tails_of_all_samples_hold_for_random_members(seeds):
     """Lines, records from rest, periodic and with free start: sections of any kind, also times members."""
     reached = np.zeros(4)
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
-        frequency, time = random_experiments(rng)
-        prior = rid.Prior(gain_bound=rng.uniform(0.1, 10), decay_rate=rng.uniform(1.02, 1.3))
-        problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
+        problem, widths = wide_problem(rng, 1.02)
         zeros = rng.uniform(0, 0.6, 1 + seed % 2) * np.exp(1j * rng.uniform(0, np.pi, 1 + seed % 2))
         sections = Sections(np.abs(zeros) if seed % 2 else zeros, int(rng.integers(1, 5)))
-        rows, bound = (
-            formulate_in(problem, sections).rows,
-            1 / np.abs(formulate_in(problem, Sections([0.5], 1)).rows.y + 1),
-        )
-        del bound
-        widths = np.concatenate([f.bound[:, 0, 0] for f in frequency] + [t.bound[:, 0] for t in time])
-        past = np.abs(time[2].u).max() * prior.gain_bound * prior.decay_rate ** -np.arange(40.0)
-        widths[-40:] += past / (prior.decay_rate - 1)
-        theta = blaschke(sections)
+        rows, theta = formulate_in(problem, sections).rows, blaschke(sections)
         for member in (random_member(rng, 6), times(theta, random_member(rng, 4)), theta):
-            values = responses(problem, member) / widths
-            rest = np.abs(values - rows.E @ coordinates(at(member, CIRCLE), sections))
-            assert np.all(rest <= rows.tail * (1 + 1e-9) + 1e-11 * np.abs(values).max())
-            parts = [slice(0, 6), slice(6, 46), slice(46, 86), slice(86, 126)]
-            reached = np.maximum(reached, [(rest[part] / rows.tail[part]).max() for part in parts])
+            inside = coordinates(at(member, CIRCLE), sections)
+            reached = np.maximum(reached, shares_of_tails(problem, widths, rows, member, inside, 1e-11))
     assert np.all(reached > [0.6, 0.9, 0.2, 0.9])
 
 
@@ -196,7 +184,7 @@ def exact_functions(sections, zeta, B):
 # --- the choice -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [4, slow(20)])
 def test_the_choice_keeps_every_tail_below_a_tenth_of_the_accuracy(seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)

@@ -6,6 +6,7 @@ import pytest
 import robustid as rid
 from robustid.identification.formulation import formulate_in
 from robustid.identification.formulation.section_choice import shortest_sections
+from support.cases import slow
 from support.matrix_plants import random_matrix_problem, response
 from support.sections_of_lines import CIRCLE, coordinates
 
@@ -17,10 +18,7 @@ def few_lines(seed, p, q, lines=8, **options):
     return random_matrix_problem(seed, p, q, lines, rho=1.15, bound=0.02, **options)
 
 
-@pytest.mark.parametrize(
-    ("shape", "seeds"),
-    [((2, 3), 1), *(pytest.param(shape, 4, marks=pytest.mark.slow) for shape in ((2, 2), (2, 3), (3, 1)))],
-)
+@pytest.mark.parametrize(("shape", "seeds"), [((2, 3), 1), *(slow(shape, 4) for shape in ((2, 2), (2, 3), (3, 1)))])
 def test_the_remainder_of_plants_of_the_class_is_below_the_tail(shape, seeds):
     """In the largest singular value, at the samples and elsewhere; the coefficients are in the ball."""
     largest = 0.0
@@ -44,7 +42,7 @@ def test_the_remainder_of_plants_of_the_class_is_below_the_tail(shape, seeds):
     [
         (0, (2, 1), {}),
         *(
-            pytest.param(seed, shape, options, marks=pytest.mark.slow)
+            slow(seed, shape, options)
             for seed, (shape, options) in enumerate(
                 [
                     ((2, 2), {}),
@@ -71,13 +69,3 @@ def test_the_margin_is_that_of_the_exact_form(seed, shape, options):
         error = rid.worst_case_error(result, omega=omega, rtol=0.2)
         assert np.all(np.abs(response(truth, omega) - error.nominal) <= error.upper)
         assert error.certified
-
-
-def test_a_matrix_in_sections_survives_a_file(tmp_path):
-    problem, _ = few_lines(1, 1, 2, lines=5)
-    result = rid.identify(problem, form="sections", accuracy=ACCURACY)
-    result.save(tmp_path / "sections")
-    again = rid.load(tmp_path / "sections")
-    assert again.formulation.repeated.repeats == result.formulation.repeated.repeats
-    assert again.margin == result.margin
-    assert again.verification.passed

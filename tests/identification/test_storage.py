@@ -2,7 +2,10 @@ import contextlib
 import dataclasses
 import json
 import pickle
+import subprocess
+import sys
 
+import control
 import numpy as np
 import pytest
 
@@ -10,6 +13,8 @@ import robustid as rid
 from robustid.bases import FunctionKind
 from robustid.core import Choice, Source
 from support.forging import damage_is_named, forge
+from support.forms import posed_problem
+from support.matrix_plants import random_matrix_problem
 from support.problems import CASES, random_problem
 
 
@@ -20,22 +25,62 @@ def saved(tmp_path):
     return result, tmp_path / "result"
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_round_trip_is_exact_and_verified_again(case, tmp_path):
-    result = rid.identify(random_problem(2, case, 12), objective="gain")
+def of_class(prior):
+    """1/(s + 1) at three frequencies; beside a pair, where the class is not a passive one."""
+    omega = np.array([1.0, 2.0, 3.0])
+    frf = rid.FrequencyResponse(omega, 1 / (1j * omega + 1), bound=0.05)
+    basis = rid.kautz(2.0, 0.3, dt=0) if type(prior) is rid.Prior else None
+    return rid.MixedProblem(frequency=frf, prior=prior, parametric=basis)
+
+
+WEIGHT = control.zpk([-30.0], [-8.0 + 2j, -8.0 - 2j], 3.0)
+MATRIX = random_matrix_problem(1, 1, 2, 5, rho=1.15, bound=0.02)[0]
+KEPT = {case: (random_problem(2, case, 12), {"objective": "gain"}, "verified") for case in CASES} | {
+    "taylor": (posed_problem("mixed", 1, 1.15, 0.05), {"form": "taylor", "accuracy": 1e-3}, "Taylor coefficients"),
+    "matrix in sections": (MATRIX, {"form": "sections", "accuracy": 1e-3}, "of an all-pass section"),
+    "continuous": (of_class(rid.Prior(gain_bound=1.0, decay=0.5)), {}, "Re s > -0.5 1/s"),
+    "roll-off": (of_class(rid.Prior(gain_bound=2.0, decay=0.5, roll_off=2, corner=6.0)), {}, "continuous time"),
+    "weight": (of_class(rid.Prior(gain_bound=5.0, decay=0.5, weight=WEIGHT)), {}, "times <weight of s: zeros -30"),
+    "positive real, refuted": (of_class(rid.PositiveReal(decay=0.5, slack=0.2)), {}, "passive"),
+    "bounded real": (of_class(rid.BoundedReal(decay=0.5)), {}, "passive"),
+    "negative imaginary": (of_class(rid.NegativeImaginary(decay=0.5)), {}, "passive"),
+}
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_round_trip_is_exact_and_verified_again(name, tmp_path):
+    problem, options, words = KEPT[name]
+    result = rid.identify(problem, **options)
     result.save(tmp_path / "a.b")
     again = rid.load(tmp_path / "a.b")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.b.json", "a.b.npz"]
     assert np.array_equal(again.coefficients, result.coefficients)
     assert np.array_equal(again.parameters, result.parameters)
     assert np.array_equal(again.model.A, result.model.A)
-    assert (again.margin, again.margin_lower, again.status) == (
-        result.margin,
-        result.margin_lower,
-        result.status,
+    for field in ("margin", "margin_lower", "status", "prior", "summary"):
+        one, other = (getattr(each, field) for each in (again, result))
+        assert type(one) is type(other)
+        assert (one() == other()) if field == "summary" else (one == other)
+    assert (again.formulation.count, again.formulation.repeated) == (
+        result.formulation.count,
+        result.formulation.repeated,
     )
-    assert again.prior == result.prior
+    assert words in again.summary()
     assert again.verification.passed
+    assert again.verification.checks == result.verification.checks
+
+
+def test_a_new_process_saves_what_it_has_made(tmp_path):
+    """Nothing has been loaded or saved before that would have registered the parts."""
+    code = """
+import robustid as rid
+frf = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=0.1, dt=0.1)
+frf.save("data.npz")
+rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1))).save("result")
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    assert rid.load(tmp_path / "result").verification.passed
+    assert rid.load(tmp_path / "data.npz").dt == 0.1
 
 
 def test_channel_names_units_and_notes_survive(tmp_path):

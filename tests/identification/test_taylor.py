@@ -6,15 +6,16 @@ import pytest
 
 import robustid as rid
 from robustid.bases import shift_pair
-from robustid.identification.certificate import evaluate_certificate
+from robustid.identification import model_residuals
 from robustid.identification.formulation import TaylorFormulation
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.tails import taylor_tail
 from robustid.identification.formulation.taylor import ShiftMap, taylor_length
 from robustid.identification.formulation.taylor_columns import ShiftColumns
-from robustid.identification.residuals import model_residuals
-from support.problems import CASES, random_problem
-from support.taylor_members import DT, EPS, at, polynomials, random_experiments, responses, taylor
+from support.cases import slow
+from support.forms import ACCURACY, both_forms, compared, nothing_below, posed_problem
+from support.problems import CASES, MIXED_IS_SLOW, random_problem
+from support.taylor_members import DT, EPS, at, polynomials, random_experiments, shares_of_tails, taylor, wide_problem
 
 
 def random_member(rng, degree=6):
@@ -79,21 +80,12 @@ def test_the_tails_of_all_samples_hold_for_random_members():
     reached = np.zeros(4)
     for seed in range(100):
         rng = np.random.default_rng(seed)
-        frequency, time = random_experiments(rng)
-        prior = rid.Prior(gain_bound=rng.uniform(0.1, 10), decay_rate=rng.uniform(1.01, 1.3))
-        problem = rid.MixedProblem(frequency=frequency, time=time, prior=prior)
+        problem, widths = wide_problem(rng, 1.01)
         L = int(rng.integers(1, 60))
         rows = TaylorFormulation(problem, L).rows
-        bound = np.concatenate([f.bound[:, 0, 0] for f in frequency] + [t.bound[:, 0] for t in time])
-        widened = bound.copy()
-        past = np.abs(time[2].u).max() * prior.gain_bound * prior.decay_rate ** -np.arange(40.0)
-        widened[-40:] += past / (prior.decay_rate - 1)
         for member in (random_member(rng, 12), delayed(random_member(rng, 4), L), delayed((np.ones(1), np.ones(1)), L)):
-            rest = np.abs(responses(problem, member) / widened - rows.E @ taylor(member, L))
-            assert np.all(rest <= rows.tail * (1 + 1e-9) + 1e-12 * np.abs(responses(problem, member) / widened).max())
-            ratio = rest / np.where(rows.tail > 0, rows.tail, np.inf)
-            parts = [slice(0, 6), slice(6, 46), slice(46, 86), slice(86, 126)]
-            reached = np.maximum(reached, [ratio[part].max() for part in parts])
+            shares = shares_of_tails(problem, widths, rows, member, taylor(member, L), 1e-12)
+            reached = np.maximum(reached, shares)
     assert np.all(reached > [0.3, 0.99, 0.2, 0.99])  # one sample beyond L is reached exactly: zeta^L
 
 
@@ -149,81 +141,26 @@ def test_the_allowance_for_rounding_covers_generated_columns():
 
 # --- identify ---------------------------------------------------------------------------------------------------------
 
-ACCURACY = 1e-3
-
-
-def posed_problem(case, seed):
-    """Odd seeds are inconsistent; decay rates for which few coefficients do."""
-    spread, noise = ((1.0, 0.9), (0.2, 5.0))[seed % 2]
-    problem = random_problem(seed, case, 14, spread=spread, noise=noise)
-    return problem.with_prior(decay_rate=1.15 + 0.05 * (seed % 4))
-
 
 def both(problem, accuracy=ACCURACY, **options):
-    exact, taylor_form = (
-        rid.identify(problem, form=form, accuracy=accuracy, **options) for form in ("orthonormal", "taylor")
-    )
-    assert exact.verification.passed, exact.summary()
-    assert taylor_form.verification.passed, taylor_form.summary()
+    exact, taylor_form = both_forms(problem, "taylor", accuracy=accuracy, **options)
     assert not taylor_form.formulation.exact
     return exact, taylor_form
 
 
-def check_outer(problem, result, exact, rng):
-    """No system drawn from the class has a worst residual below `margin_lower`."""
-    for _ in range(3):
-        model = exact.solution(rng.uniform(-1, 1))
-        worst = max(r.ratio.max() for r in model_residuals(problem, model))
-        assert worst >= result.margin_lower - 1e-9 * max(1, worst)
-    # The best system known, mixed with random members: whatever the rest of its coefficients does.
-    rows = result.formulation.rows
-    for t in (1e-4, 1e-3, 1e-2, 0.1, 1.0):
-        for sign in (1, -1):
-            x = (1 - t) * result.claim.x + sign * t * taylor(random_member(rng), result.formulation.count)
-            assert rows.ratio(x, result.claim.p).max() >= result.margin_lower - 1e-9
-
-
 def compare(case, seed):
-    problem = posed_problem(case, seed)
-    exact, result = both(problem)
-    assert max(exact.margin_lower, result.margin_lower) <= min(exact.margin, result.margin) + 1e-9
-    for each in (exact, result):
-        assert each.margin - each.margin_lower <= ACCURACY * max(1, each.margin)
-    if rid.Status.UNDECIDED not in (exact.status, result.status):
-        assert exact.status is result.status
-    # The certificate, re-evaluated by its definition; one of value 0 claims nothing.
-    data, proof = result.formulation.data, result.certificate
-    weights, A = proof.samples, ShiftMap(result.formulation.count).pair.A
-    if proof.value:
-        value = float((weights.conj() @ data.rows.y).real) - np.linalg.norm(proof.ball - A @ proof.ball @ A.T, "nuc")
-        assert np.abs(weights).sum() == pytest.approx(1, rel=1e-12)
-        assert proof.value <= value - np.abs(weights) @ data.rows.tail + 1e-12
-        assert evaluate_certificate(weights, proof.ball, proof.upper, data.rows, data.sarason) >= proof.value
-    check_outer(problem, result, exact, np.random.default_rng(seed))
-    # The residuals are those of the model, by its frequency response and its simulated impulse response.
-    model, level = result.model, max(1.0, result.margin * (1 + 1e-6))
-    found = {(r.kind, r.index): r for r in result.residuals}
-    for i, f in enumerate(problem.frequency):
-        z = np.exp(1j * f.omega * DT)
-        values = np.array([model.C @ np.linalg.solve(w * np.eye(model.nstates) - model.A, model.B) for w in z])
-        error = f.values[:, 0, 0] - values[:, 0, 0] - model.D[0, 0]
-        assert np.abs(error - found["frequency", i].error).max() <= 1e-8 * np.abs(f.values).max()
-        assert (np.abs(error) / f.bound[:, 0, 0]).max() <= level * (1 + 1e-5)
-    for i, t in enumerate(problem.time):
-        g, state = [model.D[0, 0]], model.B[:, 0]
-        for _ in range(t.u.size - 1):
-            g.append(float(model.C[0] @ state))
-            state = model.A @ state
-        error = t.y[:, 0] - np.convolve(t.u[:, 0], g)[: t.u.size]
-        assert np.abs(error - found["time", i].error).max() <= 1e-8 * max(np.abs(t.y).max(), 1)
-        assert (np.abs(error) / t.bound[:, 0]).max() <= level * (1 + 1e-5)
+    exact, result = both(problem := posed_problem(case, seed, 1.15, 0.05))
+    compared(problem, exact, result)
+    proof = result.certificate
+    assert not proof.value or np.abs(proof.samples).sum() == pytest.approx(1, rel=1e-12)
+    # The best system known, mixed with random members, has no smaller worst residual: whatever the rest of its coefficients does.
+    rng = np.random.default_rng(seed)
+    nothing_below(result, (taylor(random_member(rng), result.formulation.count) for _ in range(10)))
     return result
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=pytest.mark.slow) if case == "mixed" else case for case in CASES]
-)
+@pytest.mark.parametrize("seeds", [2, slow(4)])
+@pytest.mark.parametrize("case", MIXED_IS_SLOW)
 def test_both_forms_prove_the_same_margin(case, seeds):
     statuses = {compare(case, seed).status for seed in range(seeds)}
     assert rid.Status.CONSISTENT in statuses
@@ -241,11 +178,11 @@ def test_both_forms_on_many_problems(case):
     [
         ("time", 0, "gain"),
         ("mixed", 1, "margin"),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("time", 0, "margin"), ("mixed", 1, "gain"))),
+        *(slow(*each) for each in (("time", 0, "margin"), ("mixed", 1, "gain"))),
     ],
 )
 def test_objectives_agree_between_the_forms(case, seed, objective):
-    problem = posed_problem(case, seed)
+    problem = posed_problem(case, seed, 1.15, 0.05)
     exact, result = both(problem, objective=objective, accuracy=1e-5 if objective == "gain" else 1e-4)
     if objective == "gain":
         # Both gains are found to 1e-4; tails and margins differ by less.
@@ -253,18 +190,6 @@ def test_objectives_agree_between_the_forms(case, seed, objective):
     else:
         worst = [max(r.ratio.max() for r in each.residuals) for each in (exact, result)]
         assert worst[0] == pytest.approx(worst[1], abs=2e-4 * max(1, *worst))
-
-
-def test_a_taylor_result_comes_back_from_its_file(tmp_path):
-    result = rid.identify(posed_problem("mixed", 1), form="taylor", accuracy=ACCURACY)
-    result.save(tmp_path / "taylor")
-    again = rid.load(tmp_path / "taylor")
-    assert again.verification.passed
-    assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
-    assert again.formulation.count == result.formulation.count
-    assert np.array_equal(again.coefficients, result.coefficients)
-    assert np.array_equal(again.model.A, result.model.A)
-    assert again.verification.checks == result.verification.checks
 
 
 @pytest.mark.parametrize("case", ["time", "frequency", "parametric"])

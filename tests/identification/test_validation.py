@@ -7,6 +7,7 @@ import pytest
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import validate
+from support.cases import slow
 
 pytestmark = pytest.mark.quick
 
@@ -87,7 +88,7 @@ def test_free_record_is_blind_to_unused_samples_and_to_units():
         np.testing.assert_allclose(two.fit, one.fit, rtol=1e-9)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, slow(10)])
 def test_periodic_record_is_the_end_of_a_long_one(seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)

@@ -8,11 +8,12 @@ import pytest
 from scipy.signal import lfilter
 
 import robustid as rid
-from robustid.identification.certificate import MarginCertificate, evaluate_certificate
-from robustid.identification.formulation import ExactFormulation
-from robustid.identification.formulation.convex import Candidate
+from robustid.identification import MarginCertificate
+from robustid.identification.certificate import evaluate_certificate
+from robustid.identification.formulation import Candidate, ExactFormulation
 from robustid.identification.model import Nominal
 from robustid.identification.verification import verify
+from support.cases import slow
 from support.problems import CASES, random_problem
 
 PROBLEM = random_problem(2, "mixed", 14, spread=0.2, noise=4.0)
@@ -112,7 +113,7 @@ def test_the_rounding_allowance_covers_the_rounding(case):
         assert claimed <= exact_value(result.certificate, data) <= result.margin * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(2)])
 def test_tight_bounds_reach_the_accuracy(seeds):
     """Bounds of 1e-4 to 1e-8 of K: the proven interval is as narrow as asked, in all."""
     held = 0
@@ -209,7 +210,7 @@ def test_nyquist_line_of_a_periodic_record_counts_once():
     assert rid.identify(problem).margin == pytest.approx((w - 0.5) / bound, abs=1e-5)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(5)])
 def test_reduction_of_a_record_from_an_unknown_state_keeps_its_bounds(seeds):
     """Free responses are fitted for the largest residual, as the claim is: all stay within their bounds."""
     for seed in range(seeds):
@@ -245,7 +246,7 @@ def test_a_decay_rate_that_cannot_be_told_from_one_is_refused():
         rid.Prior(gain_bound=1.0, decay_rate=1 + 1e-9)
 
 
-@pytest.mark.parametrize("seeds", [6, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [6, slow(20)])
 def test_a_worst_case_past_is_covered_for_a_real_system(seeds):
     """A system of the class driven by a bounded past: never refuted."""
     held = 0

@@ -5,15 +5,13 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core.state_space import response_at
-from robustid.identification.weighting import PriorWeight, as_weight
-from support.half_plane import edge_truth, judged_margin
+from robustid.core import response_at
+from robustid.identification import PriorWeight, as_weight
+from support.cases import seeds, slow
+from support.half_plane import edge_truth
+from support.passive import smallest_factor
 
 K, DECAY, CORNER = 2.0, 1.0, 6.0
-
-
-def slowly(*values):
-    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def rolled(s, order=2, decay=DECAY, corner=CORNER):
@@ -57,7 +55,7 @@ BIPROPER = control.zpk(*(np.array(part) / RATE for part in (STATED.zeros(), STAT
 
 @pytest.mark.parametrize(
     ("form", "dt"),
-    [("orthonormal", None), ("orthonormal", 0.1), ("sections", None), slowly("classical", 0.1), slowly("taylor", 0.1)],
+    [("orthonormal", None), ("orthonormal", 0.1), ("sections", None), slow("classical", 0.1), slow("taylor", 0.1)],
 )
 def test_a_constant_weight_is_another_gain_bound(form, dt):
     omega, values, bound = lines(0)
@@ -73,7 +71,7 @@ def test_a_constant_weight_is_another_gain_bound(form, dt):
     assert np.allclose(weighted.model(0.3), plain.model(0.3), rtol=1e-9)
 
 
-@pytest.mark.parametrize("form", ["orthonormal", slowly("classical"), slowly("taylor"), slowly("sections")])
+@pytest.mark.parametrize("form", ["orthonormal", slow("classical"), slow("taylor"), slow("sections")])
 def test_it_is_the_problem_divided_by_the_weight_in_discrete_time(form):
     omega, values, bound = lines(1)
     values = 0.4 * values
@@ -90,7 +88,7 @@ def test_it_is_the_problem_divided_by_the_weight_in_discrete_time(form):
         assert np.allclose(errors[0], size * errors[1], rtol=0.03)
 
 
-@pytest.mark.parametrize("seed", [slowly(k) if k else k for k in range(30)])
+@pytest.mark.parametrize("seed", seeds(1, 30))
 def test_the_margin_is_that_of_the_pick_matrix_of_the_quotient(seed):
     rng = np.random.default_rng(seed)
     omega, values, bound = lines(seed, int(rng.integers(2, 6)))
@@ -100,11 +98,13 @@ def test_the_margin_is_that_of_the_pick_matrix_of_the_quotient(seed):
         problem_of(omega, values, bound, prior(gain_bound=3.0, decay=decay, roll_off=order, corner=corner)),
         accuracy=1e-7,
     )
-    judged = judged_margin(omega, (values / size)[:, None, None], (bound / np.abs(size))[:, None, None], 3.0, decay)
+    judged = smallest_factor(
+        omega, *(one[:, None, None] / 3.0 for one in (values / size, bound / np.abs(size))), decay, bounded=True
+    )
     assert found.margin == pytest.approx(judged, rel=1e-5, abs=1e-5)
 
 
-@pytest.mark.parametrize("seed", [slowly(k) if k else k for k in range(10)])
+@pytest.mark.parametrize("seed", seeds(1, 10))
 def test_truths_at_the_edge_are_inside_every_band(seed):
     omega, values, bound, basis, plant = truth_of(seed)
     widths = []
@@ -179,8 +179,8 @@ def discrete_truth(seed, samples=24):
     return plant, u, y
 
 
-@pytest.mark.parametrize("form", ["orthonormal", slowly("taylor")])
-@pytest.mark.parametrize("initial", ["rest", "free", slowly("periodic")])
+@pytest.mark.parametrize("form", ["orthonormal", slow("taylor")])
+@pytest.mark.parametrize("initial", ["rest", "free", slow("periodic")])
 def test_records_of_a_weighted_plant_are_consistent(initial, form):
     plant, u, y = discrete_truth(2)
     if initial != "rest":
@@ -234,20 +234,6 @@ def test_matrices_share_the_weight():
     assert np.all(found.model.D == 0)
     error = rid.worst_case_error(found, omega=[300.0], directions=4)
     assert error.upper.max() < 2 * 2 * K * np.abs(rolled(300j)) * 1.5
-
-
-def test_results_save_and_load(tmp_path):
-    omega, values, bound, basis, _ = truth_of(1)
-    weight = control.zpk([-30.0], [-8.0 + 2j, -8.0 - 2j], 3.0)
-    for one in (prior(), prior(roll_off=None, corner=None, weight=weight, gain_bound=5.0)):
-        found = rid.identify(problem_of(omega, values, bound, one, parametric=basis))
-        found.save(tmp_path / "result.json")
-        again = rid.load(tmp_path / "result.json")
-        assert again.prior == one
-        assert again.verification.passed
-        assert np.array_equal(again.model.A, found.model.A)
-        assert again.summary() == found.summary()
-    assert "times <weight of s: zeros -30" in found.summary()
 
 
 @pytest.mark.slow

@@ -8,6 +8,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+import robustid as rid
+
 
 def reactance(rng, ports, decay, terms, size=6.0, loss=0.0):
     """A function of s that is positive real in Re s > -decay, of terms c s/(s^2 + w^2) and c/s there; lossless without `loss`."""
@@ -32,6 +34,27 @@ def scattering(function, delay=0.0, decay=0.0):
         return (F - one) @ np.linalg.inv(F + one) * np.exp(-delay * (np.asarray(s) + decay))[:, None, None]
 
     return at
+
+
+def passive_edge(seed, kind, ports):
+    """A truth at the edge of its class, lossless or nearly so, and data with noise at the ends of their bounds."""
+    rng = np.random.default_rng(seed)
+    decay, omega = float(rng.uniform(0.5, 2)), np.sort(rng.uniform(0.2, 10, 7 if ports == 1 else 4))
+    loss = float(rng.choice([0.0, 1e-3, 0.3]))
+    truth, prior = reactance(rng, ports, decay, int(rng.integers(1, 4)), loss=loss), rid.PositiveReal(decay=decay)
+    if kind == "bounded":
+        truth, prior = scattering(truth, float(rng.choice([0.0, 0.2])), decay), rid.BoundedReal(decay=decay)
+    if kind == "negative":
+        velocity, prior = truth, rid.NegativeImaginary(decay=decay)
+
+        def truth(s):
+            return velocity(s) / np.asarray(s)[:, None, None]
+
+    values = truth(1j * omega)
+    bound = 0.02 * np.abs(values).max()
+    noise = bound * np.exp(2j * np.pi * rng.random(values.shape))
+    frf = rid.FrequencyResponse(omega, values + noise, bound=bound * (1 + 1e-3))
+    return truth, rid.MixedProblem(frequency=frf, prior=prior)
 
 
 def _residue(rng, ports):

@@ -9,8 +9,10 @@ import numpy as np
 import scipy.signal
 
 import robustid as rid
+from support.cases import slow
 
 CASES = ("time", "frequency", "mixed", "parametric")
+MIXED_IS_SLOW = ["time", "frequency", slow("mixed"), "parametric"]
 
 
 def small_part(rng, gain: float, decay_rate: float):

@@ -34,6 +34,25 @@ def random_experiments(rng, samples=40):
     return [frf], records
 
 
+def wide_problem(rng, slowest):
+    """A problem of all kinds of samples, and the bounds of these: that of the free record with what its past can do."""
+    frequency, time = random_experiments(rng)
+    prior = rid.Prior(gain_bound=rng.uniform(0.1, 10), decay_rate=rng.uniform(slowest, 1.3))
+    widths = np.concatenate([f.bound[:, 0, 0] for f in frequency] + [t.bound[:, 0] for t in time])
+    past = np.abs(time[2].u).max() * prior.gain_bound * prior.decay_rate ** -np.arange(40.0)
+    widths[-40:] += past / (prior.decay_rate - 1)
+    return rid.MixedProblem(frequency=frequency, time=time, prior=prior), widths
+
+
+def shares_of_tails(problem, widths, rows, member, inside, rounding):
+    """Parts of the tails that a member leaves beside its coefficients, at most, in lines and in each record: never above 1."""
+    values = responses(problem, member) / widths
+    rest = np.abs(values - rows.E @ inside)
+    assert np.all(rest <= rows.tail * (1 + 1e-9) + rounding * np.abs(values).max())
+    ratio = rest / np.where(rows.tail > 0, rows.tail, np.inf)
+    return [ratio[part].max() for part in (slice(0, 6), slice(6, 46), slice(46, 86), slice(86, 126))]
+
+
 def responses(problem, member):
     """K member(z/rho) at all samples of the problem, from its definition; the record with free start as if from rest."""
     K, rho = problem.prior.gain_bound, problem.prior.decay_rate

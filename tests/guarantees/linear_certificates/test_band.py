@@ -9,10 +9,11 @@ import pytest
 import robustid as rid
 from robustid.bases import stack_bases
 from robustid.errors import InputTypeError
+from support.cases import seeds, slow
 from support.edge_bands import KINDS, edge_plant
 
 POLE = np.exp(-0.05 + 1j * np.sqrt(1 - 0.05**2))
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))]
+SEEDS = seeds(1, 20)
 
 
 def with_tight_box(kind, seed):
@@ -56,7 +57,7 @@ def test_between_knots_the_radius_is_nearly_that_of_a_search_there(kind, seed):
     assert ratio.max() <= 1.6
 
 
-@pytest.mark.parametrize("kind", ["simple", *(pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS)])
+@pytest.mark.parametrize("kind", ["simple", *(slow(kind) for kind in KINDS)])
 def test_the_bound_of_an_arc_is_above_the_bounds_at_its_frequencies(kind):
     """About a model that is near: the arcs add little."""
     if kind == "simple":
@@ -73,7 +74,7 @@ def test_the_bound_of_an_arc_is_above_the_bounds_at_its_frequencies(kind):
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous", "roll-off", "record", "symmetric"])
-@pytest.mark.parametrize("seed", [pytest.param(seed, marks=pytest.mark.slow) for seed in range(3)])
+@pytest.mark.parametrize("seed", [slow(seed) for seed in range(3)])
 def test_its_discs_hold_in_ball_arithmetic(kind, seed):
     pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
     plant = edge_plant(kind, seed)

@@ -7,9 +7,10 @@ import robustid as rid
 from robustid.guarantees.linear.certificate import choose, targets_at
 from robustid.guarantees.linear.functions import fixed_functions
 from robustid.guarantees.linear.samples import samples_of
+from support.cases import seeds
 from support.edge_plants import inner
 
-SEEDS = [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 50))]
+SEEDS = seeds(2, 50)
 DT = 0.1
 
 

@@ -7,10 +7,11 @@ import pytest
 
 import robustid as rid
 from robustid.errors import InputTypeError
+from support.cases import seeds, slow
 from support.edge_bands import IN_TIME, KINDS, edge_plant
 from support.problems import CASES, random_problem
 
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 40))]
+SEEDS = seeds(1, 40)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -22,7 +23,7 @@ def test_data_of_a_plant_at_the_edge_are_never_contradicted(kind, seed):
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("seed", [0, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 30))])
+@pytest.mark.parametrize("seed", [0, 2, *(slow(seed) for seed in range(3, 30))])
 def test_its_factor_is_never_above_the_margin(case, seed):
     problem = random_problem(seed, case, 16, noise=(1.5, 3, 6)[seed % 3])
     found, margin = rid.contradiction(problem), rid.identify(problem).margin
@@ -49,7 +50,7 @@ def small_gain(problem, rng):
 
 
 @pytest.mark.parametrize("change", [wrong_sign, small_gain])
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, *range(2, 12)))])
+@pytest.mark.parametrize("seed", [1, *(slow(seed) for seed in (0, *range(2, 12)))])
 def test_what_is_wrong_is_found_for_most_kinds_of_samples(change, seed):
     """Over the box of the poles too, as far as that is not wide. The wrong sample and the others stand apart."""
     missed = 0

@@ -8,13 +8,10 @@ import pytest
 
 import robustid as rid
 from robustid.core import StateMatrices
+from support.cases import seeds
 from support.edge_bands import KINDS, edge_plant
 
 MOST = 0.11  # half of a box, relatively, up to which these samples always tell an amplitude
-
-
-def seeds(quick, full):
-    return [*range(quick), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(quick, full))]
 
 
 def half_of(box):

@@ -10,11 +10,12 @@ from robustid.guarantees.linear.certificate import choose
 from robustid.guarantees.linear.functions import fixed_functions
 from robustid.guarantees.linear.in_time import sample_targets
 from robustid.guarantees.linear.samples import samples_of
+from support.cases import seeds
 from support.edge_bands import DT, KINDS, SIZE, edge_plant
 from support.problems import random_experiment
 
 SAMPLED = [kind for kind in KINDS if kind not in ("continuous", "roll-off")]
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 40))]
+SEEDS = seeds(1, 40)
 
 
 def impulse_of(plant):
@@ -72,7 +73,7 @@ def test_a_record_of_a_pulse_is_its_own_answer():
     assert radius[-1] < 7e-6
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 30))])
+@pytest.mark.parametrize("seed", seeds(2, 30))
 def test_inner_products_with_samples_of_a_response_are_those_of_coefficients(seed):
     """In the mean over the circle itself powers of zeta are orthonormal."""
     rng = np.random.default_rng(seed)
@@ -100,7 +101,7 @@ def test_inner_products_with_samples_of_a_response_are_those_of_coefficients(see
     np.testing.assert_allclose(chosen.gram[0], own @ own.conj().T, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 40))])
+@pytest.mark.parametrize("seed", seeds(1, 40))
 def test_amplitudes_without_a_box_are_the_coefficients_of_the_functions(seed):
     problem, truth = random_experiment(seed, "parametric", 24)
     ((centre, radius),) = rid.band(problem, omega=[1.0]).amplitudes

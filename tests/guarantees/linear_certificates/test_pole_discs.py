@@ -8,6 +8,7 @@ from robustid.core import SPlane, ZPlane
 from robustid.guarantees.linear.functions import Functions
 from robustid.guarantees.linear.in_time import tails_of_modes
 from robustid.guarantees.linear.pole_discs import discs_of
+from support.cases import seeds
 from support.pairwise import every_two
 
 PLANES = {
@@ -21,7 +22,7 @@ WIDTHS = {
     "wide": 0.6,
     "to the circle": 20.0,
 }  # in frequency, of the largest damping times the frequency
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 30))]
+SEEDS = seeds(1, 30)
 
 
 def problem_of(place, width, seed):

@@ -6,14 +6,11 @@ import pytest
 import robustid as rid
 from robustid.errors import InputError
 from robustid.guarantees import check_samples
+from support.cases import seeds
 from support.edge_bands import KINDS, MATRICES, edge_plant
 
 ONE_ENTRY = ("discrete", "continuous", "roll-off")
 MODE = 20.0  # rad/s
-
-
-def seeds(quick, full):
-    return [*range(quick), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(quick, full))]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,4 +1,4 @@
-"""SISO models as cascades: their magnitude on whole cells of the circle, and the proof of a weight."""
+"""Models on whole cells of the circle: enclosed values, magnitudes of cascades, and the proof of a weight."""
 
 import dataclasses
 import itertools
@@ -9,14 +9,10 @@ import pytest
 
 from robustid.guarantees import magnitude_weight
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
-from support.weights import biquad, largest_on, pair
+from robustid.guarantees.cells import enclose
+from support.weights import biquad, largest_on, pair, random_model, values_of
 
 pytestmark = pytest.mark.quick
-
-
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
 
 
 def test_a_cascade_is_what_it_says_and_its_extremes_enclose_samples(rng):
@@ -69,3 +65,20 @@ def test_the_proof_sees_a_notch_that_samples_miss():
         notch, wide = (np.array(pair(angle, width)) for width in (damping, 10 * damping))
         assert biquad(notch, wide)(np.linspace(0, np.pi, 100_001)).min() > 0.9
         assert least <= lowest_ratio(factors(cascade(notch, wide, 1.0, 1.0)), *arcs(edges), np.ones(2)) < most * 1.001
+
+
+def test_enclosed_values_hold_on_the_whole_piece(rng):
+    model = random_model(rng, 2, 3, states=6, radius=0.99)
+    angles = np.linspace(0, np.pi, 9)
+    pieces = enclose(
+        model, angles, lambda p: np.linalg.norm(p.radius, axis=(1, 2)) > 0.05 * np.linalg.norm(p.values, axis=(1, 2))
+    )
+    assert np.array_equal(np.unique(pieces.cell), np.arange(8))
+    order = np.argsort(pieces.middle)
+    middle = pieces.middle[order]
+    for theta in rng.uniform(0, np.pi, 2000):
+        # One of the two neighbouring pieces holds the point; both tell where they end by their order.
+        k = np.searchsorted(middle, theta)
+        F = values_of(model, np.array([theta / 0.1]))[0]
+        near = [order[i] for i in (k - 1, k) if 0 <= i < middle.size]
+        assert any(np.all(np.abs(F - pieces.values[i]) <= pieces.radius[i]) for i in near)
