@@ -6,7 +6,7 @@ import scipy.io
 
 import robustid as rid
 from robustid.fitting import FitStatus
-from robustid.formats.model_files import load_model
+from robustid.formats import load_model
 from support import command_line
 from support.mfd_systems import noisy, random_modal_system
 

@@ -22,7 +22,7 @@ def test_identify_reduce_and_report_on_files(files, run):
     assert "order 4" in out
     code, _, _ = run(["reduce", "small.mat", "--order", "2", "-o", "smaller.npz"])
     assert code == 0
-    from robustid.formats.model_files import load_model
+    from robustid.formats import load_model
 
     assert load_model("smaller.npz").nstates == 2
     assert load_model("small.mat").dt == 0.01

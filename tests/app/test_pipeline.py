@@ -11,7 +11,7 @@ import robustid as rid
 from robustid.app.run import modes, sequence
 from robustid.errors import DatasetNotFoundError
 from robustid.formats import datasets
-from robustid.identification.residuals import model_residuals
+from robustid.identification import model_residuals
 from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask
 
 

@@ -6,7 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate
-from robustid.identification.residuals import model_residuals
+from robustid.identification import model_residuals
 
 pytestmark = pytest.mark.quick
 

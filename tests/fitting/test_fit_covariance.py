@@ -7,12 +7,20 @@ import pytest
 from scipy.stats import binom, chi2
 
 import robustid as rid
-from robustid.fitting import FitStatus, MatrixFraction, RigidBody, Weight, fit_covariance, fit_mfd
+from robustid.fitting import (
+    FitStatus,
+    FractionProblem,
+    MatrixFraction,
+    RigidBody,
+    Weight,
+    fit_covariance,
+    fit_fraction,
+    fit_mfd,
+    retract,
+)
 from robustid.fitting.fraction.coordinates import pole_changes, response_changes
-from robustid.fitting.fraction.fraction_iteration import fit_fraction
 from robustid.fitting.fraction.fraction_model import realise
-from robustid.fitting.fraction.fraction_problem import FractionProblem
-from robustid.fitting.fraction.fraction_steps import gauss_newton_direction, retract
+from robustid.fitting.fraction.fraction_steps import gauss_newton_direction
 from support.mfd_systems import noisy, random_modal_system
 
 OMEGA = 2 * np.pi * np.geomspace(4, 400, 120)

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from robustid.errors import InputError
-from robustid.fitting import Weight
-from robustid.fitting.fraction.fraction_iteration import fit_fraction
-from robustid.fitting.fraction.fraction_problem import FractionProblem
-from robustid.fitting.fraction.fraction_steps import gauss_newton_direction, retract, sk_step
+from robustid.fitting import FractionProblem, Weight, fit_fraction, polynomial_nodes, retract, sk_step
+from robustid.fitting.fraction.fraction_steps import gauss_newton_direction
 from robustid.fitting.fraction.instrumental import BreakdownError, biorthonormal_polynomials, instrumental_pair, iv_step
 from robustid.fitting.fraction.krylov_blocks import stacked
-from robustid.fitting.fraction.vector_polynomials import polynomial_nodes
 from support.mfd_systems import noisy, random_modal_system, relative_error
 
 

@@ -7,8 +7,9 @@ import pytest
 import scipy.linalg
 
 import robustid as rid
+from robustid.fitting import subspace_estimate
 from robustid.fitting.state_space.given_poles import real_rows
-from robustid.fitting.state_space.subspace import pole_choices, rational_krylov, subspace_estimate
+from robustid.fitting.state_space.subspace import pole_choices, rational_krylov
 from robustid.formats import datasets
 from support.mfd_systems import noisy, random_modal_system, relative_error
 from support.pairwise import every_two

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustid.errors import InputError
-from robustid.fitting.fraction.vector_polynomials import orthonormal_polynomials, polynomial_nodes
+from robustid.fitting import orthonormal_polynomials, polynomial_nodes
 
 pytestmark = pytest.mark.quick
 

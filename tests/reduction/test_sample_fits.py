@@ -9,7 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import response
-from robustid.identification.residuals import model_residuals
+from robustid.identification import model_residuals
 from robustid.reduction.pole_starts import sanathanan_koerner, statespace
 from robustid.reduction.sample_fits import (
     descended,

@@ -9,7 +9,7 @@ import pytest
 import robustid as rid
 from robustid.core import Budget, responses
 from robustid.fitting import FitStatus
-from robustid.identification.residuals import largest_ratio
+from robustid.identification import largest_ratio
 from robustid.reduction.best_models import ResponseFits
 from robustid.reduction.pole_starts import of_model, statespace
 from robustid.reduction.sample_fits import least_squares, levelled, moves, normal_functions, numerators

@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import response
-from robustid.identification.residuals import largest_ratio
+from robustid.identification import largest_ratio
 from robustid.reduction import SearchStatus
 from robustid.reduction.best_models import BestModels
 from support.paper_plant import AS_THE_PAPER, mixed, structure

@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate
-from robustid.identification.residuals import largest_ratio, model_residuals
+from robustid.identification import largest_ratio, model_residuals
 from robustid.reduction.pole_starts import statespace
 from robustid.reduction.sample_fits import (
     Pair,

@@ -9,8 +9,8 @@ import pytest
 
 import robustid as rid
 from robustid.identification import fit_percent
-from robustid.report import render_report
-from robustid.report.document import Document, Heading, Text, Verdict
+from robustid.report import Verdict, render_report
+from robustid.report.document import Document, Heading, Text
 from robustid.report.html import MOST_WARNINGS, render
 from support.report_pages import Page, problem
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.report import plot, render_report, write_report
+from robustid.report import at_least, at_most, plot, render_report, write_report
 from robustid.report.guarantee import entry_table, guarantee_sentence, parameter_table
-from robustid.report.words import at_least, at_most, number
+from robustid.report.words import number
 from support.matrix_pages import measured, problem
 from support.report_pages import NASTY, Page, identified, with_circle
 

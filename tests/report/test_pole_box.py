@@ -11,9 +11,8 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import WorstCaseOverPoles
-from robustid.report import render_report, write_report
+from robustid.report import at_most, render_report, write_report
 from robustid.report.pole_box import box_entries, box_rows, box_table, box_verdict, pole_box_chart
-from robustid.report.words import at_most
 from support import matrix_pages
 from support.report_pages import NASTY, Page, identified, named
 

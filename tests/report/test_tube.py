@@ -12,10 +12,9 @@ import pytest
 import robustid as rid
 from robustid.core import simulate
 from robustid.guarantees import ResponseTube, response_tube
-from robustid.report import plot, render_report
+from robustid.report import at_least, at_most, plot, render_report
 from robustid.report.charts import REACHED
 from robustid.report.time_response import tube_chart, tube_rows, tube_sentence
-from robustid.report.words import at_least, at_most
 from support.report_pages import NASTY, Page, named
 
 STEP = np.ones(5)

@@ -7,7 +7,8 @@ import decimal
 import numpy as np
 import pytest
 
-from robustid.report.words import at_least, at_most, number
+from robustid.report import at_least, at_most
+from robustid.report.words import number
 
 pytestmark = pytest.mark.quick
 
