@@ -1,7 +1,5 @@
 """Truths and independent judges of continuous classes: analytic in Re s > -decay, with a gain bound there."""
 
-from __future__ import annotations
-
 import control
 import cvxpy as cp
 import numpy as np
