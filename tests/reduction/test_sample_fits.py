@@ -26,8 +26,6 @@ from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_ma
 from support.paper_plant import mixed, structure
 
 pytestmark = pytest.mark.quick
-
-
 POLES = np.array([0.8 + 0.5j, 0.8 - 0.5j, 0.3, 0.44 + 0.89j, 0.44 - 0.89j])
 
 
