@@ -23,14 +23,7 @@ from robustid.fitting.fraction.fraction_steps import (
     relaxed_step,
 )
 from robustid.fitting.fraction.node_fraction import Held
-from support.mfd_systems import (
-    gaussian,
-    identity,
-    noisy,
-    poles_and_residues,
-    problem_of,
-    relative_error,
-)
+from support.mfd_systems import gaussian, identity, noisy, poles_and_residues, problem_of, relative_error
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 300)
 

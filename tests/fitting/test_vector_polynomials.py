@@ -7,8 +7,6 @@ from robustid.errors import InputError
 from robustid.fitting import orthonormal_polynomials, polynomial_nodes
 
 pytestmark = pytest.mark.quick
-
-
 PATTERNS = [[4, 4, 3], [5, 5, 5, 5], [1, 0, -1], [0, 0, 0], [3, 2, 2, 1], [2, 3, 3]]
 
 
