@@ -9,7 +9,7 @@ import pytest
 import robustid as rid
 from robustid.fitting import FractionProblem, Weight, fit_fraction, fit_mfd, retract
 from support.mfd_systems import OMEGA as FEW
-from support.mfd_systems import noisy, random_modal_system, relative_error
+from support.mfd_systems import identity, noisy, random_modal_system, relative_error
 
 OMEGA = 2 * np.pi * np.logspace(np.log10(4), np.log10(1200), 1000)
 
@@ -23,8 +23,7 @@ def case(seed, outputs, inputs, modes, level=0.01, omega=OMEGA):
 def from_truth(truth, values, order, weight, omega=OMEGA):
     """The optimum that the true system leads to."""
     problem = FractionProblem(omega, values, order, weight)
-    identity = np.broadcast_to(np.eye(values.shape[2]), (omega.size, values.shape[2], values.shape[2]))
-    return fit_fraction(problem, start=retract(problem, truth, identity, steps=8), method="lm")
+    return fit_fraction(problem, start=retract(problem, truth, identity(problem), steps=8), method="lm")
 
 
 def response(fit, omega):
