@@ -77,6 +77,13 @@ def test_edited_files_are_refused(tmp_path, edit, words):
         rid.load(tmp_path / "fit")
 
 
+def test_a_fit_without_its_text_is_named_as_a_result(tmp_path):
+    fitted().save(tmp_path / "fit")
+    (tmp_path / "fit.json").unlink()
+    with pytest.raises(rid.errors.FileFormatError, match=r"fit\.json is missing"):
+        rid.load(tmp_path / "fit.npz")
+
+
 def test_the_names_that_fingers_try_first():
     fit = fitted()
     assert isinstance(fit.to_control(), control.StateSpace)
