@@ -8,8 +8,9 @@ import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
 from robustid.advice.pole_fit import LineData, told_apart, wanted_in_basis
 from robustid.advice.pole_interval import damped_outside
-from robustid.errors import DatasetNotFoundError, InputError, InputTypeError, RobustIdError
+from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.formats import datasets
+from support.measured import needs
 from support.structure import ANY
 
 FINE = np.linspace(17.2, 18.1, 10)
@@ -105,9 +106,7 @@ def test_exact_data_give_exact_poles():
     np.testing.assert_allclose(found.omega, omega, rtol=1e-6)
     np.testing.assert_allclose(found.damping, zeta, rtol=1e-4)
     problem = rid.MixedProblem(
-        frequency=rid.FrequencyResponse(line[::12], values[::12], bound=1e-3, dt=dt),
-        prior=ANY,
-        parametric=found.basis,
+        frequency=rid.FrequencyResponse(line[::12], values[::12], bound=1e-3, dt=dt), prior=ANY, parametric=found.basis
     )
     assert suggest_prior(problem, decay_rates=[1.2]).gains[0] == 0
 
@@ -165,15 +164,8 @@ def test_suggest_kautz_refuses(frf, options, error, sentence):
     assert isinstance(caught.value, RobustIdError)
 
 
-def dataset(name):
-    try:
-        return datasets.find(name)
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
-
-
 def torsion():
-    dataset("two_mass/MultisineTypeA.mat")
+    needs("two_mass/MultisineTypeA.mat")
     bench = datasets.load("two_mass/MultisineTypeA.mat")
     record = rid.TimeRecord(bench.u, bench.y.sum(axis=1), dt=bench.dt, initial="periodic", reference=bench.reference)
     return rid.estimate_frf(record, period=2500)
@@ -200,7 +192,7 @@ def test_measured_torsion_shows_one_mode():
 def test_measured_mirror_shows_its_eight_modes(last, modes, every):
     """From 625 Hz to 1.56 kHz, where four of them are, or to 2.66 kHz."""
     # the first block of three orthogonal experiments, averaged over its two periods; (8192, 3, 6, 2) arrays
-    signals = [np.load(dataset(f"fsm_cubespec/{s}_300mV_train.npy")) for s in "uy"]
+    signals = [np.load(needs(f"fsm_cubespec/{s}_300mV_train.npy")) for s in "uy"]
     U, Y = (np.fft.rfft(s[:, :, :3].mean(axis=3), axis=0)[800:last:every] for s in signals)
     lines = np.arange(800, last, every)
     full = np.all(np.linalg.svd(U, compute_uv=False)[:, -1:] > 1e-3 * np.abs(U).max(), axis=1)
@@ -213,10 +205,9 @@ def test_measured_mirror_shows_its_eight_modes(last, modes, every):
 
 def test_a_mode_that_fits_as_well_with_any_damping_is_left_to_the_gain_bound():
     """Entry (1, 1) of the mirror hardly shows the mode at 922 Hz; taken along, its box of all dampings would leave no band."""
-    try:
-        record = datasets.load("fsm/train")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    for signal in "uy":
+        needs(f"fsm_cubespec/{signal}_300mV_train.npy")
+    record = datasets.load("fsm/train")
     whole = rid.estimate_frf(record, period=8192).band(500, 1700)
     frf = rid.FrequencyResponse(
         whole.omega, whole.values[:, :1, :1], bound=whole.bound.outer_radius[:, :1, :1], dt=whole.dt

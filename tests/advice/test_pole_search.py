@@ -1,7 +1,5 @@
 """improve_kautz: the slope of the margin against differences, and wrong poles that are found again."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest
@@ -254,9 +252,7 @@ def test_diagnosis_offers_moved_poles():
 def test_class_without_a_mode_is_not_repaired():
     problem = structure(np.ones((2, 2)))
     problem = rid.MixedProblem(
-        frequency=problem.frequency,
-        prior=problem.prior,
-        parametric=rid.kautz(2 * np.pi * 17.67, 0.004, dt=DT, delay=1),
+        frequency=problem.frequency, prior=problem.prior, parametric=rid.kautz(2 * np.pi * 17.67, 0.004, dt=DT, delay=1)
     )
     found = rid.improve_kautz(problem)
     assert found.margin_lower > 1

@@ -1,7 +1,5 @@
 """Poles over decades: real ones where a plant relaxes, none where it only has modes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -27,10 +27,7 @@ OVERRIDES = {
         {"modes": {"hz": [], "damping": []}, "prior": {"gain_bound": 20.0, "decay_rate": 1.02}},
         lambda r: r.identification.problem.parametric is None,
     ),
-    "repeat": (
-        {"modes": CLASS["modes"] | {"repeat": 2}},
-        lambda r: r.identification.problem.parametric.size == 8,
-    ),
+    "repeat": ({"modes": CLASS["modes"] | {"repeat": 2}}, lambda r: r.identification.problem.parametric.size == 8),
     "delay of the pairs": (
         {"modes": CLASS["modes"] | {"delay": 2}},
         lambda r: np.sum(np.abs(r.identification.problem.parametric.poles) < 1e-12) > 0,

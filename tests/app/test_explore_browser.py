@@ -15,8 +15,6 @@ VERDICT = "document.querySelector('#verdict').textContent"
 PIXEL = """(() => {{ const one = document.querySelector('#picture .js-plotly-plot'), axis = one._fullLayout.xaxis,
   line = document.querySelector('#picture .shapelayer path').getBoundingClientRect();
   return [one.getBoundingClientRect().x + axis._offset + axis.l2p(Math.log10({hz})), line.y + line.height * {part}]; }})()"""
-
-
 LEGEND = "[...document.querySelectorAll('#picture .legendtext')].map((one) => one.textContent)"
 DRAWN = "(({x, width}) => x + width / 2)(document.querySelector('#picture .shapelayer path').getBoundingClientRect())"
 

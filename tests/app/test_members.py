@@ -129,17 +129,18 @@ def test_every_member_has_its_own_poles_and_their_box(tmp_path, modes):
     assert np.array_equal(resumed.family.upper, found.family.upper)
 
 
+ONE_MODE = {"hz": [1.3], "damping": [0.03], "delay": 1}
+
+
 def test_a_box_that_modes_states_is_that_of_every_member(tmp_path):
-    box = {"hz_interval": [[1.25, 1.34]], "damping_interval": [[0.02, 0.04]]}
-    modes = {"hz": [1.3], "damping": [0.03], "delay": 1} | box
+    modes = ONE_MODE | {"hz_interval": [[1.25, 1.34]], "damping_interval": [[0.02, 0.04]]}
     path, _ = moved(tmp_path, modes=modes, prior={"gain_bound": 0.5, "decay_rate": 1.5})
     found = rid.run(path, tmp_path / "out")
     assert [m.hz_interval for m in found.run_file.members] == [((1.25, 1.34),)] * 2
 
 
 def test_a_box_that_is_too_wide_is_said_and_the_band_is_that_of_the_poles_as_they_are(tmp_path):
-    box = {"hz_interval": [[0.1, 2.4]], "damping_interval": [[1e-4, 0.9]]}
-    modes = {"hz": [1.3], "damping": [0.03], "delay": 1} | box
+    modes = ONE_MODE | {"hz_interval": [[0.1, 2.4]], "damping_interval": [[1e-4, 0.9]]}
     path, _ = moved(tmp_path, points=7, modes=modes, prior={"gain_bound": 10.0, "decay_rate": 1.02})
     found = rid.run(path, tmp_path / "out")
     assert "not for their pole-uncertainty boxes" in found.findings[0]

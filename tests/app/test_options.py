@@ -13,8 +13,6 @@ from robustid.app.run.checks import options
 from robustid.app.run.settings import PARTS, Fit, Identify, Modes, WorstCase
 
 pytestmark = pytest.mark.quick
-
-
 ALL = [(kind, field, option) for kind in PARTS.values() for field, option in options(kind)]
 
 

@@ -7,11 +7,17 @@ import robustid as rid
 from robustid.app.run.class_settings import PriorChoice, prior_keys
 from support.networks import battery
 from support.posed import proposed
+from support.run_files import ask
 
 
-def write(path, values, omega):
-    rows = zip(omega / (2 * np.pi), values.real, values.imag, strict=True)
-    path.write_text("frequency_hz,re,im,bound\n" + "\n".join(f"{f},{a},{b},1e-3" for f, a, b in rows) + "\n")
+def ran(folder, frf, at_hz, **prior):
+    """A run of a response with the class of positive real functions, twice: of the effective run file too."""
+    rid.save(folder / "frf.csv", frf)
+    worst_case = {"at_hz": [at_hz], "directions": 3}
+    prior = {"passive": "positive real"} | prior
+    path = ask(folder, {"frequency": [{"file": "frf.csv"}], "prior": prior, "worst_case": worst_case})
+    found = rid.run(path, folder / "out")
+    return found, rid.run(folder / "out" / "run.toml", folder / "again")
 
 
 def test_keys_of_a_passive_class_are_those_that_state_it():
@@ -39,14 +45,10 @@ def test_what_a_passive_class_has_no_use_for_is_refused(given, words):
 def test_a_run_file_with_a_passive_class(tmp_path):
     omega = np.linspace(5, 60, 10)
     s = 1j * omega
-    write(tmp_path / "frf.csv", 1 / (s + 20) + 0.5 * (s + 5) / ((s + 5) ** 2 + 900), omega)
-    text = '[[frequency]]\nfile = "frf.csv"\n[prior]\npassive = "positive real"\ndecay = 4.0\n'
-    text += "[worst_case]\nat_hz = [4.0]\ndirections = 3\n"
-    (tmp_path / "run.toml").write_text(text)
-    found = rid.run(tmp_path / "run.toml", tmp_path / "out")
+    values = 1 / (s + 20) + 0.5 * (s + 5) / ((s + 5) ** 2 + 900)
+    found, again = ran(tmp_path, rid.FrequencyResponse(omega, values, bound=1e-3), 4.0, decay=4.0)
     assert found.consistent
     assert found.identification.prior.positive_real
-    again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
     assert again.identification.margin == found.identification.margin
     assert "passive" in (tmp_path / "out" / "report.html").read_text()
 
@@ -80,19 +82,11 @@ def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
 
 @pytest.mark.usefixtures("unreduced")
 def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
-    frf = cell(points=28)
-    rows = zip(frf.freq_hz, frf.values.real.ravel(), frf.values.imag.ravel(), strict=True)
-    lines = ["frequency_hz,re,im", *(f"{f},{a},{b}" for f, a, b in rows)]
-    (tmp_path / "cell.csv").write_text("\n".join(lines))
-    text = '[[frequency]]\nfile = "cell.csv"\n[prior]\npassive = "positive real"\n'
-    text += "[worst_case]\nat_hz = [1.0]\ndirections = 3\n"
-    (tmp_path / "run.toml").write_text(text)
-    found = rid.run(tmp_path / "run.toml", tmp_path / "out")
+    found, again = ran(tmp_path, cell(points=28), 1.0)
     assert found.consistent
     assert max(found.run_file.modes.damping) == 1
     assert found.run_file.prior.decay == found.identification.prior.decay
     assert found.worst_case.upper.max() < 0.1 * abs(battery([2 * np.pi])[0])
-    again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
     assert again.identification.margin == pytest.approx(found.identification.margin, rel=1e-9)
     assert "a sum of passive modes and of F" in (tmp_path / "out" / "report.html").read_text()
 

@@ -9,9 +9,8 @@ import pytest
 
 import robustid as rid
 from robustid.app.run import modes, sequence
-from robustid.errors import DatasetNotFoundError
-from robustid.formats import datasets
-from robustid.identification.residuals import model_residuals
+from robustid.identification import model_residuals
+from support.measured import needs
 from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask
 
 
@@ -293,10 +292,7 @@ def test_samples_outside_are_named():
 
 
 def torsion(tmp_path, **changes):
-    try:
-        datasets.find("two_mass/MultisineTypeA.mat")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("two_mass/MultisineTypeA.mat")
     content = tomllib.loads((EXAMPLES / "torsion.toml").read_text(encoding="utf-8"))
     result = rid.run(ask(tmp_path, content, changes), tmp_path / "out")
     assert result.consistent

@@ -7,10 +7,9 @@ import pytest
 
 import robustid as rid
 from robustid.core import responses
-from robustid.errors import DatasetNotFoundError
-from robustid.formats import datasets
 from robustid.identification import largest_ratio
 from support.matrix_lines import HZ, damping_of, measured
+from support.measured import needs
 from support.run_files import EXAMPLES, QUICK, ask
 
 SCALING = [[2.0, 1.0], [1.0, 0.5]]
@@ -90,10 +89,7 @@ def test_a_run_covers_the_box_of_the_poles_of_a_matrix(folder):
 @pytest.mark.slow
 @pytest.mark.realdata
 def test_the_beam_from_its_example(tmp_path):
-    try:
-        datasets.find("beam_ring/symexc_1.mat")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("beam_ring/symexc_1.mat")
     result = rid.run(EXAMPLES / "beam_ring.toml", tmp_path / "out")
     assert result.consistent
     hz = result.run_file.modes.hz

@@ -1,7 +1,5 @@
 """Runs of continuous data with the poles anywhere in their box, and what is said where no box is covered."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -11,6 +9,7 @@ import robustid as rid
 from robustid.app.run import findings
 from robustid.app.run.settings import Modes
 from support.command_line import words
+from support.run_files import ask
 
 OMEGA, DAMPING = np.array([40.0, 70.0]), np.array([0.02, 0.03])
 
@@ -25,18 +24,20 @@ def response():
     return rid.FrequencyResponse(omega, values + noise, bound=0.06)
 
 
-def write(path, frf):
-    rows = zip(frf.freq_hz, frf.values.real.ravel(), frf.values.imag.ravel(), strict=True)
-    path.write_text("frequency_hz,re,im,bound\n" + "\n".join(f"{f},{a},{b},0.06" for f, a, b in rows) + "\n")
+def ran(folder, response, **worst_case):
+    """A run of the response with a stated class."""
+    rid.save(folder / "frf.csv", response)
+    sections = {
+        "frequency": [{"file": "frf.csv"}],
+        "prior": {"gain_bound": 2.0, "decay": 60.0},
+        "worst_case": worst_case,
+    }
+    return rid.run(ask(folder, sections), folder / "out")
 
 
 @pytest.mark.usefixtures("unreduced")
 def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response):
-    write(tmp_path / "frf.csv", response)
-    text = '[[frequency]]\nfile = "frf.csv"\n[prior]\ngain_bound = 2.0\ndecay = 60.0\n[worst_case]\nover_poles = true\n'
-    text += "at_hz = [6.0]\ndirections = 3\ntime_limit = 2.0\n"
-    (tmp_path / "run.toml").write_text(text)
-    found = rid.run(tmp_path / "run.toml", tmp_path / "out")
+    found = ran(tmp_path, response, over_poles=True, at_hz=[6.0], directions=3, time_limit=2.0)
     assert found.consistent
     assert found.over_poles.certified
     assert any("With the poles anywhere in the pole-uncertainty box: within" in sentence for sentence in found.findings)
@@ -48,10 +49,7 @@ def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response
 
 @pytest.mark.usefixtures("unreduced")
 def test_a_sweep_at_exact_poles_is_no_part_of_the_band_over_their_box(tmp_path, response):
-    write(tmp_path / "frf.csv", response)
-    text = '[[frequency]]\nfile = "frf.csv"\n[prior]\ngain_bound = 2.0\ndecay = 60.0\n[worst_case]\n'
-    (tmp_path / "run.toml").write_text(text + "at_hz = [6.37, 11.14]\ndirections = 16\n")
-    found = rid.run(tmp_path / "run.toml", tmp_path / "out")
+    found = ran(tmp_path, response, at_hz=[6.37, 11.14], directions=16)
     assert found.band.box is not None
     assert found.band.polygons is None
     assert np.any(found.error.upper < found.band.error_at(found.error.omega))  # it would have lowered it
@@ -69,9 +67,13 @@ def test_the_command_covers_the_box_of_continuous_data(tmp_path, response, capsy
     assert rid.load("bounds-poles").certified
 
 
-def test_the_box_is_named_where_it_can_be_covered(response):
+@pytest.fixture(scope="module")
+def result(response):
     basis, prior = rid.kautz(OMEGA, DAMPING, dt=0), rid.Prior(gain_bound=2.0, decay=60.0)
-    result = rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=basis))
+    return rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=basis))
+
+
+def test_the_box_is_named_where_it_can_be_covered(result):
     hz = tuple((OMEGA / (2 * np.pi)).tolist())
     box = {"hz_interval": tuple((0.99 * f, 1.01 * f) for f in hz), "damping_interval": ((0.01, 0.03), (0.02, 0.04))}
     modes = Modes(hz=hz, damping=tuple(DAMPING.tolist()), **box)
@@ -85,9 +87,7 @@ def test_the_box_is_named_where_it_can_be_covered(response):
     assert "over_poles" not in real
 
 
-def test_a_mode_whose_box_is_too_wide_is_named(response):
-    basis, prior = rid.kautz(OMEGA, DAMPING, dt=0), rid.Prior(gain_bound=2.0, decay=60.0)
-    result = rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=basis))
+def test_a_mode_whose_box_is_too_wide_is_named(result):
     box = OMEGA[:, None] * [[0.9999, 1.0001], [0.9, 1.1]], DAMPING[:, None] * [0.99, 1.01]
     band = rid.worst_case_over_poles(result, *box, omega=[25.0, 70.0], directions=4, cells=1)
     assert np.isfinite(band.sigma_upper[0])

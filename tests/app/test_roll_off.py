@@ -12,6 +12,9 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.app.run.settings import Modes
 from support.posed import proposed
+from support.run_files import QUICK, ask
+
+FEW = {"frequency": [{"file": "frf.npz"}], "modes": {"hz": [], "damping": []}} | QUICK
 
 
 def test_a_run_file_states_the_roll_off_in_hz():
@@ -53,12 +56,10 @@ def test_a_table_is_covered_in_the_time_of_the_data(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rows, omega = [[1.0, 1.0], [8.0, 0.1]], np.linspace(1.0, 60.0, 12)
     rid.save("frf.npz", rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.01))
-    with open("run.toml", "w") as file:
-        file.write('[[frequency]]\nfile = "frf.npz"\n[modes]\nhz = []\ndamping = []\n[worst_case]\ncompute = false\n')
-        file.write(f"[prior]\ngain_bound = 3.0\ndecay = 4.0\nweight = {rows}\n")
+    path = ask(tmp_path, FEW, {"prior": {"gain_bound": 3.0, "decay": 4.0, "weight": rows}})
     hz, level = np.array(rows).T
     prior = rid.Prior(gain_bound=3.0, decay=4.0, weight=rid.prior_weight(2 * np.pi * hz, level))
-    found = rid.run("run.toml", "out")
+    found = rid.run(path, "out")
     assert found.identification.prior == prior
     assert read_run_file("out/run.toml").prior.weight == ((1.0, 1.0), (8.0, 0.1))
     assert read_run_file("out/run.toml").prior.weight_model is None
@@ -72,15 +73,13 @@ def test_the_weight_stays_when_the_program_chooses_the_rest(tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     omega = np.linspace(2.0, 60.0, 12)
     rid.save("frf.npz", rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 20) ** 2, bound=0.02))
-    with open("run.toml", "w") as file:
-        file.write(
-            '[[frequency]]\nfile = "frf.npz"\n[prior]\nweight = [[2.0, 1.0], [20.0, 0.05]]\n[worst_case]\ncompute = false\n'
-        )
-    found = rid.run("run.toml", "out")
+    weighted = {"prior": {"weight": [[2.0, 1.0], [20.0, 0.05]]}}
+    path = ask(tmp_path, {"frequency": [{"file": "frf.npz"}]}, QUICK, weighted)
+    found = rid.run(path, "out")
     assert found.identification.prior.weight is not None
     again = rid.run("out/run.toml", "again")
     assert again.identification.prior == found.identification.prior
-    assert rid.run("run.toml", "out", resume=True).identification.margin == found.identification.margin
+    assert rid.run(path, "out", resume=True).identification.margin == found.identification.margin
 
 
 @pytest.mark.parametrize(
@@ -119,10 +118,8 @@ def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch):
     assert problem.prior.roll_off == 2
     assert "falls as frequency^-2" in chosen["prior"].reason
     rid.save("frf.npz", frf)
-    with open("run.toml", "w") as file:
-        file.write('[[frequency]]\nfile = "frf.npz"\n[modes]\nhz = []\ndamping = []\n')
-        file.write('[prior]\ngain_bound = 1.0\ndecay = 4.0\nroll_off = "auto"\n[worst_case]\ncompute = false\n')
-    result = rid.run("run.toml", "out")
+    path = ask(tmp_path, FEW, {"prior": {"gain_bound": 1.0, "decay": 4.0, "roll_off": "auto"}})
+    result = rid.run(path, "out")
     assert result.identification.problem.prior.roll_off == 2
     assert result.consistent
     with pytest.raises(rid.InputError, match="corner_hz is chosen too"):

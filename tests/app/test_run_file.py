@@ -15,19 +15,13 @@ from robustid.core import Source
 from support.run_files import CLASS, DATA, ask
 
 pytestmark = pytest.mark.quick
-
-
 plain = st.one_of(
     st.text(st.characters(exclude_categories=["Cs"])),
     st.booleans(),
     st.integers(-(2**62), 2**62),
     st.floats(allow_nan=False),
 )
-
-
 values = st.one_of(plain, st.lists(plain), st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), plain))
-
-
 names = st.text("abcXYZ_-09", min_size=1)
 
 

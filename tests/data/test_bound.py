@@ -12,8 +12,6 @@ from robustid.core import described, made
 from support.mimo_data import KINDS, complex_normal, response, same
 
 pytestmark = pytest.mark.quick
-
-
 BOUND = rid.Bound([0.1, 0.2, np.inf])
 
 

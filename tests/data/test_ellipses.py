@@ -11,11 +11,11 @@ import pytest
 import robustid as rid
 from robustid.advice import diagnose
 from robustid.data import bound_ratio
+from robustid.identification import largest_ratio
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.formulation.columns import DenseDesign
 from robustid.identification.formulation.taylor_columns import ShiftColumns, ShiftDesign
-from robustid.identification.residuals import largest_ratio
 from robustid.identification.solver.paths import margin_path
 from robustid.report.assumptions import experiments
 from support.bounds import rebound

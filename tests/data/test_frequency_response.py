@@ -12,8 +12,6 @@ from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, RobustIdError
 
 pytestmark = pytest.mark.quick
-
-
 OMEGA = np.array([1.0, 2.0, 5.0])
 
 
@@ -90,11 +88,7 @@ def test_frequency_response_refuses(omega, values, options, error, sentence):
 def test_frequency_response_sorts_everything_together():
     frf, order = mimo(), [2, 0, 1]
     shuffled = FrequencyResponse(
-        frf.omega[order],
-        frf.values[order],
-        bound=frf.bound[order],
-        covariance=frf.covariance[order],
-        dt=0.1,
+        frf.omega[order], frf.values[order], bound=frf.bound[order], covariance=frf.covariance[order], dt=0.1
     )
     for name in ("omega", "values", "bound", "covariance"):
         np.testing.assert_array_equal(getattr(shuffled, name), getattr(frf, name))

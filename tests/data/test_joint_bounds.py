@@ -225,11 +225,7 @@ def test_what_a_bound_of_a_response_refuses(parts, sentence):
 
 def test_what_needs_every_entry_says_so():
     frf = response(9, missing=True)
-    for refused in (
-        frf.to_control,
-        lambda: frf.with_ellipsoid(2.0),
-        lambda: rid.estimate_delay(frf),
-    ):
+    for refused in (frf.to_control, lambda: frf.with_ellipsoid(2.0), lambda: rid.estimate_delay(frf)):
         with pytest.raises(
             InputError, match=r"every entry at every frequency point; \d+ of 30 are missing, the first at"
         ):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data import nonlinear
-from robustid.data.nonlinear import NONLINEAR, nonlinear_records
+from robustid.data import NONLINEAR, nonlinear, nonlinear_records
 from robustid.errors import InputError
 
 LINES = np.arange(5, 61)

@@ -6,11 +6,9 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate
-from robustid.identification.residuals import model_residuals
+from robustid.identification import model_residuals
 
 pytestmark = pytest.mark.quick
-
-
 DT = 0.01
 PLANT = control.ss(control.c2d(control.tf([900.0], [1, 6, 900]), DT))  # 30 rad/s, damping 0.1: e^-3 a second
 PRIOR = rid.Prior(gain_bound=100.0, decay_rate=1.02)

@@ -17,8 +17,6 @@ from robustid.errors import InputError, InputTypeError
 from support.mimo_data import KINDS, complex_normal, response, same
 
 pytestmark = pytest.mark.quick
-
-
 DT = 0.01
 
 
@@ -129,11 +127,7 @@ def test_everything_is_sorted_together():
 @pytest.mark.parametrize("missing", [False, True])
 @pytest.mark.parametrize("ending", ["npz", "csv", "mat"])
 def test_copies_pickles_and_files_keep_everything(missing, ending, tmp_path):
-    for data in (
-        tangential(4, missing=missing),
-        rid.TangentialResponse([1.0], [2.0]),
-        tangential(5, 1, 1, 3, 1, 1),
-    ):
+    for data in (tangential(4, missing=missing), rid.TangentialResponse([1.0], [2.0]), tangential(5, 1, 1, 3, 1, 1)):
         for again in (copy.deepcopy(data), pickle.loads(pickle.dumps(data))):
             same(again, data)
         save(tmp_path / f"data.{ending}", data)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data.nonlinear import NONLINEAR, nonlinear_records
+from robustid.data import NONLINEAR, nonlinear_records
 
 PERIOD, DT = 128, 0.01
 

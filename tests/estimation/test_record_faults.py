@@ -75,8 +75,7 @@ def test_noise_of_the_input_is_named():
 
 
 @pytest.mark.parametrize(
-    ("periods", "extra", "said"),
-    [(6, 0, "(6 periods)"), (3, 17, "(3 periods)"), (2, 0, "(2 periods)")],
+    ("periods", "extra", "said"), [(6, 0, "(6 periods)"), (3, 17, "(3 periods)"), (2, 0, "(2 periods)")]
 )
 def test_a_period_is_found(periods, extra, said):
     one = record(periods=periods + 1, input_noise=0.05)

@@ -10,9 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import robustid as rid
-from robustid.errors import DatasetNotFoundError
-from robustid.formats import datasets
 from support.example_runs import FOLDER, check_files, load
+from support.measured import needs
 
 
 @pytest.fixture
@@ -25,6 +24,29 @@ def undrawn(monkeypatch):
 def fewer_samples(monkeypatch):
     """The simulated structure with 6 lines and 6 time samples for 11 and 20: beside the suite (.ci/run) it is as it stands."""
     monkeypatch.setattr(rid, "flexible_structure", functools.partial(rid.flexible_structure, lines=6, samples=6))
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "origin"),
+    [
+        ("motor_torsion", [], "HoriFujimotoLab/FdiTools"),
+        ("torsion_margin", [], "HoriFujimotoLab/FdiTools"),
+        ("beam_damping", [], "flavioluiz/MIMO-FRF"),
+        ("beam_mimo", [], "flavioluiz/MIMO-FRF"),
+        ("beam_mimo", ["--fsm"], "merijnfloren/fsm-benchmark-data"),
+        ("steering_mirror", [], "merijnfloren/fsm-benchmark-data"),
+        ("mirror_family", [], "merijnfloren/fsm-benchmark-data"),
+        ("model_reduction", [], "SLICOT"),
+    ],
+)
+def test_without_data_an_example_says_where_to_get_them(tmp_path, capsys, monkeypatch, name, options, origin):
+    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
+    monkeypatch.syspath_prepend(FOLDER)
+    load(name).main(["--out", str(tmp_path), *options])
+    printed = capsys.readouterr().out
+    assert origin.lower() in printed.lower()
+    assert "ROBUSTID_DATA" in printed
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_flexible_structure(tmp_path, capsys, undrawn, fewer_samples):
@@ -59,22 +81,10 @@ def test_conditioning(tmp_path, capsys, undrawn):
     assert example.conditions(example.measured_band(40), 1.1)[0] > 1000 * 1.1**78
 
 
-def test_motor_torsion_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    load("motor_torsion").main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert "HoriFujimotoLab/FdiTools" in printed
-    assert "ROBUSTID_DATA" in printed
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.realdata
 @pytest.mark.parametrize("lines", [(40, 3), pytest.param((12, 8), marks=pytest.mark.slow)])
 def test_motor_torsion(tmp_path, capsys, monkeypatch, undrawn, lines):
-    try:
-        datasets.find("two_mass/MultisineTypeA.mat")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("two_mass/MultisineTypeA.mat")
     example = load("motor_torsion")
     monkeypatch.setattr(example, "EVERY", lines[0])
     monkeypatch.setattr(example, "NEAR_HZ", lines[1])
@@ -124,21 +134,8 @@ def test_worst_case(tmp_path, capsys, monkeypatch, undrawn, fewer_samples):
         assert 0.9 * float(upper) < float(lower) <= float(upper)
 
 
-def test_torsion_margin_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    monkeypatch.syspath_prepend(FOLDER)
-    load("torsion_margin").main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert "HoriFujimotoLab/FdiTools" in printed
-    assert "ROBUSTID_DATA" in printed
-    assert list(tmp_path.iterdir()) == []
-
-
 def run_torsion_margin(example, tmp_path, capsys):
-    try:
-        datasets.find("two_mass/MultisineTypeA.mat")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("two_mass/MultisineTypeA.mat")
     example.main(["--out", str(tmp_path)])
     check_files(tmp_path, ["guaranteed.png", "nyquist.png"])
     assert "Over the whole circle" in (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -158,10 +155,7 @@ def run_torsion_margin(example, tmp_path, capsys):
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["hairdryer", "cdplayer"])
 def test_small_models_of_short_records_predict_the_other_half(tmp_path, name):
-    try:
-        datasets.find(f"daisy/{name}.mat")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs(f"daisy/{name}.mat")
     (found,) = load("short_records").main(["--out", str(tmp_path), "--machine", name]).values()
     share, small, best = found
     assert share > 0.99  # of the samples within the stated bounds
@@ -205,20 +199,8 @@ def test_wafer_stage(tmp_path, capsys, monkeypatch, undrawn, size):
     assert low[0] < 0.1 * low[1]  # below 5 Hz the constraint is what keeps the noise out
 
 
-def test_beam_damping_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    load("beam_damping").main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert "flavioluiz/MIMO-FRF" in printed
-    assert "ROBUSTID_DATA" in printed
-    assert list(tmp_path.iterdir()) == []
-
-
 def run_beam_damping(example, tmp_path, capsys):
-    try:
-        datasets.find("beam_ring/symexc_1.mat")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("beam_ring/symexc_1.mat")
     example.main(["--out", str(tmp_path)])
     check_files(tmp_path, ["damping.png"])
     printed = capsys.readouterr().out
@@ -261,15 +243,6 @@ def test_the_whole_beam_damping(tmp_path, capsys):
     run_beam_damping(load("beam_damping"), tmp_path, capsys)
 
 
-def test_steering_mirror_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    load("steering_mirror").main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert "merijnfloren/fsm-benchmark-data" in printed
-    assert "ROBUSTID_DATA" in printed
-    assert list(tmp_path.iterdir()) == []
-
-
 def mirror_table(printed):
     """Name of every row to the (3,) numbers at its end."""
     rows = [line.rsplit(maxsplit=3) for line in printed.splitlines() if line.startswith(("not linear", "test,"))]
@@ -277,10 +250,7 @@ def mirror_table(printed):
 
 
 def run_mirror(tmp_path, capsys, *orders):
-    try:
-        datasets.find("fsm_cubespec/u_300mV_train.npy")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("fsm_cubespec/u_300mV_train.npy")
     load("steering_mirror").main(["--out", str(tmp_path), *(["--orders", *map(str, orders)] if orders else [])])
     check_files(tmp_path, ["response.png", "stabilisation.png", "time.png"])
     return capsys.readouterr().out
@@ -299,24 +269,12 @@ def test_steering_mirror(tmp_path, capsys, undrawn):
     assert np.all(model < 20)
 
 
-def test_mirror_family_without_data_says_where_to_get_them(tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    load("mirror_family").main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert "merijnfloren/fsm-benchmark-data" in printed
-    assert "ROBUSTID_DATA" in printed
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 @pytest.mark.realdata
 @pytest.mark.parametrize("entry", range(3))
 def test_mirror_family(tmp_path, capsys, undrawn, entry):
     """All records of both amplitudes inside the band of the family, entry by entry of the diagonal."""
-    try:
-        datasets.find("fsm_cubespec/u_200mV_train.npy")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("fsm_cubespec/u_200mV_train.npy")
     load("mirror_family").main(["--out", str(tmp_path), "--entries", str(entry)])
     check_files(tmp_path, [f"{kind}_{entry + 1}.png" for kind in ("band", "amplitude")])
     printed = capsys.readouterr().out

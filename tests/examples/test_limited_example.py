@@ -3,26 +3,13 @@
 import numpy as np
 import pytest
 
-from robustid.errors import DatasetNotFoundError
-from robustid.formats import datasets
 from support.example_runs import check_files, load
-
-
-def test_without_data_it_says_where_to_get_them(tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    load("model_reduction").main(["--out", str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert "SLICOT" in printed or "slicot" in printed
-    assert "ROBUSTID_DATA" in printed
-    assert list(tmp_path.iterdir()) == []
+from support.measured import needs
 
 
 @pytest.mark.realdata
 def test_limits_gain_where_they_are_meant_to(tmp_path, capsys):
-    try:
-        datasets.find("slicot/build.mat")
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs("slicot/build.mat")
     load("model_reduction").main(["--out", str(tmp_path), "--models", "build"])
     check_files(tmp_path, ["model_reduction.png"])
     printed = capsys.readouterr().out

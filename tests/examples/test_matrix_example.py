@@ -4,19 +4,8 @@ import re
 
 import pytest
 
-from robustid.errors import DatasetNotFoundError
-from robustid.formats import datasets
 from support.example_runs import check_files, load
-
-
-def test_without_data_it_says_where_to_get_them(tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    for options, origin in (([], "flavioluiz/MIMO-FRF"), (["--fsm"], "merijnfloren/fsm-benchmark-data")):
-        load("beam_mimo").main(["--out", str(tmp_path), *options])
-        printed = capsys.readouterr().out
-        assert origin in printed
-        assert "ROBUSTID_DATA" in printed
-    assert list(tmp_path.iterdir()) == []
+from support.measured import needs
 
 
 @pytest.mark.slow
@@ -25,10 +14,7 @@ def test_without_data_it_says_where_to_get_them(tmp_path, capsys, monkeypatch):
     ("options", "file"), [([], "beam_ring/symexc_1.mat"), (["--fsm"], "fsm_cubespec/u_300mV_train.npy")]
 )
 def test_measured_plants(tmp_path, capsys, options, file):
-    try:
-        datasets.find(file)
-    except DatasetNotFoundError as missing:
-        pytest.skip(str(missing))
+    needs(file)
     load("beam_mimo").main(["--out", str(tmp_path), *options])
     check_files(tmp_path, ["response.png", "residuals.png"])
     assert (tmp_path / "report.html").exists()

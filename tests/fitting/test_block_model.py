@@ -8,7 +8,7 @@ import scipy.linalg
 
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.integrator_chains import chain
-from support.mechanics import unscaled
+from support.mechanics import check_tangent, unscaled
 
 OMEGA = np.linspace(0.3, 3, 11)
 
@@ -50,12 +50,9 @@ def test_the_tangent_is_the_derivative(discrete, n, nu, count):
     """Central differences of the response, and n*nu coordinates where no direction is held."""
     model, *_, xi = block_model(n, n, nu, count, discrete)
     C = np.random.default_rng(3).standard_normal((2, model.order))
-    tangent, h = model.tangent(xi, model.states(xi), C), 1e-6
+    tangent = model.tangent(xi, model.states(xi), C)
     assert tangent.shape[3] == n * nu + np.sum(model.free)
-    for k, column in enumerate(np.moveaxis(tangent, 3, 0)):
-        step = h * np.eye(tangent.shape[3])[k]
-        there, back = (C @ unscaled(model, sign * step).states(xi) for sign in (1, -1))
-        assert np.allclose(column, (there - back) / (2 * h), rtol=1e-6, atol=1e-7 * np.abs(tangent).max())
+    check_tangent(tangent, lambda step: C @ unscaled(model, step).states(xi))
 
 
 @pytest.mark.parametrize("discrete", [False, True])
@@ -63,7 +60,7 @@ def test_the_tangent_is_the_derivative(discrete, n, nu, count):
 def test_the_tangent_of_symmetric_blocks_is_the_derivative(discrete, n, nu, count):
     """C moves with the poles and the inputs, its coefficients held; the response stays symmetric."""
     model, *_, xi = block_model(n, n, nu, count, discrete)
-    gains, h = np.random.default_rng(3).standard_normal(len(model.tied_outputs())), 1e-6
+    gains = np.random.default_rng(3).standard_normal(len(model.tied_outputs()))
 
     def response(model):
         return np.tensordot(gains, model.tied_outputs(), 1) @ model.states(xi)
@@ -71,23 +68,24 @@ def test_the_tangent_of_symmetric_blocks_is_the_derivative(discrete, n, nu, coun
     values, states, C = response(model), model.states(xi), np.tensordot(gains, model.tied_outputs(), 1)
     assert np.allclose(values, values.transpose(0, 2, 1), rtol=1e-12, atol=1e-12 * np.abs(values).max())
     tangent = model.tied_changes(states, C, model.tangent(xi, states, C))
-    for k, column in enumerate(np.moveaxis(tangent, 3, 0)):
-        step = h * np.eye(tangent.shape[3])[k]
-        there, back = (response(unscaled(model, sign * step)) for sign in (1, -1))
-        assert np.allclose(column, (there - back) / (2 * h), rtol=1e-6, atol=1e-7 * np.abs(tangent).max())
+    check_tangent(tangent, lambda step: response(unscaled(model, step)))
+
+
+def check_reach(model, A, B, xi, rtol):
+    """Every response C (xi - A)^{-1} B is one of the blocks."""
+    wanted = np.stack([np.linalg.solve(point * np.eye(len(A)) - A, B) for point in xi])
+    parts = (model.states(xi), wanted)
+    rows = [np.concatenate([p.real, p.imag]).transpose(0, 2, 1).reshape(-1, len(A)) for p in parts]
+    left = np.linalg.lstsq(rows[0], rows[1], rcond=None)[0]
+    assert np.allclose(rows[0] @ left, rows[1], rtol=rtol, atol=rtol * np.abs(rows[1]).max())
 
 
 @pytest.mark.parametrize("discrete", [False, True])
 def test_blocks_have_the_poles_and_reach_of_the_plant(discrete):
-    """Whatever the coordinates: same poles, and every response C (xi - A)^{-1} B is one of the blocks."""
     A, B, xi = plant(4, 9, 2, discrete)
     model = BlockModel.of(A, B, discrete=discrete)
     assert np.allclose(np.sort_complex(model.poles), np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9)
-    wanted = np.stack([np.linalg.solve(point * np.eye(9) - A, B) for point in xi])
-    given = model.states(xi)
-    rows = [np.concatenate([part.real, part.imag]).transpose(0, 2, 1).reshape(-1, 9) for part in (given, wanted)]
-    left = np.linalg.lstsq(rows[0], rows[1], rcond=None)[0]
-    assert np.allclose(rows[0] @ left, rows[1], rtol=1e-9, atol=1e-9 * np.abs(rows[1]).max())
+    check_reach(model, A, B, xi, 1e-9)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -96,13 +94,8 @@ def test_chains_of_integrators_are_blocks(count):
     rng = np.random.default_rng(5)
     T = scipy.linalg.orth(rng.standard_normal((2 * count + 2, 2 * count + 2)))
     A = T @ scipy.linalg.block_diag(chain(count, 0.0), [[-0.1, 2], [-2, -0.1]]) @ T.T
-    B, xi = rng.standard_normal((len(A), 2)), 1j * OMEGA
-    model = BlockModel.of(A, B, discrete=False)
-    wanted = np.stack([np.linalg.solve(point * np.eye(len(A)) - A, B) for point in xi])
-    given = model.states(xi)
-    rows = [np.concatenate([p.real, p.imag]).transpose(0, 2, 1).reshape(-1, len(A)) for p in (given, wanted)]
-    left = np.linalg.lstsq(rows[0], rows[1], rcond=None)[0]
-    assert np.allclose(rows[0] @ left, rows[1], rtol=1e-7, atol=1e-7 * np.abs(rows[1]).max())
+    B = rng.standard_normal((len(A), 2))
+    check_reach(BlockModel.of(A, B, discrete=False), A, B, 1j * OMEGA, 1e-7)
 
 
 def test_a_pair_becomes_two_real_poles_and_back():

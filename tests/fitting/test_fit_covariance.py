@@ -7,13 +7,21 @@ import pytest
 from scipy.stats import binom, chi2
 
 import robustid as rid
-from robustid.fitting import FitStatus, MatrixFraction, RigidBody, Weight, fit_covariance, fit_mfd
+from robustid.fitting import (
+    FitStatus,
+    FractionProblem,
+    MatrixFraction,
+    RigidBody,
+    Weight,
+    fit_covariance,
+    fit_fraction,
+    fit_mfd,
+    retract,
+)
 from robustid.fitting.fraction.coordinates import pole_changes, response_changes
-from robustid.fitting.fraction.fraction_iteration import fit_fraction
 from robustid.fitting.fraction.fraction_model import realise
-from robustid.fitting.fraction.fraction_problem import FractionProblem
-from robustid.fitting.fraction.fraction_steps import gauss_newton_direction, retract
-from support.mfd_systems import noisy, random_modal_system
+from robustid.fitting.fraction.fraction_steps import gauss_newton_direction
+from support.mfd_systems import identity, noisy, random_modal_system
 
 OMEGA = 2 * np.pi * np.geomspace(4, 400, 120)
 
@@ -25,8 +33,7 @@ def system_of(seed, ny=2, nu=2, modes=3, **options):
 def fitted(values, order, weight, near, omega=OMEGA):
     """The optimum next to a response, without the search for a start."""
     problem = FractionProblem(omega, values, order, weight, pairs=True)
-    identity = np.broadcast_to(np.eye(values.shape[2]), (omega.size, values.shape[2], values.shape[2]))
-    fit = fit_fraction(problem, start=retract(problem, near, identity, steps=8), method="lm")
+    fit = fit_fraction(problem, start=retract(problem, near, identity(problem), steps=8), method="lm")
     gradient = gauss_newton_direction(problem, fit.fraction).slope * np.sqrt(fit.cost)
     # Less than 1/30 of a standard deviation from the optimum, all coefficients together; noise-free it is rounding.
     assert gradient**2 <= max(1e-3 * fit.cost / (2 * values.size), 1e-6)
@@ -115,7 +122,7 @@ def test_against_the_jacobian_in_modal_coordinates_at_full_size(modes):
     truth = random_modal_system(0, 4, 4, modes).response(1j * omega)
     weight = Weight(100 / np.abs(truth))
     problem = FractionProblem(omega, truth, 2 * modes, weight)
-    nodes = retract(problem, truth, np.broadcast_to(np.eye(4), (300, 4, 4)), steps=4)
+    nodes = retract(problem, truth, identity(problem), steps=4)
     fit = MatrixFraction(problem, nodes, realise(problem, nodes), problem.cost(nodes), np.nan, FitStatus.EXACT, ())
     assert_agrees(fit, weight, omega, 1e-5)
 

@@ -6,27 +6,24 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.fitting import Weight, fit_mfd
-from robustid.fitting.fraction.fraction_iteration import fit_fraction
-from robustid.fitting.fraction.fraction_problem import FractionProblem
+from robustid.fitting import (
+    FractionProblem,
+    Weight,
+    fit_fraction,
+    fit_mfd,
+    orthonormal_polynomials,
+    polynomial_nodes,
+    retract,
+    sk_step,
+)
 from robustid.fitting.fraction.fraction_steps import (
     column_step,
     gauss_newton_direction,
     minimum_norm_step,
     relaxed_step,
-    retract,
-    sk_step,
 )
 from robustid.fitting.fraction.node_fraction import Held
-from robustid.fitting.fraction.vector_polynomials import orthonormal_polynomials, polynomial_nodes
-from support.mfd_systems import (
-    gaussian,
-    identity,
-    noisy,
-    poles_and_residues,
-    problem_of,
-    relative_error,
-)
+from support.mfd_systems import gaussian, identity, noisy, poles_and_residues, problem_of, relative_error
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 300)
 

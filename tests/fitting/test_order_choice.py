@@ -36,7 +36,6 @@ def sweeps(count, shape, modes, lines, known, stable, orders):
         falling += bool(np.all(sweep.costs[1:] <= sweep.costs[:-1] * (1 + 1e-6)))
         level = sweep.levels[sweep.orders == 2 * modes][0]
         assert level == pytest.approx(1 if known else LEVEL, rel=0.15)
-    print(shape, 2 * modes, lines, known, stable, "hits", hits, "falling", falling, "of", count)
     return hits, falling
 
 

@@ -8,9 +8,11 @@ from scipy.signal import cont2discrete
 
 from robustid.core import response_at
 from robustid.fitting.state_space.real_modes import RealModes, mode_gains
+from support.mechanics import check_tangent
 
 OMEGA = np.linspace(0.3, 2.9, 12)
 POWERS = (0, 1, 2)
+SHAPES = ((2, 2), (2, 1), (1, 2), (1, 1))
 
 
 def modes(discrete, power, count=0, *, seed=0, nu=3):
@@ -50,8 +52,8 @@ def test_a_mode_is_a_mass_on_a_spring(discrete, power):
     for k in range(4):
         wanted = response_at(
             [
-                np.asarray(M, dtype=float).reshape(shape)
-                for M, shape in zip(physical(model, k), [(2, 2), (2, 1), (1, 2), (1, 1)], strict=True)
+                np.reshape(np.asarray(M, dtype=float), shape)
+                for M, shape in zip(physical(model, k), SHAPES, strict=True)
             ],
             xi,
         )
@@ -62,19 +64,16 @@ def test_a_mode_is_a_mass_on_a_spring(discrete, power):
 @pytest.mark.parametrize(("power", "count"), [(0, 0), (1, 0), (2, 0), (0, 2)])
 def test_the_tangent_is_the_derivative(discrete, power, count):
     model, xi = modes(discrete, power, count), nodes(discrete)
-    C, h = np.random.default_rng(3).standard_normal((2, model.order)), 1e-6
+    C = np.random.default_rng(3).standard_normal((2, model.order))
     tangent = model.tangent(xi, model.states(xi), C)
     assert tangent.shape[3] == 4 * (2 + 2) + np.sum(model.free)
-    for k, column in enumerate(np.moveaxis(tangent, 3, 0)):
-        step = h * np.eye(tangent.shape[3])[k]
-        there, back = (C @ model.moved(sign * step).states(xi) for sign in (1, -1))
-        assert np.allclose(column, (there - back) / (2 * h), rtol=1e-6, atol=1e-7 * np.abs(column).max())
+    check_tangent(tangent, lambda step: C @ model.moved(step).states(xi))
 
 
 @pytest.mark.parametrize("discrete", [False, True])
 def test_the_tangent_of_symmetric_modes_is_the_derivative(discrete):
     """C moves with the inputs, its coefficients held; the response stays symmetric."""
-    model, xi, h = modes(discrete, 0, 2), nodes(discrete), 1e-6
+    model, xi = modes(discrete, 0, 2), nodes(discrete)
     gains = np.random.default_rng(4).standard_normal(len(model.tied_outputs()))
 
     def response(model):
@@ -85,10 +84,7 @@ def test_the_tangent_of_symmetric_modes_is_the_derivative(discrete):
     assert np.allclose(response(model), response(model).transpose(0, 2, 1), rtol=1e-13)
     states = model.states(xi)
     tangent = model.tied_changes(states, C, model.tangent(xi, states, C))
-    for k, column in enumerate(np.moveaxis(tangent, 3, 0)):
-        step = h * np.eye(tangent.shape[3])[k]
-        there, back = (response(model.moved(sign * step)) for sign in (1, -1))
-        assert np.allclose(column, (there - back) / (2 * h), rtol=1e-6, atol=1e-7 * np.abs(column).max())
+    check_tangent(tangent, lambda step: response(model.moved(step)))
 
 
 @pytest.mark.parametrize("discrete", [False, True])

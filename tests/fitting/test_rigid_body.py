@@ -9,11 +9,8 @@ import scipy.linalg
 import scipy.signal
 
 import robustid as rid
-from robustid.fitting import RigidBody, StaticGain, Weight, fit_mfd
+from robustid.fitting import FractionProblem, RigidBody, StaticGain, Weight, fit_mfd, polynomial_nodes, sk_step
 from robustid.fitting.fraction.conditions import RigidModes
-from robustid.fitting.fraction.fraction_problem import FractionProblem
-from robustid.fitting.fraction.fraction_steps import sk_step
-from robustid.fitting.fraction.vector_polynomials import polynomial_nodes
 from support.mfd_systems import OMEGA as FEW
 from support.mfd_systems import noisy, random_modal_system, relative_error
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from robustid.errors import InputError
+from robustid.fitting import orthonormal_polynomials, polynomial_nodes
 from robustid.fitting.fraction.krylov_blocks import block_layout
-from robustid.fitting.fraction.vector_polynomials import orthonormal_polynomials, polynomial_nodes
 
 pytestmark = pytest.mark.quick
-
-
 PATTERNS = [[4, 4, 3], [5, 5, 5, 5], [1, 0, -1], [0, 0, 0], [3, 2, 2, 1], [2, 3, 3]]
 
 

@@ -7,9 +7,8 @@ import pytest
 
 import robustid as rid
 from robustid.core import Budget
-from robustid.fitting import Weight, fit_mfd
+from robustid.fitting import FractionProblem, Weight, fit_mfd
 from robustid.fitting.fraction.first_models import first_model
-from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.weight_choice import chosen, predicted_error
 from robustid.fitting.state_space.given_poles import Samples
 from robustid.fitting.state_space.state_descent import Settings

@@ -10,8 +10,6 @@ from robustid.errors import FileFormatError, InputError
 from support.exchange_files import HZ, INPUTS, OUTPUTS, RNG, G, S, function, matrix, signal, touchstone, write
 
 pytestmark = pytest.mark.quick
-
-
 skrf = pytest.importorskip("skrf")
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import robustid as rid
 from robustid import load
-from robustid.core.files import atomic_write
+from robustid.core import atomic_write
 from robustid.data import FrequencyResponse, save
 from robustid.errors import InputError, InputTypeError
 from support.data_files import HZ, TIME, G, U, Y, assert_same, full_frf, full_record, write_matlab73

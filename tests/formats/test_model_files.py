@@ -14,8 +14,6 @@ from support.data_files import write_matlab73
 from support.foreign_files import matlab5
 
 pytestmark = pytest.mark.quick
-
-
 A, B, C = np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1))
 
 

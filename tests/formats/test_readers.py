@@ -65,8 +65,6 @@ FORMATS = {
     "binary.uff": lambda p: write_universal(p, [signal(1, 12, binary=1), signal(2, 13, binary=1)]),
     "net.s2p": lambda p: touchstone(p, S, "GHz", "db"),
 }
-
-
 GIVEN = {
     "plain.npy": {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 0.5},
     "axes.npy": {"fields": {"u": "[:]", "y": "[:]"}, "axes": "time,signal,realisation,period", "dt": 0.5},

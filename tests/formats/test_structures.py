@@ -12,8 +12,6 @@ from support.data_files import full_frf, full_record
 from support.matlab_files import FRD, RNG, G, W, write5, write73
 
 pytestmark = pytest.mark.quick
-
-
 RECORD = {
     "OutputData": RNG.standard_normal((20, 2)),
     "InputData": RNG.standard_normal((20, 1)),
@@ -23,8 +21,6 @@ RECORD = {
     "OutputName": np.array(["x", "y"], object)[:, None],
     "OutputUnit": np.array(["mm", "rad"], object)[:, None],
 }
-
-
 BOTH = pytest.mark.parametrize("write", [write5, write73], ids=["v5", "v7.3"])
 
 

@@ -12,8 +12,6 @@ from robustid.errors import InputError
 from robustid.formats.role_names import axis_role
 
 pytestmark = pytest.mark.quick
-
-
 VALUE = 1.5 + 0.25j
 OMEGA = 2 * np.pi * 40  # rad/s
 

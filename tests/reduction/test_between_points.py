@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.identification.residuals import largest_ratio
+from robustid.identification import largest_ratio
 from robustid.reduction.between_points import Guard
 from support.matrix_plants import plant, response
 

@@ -14,14 +14,10 @@ def data(dt, seed):
     rng = np.random.default_rng(seed)
     omega = np.linspace(2.0, 25.0, 120)
     s = points_of(omega, dt)
-    modes = [
-        control.tf([20.0], [1, 0.2, 25.0]),
-        control.tf([30.0], [1, 0.4, 144.0]),
-        control.tf([15.0], [1, 12.0, 324.0]),
-    ]
-    plant = modes[0] + modes[1] + modes[2]
-    if dt:
-        plant = control.sample_system(plant, dt)
+    plant = (
+        control.tf([20.0], [1, 0.2, 25.0]) + control.tf([30.0], [1, 0.4, 144.0]) + control.tf([15.0], [1, 12.0, 324.0])
+    )
+    plant = control.sample_system(plant, dt) if dt else plant
     deviation = 1e-3
     noise = deviation * (rng.normal(size=120) + 1j * rng.normal(size=120)) / np.sqrt(2)
     values = np.asarray(plant(s)) + noise

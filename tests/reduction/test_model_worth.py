@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.bases import stack_bases
 from robustid.identification import largest_ratio
 from robustid.reduction import model_worth_having, reduce_within_bounds, why_not_compared
 from robustid.reduction.record_simulations import with_transients
+from support.two_mode_models import rigid_body
 
 
 def measured(seed, wide=40.0, lines=32, noise=0.02):
@@ -81,13 +81,7 @@ def test_a_single_integrator_is_not_compared():
 @ORDERS
 def test_rigid_body_models_are_compared_with_fits_that_keep_them(monkeypatch, most):
     try_orders_up_to(most, monkeypatch)
-    rng, omega = np.random.default_rng(2), np.geomspace(3.0, 200.0, 40)
-    z = np.exp(1j * omega * 0.01)
-    mode = rid.kautz([60.0], [0.02], dt=0.01, delay=1)
-    plant = 5e-3 * (z + 1) / (z - 1) ** 2 + mode.response(omega * 0.01) @ [0.2, 0.1]
-    noise = 0.01 * np.abs(plant) * (rng.standard_normal(40) + 1j * rng.standard_normal(40))
-    frf = rid.FrequencyResponse(omega, plant + noise, bound=0.2 * np.abs(plant), dt=0.01)
-    basis = stack_bases([rid.integrators(2, dt=0.01), mode])
+    frf, basis = rigid_body(0.2)
     found, reduction = small(frf, basis)
     worth = model_worth_having(found, reduction, frf)
     assert worth.carried == 4

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.bases import stack_bases
 from robustid.errors import InputTypeError
 from support.edge_bands import edge_plant
+from support.paper_plant import AS_THE_PAPER, structure
+from support.two_mode_models import rigid_body
 
 
 def edge(kind, count):
@@ -23,11 +24,9 @@ def edge(kind, count):
 def structures(count):
     """A response and a record of the two modes and the rest of the paper's structure."""
     for seed in range(count):
-        data = rid.flexible_structure(seed=seed)
-        basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
-        prior = rid.Prior(gain_bound=0.3, decay_rate=1.1)
-        problem = rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)
-        yield rid.identify(problem), lambda omega, d=data: rid.core.responses(d.truth, omega * 0.01)
+        problem = structure(seed, **AS_THE_PAPER).with_prior(gain_bound=0.3, decay_rate=1.1)
+        truth = rid.flexible_structure(seed=seed).truth
+        yield rid.identify(problem), lambda omega, truth=truth: rid.core.responses(truth, omega * 0.01)
 
 
 def slow_edges(kind):
@@ -73,13 +72,7 @@ def test_the_order_stays_the_bounds_are_kept_and_the_guaranteed_error_falls(case
 
 
 def test_rigid_bodies_stay_exact():
-    rng, omega = np.random.default_rng(2), np.geomspace(3.0, 200.0, 40)
-    z = np.exp(1j * omega * 0.01)
-    mode = rid.kautz([60.0], [0.02], dt=0.01, delay=1)
-    plant = 5e-3 * (z + 1) / (z - 1) ** 2 + mode.response(omega * 0.01) @ [0.2, 0.1]
-    noise = 0.01 * np.abs(plant) * (rng.standard_normal(40) + 1j * rng.standard_normal(40))
-    frf = rid.FrequencyResponse(omega, plant + noise, bound=0.1 * np.abs(plant), dt=0.01)
-    basis = stack_bases([rid.integrators(2, dt=0.01), mode])
+    frf, basis = rigid_body(0.1)
     prior = rid.Prior(gain_bound=0.5, decay_rate=1.1)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis))
     assert result.consistent
@@ -89,9 +82,6 @@ def test_rigid_bodies_stay_exact():
 
 
 def test_a_band_is_asked_for():
-    data = rid.flexible_structure(seed=0)
-    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
-    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
-    result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis))
+    result = rid.identify(structure(0))
     with pytest.raises(InputTypeError, match="`band` must be the result of band"):
         rid.reduce_within_bounds(result, band=result.model)

@@ -9,7 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import response
-from robustid.identification.residuals import model_residuals
+from robustid.identification import model_residuals
 from robustid.reduction.pole_starts import sanathanan_koerner, statespace
 from robustid.reduction.sample_fits import (
     descended,
@@ -26,8 +26,6 @@ from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_ma
 from support.paper_plant import mixed, structure
 
 pytestmark = pytest.mark.quick
-
-
 POLES = np.array([0.8 + 0.5j, 0.8 - 0.5j, 0.3, 0.44 + 0.89j, 0.44 - 0.89j])
 
 

@@ -9,23 +9,14 @@ import pytest
 import robustid as rid
 from robustid.core import Budget, responses
 from robustid.fitting import FitStatus
-from robustid.identification.residuals import largest_ratio
+from robustid.identification import largest_ratio
 from robustid.reduction.best_models import ResponseFits
 from robustid.reduction.pole_starts import of_model, statespace
 from robustid.reduction.sample_fits import least_squares, levelled, moves, normal_functions, numerators
 from robustid.reduction.sample_map import sample_map
-from support.matrix_lines import DT, lines, plant
+from support.matrix_lines import DT, found_at, keeps, lines, plant
 
 PRIOR = rid.Prior(gain_bound=0.1, decay_rate=1.2)
-
-
-def keeps(problem, small, order):
-    """Judged from the numbers of the model: its order, every sample, stable poles."""
-    assert small.order == small.model.nstates <= order
-    assert small.margin == pytest.approx(largest_ratio(problem, small.model), rel=1e-9)
-    assert small.margin <= 1
-    poles = small.model.poles()
-    assert np.all((np.abs(poles) < 1) | (poles == 1))
 
 
 @pytest.fixture(scope="module")
@@ -142,8 +133,7 @@ def test_truth_of_known_order_bounds_the_order_found_in_joint_bounds(kind):
     rng = np.random.default_rng(4)
     truth, basis = plant(rng, 2)
     problem = rid.MixedProblem(frequency=joint(kind, lines(rng, truth, count=10)), prior=PRIOR, parametric=basis)
-    assert largest_ratio(problem, truth) <= 1
-    keeps(problem, rid.reduce_within_bounds(rid.identify(problem)), 4)
+    found_at(problem, truth, 4)
 
 
 def test_rigid_body_of_a_matrix_is_exact():
@@ -156,18 +146,5 @@ def test_rigid_body_of_a_matrix_is_exact():
     double = control.ss([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], np.eye(2), 0, DT)
     frf = lines(rng, truth, bound=0.03, count=10)
     problem = rid.MixedProblem(frequency=frf, prior=PRIOR, parametric=[basis, double])
-    assert largest_ratio(problem, truth) <= 1
-    small = rid.reduce_within_bounds(rid.identify(problem), rigid_body=rid.RigidBody(2))
-    keeps(problem, small, 6)
+    small = found_at(problem, truth, 6, rigid_body=rid.RigidBody(2))
     assert np.sum(small.model.poles() == 1) == 4
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 3)])
-def test_order_of_the_truth_is_never_exceeded(outputs, inputs, seed):
-    rng = np.random.default_rng(seed)
-    truth, basis = plant(rng, 3, outputs, inputs)
-    problem = rid.MixedProblem(frequency=lines(rng, truth), prior=PRIOR, parametric=basis)
-    assert largest_ratio(problem, truth) <= 1
-    keeps(problem, rid.reduce_within_bounds(rid.identify(problem)), 6)

@@ -8,12 +8,13 @@ import pytest
 
 import robustid as rid
 from robustid.core import response
-from robustid.identification.residuals import largest_ratio
+from robustid.identification import largest_ratio, model_residuals
 from robustid.reduction import SearchStatus
 from robustid.reduction.best_models import BestModels
 from support.paper_plant import AS_THE_PAPER, mixed, structure
-from support.problems import random_problem
+from support.problems import random_problem, rigid_structure
 
+PAIRS = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
 RIGID = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
 
 
@@ -57,6 +58,23 @@ def test_plant_of_order_four_comes_out_at_order_four(parametric):
         assert reduction.status is SearchStatus.WITHIN
         assert reduction.order == 4
         assert judged_again(problem, reduction.model) <= 1
+
+
+@pytest.mark.parametrize("seeds", [1, pytest.param(4, marks=pytest.mark.slow)])
+def test_from_another_objective_too_every_sample_is_kept(seeds):
+    """All seeds: every sample inside, the margins reported are those of the samples, and no smaller order was skipped."""
+    for seed in range(seeds):
+        result = rid.identify(structure(seed, **AS_THE_PAPER), objective="gain")
+        reduction = rid.reduce_within_bounds(result)
+        worst = max(r.ratio.max() for r in model_residuals(result.problem, reduction.model))
+        assert worst == pytest.approx(reduction.margin, rel=1e-12)
+        assert worst <= 1 + 1e-5
+        assert reduction.order == reduction.model.nstates == 4  # as the truth
+        assert [order for order, _ in reduction.tried] == list(range(5))
+        assert all(margin > 1 for _, margin in reduction.tried[:-1])
+        angles = np.linspace(1, 314, 500) * 0.01
+        error = np.abs(response(result.model, angles) - response(reduction.model, angles)).max()
+        assert error <= reduction.bound + 1e-9 * 7  # of the peak: rounding
 
 
 def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
@@ -126,8 +144,7 @@ def rigid_problem(basis):
 
 
 def test_rigid_body_of_the_parametric_part_and_one_that_is_asked_for_are_exact():
-    pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
-    problem = rigid_problem([RIGID, pairs])
+    problem = rigid_problem([RIGID, PAIRS])
     result = rid.identify(problem)
     assert result.consistent
     for asked in (None, rid.RigidBody(1)):
@@ -136,10 +153,24 @@ def test_rigid_body_of_the_parametric_part_and_one_that_is_asked_for_are_exact()
         assert reduction.order == 6
         assert np.sum(reduction.model.poles() == 1) == 2
     damped = control.ss([[1 - 1e-5, 0.01], [0, 1 - 1e-5]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    problem = rigid_problem([damped, pairs])
+    problem = rigid_problem([damped, PAIRS])
     reduction = rid.reduce_within_bounds(rid.identify(problem), rigid_body=rid.RigidBody(1))
     assert reduction.order == 6
     assert np.sum(reduction.model.poles() == 1) == 2
+
+
+def test_integrators_of_the_parametric_part_survive_another_objective():
+    rigid, truth = rigid_structure()
+    omega = 2 * np.pi * np.linspace(1, 40, 10)
+    F = response(truth, omega * 0.01)
+    frf = rid.FrequencyResponse(omega, F, bound=1e-2 * np.abs(F), dt=0.01)
+    prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
+    problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=[rigid, PAIRS])
+    result = rid.identify(problem, objective="gain")
+    reduction = rid.reduce_within_bounds(result)
+    assert reduction.order < result.order
+    assert np.sum(np.abs(reduction.model.poles() - 1) < 1e-6) == 2
+    assert reduction.margin <= 1 + 1e-5
 
 
 def test_order_and_margin_do_not_depend_on_units():
@@ -180,6 +211,7 @@ def test_wrong_poles_contradict_the_class_and_the_small_model_says_that_it_is_no
     reduction = rid.reduce_within_bounds(result)
     assert reduction.status is SearchStatus.OUTSIDE
     assert "contradict" in reduction.status.value
+    assert reduction.margin <= result.margin * (1 + 2e-5)
     assert reduction.order == 4
     assert judged_again(problem, reduction.model) <= 1
 
@@ -281,11 +313,7 @@ def test_an_interrupted_search_keeps_what_it_found(searched):
 
 def test_functions_of_another_number_than_the_order_are_no_candidates():
     """A family may have more functions than were asked for: its model is none of that order."""
-    data = rid.flexible_structure(seed=0)
-    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
-    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
-    result = rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=basis, prior=prior))
-    models = BestModels(result, 0)
+    models = BestModels(rid.identify(structure(0, **AS_THE_PAPER)), 0)
     families = models._families
     models._families = tuple(lambda n, one=one: one(n + 4) for one in families)
     fit = models._parametric_kept(4)

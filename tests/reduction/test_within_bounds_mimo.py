@@ -7,7 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate
-from robustid.identification.residuals import largest_ratio, model_residuals
+from robustid.identification import largest_ratio, model_residuals
 from robustid.reduction.pole_starts import statespace
 from robustid.reduction.sample_fits import (
     Pair,
@@ -21,7 +21,7 @@ from robustid.reduction.sample_fits import (
 )
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import smallest_maximum
-from support.matrix_lines import DT, lines, plant
+from support.matrix_lines import DT, found_at, lines, plant
 
 
 def record(rng, truth, kind="rest", bound=0.05):
@@ -114,27 +114,21 @@ def test_normal_form_spans_the_same_functions():
     assert least_squares(samples, pair).cost == pytest.approx(least_squares(samples, Pair(A, C)).cost, rel=1e-9)
 
 
-def found_at(problem, truth, order, **options):
-    """The reduction, checked: no order above that of the truth, verified, stable."""
-    assert largest_ratio(problem, truth) <= 1
-    small = rid.reduce_within_bounds(rid.identify(problem), **options)
-    assert small.order <= order
-    assert small.order == small.model.nstates
-    assert small.margin == pytest.approx(largest_ratio(problem, small.model), rel=1e-9)
-    assert small.margin <= 1
-    poles = small.model.poles()
-    assert np.all((np.abs(poles) < 1) | (poles == 1))
-    return small
-
-
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_truth_of_known_order_bounds_the_order_found(seed):
+@pytest.mark.parametrize(
+    ("size", "modes", "count", "seed"),
+    [
+        (2, 2, 12, 0),
+        pytest.param(2, 3, 20, 1, marks=pytest.mark.slow),
+        *(pytest.param(size, 3, 30, seed, marks=pytest.mark.slow) for size in (2, 3) for seed in range(10)),
+    ],
+)
+def test_truth_of_known_order_bounds_the_order_found(size, modes, count, seed):
     """Its own samples keep to the truth: an order above its order would be a miss."""
     rng = np.random.default_rng(seed)
-    truth, basis = plant(rng, 2 + seed)
+    truth, basis = plant(rng, modes, size, size)
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
-    frequency = lines(rng, truth, count=20 if seed else 12)
-    found_at(rid.MixedProblem(frequency=frequency, prior=prior, parametric=basis), truth, 4 + 2 * seed)
+    frequency = lines(rng, truth, count=count)
+    found_at(rid.MixedProblem(frequency=frequency, prior=prior, parametric=basis), truth, 2 * modes)
 
 
 def test_smallest_maximum_of_joint_bounds_is_that_of_another_solver():

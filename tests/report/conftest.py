@@ -1,7 +1,5 @@
 """Results that several files of these tests are about: each is computed once a process."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -14,14 +12,14 @@ HZ = 2 * np.pi
 
 
 @pytest.fixture(scope="session")
-def error() -> rid.WorstCaseError:
+def error():
     """The guaranteed error of a SISO identification, at 0 Hz too."""
     hz = np.array([0.0, 4.0, 9.0, 17.0, 17.6, 30.0, 50.0])
     return rid.worst_case_error(identified(), omega=HZ * hz, directions=6)
 
 
 @pytest.fixture(scope="session")
-def static_page(consistent: rid.Identification, tmp_path_factory: pytest.TempPathFactory) -> str:
+def static_page(consistent, tmp_path_factory):
     """What is written where pages are to have no script; its pictures take seconds."""
     path = tmp_path_factory.mktemp("static") / "page.html"
     rid.write_report(consistent, path, static=True)
@@ -29,14 +27,14 @@ def static_page(consistent: rid.Identification, tmp_path_factory: pytest.TempPat
 
 
 @pytest.fixture(scope="session")
-def matrix_result() -> rid.Identification:
+def matrix_result():
     """A 2 x 2 identification of a response with a missing value, and a record with two inputs."""
     frf = matrix_pages.with_values(matrix_pages.measured(lines=10), (3, 1, 0), np.nan, np.inf)
     return rid.identify(matrix_pages.problem(frf, matrix_pages.record()))
 
 
 @pytest.fixture(scope="session")
-def shared_bound() -> rid.Identification:
+def shared_bound():
     """A 2 x 2 identification with a bound on the errors of each column."""
     frf = matrix_pages.measured(lines=8)
     frf = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(0.1, joint="column"), dt=matrix_pages.DT)
@@ -44,7 +42,7 @@ def shared_bound() -> rid.Identification:
 
 
 @pytest.fixture(scope="session")
-def matrix_error() -> rid.WorstCaseError:
+def matrix_error():
     """The guaranteed error of a 2 x 2 identification."""
     frf = matrix_pages.measured(lines=5, modes=1, inputs=["force [N]", "torque [Nm]"])
     prior = rid.Prior(gain_bound=0.4, decay_rate=1.5)
@@ -53,23 +51,23 @@ def matrix_error() -> rid.WorstCaseError:
 
 
 @pytest.fixture(scope="session")
-def data() -> rid.FrequencyResponse:
+def data():
     """A noisy 2 x 2 response."""
     return fits.measured(fits.SYSTEM, fits.OMEGA, inputs=["force [N]", "torque [Nm]"], outputs=["x [mm]", NASTY])
 
 
 @pytest.fixture(scope="session")
-def fit(data: rid.FrequencyResponse) -> rid.MatrixFraction:
+def fit(data):
     return fit_mfd(data, order=8)
 
 
 @pytest.fixture(scope="session")
-def left(data: rid.FrequencyResponse) -> rid.MatrixFraction:
+def left(data):
     return fit_mfd(data, order=8, form="left")
 
 
 @pytest.fixture(scope="session")
-def body() -> rid.MatrixFraction:
+def body():
     """A fit with 2 inputs, 2 outputs, one rigid-body mode and two flexible ones."""
     s = 1j * fits.OMEGA
     flexible = fits.random_modal_system(3, 2, 2, 2).response(s)
@@ -78,7 +76,7 @@ def body() -> rid.MatrixFraction:
 
 
 @pytest.fixture(scope="session")
-def sweep() -> OrderSweep:
+def sweep():
     """Fits of a SISO response, without the search for the orders."""
     found = {order: fit_mfd(fits.measured(fits.SMALL, fits.OMEGA), order=order) for order in (4, 5)}
     values = np.geomspace(100, 1, 12)
@@ -106,5 +104,5 @@ def records(recordings):
 
 
 @pytest.fixture(scope="session")
-def frf(play, records) -> rid.FrequencyResponse:
+def frf(play, records):
     return rid.estimate_frf(records, period=frf_records.PERIOD, lines=play.lines)

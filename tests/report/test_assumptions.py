@@ -1,7 +1,5 @@
 """What was assumed and measured, in words."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import robustid as rid
@@ -15,7 +13,7 @@ from support.matrix_pages import DT, measured, problem, record, response_of, wit
 from support.report_pages import printed
 
 
-def test_poles_at_zero_are_called_a_delay() -> None:
+def test_poles_at_zero_are_called_a_delay():
     frf = rid.flexible_structure().frequency
     prior = rid.Prior(gain_bound=20.0, decay_rate=1.04)
     for delay, words in ((1, None), (2, "delay, 2 samples"), (3, "delay, 3 samples")):
@@ -53,7 +51,7 @@ def test_the_identification_report_states_the_kind_of_bound():
     assert experiments(result)[0].source == "bound from the noise floor: a pause"
 
 
-def test_the_class_is_said_as_it_is_meant() -> None:
+def test_the_class_is_said_as_it_is_meant():
     frf = measured(lines=6, outputs=["x [mm]", "angle [rad]"], inputs=["force [N]", "torque [Nm]"])
     said = dict(assumptions(rid.identify(problem(frf))))
     assert "σmax(G) ≤ K = 0.5 (largest singular value, in the different units of the entries)" in said["Prior"]
@@ -70,7 +68,7 @@ def test_the_class_is_said_as_it_is_meant() -> None:
     assert "symmetric matrix" in said["Symmetry"]
 
 
-def test_shared_bounds_are_said_in_words() -> None:
+def test_shared_bounds_are_said_in_words():
     frf = measured(lines=6)
     column = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(0.1, joint="column"), dt=DT)
     ellipsoid = np.broadcast_to(np.diag([0.01, 0.04, 0.04, 0.01]).astype(complex), (6, 4, 4))
@@ -88,7 +86,7 @@ def test_shared_bounds_are_said_in_words() -> None:
         assert words in dict(summary_rows(ResponseView(data)))["Bound"]
 
 
-def test_experiments_are_listed_together_where_they_are_alike() -> None:
+def test_experiments_are_listed_together_where_they_are_alike():
     frf = with_values(measured(lines=6), (2, 0, 1), np.nan, np.inf)
     rows = experiments(rid.identify(problem(frf, record())))
     assert [(row.of, row.samples) for row in rows] == [
@@ -99,7 +97,7 @@ def test_experiments_are_listed_together_where_they_are_alike() -> None:
     ]
 
 
-def test_samples_of_combinations_of_signals_are_told_from_entries() -> None:
+def test_samples_of_combinations_of_signals_are_told_from_entries():
     frf = measured(lines=6)
     both = frf.tangential(right=[[1.0, 1.0], [1.0, -1.0]])
     result = rid.identify(problem([frf.select(slice(0, 3)), both]))

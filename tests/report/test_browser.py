@@ -1,11 +1,6 @@
 """Pages in a real browser: every plot drawn, no error in the console, nothing fetched, no sideways scroll."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +9,7 @@ import robustid as rid
 from robustid.fitting import suggest_order
 from robustid.report import write_report
 from support import matrix_pages
-from support.browser import CHROMIUM, Shown, framed, opened, plots
+from support.browser import CHROMIUM, framed, opened, plots
 from support.mfd_systems import noisy, random_modal_system
 from support.report_pages import identified, with_circle
 
@@ -22,7 +17,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chr
 DRAWN = re.compile(r'<g class="trace scatter[^>]*>.*?<path[^>]* d="M[^"]{8,}', re.S)
 
 
-def drawn(page: Path, shown: Shown, width: int) -> dict[str, str]:
+def drawn(page, shown, width):
     """The markup of each plot: all were drawn, and nothing stands out sideways."""
     assert width - 20 <= shown.client <= width
     assert shown.scroll <= shown.client
@@ -36,7 +31,7 @@ def drawn(page: Path, shown: Shown, width: int) -> dict[str, str]:
     return found
 
 
-def all_drawn(folder: Path, *kinds: tuple[Callable[[Path], None], int]) -> list[dict[str, str]]:
+def all_drawn(folder, *kinds):
     """Plots of pages of some kinds at a width each, drawn without an error."""
     pages = {folder / f"{write.__name__}.html": (write, width) for write, width in kinds}
     for page, (write, _) in pages.items():
@@ -47,7 +42,7 @@ def all_drawn(folder: Path, *kinds: tuple[Callable[[Path], None], int]) -> list[
 
 
 @pytest.mark.parametrize("kind", ["identification", pytest.param("fit", marks=pytest.mark.slow)])
-def test_pages_on_narrow_screens(tmp_path: Path, kind: str) -> None:
+def test_pages_on_narrow_screens(tmp_path, kind):
     """Drawn without an error, with the plots that the page should have."""
     (found,) = all_drawn(tmp_path, ({"identification": identification, "fit": fit}[kind], 390))
     if kind == "identification":
@@ -57,7 +52,7 @@ def test_pages_on_narrow_screens(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.slow
-def test_pages_of_matrices_on_narrow_screens(tmp_path: Path) -> None:
+def test_pages_of_matrices_on_narrow_screens(tmp_path):
     """As above; their charts are also drawn by the tests of each section."""
     found = all_drawn(tmp_path, (mimo_identification, 360), (response, 360))
     assert len(found[0]) == 1 + 4 + 1 + 2 + 4 + 6 + 3
@@ -66,7 +61,7 @@ def test_pages_of_matrices_on_narrow_screens(tmp_path: Path) -> None:
     assert set(found[1]) == entries | further
 
 
-def check_identification(found: dict[str, str]) -> None:
+def check_identification(found):
     names = [
         "first-0",
         "frequency-0",
@@ -84,12 +79,12 @@ def check_identification(found: dict[str, str]) -> None:
     assert "displacement [mm] / force [N]" in found["frequency-0"]
 
 
-def identification(page: Path) -> None:
+def identification(page):
     """With every section."""
     result = identified()
     modes = rid.flexible_structure().modes
     box = modes[:, :1] * [0.999, 1.001], modes[:, 1:] * [0.95, 1.05]
-    sections: dict[str, Any] = {
+    sections = {
         "worst_case": with_circle(rid.worst_case_error(result, omega=[60.0, 100.0], directions=3)),
         "over_poles": rid.worst_case_over_poles(result, *box, omega=[60.0, 100.0], directions=3, cells=1),
         "tube": rid.response_tube(result, input="step", horizon=3),
@@ -99,13 +94,13 @@ def identification(page: Path) -> None:
     write_report(result, page, **sections)
 
 
-def mimo_identification(page: Path) -> None:
+def mimo_identification(page):
     names = [f"acceleration of the measuring beam at its position {k} [mm/s²]" for k in range(2)]
     data = matrix_pages.measured(lines=6, outputs=names), matrix_pages.record()
     write_report(rid.identify(matrix_pages.problem(*data)), page)
 
 
-def fit(page: Path) -> None:
+def fit(page):
     """A 2 x 2 fit with one rigid-body mode, and a sweep over the order, on noisy data."""
     s = 2j * np.pi * np.geomspace(4, 1200, 60)
     flexible = noisy(np.random.default_rng(0), random_modal_system(3, 2, 2, 2).response(s))
@@ -116,7 +111,7 @@ def fit(page: Path) -> None:
     write_report(sweep.fits[6], page, data=data, order_sweep=sweep)
 
 
-def response(page: Path) -> None:
+def response(page):
     rng = np.random.default_rng(0)
     u = rng.standard_normal((2, 1500, 2))
     names = {"inputs": ["force [N]", "torque [Nm]"], "outputs": ["displacement of the table [mm]", "<b>angle</b>"]}
@@ -124,7 +119,7 @@ def response(page: Path) -> None:
     write_report(rid.estimate_frf(records), page, records=records)
 
 
-def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path: Path) -> None:
+def test_text_of_strangers_runs_nothing_and_is_shown_as_it_stands(tmp_path):
     nasty = "<script>alert('owned')</script>"
     label = "</script><img src=x onerror=alert('owned')><b>y</b>"
     result = identified(inputs=[(nasty, "N")], outputs=[(label, "</script>")])

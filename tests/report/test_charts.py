@@ -1,18 +1,15 @@
 """Charts before they are drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-import robustid as rid
 from robustid.report.charts import lighter
 from robustid.report.frequency import frequency_charts
 
 pytestmark = pytest.mark.quick
 
 
-def test_lighter_charts_keep_every_peak_and_notch(matrix_result: rid.Identification) -> None:
+def test_lighter_charts_keep_every_peak_and_notch(matrix_result):
     full = frequency_charts(matrix_result)
     for one, other in zip(full, lighter(full), strict=True):
         first, second = one.panels[0].layers[0], other.panels[0].layers[0]

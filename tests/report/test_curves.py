@@ -1,7 +1,5 @@
 """Points, digits and phases on their way to a chart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

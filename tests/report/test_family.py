@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.report.document import Heading, Table, Verdict
+from robustid.report import Verdict
+from robustid.report.document import Heading, Table
 from robustid.report.family_page import (
     driver_table,
     family_charts,

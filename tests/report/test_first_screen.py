@@ -1,7 +1,5 @@
 """The first screen of a page, its size, and the page with pictures only."""
 
-from __future__ import annotations
-
 import re
 
 import control
@@ -9,8 +7,8 @@ import pytest
 
 import robustid as rid
 from robustid.identification import fit_percent
-from robustid.report import render_report
-from robustid.report.document import Document, Heading, Text, Verdict
+from robustid.report import Verdict, render_report
+from robustid.report.document import Document, Heading, Text
 from robustid.report.html import MOST_WARNINGS, render
 from support.report_pages import Page, problem
 
@@ -18,11 +16,11 @@ MOST_BYTES = 2_300_000  # of a page of a SISO identification: plotly, packed, is
 MOST_BYTES_STATIC = 500_000
 
 
-def ids(page: str) -> list[str]:
+def ids(page):
     return re.findall(r' id="([^"]+)"', page)
 
 
-def test_parts_of_the_first_screen_stand_in_their_order(error: rid.WorstCaseError) -> None:
+def test_parts_of_the_first_screen_stand_in_their_order(error):
     page = render_report(error.identification, worst_case=error)
     first, rest = page.split("Open all details</button>")
     body = first[first.index("<body>") :]
@@ -37,7 +35,7 @@ def test_parts_of_the_first_screen_stand_in_their_order(error: rid.WorstCaseErro
 
 
 @pytest.mark.parametrize("count", [0, 2, 3, 5])
-def test_at_most_three_warnings_stand_on_it_and_none_is_lost(count: int) -> None:
+def test_at_most_three_warnings_stand_on_it_and_none_is_lost(count):
     warnings = [Text(f"Warning: number {k} is wrong. Its remainder {k}.", "warning") for k in range(count)]
     page = render(Document("t", [Verdict("weak", "Word", "Sentence."), *warnings], [Heading("Part"), Text("body")]))
     first = page.split("Open all details</button>")[0]
@@ -46,7 +44,7 @@ def test_at_most_three_warnings_stand_on_it_and_none_is_lost(count: int) -> None
         assert page.count(f"Number {k} is wrong.") == page.count(f"Its remainder {k}.") == 1
 
 
-def test_a_verdict_that_warns_is_a_warning_and_another_stands_below() -> None:
+def test_a_verdict_that_warns_is_a_warning_and_another_stands_below():
     head = [Verdict("consistent", "Good", "A."), Verdict("weak", "Poor", "B."), Verdict("consistent", "Fine", "C.")]
     document = Document("t", head, [Text("lost heading"), Heading("Part")])
     assert document.warnings == ["Poor: B."]
@@ -54,7 +52,7 @@ def test_a_verdict_that_warns_is_a_warning_and_another_stands_below() -> None:
     assert [part.title for part in document.parts] == ["Details", "Part"]
 
 
-def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(static_page: str) -> None:
+def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(static_page):
     page = static_page
     assert len(page) < MOST_BYTES_STATIC
     assert "<script" not in page
@@ -67,7 +65,7 @@ def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(static
     assert not re.search(r"https?://|src=\"(?!data:)", page)
 
 
-def test_the_default_page_is_packed_and_its_plots_have_words(consistent: rid.Identification) -> None:
+def test_the_default_page_is_packed_and_its_plots_have_words(consistent):
     page = render_report(consistent)
     assert len(page) < MOST_BYTES
     figures = [attrs for tag, attrs in Page(page).tags if tag == "figure"]
@@ -79,7 +77,7 @@ def test_the_default_page_is_packed_and_its_plots_have_words(consistent: rid.Ide
     assert not re.search(r"https?://", outside)
 
 
-def test_an_inconsistent_page_leads_on() -> None:
+def test_an_inconsistent_page_leads_on():
     result = rid.identify(problem(hz=17.3))
     text = Page(render_report(result, diagnosis="Most likely cause: a mode at 17.67 Hz.\nAnother line.\nThird.")).text
     first = text.split("Open all details")[0]
@@ -90,7 +88,7 @@ def test_an_inconsistent_page_leads_on() -> None:
     assert "margin: factor on all bounds" in first
 
 
-def test_fit_in_per_cent_is_that_of_the_residuals() -> None:
+def test_fit_in_per_cent_is_that_of_the_residuals():
     asked = problem()
     frf, record, model = asked.frequency[0], asked.time[0], rid.flexible_structure().truth
     response = control.frequency_response(model, frf.omega).frdata[0, 0]

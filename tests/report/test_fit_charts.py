@@ -1,7 +1,5 @@
 """What is drawn of a fit, against numbers known independently."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

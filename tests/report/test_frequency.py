@@ -1,7 +1,5 @@
 """Models and samples over frequency, against responses of python-control and numbers by hand."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ from support.report_pages import layers
 pytestmark = pytest.mark.quick
 
 
-def test_curve_is_the_response_of_the_model_and_resolves_the_light_mode(consistent: rid.Identification) -> None:
+def test_curve_is_the_response_of_the_model_and_resolves_the_light_mode(consistent):
     truth = rid.flexible_structure().truth
     chart = frequency_charts(consistent, {"plant": truth})[0]
     for name, model in ((f"nominal model, order {consistent.order}", consistent.model), ("plant", truth)):
@@ -33,7 +31,7 @@ def test_curve_is_the_response_of_the_model_and_resolves_the_light_mode(consiste
     assert np.max(np.abs(np.diff(plant.y[near]))) < 0.15 * peak
 
 
-def test_phase_is_continuous_where_it_stays_within_two_turns() -> None:
+def test_phase_is_continuous_where_it_stays_within_two_turns():
     experiment = rid.flexible_structure()
     prior = rid.Prior(gain_bound=1e-6, decay_rate=1.04)  # next to nothing beside the true modes
     pairs = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
@@ -47,7 +45,7 @@ def test_phase_is_continuous_where_it_stays_within_two_turns() -> None:
     assert panel.y.range[1] > curve.y.max()
 
 
-def test_bars_are_the_discs_of_the_samples(consistent: rid.Identification) -> None:
+def test_bars_are_the_discs_of_the_samples(consistent):
     frf = consistent.problem.frequency[0]
     chart = frequency_charts(consistent)[0]
     magnitude, phase = (layers(chart, k)["data with their bounds"] for k in (0, 1))
@@ -63,7 +61,7 @@ def test_bars_are_the_discs_of_the_samples(consistent: rid.Identification) -> No
         assert np.exp(1j * np.radians(phase.y[k])) == pytest.approx(centre / abs(centre))
 
 
-def test_disc_around_zero_and_sample_at_zero_hertz() -> None:
+def test_disc_around_zero_and_sample_at_zero_hertz():
     frf = rid.FrequencyResponse([0.0, 5.0, 10.0], [1.0, 0.01j, -0.4j], bound=0.05, dt=0.1)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=3.0, decay_rate=1.1)))
     chart = frequency_charts(result)[0]
@@ -77,7 +75,7 @@ def test_disc_around_zero_and_sample_at_zero_hertz() -> None:
     np.testing.assert_allclose(np.array(axis.range) * 2 * np.pi, [5.0 / 1.1, 10.0 * 1.1])  # that of the lines
 
 
-def test_many_lines_are_drawn_as_an_area_behind_the_models() -> None:
+def test_many_lines_are_drawn_as_an_area_behind_the_models():
     omega = np.linspace(1.0, 300.0, 400)
     frf = rid.FrequencyResponse(omega, 0.1 / (1.2 - np.exp(-0.01j * omega)), dt=0.01, bound=0.05)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.15)))
@@ -94,7 +92,7 @@ def test_many_lines_are_drawn_as_an_area_behind_the_models() -> None:
         assert model.name.startswith("nominal model")
 
 
-def test_every_entry_shows_its_model_and_its_samples(matrix_result: rid.Identification) -> None:
+def test_every_entry_shows_its_model_and_its_samples(matrix_result):
     frf, found = matrix_result.problem.frequency[0], frequency_charts(matrix_result)
     assert [chart.panels[0].title for chart in found] == ["y1 / u1", "y1 / u2", "y2 / u1", "y2 / u2"]
     for chart, (i, j) in zip(found, np.ndindex(2, 2), strict=True):
@@ -116,14 +114,14 @@ def test_every_entry_shows_its_model_and_its_samples(matrix_result: rid.Identifi
         np.testing.assert_allclose(samples.high - samples.y, 0.05)
 
 
-def test_further_models_must_have_the_signals_of_the_data(matrix_result: rid.Identification) -> None:
+def test_further_models_must_have_the_signals_of_the_data(matrix_result):
     found = frequency_charts(matrix_result, {"static": control.ss([], [], [], [[1.0, 2.0], [3.0, 4.0]], DT)})
     assert np.all(layers(found[2], 0)["static"].y == 3.0)
     with pytest.raises(rid.InputError, match="must have 2 outputs and 2 inputs; got 1 and 1"):
         frequency_charts(matrix_result, {"static": control.ss([], [], [], [[1.0]], DT)})
 
 
-def test_singular_values_are_those_of_the_model_and_of_complete_lines(matrix_result: rid.Identification) -> None:
+def test_singular_values_are_those_of_the_model_and_of_complete_lines(matrix_result):
     (panel,) = sigma_chart(matrix_result).panels
     curves = {layer.name: layer for layer in panel.layers}
     largest, second = (
@@ -140,7 +138,7 @@ def test_singular_values_are_those_of_the_model_and_of_complete_lines(matrix_res
     np.testing.assert_allclose(data.high - data.y, 0.1)  # the norm of [[0.05, 0.05], [0.05, 0.05]]
 
 
-def test_experiments_with_one_input_each_make_a_matrix_together() -> None:
+def test_experiments_with_one_input_each_make_a_matrix_together():
     frf = measured(lines=4)
     parts = [with_values(frf, (slice(None), slice(None), 1 - j), np.nan, np.inf) for j in (0, 1)]
     omega, sigma, radius = measured_sigma(problem(parts))

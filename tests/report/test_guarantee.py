@@ -1,23 +1,20 @@
 """The guaranteed error in words, against the arrays of the result and against forged ones."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.report import plot, render_report, write_report
+from robustid.report import at_least, at_most, plot, render_report, write_report
 from robustid.report.guarantee import entry_table, guarantee_sentence, parameter_table
-from robustid.report.words import at_least, at_most, number
+from robustid.report.words import number
 from support.matrix_pages import measured, problem
-from support.report_pages import NASTY, Page, identified, with_circle
+from support.report_pages import NASTY, NASTY_NAMES, Page, check_escaped, identified, with_circle
 
 
-def test_page_says_what_is_guaranteed(error: rid.WorstCaseError) -> None:
+def test_page_says_what_is_guaranteed(error):
     page = Page(render_report(error.identification, worst_case=error))
     start, end = page.text.index("What is guaranteed"), page.text.index("\nFrequency response")
     section = page.text[start:end]
@@ -49,7 +46,7 @@ def test_page_says_what_is_guaranteed(error: rid.WorstCaseError) -> None:
             assert axis[:5] not in ("xaxis", "yaxis") or "[" in layout["title"]["text"], axis
 
 
-def test_page_shows_the_circle_that_was_computed(error: rid.WorstCaseError) -> None:
+def test_page_shows_the_circle_that_was_computed(error):
     shown = with_circle(error)
     text = Page(render_report(shown.identification, worst_case=shown)).text
     assert "Over the whole circle the error stays below 0.9001 mm/N" in text  # the double next to 0.9 is above it
@@ -57,7 +54,7 @@ def test_page_shows_the_circle_that_was_computed(error: rid.WorstCaseError) -> N
     assert "by 3 arcs" in text
 
 
-def test_page_is_as_before_without_a_guarantee(error: rid.WorstCaseError) -> None:
+def test_page_is_as_before_without_a_guarantee(error):
     alone, with_it = (
         re.sub(r"\d{4}-\d\d-\d\d \d\d:\d\d", "", render_report(error.identification, worst_case=one))
         for one in (None, error)
@@ -71,14 +68,14 @@ def test_page_is_as_before_without_a_guarantee(error: rid.WorstCaseError) -> Non
     assert "guarante" not in Page(alone).text
 
 
-def test_a_loaded_copy_is_the_same_identification(error: rid.WorstCaseError, tmp_path: Path) -> None:
+def test_a_loaded_copy_is_the_same_identification(error, tmp_path):
     error.save(tmp_path / "bounds")
     loaded = rid.load(tmp_path / "bounds")
     assert loaded.identification is not error.identification
     assert guarantee_sentence(error) in Page(render_report(error.identification, worst_case=loaded)).text
 
 
-def test_a_bound_below_its_certificate_is_not_called_proved(error: rid.WorstCaseError) -> None:
+def test_a_bound_below_its_certificate_is_not_called_proved(error):
     value = error.values[2]
     forged = dataclasses.replace(value, support=value.support * 0.99)
     false = dataclasses.replace(error, values=(*error.values[:2], forged, *error.values[3:]))
@@ -88,40 +85,30 @@ def test_a_bound_below_its_certificate_is_not_called_proved(error: rid.WorstCase
     assert "each supports its bound" not in page.text
 
 
-def test_text_of_strangers_is_escaped() -> None:
-    names = {"inputs": [(NASTY, "</script>")], "outputs": [("y\"'&", "<img src=x onerror=alert(2)>")]}
-    result = identified(**names)
+def test_text_of_strangers_is_escaped():
+    result = identified(**NASTY_NAMES)
     labels = dataclasses.replace(result.problem.parametric, functions=("<b>a</b>", NASTY, "$c$", "d"))
     result = rid.identify(dataclasses.replace(result.problem, parametric=labels))
     found = rid.worst_case_error(result, omega=[60.0, 100.0], directions=4)
     page = Page(render_report(result, worst_case=found))
-    assert len(page.scripts) == 3
-    assert [tag for tag, _ in page.tags if tag == "img"] == []
+    check_escaped(page)
     for text in ("<b>a</b>", NASTY, "y\"'&", "<img src=x onerror=alert(2)>"):
         assert text in page.text
-    for name in ("guarantee-0", "nyquist-0", "nyquist-1"):
-        for axis, layout in page.figures[name]["layout"].items():
-            assert axis[:5] not in ("xaxis", "yaxis") or not re.search(r"<(?!br>)", layout["title"]["text"])
+    assert {"guarantee-0", "nyquist-0", "nyquist-1"} <= set(page.figures)
     plot.bode(found).canvas.draw()
     plot.nyquist(found).canvas.draw()
 
 
-def test_misuse_is_named(error: rid.WorstCaseError, tmp_path: Path) -> None:
+def test_misuse_is_named(error, tmp_path):
     other = identified(np.full(7, 0.1))
     with pytest.raises(rid.InputError, match="`worst_case` is about another identification"):
         write_report(other, tmp_path / "a.html", worst_case=error)
-    with pytest.raises(rid.errors.InputTypeError, match="`worst_case` must be a WorstCaseError"):
-        write_report(other, tmp_path / "a.html", worst_case=other)  # type: ignore[arg-type]
-    omega = np.linspace(1, 9, 60)
-    fit = rid.fit_mfd(rid.FrequencyResponse(omega, 1 / (16 - omega**2 + 0.2j * omega)), order=2)
-    with pytest.raises(rid.errors.InputTypeError, match="`worst_case` doesn't belong to a MatrixFraction"):
-        write_report(fit, tmp_path / "a.html", worst_case=error)
     with pytest.raises(rid.errors.InputTypeError, match="`result` must be of class WorstCaseError; got Identification"):
         plot.nyquist(other)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_guarantee_in_words(matrix_error: rid.WorstCaseError) -> None:
+def test_the_guarantee_in_words(matrix_error):
     said = guarantee_sentence(matrix_error)
     assert f"within {at_most(matrix_error.sigma_upper.max())} of the nominal model" in said
     assert "(largest singular value of the difference)" in said
@@ -136,7 +123,7 @@ def test_the_guarantee_in_words(matrix_error: rid.WorstCaseError) -> None:
     )
 
 
-def test_the_page_holds_every_part_and_escapes_names(matrix_error: rid.WorstCaseError) -> None:
+def test_the_page_holds_every_part_and_escapes_names(matrix_error):
     text = render_report(matrix_error.identification, worst_case=matrix_error)
     page = Page(text)
     ids = [attributes["id"] for tag, attributes in page.tags if tag == "figure"]

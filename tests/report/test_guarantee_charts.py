@@ -1,7 +1,5 @@
 """What is drawn of a guarantee, against the arrays of the result."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -17,18 +15,16 @@ from support.matrix_pages import response_of
 from support.report_pages import Page, identified, layers, named, with_circle
 
 pytestmark = pytest.mark.quick
-
-
 HZ = np.array([0.0, 4.0, 9.0, 17.0, 17.6, 30.0, 50.0])
 
 
-def at(layer: Layer, hz: np.ndarray) -> np.ndarray:
+def at(layer, hz):
     index = np.searchsorted(layer.x, hz * (1 - 1e-12))
     np.testing.assert_allclose(layer.x[index], hz, rtol=1e-12)
     return index
 
 
-def test_band_is_the_guaranteed_range_at_every_frequency(error: rid.WorstCaseError) -> None:
+def test_band_is_the_guaranteed_range_at_every_frequency(error):
     magnitude, phase, _ = worst_case_charts(error)[0].panels
     band = named(magnitude, "guaranteed range (7 frequencies)")
     index = at(band, HZ[1:])
@@ -47,7 +43,7 @@ def test_band_is_the_guaranteed_range_at_every_frequency(error: rid.WorstCaseErr
     assert phase.y.range[1] >= turn.high.max()
 
 
-def test_band_is_next_to_the_curve_of_its_own_model(error: rid.WorstCaseError) -> None:
+def test_band_is_next_to_the_curve_of_its_own_model(error):
     small = error.with_model(rid.balanced_truncation(error.model, order=4).model)
     magnitude, phase, _ = worst_case_charts(small)[0].panels
     curve = named(magnitude, "model, order 4")
@@ -57,7 +53,7 @@ def test_band_is_next_to_the_curve_of_its_own_model(error: rid.WorstCaseError) -
     assert any(layer.name.startswith("nominal model") for layer in phase.layers)
 
 
-def test_error_panel_shows_both_ends_and_the_circle_only_if_computed(error: rid.WorstCaseError) -> None:
+def test_error_panel_shows_both_ends_and_the_circle_only_if_computed(error):
     panel = worst_case_charts(error)[0].panels[2]
     left = panel.x.range[0]
     upper, lower = named(panel, "guaranteed error"), named(panel, REACHED)
@@ -73,7 +69,7 @@ def test_error_panel_shows_both_ends_and_the_circle_only_if_computed(error: rid.
     np.testing.assert_array_equal(steps.y, np.repeat(circle.bound, 2))
 
 
-def test_areas_of_a_curve_with_gaps_have_none() -> None:
+def test_areas_of_a_curve_with_gaps_have_none():
     x = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     curve = Layer("phase", x, np.array([0.0, -170.0, np.nan, 170.0, 90.0, 80.0]), "")
     pieces = band_around("band", curve, np.array([2.0, 5.0]), np.array([[-1.0, 2.0], [-3.0, 4.0]]))
@@ -91,7 +87,7 @@ def test_areas_of_a_curve_with_gaps_have_none() -> None:
     assert area.low.tolist() == [-3, -180, -180]  # not interpolated towards a phase that can be anything
 
 
-def test_matplotlib_draws_these_numbers(error: rid.WorstCaseError) -> None:
+def test_matplotlib_draws_these_numbers(error):
     figure, chart = plot.bode(error), worst_case_charts(error)[0]
     figure.canvas.draw()
     for ax, panel in zip(figure.axes[:2], chart.panels[:2], strict=True):
@@ -111,7 +107,7 @@ def test_matplotlib_draws_these_numbers(error: rid.WorstCaseError) -> None:
     assert not any(legend.overlaps(ax.get_window_extent()) for ax in figure.axes)
 
 
-def test_nyquist_holds_polygons_points_and_the_model(error: rid.WorstCaseError) -> None:
+def test_nyquist_holds_polygons_points_and_the_model(error):
     figure, chart = plot.nyquist(error), nyquist_chart(error)
     figure.canvas.draw()
     values = {layer.name: layer.x + 1j * layer.y for layer in chart.panels[0].layers}
@@ -134,7 +130,7 @@ def test_nyquist_holds_polygons_points_and_the_model(error: rid.WorstCaseError) 
 
 
 @pytest.mark.parametrize("tilt", [None, 0.4 - 0.3j])
-def test_outlines_of_the_data_are_their_borders(tilt: complex | None) -> None:
+def test_outlines_of_the_data_are_their_borders(tilt):
     result = identified(tilt=None if tilt is None else np.full(7, tilt))
     frf = result.problem.frequency[0]
     (layer,) = data_discs(result.problem, (0, 0))
@@ -146,7 +142,7 @@ def test_outlines_of_the_data_are_their_borders(tilt: complex | None) -> None:
 
 
 @pytest.mark.parametrize("hz", [0.0, 12.0])
-def test_one_frequency_and_sets_without_attained_points_are_drawn(error: rid.WorstCaseError, hz: float) -> None:
+def test_one_frequency_and_sets_without_attained_points_are_drawn(error, hz):
     one = rid.worst_case_error(error.identification, omega=[2 * np.pi * hz], directions=4)
     empty = tuple(dataclasses.replace(v, points=np.full(v.points.shape, np.nan)) for v in one.values)
     for shown in (one, dataclasses.replace(one, values=empty)):
@@ -157,7 +153,7 @@ def test_one_frequency_and_sets_without_attained_points_are_drawn(error: rid.Wor
         assert "frequencies from" not in page.text
 
 
-def test_guaranteed_ranges_of_entries_and_of_the_singular_values(matrix_error: rid.WorstCaseError) -> None:
+def test_guaranteed_ranges_of_entries_and_of_the_singular_values(matrix_error):
     at = matrix_error.omega / (2 * np.pi)
     for chart, (i, j) in zip(worst_case_charts(matrix_error), np.ndindex(2, 2), strict=True):
         area = layers(chart, 0)["guaranteed range (2 frequencies)"]
@@ -174,6 +170,6 @@ def test_guaranteed_ranges_of_entries_and_of_the_singular_values(matrix_error: r
     np.testing.assert_allclose(layers(chart, 1)["guaranteed error"].y, matrix_error.sigma_upper)
 
 
-def test_guarantees_are_plotted(matrix_error: rid.WorstCaseError) -> None:
+def test_guarantees_are_plotted(matrix_error):
     assert sum(ax.get_visible() for ax in plot.bode(matrix_error).axes) == 4 * 3 + 2
     assert len(plot.nyquist(matrix_error).axes) == 4 * 2

@@ -1,9 +1,6 @@
 """The page of an identification: what it says and what it draws."""
 
-from __future__ import annotations
-
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ from support.report_pages import NASTY, Page, printed, problem
 pytestmark = pytest.mark.quick
 
 
-def test_page_of_a_consistent_result(consistent: rid.Identification, reduction: Any) -> None:
+def test_page_of_a_consistent_result(consistent, reduction):
     page = Page(render_report(consistent, reduction=reduction, title="Torsion test 7"))
     assert page.text.count("Torsion test 7") == 2  # heading and title
     wanted = ["Consistent", "never prove", "K = 20 rad/A", "ρ = 1.04", "17.67 Hz with damping 0.004", "0.004"]
@@ -49,7 +46,7 @@ def test_page_of_a_consistent_result(consistent: rid.Identification, reduction: 
     assert {f"nominal model, order {consistent.order}", f"reduced model, order {reduction.order}"} <= names
 
 
-def test_units_reach_every_axis_of_the_page(consistent: rid.Identification) -> None:
+def test_units_reach_every_axis_of_the_page(consistent):
     figures = Page(render_report(consistent)).figures
     for name, figure in figures.items():
         for axis, layout in figure["layout"].items():
@@ -60,7 +57,7 @@ def test_units_reach_every_axis_of_the_page(consistent: rid.Identification) -> N
     assert figures["time-0"]["layout"]["yaxis"]["title"]["text"] == "torsion [rad]"
 
 
-def test_page_of_an_inconsistent_result(inconsistent: rid.Identification) -> None:
+def test_page_of_an_inconsistent_result(inconsistent):
     page = Page(render_report(inconsistent))
     assert "Inconsistent" in page.text
     assert "Samples that contradict the assumptions" in page.text
@@ -73,7 +70,7 @@ def test_page_of_an_inconsistent_result(inconsistent: rid.Identification) -> Non
 
 
 @pytest.mark.parametrize("kept", ["time", "frequency"])
-def test_page_of_one_kind_of_data(kept: str) -> None:
+def test_page_of_one_kind_of_data(kept):
     result = rid.identify(problem(time=kept == "time", frequency=kept == "frequency"))
     page = Page(render_report(result))
     assert ("No frequency samples" in page.text) == (kept == "time")
@@ -82,7 +79,7 @@ def test_page_of_one_kind_of_data(kept: str) -> None:
     assert len([name for name in page.figures if name.startswith("time")]) == 2 + (kept == "time")
 
 
-def test_undecided_and_unverified_results_are_not_called_consistent(simple: rid.Identification) -> None:
+def test_undecided_and_unverified_results_are_not_called_consistent(simple):
     certificate = dataclasses.replace(simple.certificate, value=1 - 1e-6)
     claim = dataclasses.replace(simple.claim, margin=1 + 1e-6, certificate=certificate)
     undecided = dataclasses.replace(simple, claim=claim)
@@ -98,7 +95,7 @@ def test_undecided_and_unverified_results_are_not_called_consistent(simple: rid.
     assert "FAILS" in printed(false)
 
 
-def test_a_class_that_says_little_is_amber_and_warned_of(consistent: rid.Identification) -> None:
+def test_a_class_that_says_little_is_amber_and_warned_of(consistent):
     # K = 20 where the largest response is about 7.
     assert len(consistent.warnings) >= 1
     assert identification_verdict(consistent).key == "weak"
@@ -115,7 +112,7 @@ def test_a_class_that_says_little_is_amber_and_warned_of(consistent: rid.Identif
     assert "Warning" not in printed(strong)
 
 
-def test_choices_of_the_program_are_shown_and_escaped(simple: rid.Identification) -> None:
+def test_choices_of_the_program_are_shown_and_escaped(simple):
     prior, rate = (Choice(1.0, Source.DATA, words) for words in (f"K = 1 from {NASTY}", "rho = 1.1"))
     noted = dataclasses.replace(simple, choices={"prior": prior, "rate": rate})
     page, text = Page(render_report(noted)), printed(noted)
@@ -136,15 +133,13 @@ def test_choices_of_the_program_are_shown_and_escaped(simple: rid.Identification
         (0.0, 2e-7, "0 … 2×10⁻⁷"),
     ],
 )
-def test_both_ends_of_the_margin_have_equal_digits(
-    simple: rid.Identification, lower: float, upper: float, text: str
-) -> None:
+def test_both_ends_of_the_margin_have_equal_digits(simple, lower, upper, text):
     certificate = dataclasses.replace(simple.certificate, value=lower)
     claim = dataclasses.replace(simple.claim, margin=upper, certificate=certificate)
     assert margin_interval(dataclasses.replace(simple, claim=claim)) == text
 
 
-def test_units_of_time_and_amplitude_scale_what_is_drawn() -> None:
+def test_units_of_time_and_amplitude_scale_what_is_drawn():
     base = problem()
     frf, record = base.frequency[0], base.time[0]
     first = rid.identify(base)

@@ -1,7 +1,5 @@
 """What is said and drawn of a sweep over the order."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Public figures: one name for every kind of result, and axes of the user."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest
@@ -13,12 +11,12 @@ from robustid.report.words import HZ
 pytestmark = pytest.mark.quick
 
 
-def test_the_names_are_found_by_completion() -> None:
+def test_the_names_are_found_by_completion():
     assert dir(rid.plot) == sorted(rid.plot.__all__)
     assert {"bode", "nyquist", "poles", "residuals", "time_response"} <= set(dir(rid.plot))
 
 
-def test_one_panel_is_drawn_on_axes_of_the_user(consistent: rid.Identification) -> None:
+def test_one_panel_is_drawn_on_axes_of_the_user(consistent):
     figure = Figure(figsize=(6, 4))
     first, second = figure.subplots(2, 1)
     assert rid.plot.hankel(consistent, ax=first) is figure
@@ -29,7 +27,7 @@ def test_one_panel_is_drawn_on_axes_of_the_user(consistent: rid.Identification) 
     figure.canvas.draw()
 
 
-def test_several_panels_take_as_many_axes(consistent: rid.Identification) -> None:
+def test_several_panels_take_as_many_axes(consistent):
     figure = Figure()
     axes = figure.subplots(2, 1)
     rid.plot.bode(consistent, ax=axes)
@@ -45,7 +43,7 @@ def test_several_panels_take_as_many_axes(consistent: rid.Identification) -> Non
 
 
 @pytest.mark.parametrize("dt", [0, 0.01])
-def test_a_model_alone_is_resolved_at_its_light_mode(dt: float) -> None:
+def test_a_model_alone_is_resolved_at_its_light_mode(dt):
     model = control.ss([[0, 1], [-(HZ**2), -0.004 * HZ]], [[0], [1]], [[1, 0]], 0)
     model = control.sample_system(model, dt) if dt else model
     magnitude, phase = rid.plot.bode(model).axes
@@ -59,7 +57,7 @@ def test_a_model_alone_is_resolved_at_its_light_mode(dt: float) -> None:
     assert hz[-1] <= (50.0 if dt else np.inf)
 
 
-def test_a_model_with_several_entries_and_without_a_mode() -> None:
+def test_a_model_with_several_entries_and_without_a_mode():
     static = control.ss([], [], [], [[1.0, 2.0], [3.0, 4.0]], 0.1)
     figure = rid.plot.bode(static)
     assert [ax.get_title(loc="left") for ax in figure.axes[:2]] == ["y[0] / u[0]", "y[0] / u[1]"]
@@ -67,7 +65,7 @@ def test_a_model_with_several_entries_and_without_a_mode() -> None:
         rid.plot.bode(control.ss(0.5, 1, 1, 0, True))
 
 
-def test_an_option_of_another_kind_of_result_is_refused(consistent: rid.Identification) -> None:
+def test_an_option_of_another_kind_of_result_is_refused(consistent):
     with pytest.raises(rid.errors.InputTypeError, match="`records` doesn't belong to a Identification; leave it out"):
         rid.plot.bode(consistent, records=consistent.problem.time[0])
     with pytest.raises(
@@ -76,9 +74,7 @@ def test_an_option_of_another_kind_of_result_is_refused(consistent: rid.Identifi
         rid.plot.poles(1)
 
 
-def test_results_draw_themselves(
-    consistent: rid.Identification, error: rid.WorstCaseError, fit: rid.MatrixFraction, sweep: rid.mfd.OrderSweep
-) -> None:
+def test_results_draw_themselves(consistent, error, fit, sweep):
     labels = {
         consistent: "torsion [rad] / current [A]",
         error: "displacement [mm] / force [N]",

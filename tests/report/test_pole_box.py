@@ -1,51 +1,35 @@
 """The guarantee over a pole-uncertainty box: against the arrays of real bands, and against forged ones."""
 
-from __future__ import annotations
-
 import dataclasses
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees import WorstCaseOverPoles
-from robustid.report import render_report, write_report
+from robustid.report import at_most, render_report, write_report
 from robustid.report.pole_box import box_entries, box_rows, box_table, box_verdict, pole_box_chart
-from robustid.report.words import at_most
 from support import matrix_pages
-from support.report_pages import NASTY, Page, identified, named
+from support.report_pages import NASTY_NAMES, Page, check_escaped, identified, named
 
 pytestmark = pytest.mark.quick
-
-
 HZ = np.array([4.0, 8.0, 17.6, 30.0])
-
-
 MODES = rid.flexible_structure().modes
-
-
 BOX = MODES[:, :1] * [0.999, 1.001], MODES[:, 1:] * [0.95, 1.05]
-
-
 WORDS = "any pole in the box (4 frequencies)"
 
 
 @pytest.fixture(scope="module")
-def band() -> WorstCaseOverPoles:
+def band():
     return rid.worst_case_over_poles(identified(), *BOX, omega=2 * np.pi * HZ, directions=4, cells=1)
 
 
 @pytest.fixture(scope="module")
-def error(band: WorstCaseOverPoles) -> rid.WorstCaseError:
+def error(band):
     omega = 2 * np.pi * np.array([0.0, 4.0, 17.6, 40.0])
     return rid.worst_case_error(band.identification, omega=omega, directions=4)
 
 
-def test_both_ranges_and_both_errors_are_those_of_the_results(
-    band: WorstCaseOverPoles, error: rid.WorstCaseError
-) -> None:
+def test_both_ranges_and_both_errors_are_those_of_the_results(band, error):
     magnitude, errors = pole_box_chart(band, error).panels
     inside = [1, 2]  # of the frequencies at the fixed poles: within those of the band
     for name, found, omega in (
@@ -66,7 +50,7 @@ def test_both_ranges_and_both_errors_are_those_of_the_results(
     assert HZ[-1] <= magnitude.x.range[1] < 40
 
 
-def test_errors_beside_each_other_are_of_one_model(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
+def test_errors_beside_each_other_are_of_one_model(band, error):
     small = rid.balanced_truncation(band.model, order=4).model
     other = dataclasses.replace(band, model=small)
     magnitude, errors = pole_box_chart(other, error).panels
@@ -79,7 +63,7 @@ def test_errors_beside_each_other_are_of_one_model(band: WorstCaseOverPoles, err
     np.testing.assert_allclose(area.high[index], band.magnitude[:, 1], rtol=1e-9)
 
 
-def test_one_frequency_and_none_beside_it_are_drawn(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
+def test_one_frequency_and_none_beside_it_are_drawn(band, error):
     one = dataclasses.replace(band, omega=band.omega[1:2], upper=band.upper[1:2], magnitude=band.magnitude[1:2])
     page = Page(render_report(band.identification, over_poles=one, worst_case=error))
     assert "over_poles-0" in page.figures
@@ -87,7 +71,7 @@ def test_one_frequency_and_none_beside_it_are_drawn(band: WorstCaseOverPoles, er
     assert "at 8 Hz" in page.text
 
 
-def test_a_range_without_an_end_reaches_beyond_the_axis(band: WorstCaseOverPoles) -> None:
+def test_a_range_without_an_end_reaches_beyond_the_axis(band):
     open_ = dataclasses.replace(
         band,
         upper=np.where(band.upper == band.upper[2], np.inf, band.upper),
@@ -111,7 +95,7 @@ def test_a_range_without_an_end_reaches_beyond_the_axis(band: WorstCaseOverPoles
         assert all(np.isfinite(panel.y.range).all() for panel in one.panels)
 
 
-def test_page_says_what_is_guaranteed_over_the_box(band: WorstCaseOverPoles, error: rid.WorstCaseError) -> None:
+def test_page_says_what_is_guaranteed_over_the_box(band, error):
     page = Page(render_report(band.identification, over_poles=band, worst_case=error))
     fixed = error.upper.ravel()[1:3].max()
     wanted = [
@@ -131,12 +115,12 @@ def test_page_says_what_is_guaranteed_over_the_box(band: WorstCaseOverPoles, err
     assert all(text in page.text for text in row)
 
 
-def test_the_box_before_and_after_the_refuted_cells(band: WorstCaseOverPoles) -> None:
+def test_the_box_before_and_after_the_refuted_cells(band):
     (kept,) = band.kept
     ends = np.array(band.box.omega)
     ends[1, 1] = ends[1].mean()
     left = dataclasses.replace(kept, cell=dataclasses.replace(kept.cell, omega=ends))
-    split = dataclasses.replace(band, kept=(left,), refuted=(None,))  # type: ignore[arg-type]
+    split = dataclasses.replace(band, kept=(left,), refuted=(None,))
     first, second = box_table(split).rows
     assert first == box_table(band).rows[0]
     assert second[1] == box_table(band).rows[1][1] == "17.652 … 17.688"
@@ -144,7 +128,7 @@ def test_the_box_before_and_after_the_refuted_cells(band: WorstCaseOverPoles) ->
     assert "2 cells cover the box; 1 of them proved not to hold" in dict(box_rows(split, None))["Cells"]
 
 
-def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: WorstCaseOverPoles) -> None:
+def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band):
     page = Page(render_report(band.identification, over_poles=band))
     assert ("section", {"class": "verdict consistent", "id": "box-certificates"}) in page.tags
     false = dataclasses.replace(band, upper=band.upper * 0.9)
@@ -157,27 +141,21 @@ def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band: 
     assert "leave out a part of the box" in box_verdict(wider).sentence
 
 
-def test_text_of_strangers_is_escaped() -> None:
-    result = identified(inputs=[(NASTY, "</script>")], outputs=[("y\"'&", "<img src=x onerror=alert(2)>")])
+def test_text_of_strangers_is_escaped():
+    result = identified(**NASTY_NAMES)
     found = rid.worst_case_over_poles(result, *BOX, omega=[30.0], directions=4, cells=1)
     page = Page(render_report(result, over_poles=found))
-    assert len(page.scripts) == 3
-    assert [tag for tag, _ in page.tags if tag == "img"] == []
-    for axis, layout in page.figures["over_poles-0"]["layout"].items():
-        assert axis[:5] not in ("xaxis", "yaxis") or not re.search(r"<(?!br>)", layout["title"]["text"])
+    check_escaped(page)
+    assert "over_poles-0" in page.figures
 
 
-def test_misuse_is_named(band: WorstCaseOverPoles, tmp_path: Path) -> None:
+def test_misuse_is_named(band, tmp_path):
     with pytest.raises(rid.InputError, match="`over_poles` is about another identification"):
         write_report(identified(np.full(7, 0.1)), tmp_path / "a.html", over_poles=band)
-    with pytest.raises(
-        rid.errors.InputTypeError, match="`over_poles` must be a WorstCaseOverPoles, from worst_case_over_poles"
-    ):
-        write_report(band.identification, tmp_path / "a.html", over_poles=1)  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_matrix_is_drawn_by_its_largest_singular_value_and_has_its_entries_in_a_table() -> None:
+def test_a_matrix_is_drawn_by_its_largest_singular_value_and_has_its_entries_in_a_table():
     frf, middle = matrix_pages.measured(1, 2, lines=5, modes=1), np.array([[6.0 * 2 * np.pi], [0.01]])
     basis = rid.kautz(*middle, dt=matrix_pages.DT, delay=1)
     result = rid.identify(

@@ -1,7 +1,5 @@
 """Poles and modes, against the plant and against residues that are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,7 @@ from support.report_pages import layers
 pytestmark = pytest.mark.quick
 
 
-def test_pole_table_against_the_plant() -> None:
+def test_pole_table_against_the_plant():
     plant = rid.flexible_structure().truth
     rows = pole_table(plant)
     np.testing.assert_allclose([row.hz for row in rows], [9.0, 17.67], rtol=1e-9)
@@ -26,7 +24,7 @@ def test_pole_table_against_the_plant() -> None:
     assert sum(row.count for row in rows) == plant.nstates
 
 
-def test_pole_table_of_special_poles() -> None:
+def test_pole_table_of_special_poles():
     import control
 
     model = control.ss(np.diag([1.0, 0.0, -0.5, 0.5]), np.ones((4, 1)), np.ones((1, 4)), 0, 0.1)
@@ -42,14 +40,14 @@ def test_pole_table_of_special_poles() -> None:
     assert [(row.hz, row.damping) for row in continuous] == [(pytest.approx(1 / np.pi), pytest.approx(0))]
 
 
-def test_pole_table_refuses_a_model_without_sample_time() -> None:
+def test_pole_table_refuses_a_model_without_sample_time():
     import control
 
     with pytest.raises(rid.InputError, match="without a sample time"):
         pole_table(control.ss(0.5, 1, 1, 0, True))
 
 
-def test_pole_chart(consistent: rid.Identification) -> None:
+def test_pole_chart(consistent):
     chart = pole_chart(consistent)
     drawn = layers(chart, 0)
     circle = drawn["|z| = 1/ρ = 0.9615"]
@@ -61,7 +59,7 @@ def test_pole_chart(consistent: rid.Identification) -> None:
     assert damping.x[np.argmin(damping.y)] == pytest.approx(17.67, rel=1e-9)
 
 
-def test_modes_are_listed_with_the_height_of_their_resonance_and_their_rank() -> None:
+def test_modes_are_listed_with_the_height_of_their_resonance_and_their_rank():
     frf = measured(lines=12, noise=1e-3)
     result = rid.identify(problem(frf))
     basis, residues, _ = plant(2, 2)

@@ -1,7 +1,5 @@
 """The band of a page with polygons in it: one curve with dots, one sentence on what stands on what, one check of the proofs."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import control
@@ -24,28 +22,28 @@ BOX = MODES[:, :1] * [0.9999, 1.0001], MODES[:, 1:] * [0.99, 1.01]
 
 
 @pytest.fixture(scope="module")
-def result() -> rid.Identification:
+def result():
     return identified()
 
 
 @pytest.fixture(scope="module")
-def error(result: rid.Identification) -> rid.WorstCaseError:
+def error(result):
     return rid.worst_case_error(result, omega=2 * np.pi * HZ[[0, 2, 4]], directions=12)
 
 
 @pytest.fixture(scope="module")
-def plain(result: rid.Identification) -> rid.Band:
+def plain(result):
     return rid.band(result, omega=2 * np.pi * HZ)
 
 
 @pytest.fixture(scope="module")
-def refined(plain: rid.Band, error: rid.WorstCaseError) -> rid.Band:
+def refined(plain, error):
     found = plain.with_polygons(error)
     assert 0 < found.narrowed.sum() < 5
     return found
 
 
-def test_dots_are_the_refined_errors_and_the_line_is_proved_between_them(refined: rid.Band, plain: rid.Band) -> None:
+def test_dots_are_the_refined_errors_and_the_line_is_proved_between_them(refined, plain):
     count = int(refined.narrowed.sum())
     words = f"narrowed by a semidefinite program ({count} frequencies)"
     magnitude, errors = band_chart(refined.polygons.identification, refined).panels
@@ -61,7 +59,7 @@ def test_dots_are_the_refined_errors_and_the_line_is_proved_between_them(refined
     assert words not in [layer.name for layer in band_chart(refined.polygons.identification, plain).panels[1].layers]
 
 
-def test_one_sentence_says_what_stands_on_what(refined: rid.Band, plain: rid.Band, error: rid.WorstCaseError) -> None:
+def test_one_sentence_says_what_stands_on_what(refined, plain, error):
     words = stands_on(refined, error)
     assert words.startswith(
         f"At {int(refined.narrowed.sum())} of 5 frequencies a semidefinite program narrows the band (to "
@@ -75,9 +73,7 @@ def test_one_sentence_says_what_stands_on_what(refined: rid.Band, plain: rid.Ban
     assert "semidefinite" not in band_words(plain, None)
 
 
-def test_a_sweep_at_exact_poles_is_said_to_be_no_part_of_a_band_over_a_box(
-    result: rid.Identification, error: rid.WorstCaseError
-) -> None:
+def test_a_sweep_at_exact_poles_is_said_to_be_no_part_of_a_band_over_a_box(result, error):
     band = rid.band(result, omega=2 * np.pi * HZ, box=BOX)
     exact = "the numbers of the sweep at 3 frequencies stand on exact poles and are not part of the curve."
     assert stands_on(band, error) == f"The band of sums stands at every frequency; {exact}"
@@ -92,9 +88,7 @@ def test_a_sweep_at_exact_poles_is_said_to_be_no_part_of_a_band_over_a_box(
     assert "amplitudes of modes are assumed to be at most 2 times" in text
 
 
-def test_polygons_that_their_certificates_do_not_support_are_not_called_proved(
-    refined: rid.Band, error: rid.WorstCaseError
-) -> None:
+def test_polygons_that_their_certificates_do_not_support_are_not_called_proved(refined, error):
     values = tuple(dataclasses.replace(one, support=one.support - 1e-3) for one in error.values)
     false = dataclasses.replace(error, values=values)
     for polygons, key in ((error, "consistent"), (false, "failed")):

@@ -1,9 +1,5 @@
 """The order of a model and of a reduced one."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -17,7 +13,7 @@ from support.report_pages import Page, layers
 pytestmark = pytest.mark.quick
 
 
-def test_hankel_chart_marks_the_order(consistent: rid.Identification, reduction: Any) -> None:
+def test_hankel_chart_marks_the_order(consistent, reduction):
     from robustid.reduction import hankel_singular_values
 
     drawn = layers(hankel_chart(consistent, reduction), 0)
@@ -28,7 +24,7 @@ def test_hankel_chart_marks_the_order(consistent: rid.Identification, reduction:
     assert list(layers(hankel_chart(consistent), 0)) == ["of the nominal model"]
 
 
-def test_integrators_are_kept_aside() -> None:
+def test_integrators_are_kept_aside():
     import control
 
     integrator = control.ss(1.0, 1.0, 1.0, 0, 0.1)
@@ -42,7 +38,7 @@ def test_integrators_are_kept_aside() -> None:
     assert "∞" in Page(render_report(result)).text
 
 
-def test_the_order_against_the_margin() -> None:
+def test_the_order_against_the_margin():
     result = rid.identify(structure(0))
     reduction = rid.reduce_within_bounds(result)
     drawn = layers(margin_chart(reduction), 0)

@@ -1,7 +1,5 @@
 """Residuals against their bounds, and the active constraints."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -15,7 +13,7 @@ from support.matrix_pages import measured, problem, record, response_of, with_va
 from support.report_pages import layers, printed
 
 
-def test_residual_chart_marks_exactly_who_touches(inconsistent: rid.Identification) -> None:
+def test_residual_chart_marks_exactly_who_touches(inconsistent):
     chart = residual_chart(inconsistent)
     ratios = [r.ratio for r in inconsistent.residuals]
     margin = inconsistent.margin
@@ -31,7 +29,7 @@ def test_residual_chart_marks_exactly_who_touches(inconsistent: rid.Identificati
         assert chart.panels[k].y.log
 
 
-def test_residual_chart_of_consistent_data(simple: rid.Identification, consistent: rid.Identification) -> None:
+def test_residual_chart_of_consistent_data(simple, consistent):
     # |1.5 - x0| = s 0.2 with |x0| <= 1 at best: margin 2.5.
     assert simple.margin == pytest.approx(2.5, rel=1e-3)
     drawn = layers(residual_chart(simple), 0)
@@ -43,7 +41,7 @@ def test_residual_chart_of_consistent_data(simple: rid.Identification, consisten
     assert active_constraints(consistent) == []
 
 
-def test_residuals_stand_row_by_row_against_their_bounds(matrix_result: rid.Identification) -> None:
+def test_residuals_stand_row_by_row_against_their_bounds(matrix_result):
     found = residual_chart(matrix_result).panels
     assert [panel.title for panel in found] == ["y1 / u1", "y1 / u2", "y2 / u1", "y2 / u2", "y1", "y2"]
     frf = matrix_result.problem.frequency[0]
@@ -54,7 +52,7 @@ def test_residuals_stand_row_by_row_against_their_bounds(matrix_result: rid.Iden
     assert len({panel.y.range for panel in found[:4]}) == 1  # one scale: they are compared
 
 
-def test_samples_that_share_a_bound_are_measured_together(shared_bound: rid.Identification) -> None:
+def test_samples_that_share_a_bound_are_measured_together(shared_bound):
     frf, found = shared_bound.problem.frequency[0], residual_chart(shared_bound).panels
     assert [panel.title for panel in found] == [f"all outputs / u{j}, one bound" for j in (1, 2)]
     error = frf.values - response_of(shared_bound.model, frf.omega)
@@ -64,7 +62,7 @@ def test_samples_that_share_a_bound_are_measured_together(shared_bound: rid.Iden
     np.testing.assert_allclose(samples.high - samples.y, 0.1)
 
 
-def test_a_contradicting_sample_is_named_with_its_entry() -> None:
+def test_a_contradicting_sample_is_named_with_its_entry():
     frf = measured(lines=8)
     spiked = with_values(frf, (4, 1, 0), frf.values[4, 1, 0] + 3)
     result = rid.identify(problem(spiked))
@@ -76,7 +74,7 @@ def test_a_contradicting_sample_is_named_with_its_entry() -> None:
     assert "y2 / u1" in printed(result)
 
 
-def test_a_contradicting_sample_of_a_record_is_named_with_its_output() -> None:
+def test_a_contradicting_sample_of_a_record_is_named_with_its_output():
     time = record()
     y = np.array(time.y)
     y[5, 1] += 3

@@ -1,7 +1,5 @@
 """The report of a measured frequency response: its words and its page."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 
@@ -184,7 +182,7 @@ def test_misuse_is_named(frf, records, tmp_path):
     assert draw(coherence_chart(ResponseView(frf))).axes
 
 
-def test_a_response_with_missing_entries_shows_what_was_measured() -> None:
+def test_a_response_with_missing_entries_shows_what_was_measured():
     frf = with_values(measured(lines=9), (3, 1, 0), np.nan, np.inf)
     frf = with_values(frf, (slice(None), 0, 1), 7.0, np.inf)  # a number is no measurement where the bound is infinite
     view = ResponseView(frf)

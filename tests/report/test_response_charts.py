@@ -1,7 +1,5 @@
 """What is drawn of a measured frequency response, against numbers known independently."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -158,7 +156,7 @@ def test_matplotlib_figure(frf, records):
     assert len(plot.bode(frf.entry(0, 0)).axes) == 3
 
 
-def test_singular_values_of_a_response_are_those_of_its_complete_lines() -> None:
+def test_singular_values_of_a_response_are_those_of_its_complete_lines():
     frf = with_values(measured(lines=9), (3, 1, 0), np.nan, np.inf)
     (chart,) = overview_charts(ResponseView(frf))
     used = np.arange(9) != 3

@@ -1,9 +1,5 @@
 """What a guarantee depends on: a table of known numbers, and a computed one."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,7 +10,7 @@ from robustid.report.sensitivity_section import sensitivity_chart
 from support.report_pages import Page, named
 
 
-def table(margin: float = 1.3) -> Sensitivity:
+def table(margin=1.3):
     """K = 1, rho = 1.1 and 8 lines as stated; half the gain bound is refuted, one variation isn't solved."""
     nan = float("nan")
     rows = [
@@ -27,7 +23,7 @@ def table(margin: float = 1.3) -> Sensitivity:
     return Sensitivity(np.array([10.0, 20.0]), tuple(rows))
 
 
-def test_every_panel_holds_its_variations_in_order_and_what_was_stated(simple: rid.Identification) -> None:
+def test_every_panel_holds_its_variations_in_order_and_what_was_stated(simple):
     chart = sensitivity_chart(table(), simple)
     assert [panel.x.label for panel in chart.panels] == ["gain bound K [–]", "decay rate ρ [–]", "frequency points [–]"]
     expected = {0: ([0.5, 1, 2], [np.nan, 2, 3]), 1: ([1.05, 1.1], [np.nan, 2]), 2: ([4, 8], [5, 2])}
@@ -45,7 +41,7 @@ def test_every_panel_holds_its_variations_in_order_and_what_was_stated(simple: r
     np.testing.assert_allclose(named(chart.panels[0], "worst of the frequencies").y, [np.nan, 5, 8])
 
 
-def test_page_names_what_moves_most_and_what_is_refuted(simple: rid.Identification) -> None:
+def test_page_names_what_moves_most_and_what_is_refuted(simple):
     found = table(simple.margin)
     page = Page(render_report(simple, sensitivity=found))
     wanted = [
@@ -63,7 +59,7 @@ def test_page_names_what_moves_most_and_what_is_refuted(simple: rid.Identificati
     assert {"sensitivity-0", "sensitivity-1", "sensitivity-2"} <= set(page.figures)
 
 
-def test_nothing_to_compare_with_is_said(simple: rid.Identification) -> None:
+def test_nothing_to_compare_with_is_said(simple):
     stated = table(simple.margin).variations[1:2]
     refuted = Sensitivity(
         np.array([1.0]), (Variation("as stated", "stated", 1.0, 1.1, 8, simple.margin, *2 * [np.nan]), *stated)
@@ -72,7 +68,7 @@ def test_nothing_to_compare_with_is_said(simple: rid.Identification) -> None:
     assert "None of the variations leaves a guarantee to compare with" in text
 
 
-def test_a_computed_table_belongs_to_its_problem(tmp_path: Path) -> None:
+def test_a_computed_table_belongs_to_its_problem(tmp_path):
     frf = rid.FrequencyResponse([10.0, 60.0], [1.0, -0.5], bound=0.1, dt=0.01)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=9.0, decay_rate=1.2))
     result, found = rid.identify(problem), rid.sensitivity(problem, omega=[30.0])
@@ -85,6 +81,4 @@ def test_a_computed_table_belongs_to_its_problem(tmp_path: Path) -> None:
     assert wide.margin_lower > 1.01 * result.margin
     with pytest.raises(rid.InputError, match="`sensitivity` is about another problem"):
         rid.write_report(wide, tmp_path / "no.html", sensitivity=found)
-    with pytest.raises(rid.errors.InputTypeError, match="`sensitivity` must be a Sensitivity"):
-        rid.write_report(result, tmp_path / "no.html", sensitivity=1)  # type: ignore[arg-type]
     assert not (tmp_path / "no.html").exists()

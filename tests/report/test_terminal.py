@@ -1,9 +1,6 @@
 """The summary at the terminal."""
 
-from __future__ import annotations
-
 import io
-from typing import Any
 
 import pytest
 
@@ -16,13 +13,13 @@ from support.report_pages import printed, problem
 pytestmark = pytest.mark.quick
 
 
-def test_summary_is_readable_in_sixty_columns(consistent: rid.Identification, inconsistent: rid.Identification) -> None:
+def test_summary_is_readable_in_sixty_columns(consistent, inconsistent):
     import rich.console
 
     for result in (consistent, inconsistent):
         console = rich.console.Console(file=io.StringIO(), width=60)
         console.print(render_summary(result))
-        lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+        lines = console.file.getvalue().splitlines()
         table = lines[lines.index(next(line for line in lines if line.startswith("Verification"))) :]
         assert max(len(line) for line in lines) <= 60
         assert sum(line.rstrip().endswith("holds") for line in table) == len(result.verification.checks)
@@ -31,9 +28,7 @@ def test_summary_is_readable_in_sixty_columns(consistent: rid.Identification, in
         assert not any(line.rstrip().endswith("…") or "… " in line for line in table)
 
 
-def test_summary_at_the_terminal(
-    consistent: rid.Identification, inconsistent: rid.Identification, reduction: Any
-) -> None:
+def test_summary_at_the_terminal(consistent, inconsistent, reduction):
     text = printed(consistent, reduction)
     wanted = ["Consistent", "margin", "torsion [rad] / current [A]", "17.67 Hz with damping 0.004", "never prove them"]
     wanted += [check.name for check in consistent.verification.checks]
@@ -45,6 +40,6 @@ def test_summary_at_the_terminal(
     assert margin_interval(inconsistent) in text
 
 
-def test_markup_in_names_is_shown_as_it_stands() -> None:
+def test_markup_in_names_is_shown_as_it_stands():
     result = rid.identify(problem(inputs=[("[red]u[/red]", "")], outputs=[("y", "")]))
     assert "[red]u[/red]" in printed(result)

@@ -1,7 +1,5 @@
 """Records and the answers to a step and a pulse, against python-control."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 
@@ -12,7 +10,7 @@ from robustid.report.time_response import answer_charts, time_chart
 from support.report_pages import Page, layers
 
 
-def test_records_and_step_response(consistent: rid.Identification) -> None:
+def test_records_and_step_response(consistent):
     import control
 
     chart = time_chart(consistent, {"plant": rid.flexible_structure().truth})
@@ -31,7 +29,7 @@ def test_records_and_step_response(consistent: rid.Identification) -> None:
     np.testing.assert_allclose(np.cumsum(pulse.y), step.y, atol=1e-10)
 
 
-def test_free_and_periodic_records_and_unused_samples() -> None:
+def test_free_and_periodic_records_and_unused_samples():
     rng = np.random.default_rng(1)
     truth = rid.flexible_structure().truth
     parametric = rid.kautz(2 * np.pi * 17.67, 0.004, dt=0.01, delay=1)
@@ -57,7 +55,7 @@ def test_free_and_periodic_records_and_unused_samples() -> None:
         assert plot.time_response(result).axes[0].get_title(loc="left") == panel.title
 
 
-def test_every_output_of_a_record_has_its_panel(matrix_result: rid.Identification) -> None:
+def test_every_output_of_a_record_has_its_panel(matrix_result):
     time, found = matrix_result.problem.time[0], time_chart(matrix_result).panels
     assert [panel.title for panel in found] == [
         "Record from zero initial conditions: y1",
@@ -72,7 +70,7 @@ def test_every_output_of_a_record_has_its_panel(matrix_result: rid.Identificatio
         assert ("not used" in drawn) == (i == 0)
 
 
-def test_step_and_pulse_responses_of_every_entry(matrix_result: rid.Identification) -> None:
+def test_step_and_pulse_responses_of_every_entry(matrix_result):
     for chart, (i, j) in zip(answer_charts(matrix_result), np.ndindex(2, 2), strict=True):
         step, pulse = (panel.layers[0] for panel in chart.panels)
         _, expected = control.step_response(matrix_result.model, T=step.x, input=j, output=i)

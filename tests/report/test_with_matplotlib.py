@@ -1,9 +1,6 @@
 """Charts as matplotlib draws them."""
 
-from __future__ import annotations
-
 import itertools
-from typing import Any
 
 import numpy as np
 
@@ -17,12 +14,12 @@ from support.matrix_pages import problem as matrix_problem
 from support.report_pages import problem
 
 
-def all_plots(result: rid.Identification, models: Any = None) -> list[Any]:
+def all_plots(result, models=None):
     plots = (plot.bode, plot.time_response, plot.residuals, plot.poles)
     return [*(draw(result, models=models) for draw in plots), plot.hankel(result)]
 
 
-def test_every_axis_has_a_label_with_its_unit(consistent: rid.Identification) -> None:
+def test_every_axis_has_a_label_with_its_unit(consistent):
     frequency, time, residuals, _, hankel = all_plots(consistent)
     assert frequency.axes[0].get_ylabel() == "torsion [rad] / current [A]"
     assert frequency.axes[1].get_ylabel() == "phase [°] of\ntorsion / current"
@@ -41,7 +38,7 @@ def test_every_axis_has_a_label_with_its_unit(consistent: rid.Identification) ->
         assert figure.axes[-1].get_xlabel()
 
 
-def test_matplotlib_draws_the_numbers_of_the_chart(consistent: rid.Identification) -> None:
+def test_matplotlib_draws_the_numbers_of_the_chart(consistent):
     figure, chart = plot.bode(consistent), frequency_charts(consistent)[0]
     for ax, panel in zip(figure.axes, chart.panels, strict=True):
         lines = {line.get_color(): line for line in ax.lines if line.get_linestyle() == "-"}
@@ -53,7 +50,7 @@ def test_matplotlib_draws_the_numbers_of_the_chart(consistent: rid.Identificatio
         np.testing.assert_allclose([s[:, 1] for s in bars], np.stack([data.low, data.high], axis=1))
 
 
-def test_the_legend_covers_no_data(inconsistent: rid.Identification) -> None:
+def test_the_legend_covers_no_data(inconsistent):
     for figure in all_plots(inconsistent, {"plant": rid.flexible_structure().truth}):
         figure.canvas.draw()
         legend = figure.legends[0].get_window_extent()
@@ -61,7 +58,7 @@ def test_the_legend_covers_no_data(inconsistent: rid.Identification) -> None:
         assert legend.x1 <= figure.bbox.x1
 
 
-def test_plots_leave_no_global_state(simple: rid.Identification) -> None:
+def test_plots_leave_no_global_state(simple):
     import matplotlib
     import matplotlib._pylab_helpers as helpers
 
@@ -73,7 +70,7 @@ def test_plots_leave_no_global_state(simple: rid.Identification) -> None:
     assert len(helpers.Gcf.figs) == open_figures
 
 
-def test_text_of_the_user_is_not_mathematics() -> None:
+def test_text_of_the_user_is_not_mathematics():
     names = {"inputs": [("cost $a$ and $\\bad{", "$")], "outputs": [("y_1^2", "<b>m</b>")]}
     result = rid.identify(problem(**names))
     figure = plot.bode(result, models={"$\\nothing": rid.flexible_structure().truth})
@@ -101,9 +98,7 @@ def test_labels_of_narrow_columns_do_not_overlap():
                 assert spans or not axis.get_tick_params().get("labelbottom", True)
 
 
-def test_figures_hold_the_grid_and_a_blank_place_leaves_its_column_logarithmic(
-    matrix_result: rid.Identification,
-) -> None:
+def test_figures_hold_the_grid_and_a_blank_place_leaves_its_column_logarithmic(matrix_result):
     axes = plot.bode(matrix_result).axes
     assert len(axes) == 10
     assert [ax.get_visible() for ax in axes] == [True] * 9 + [False]
@@ -113,11 +108,11 @@ def test_figures_hold_the_grid_and_a_blank_place_leaves_its_column_logarithmic(
     assert sum(ax.get_visible() for ax in plot.residuals(matrix_result).axes) == 6
 
 
-def test_long_names_stay_inside_their_column() -> None:
+def test_long_names_stay_inside_their_column():
     motors = [f"force of the left-hand voice-coil motor {k} [N]" for k in range(3)]
     data = measured(1, 3, lines=4, outputs=["acceleration of the measuring beam at its tip [mm/s²]"], inputs=motors)
     figure = plot.bode(rid.identify(matrix_problem(data)))
     figure.draw_without_rendering()
-    titles = [ax._left_title.get_window_extent() for ax in figure.axes[:3]]  # type: ignore[attr-defined]
+    titles = [ax._left_title.get_window_extent() for ax in figure.axes[:3]]
     ends = [*(title.x0 for title in titles[1:]), figure.bbox.x1]
     assert all(title.x1 < end for title, end in zip(titles, ends, strict=True))

@@ -1,24 +1,17 @@
 """Charts as plotly draws them."""
 
-from __future__ import annotations
-
 import numpy as np
 
-import robustid as rid
 from robustid.report.frequency import frequency_charts
 from robustid.report.poles import pole_chart
 from robustid.report.residual_charts import residual_chart
 from robustid.report.with_plotly import plotly_figure
 
 
-def test_plotly_accepts_and_holds_the_numbers_of_the_chart(consistent: rid.Identification) -> None:
+def test_plotly_accepts_and_holds_the_numbers_of_the_chart(consistent):
     import plotly.graph_objects as go
 
-    for chart in (
-        frequency_charts(consistent)[0],
-        residual_chart(consistent),
-        pole_chart(consistent),
-    ):
+    for chart in (frequency_charts(consistent)[0], residual_chart(consistent), pole_chart(consistent)):
         figure = plotly_figure(chart.panels[:1], 400)
         go.Figure(figure)  # refuses unknown or malformed properties
         for trace, layer in zip(figure["data"], chart.panels[0].layers, strict=True):

@@ -1,13 +1,12 @@
 """Numbers and names as they are written."""
 
-from __future__ import annotations
-
 import decimal
 
 import numpy as np
 import pytest
 
-from robustid.report.words import at_least, at_most, number
+from robustid.report import at_least, at_most
+from robustid.report.words import number
 
 pytestmark = pytest.mark.quick
 
@@ -15,11 +14,11 @@ pytestmark = pytest.mark.quick
 @pytest.mark.parametrize(
     ("value", "text"), [(0.0, "0"), (-1.5, "−1.5"), (1e-7, "1×10⁻⁷"), (123456.0, "1.235×10⁵"), (-np.inf, "−∞")]
 )
-def test_number(value: float, text: str) -> None:
+def test_number(value, text):
     assert number(value) == text
 
 
-def read(text: str) -> decimal.Decimal:
+def read(text):
     """A number of the page, exactly."""
     raised = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
     mantissa, _, power = text.replace("−", "-").partition("×10")
@@ -27,7 +26,7 @@ def read(text: str) -> decimal.Decimal:
 
 
 @pytest.mark.parametrize("value", [0.190549, 12345.678, -0.0012344999, 5.43211e-9, -7e-300, 0.05, 0.0])
-def test_printed_ends_hold_too(value: float) -> None:
+def test_printed_ends_hold_too(value):
     exact = decimal.Decimal(value)
     low, high = read(at_least(value)), read(at_most(value))
     assert low <= exact <= high

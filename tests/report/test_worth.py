@@ -1,7 +1,5 @@
 """What the class and the small model are worth: verdicts at the head of the page, and their pictures."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -16,23 +14,23 @@ from robustid.report.small_model import worth_chart, worth_verdict
 from support.report_pages import Page, layers
 
 
-def question(**prior: float) -> rid.MixedProblem:
+def question(**prior):
     data = rid.flexible_structure(lines=24)
     basis = rid.kautz(*data.modes.T, dt=0.01, delay=1)
     return rid.MixedProblem(frequency=data.frequency, parametric=basis, prior=rid.Prior(**prior))
 
 
 @pytest.fixture(scope="module")
-def result() -> rid.Identification:
+def result():
     return rid.identify(question(gain_bound=0.1, decay_rate=1.2))
 
 
 @pytest.fixture(scope="module")
-def worth(result: rid.Identification):
+def worth(result):
     return model_worth_having(result, rid.reduce_within_bounds(result), result.problem.frequency[0], time_limit=3.0)
 
 
-def test_a_class_with_content_says_so_after_the_verdict_and_one_without_before_it(result: rid.Identification) -> None:
+def test_a_class_with_content_says_so_after_the_verdict_and_one_without_before_it(result):
     says, empty = content(result), rid.identify(question(gain_bound=10.0, decay_rate=1.005))
     page = Page(render_report(result, content=says))
     assert page.text.index("A system of the assumed class") < page.text.index("as much between the points as on them")
@@ -43,7 +41,7 @@ def test_a_class_with_content_says_so_after_the_verdict_and_one_without_before_i
     assert "What the class says between the points" in text
 
 
-def test_widths_are_drawn_as_they_are(result: rid.Identification) -> None:
+def test_widths_are_drawn_as_they_are(result):
     says = content(result)
     drawn = layers(content_chart(says), 0)
     np.testing.assert_array_equal(drawn["on the points"].y, says.on)
@@ -51,7 +49,7 @@ def test_widths_are_drawn_as_they_are(result: rid.Identification) -> None:
     np.testing.assert_allclose(drawn["between them"].x, says.omega / (2 * np.pi))
 
 
-def test_the_small_model_stands_among_the_best_fits(result: rid.Identification, worth) -> None:
+def test_the_small_model_stands_among_the_best_fits(result, worth):
     drawn = layers(worth_chart(worth), 0)
     np.testing.assert_array_equal(drawn["best fits"].y, worth.misfits)
     assert drawn[f"small model, order {worth.reduction.order}"].y == worth.misfit
@@ -63,7 +61,7 @@ def test_the_small_model_stands_among_the_best_fits(result: rid.Identification, 
     assert plot.orders(worth).axes[0].get_ylabel() == "misfit [–]"
 
 
-def test_what_cannot_be_compared_says_why(result: rid.Identification) -> None:
+def test_what_cannot_be_compared_says_why(result):
     small = rid.reduce_within_bounds(result)
     frf = result.problem.frequency[0]
     assert why_not_compared(result, small, frf) == ""

@@ -1,9 +1,5 @@
 """Writing a page: what belongs to which result, and what a failure leaves."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 import robustid as rid
@@ -12,14 +8,14 @@ from robustid.report import plot, write_report
 pytestmark = pytest.mark.quick
 
 
-def test_a_failing_write_leaves_the_old_file(simple: rid.Identification, tmp_path: Any, monkeypatch: Any) -> None:
+def test_a_failing_write_leaves_the_old_file(simple, tmp_path, monkeypatch):
     path = tmp_path / "report.html"
     path.write_text("old")
     with pytest.raises(rid.InputError, match="models"):
         write_report(simple, path, models={"late": rid.flexible_structure().truth})  # another dt
     assert path.read_text() == "old"
 
-    def interrupted(*_: Any) -> None:
+    def interrupted(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("os.replace", interrupted)
@@ -32,13 +28,36 @@ def test_a_failing_write_leaves_the_old_file(simple: rid.Identification, tmp_pat
     assert "Inconsistent" in path.read_text()
 
 
-def test_misuse_is_named(simple: rid.Identification, consistent: rid.Identification, tmp_path: Any) -> None:
+SECTIONS = {
+    "worst_case": (3, "must be a WorstCaseError"),
+    "over_poles": (1, "must be a WorstCaseOverPoles, from worst_case_over_poles"),
+    "tube": (1, "must be a ResponseTube, from response_tube"),
+    "sensitivity": (1, "must be a Sensitivity"),
+    "stability": (3, "must be a RobustStabilityMargin, or map names"),
+    "stability of names": ({"a": 3}, "must map names to RobustStabilityMargin; got 'a': int"),
+    "weights": ([1], "must be a StructuredWeight or a sequence"),
+    "reduction": (None, ""),
+}
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_section_of_something_else_or_of_another_kind_of_result_is_refused(simple, fit, tmp_path, section):
+    (wrong, sentence), name = SECTIONS[section], section.split()[0]
+    if sentence:
+        with pytest.raises(rid.errors.InputTypeError, match=f"`{name}` {sentence}"):
+            write_report(simple, tmp_path / "a.html", **{name: wrong})
+    with pytest.raises(rid.errors.InputTypeError, match=f"`{name}` doesn't belong to a MatrixFraction"):
+        write_report(fit, tmp_path / "a.html", **{name: fit})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_misuse_is_named(simple, consistent, tmp_path):
     import control
 
     with pytest.raises(rid.errors.InputTypeError, match="`models` must map names"):
-        plot.poles(simple, models=[consistent.model])  # type: ignore[arg-type]
+        plot.poles(simple, models=[consistent.model])
     with pytest.raises(rid.errors.InputTypeError, match="names"):
-        plot.poles(simple, models={1: consistent.model})  # type: ignore[dict-item]
+        plot.poles(simple, models={1: consistent.model})
     with pytest.raises(rid.errors.InputTypeError, match=r"models\['a'\].*StateSpace"):
         plot.residuals(simple, models={"a": control.tf(1, [1, 0.5], 0.1)})
     with pytest.raises(rid.InputError, match="1 output and 1 input"):
@@ -46,11 +65,8 @@ def test_misuse_is_named(simple: rid.Identification, consistent: rid.Identificat
     with pytest.raises(rid.InputError, match=r"dt = 0.1 s.*control\.sample_system"):
         plot.bode(simple, models={"a": control.ss(-1.0, 1, 1, 0)})
     with pytest.raises(rid.errors.InputTypeError, match="`title` must be text"):
-        write_report(simple, tmp_path / "a.html", title=3)  # type: ignore[arg-type]
-    with pytest.raises(
-        rid.errors.InputTypeError,
-        match="`identification` must be of class Identification, Matrix",
-    ):
+        write_report(simple, tmp_path / "a.html", title=3)
+    with pytest.raises(rid.errors.InputTypeError, match="`identification` must be of class Identification, Matrix"):
         write_report(simple.model, tmp_path / "a.html")
     with pytest.raises(rid.InputError, match="folder"):
         write_report(simple, tmp_path)

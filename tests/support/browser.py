@@ -1,24 +1,19 @@
 """Shared by the tests: browser."""
 
-from __future__ import annotations
-
 import html
 import re
 import shutil
 import subprocess
-from pathlib import Path
 from typing import NamedTuple
 
 CHROMIUM = shutil.which("chromium")
-
-
 _FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
     " --disable-component-update --disable-sync --enable-logging=stderr --v=0 --virtual-time-budget=20000 --dump-dom"
 )
 
 
-def opened(page: Path, profile: Path, *flags: str) -> tuple[str, list[str]]:
+def opened(page, profile, *flags):
     """The document after its scripts ran, and what they wrote to the console."""
     command = [str(CHROMIUM), *_FLAGS.split(), *flags, f"--user-data-dir={profile}", page.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
@@ -33,7 +28,7 @@ class Shown(NamedTuple):
     scroll: int
 
 
-def framed(pages: dict[Path, int], folder: Path) -> tuple[list[Shown], list[str]]:
+def framed(pages, folder):
     """Pages in frames of these widths, and what was written to the console; one browser for all, which takes a second to start.
 
     In frames, since the window of a headless browser has a least width of its own.
@@ -59,7 +54,7 @@ def framed(pages: dict[Path, int], folder: Path) -> tuple[list[Shown], list[str]
     return [Shown(html.unescape(copy), int(client), int(scroll)) for client, scroll, copy in copies], console
 
 
-def plots(dom: str) -> dict[str, str]:
+def plots(dom):
     """The markup of each plot by its id."""
     parts = re.split(r'<figure class="plot[^"]*" id="([^"]+)"', dom)
     return {name: part.split("</figure>")[0] for name, part in zip(parts[1::2], parts[2::2], strict=True)}

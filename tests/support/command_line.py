@@ -1,5 +1,8 @@
 """The command line as tests call it."""
 
+import contextlib
+from pathlib import Path
+
 import pytest
 
 from robustid.app.cli import main as cli
@@ -23,3 +26,37 @@ def words(arguments, capsys, monkeypatch):
     """The same with every white space as one blank."""
     code, out, err = main(arguments, capsys, monkeypatch)
     return code, " ".join(out.split()), " ".join(err.split())
+
+
+def refused(outcome, sentence):
+    """A command that ended with exit code 2 and this sentence, in the words of its options."""
+    code, _, err = outcome
+    assert code == 2, err
+    assert sentence in " ".join(err.split())
+    assert "`" not in err
+    assert "Traceback" not in err
+
+
+@contextlib.contextmanager
+def nothing_written():
+    """The folder in which the commands run holds the same bytes afterwards."""
+
+    def held():
+        return {path: path.is_file() and path.read_bytes() for path in Path().iterdir()}
+
+    before = held()
+    yield
+    assert held() == before
+
+
+def interrupted(run, arguments, monkeypatch):
+    """Ctrl-C after the long part of a command, before anything is written: a word, an exit code and no files."""
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("robustid.report.render_report", stop)
+    with nothing_written():
+        code, _, err = run([*arguments, "--report", "page.html"])
+    assert code == 130
+    assert "interrupted" in err

@@ -1,7 +1,5 @@
 """Shared by the tests: a browser that is driven, over the pipe of its DevTools protocol."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os
@@ -9,7 +7,6 @@ import select
 import subprocess
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 from support.browser import CHROMIUM
@@ -29,7 +26,7 @@ class Browser:
     events : list of (method, parameters)
     """
 
-    def __init__(self, profile: Path, width: int = 1280, height: int = 1000) -> None:
+    def __init__(self, profile, width=1280, height=1000):
         to_browser, self._write = os.pipe()
         self._read, from_browser = os.pipe()
         # The browser reads commands from descriptor 3 and writes to 4.
@@ -53,19 +50,19 @@ class Browser:
             self.call(f"{domain}.enable")
         self.resize(width, height)
 
-    def __enter__(self) -> Browser:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self._process.kill()
         self._process.wait()
         os.close(self._write)
         os.close(self._read)
 
-    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+    def call(self, method, **parameters):
         """Send a command, and return its result."""
         self._count += 1
-        message: dict[str, Any] = {"id": self._count, "method": method, "params": parameters}
+        message = {"id": self._count, "method": method, "params": parameters}
         if self._session is not None:
             message["sessionId"] = self._session
         os.write(self._write, json.dumps(message).encode() + b"\0")
@@ -76,7 +73,7 @@ class Browser:
                 return found["result"]
             self.events.append((found.get("method", ""), found.get("params", {})))
 
-    def _message(self) -> dict[str, Any]:
+    def _message(self):
         until = time.monotonic() + _LONG
         while b"\0" not in self._rest:
             assert select.select([self._read], [], [], max(until - time.monotonic(), 0))[0], "the browser is silent"
@@ -86,19 +83,19 @@ class Browser:
         first, self._rest = self._rest.split(b"\0", 1)
         return json.loads(first)
 
-    def resize(self, width: int, height: int) -> None:
+    def resize(self, width, height):
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
-    def open(self, address: str) -> None:
+    def open(self, address):
         self.call("Page.navigate", url=address)
 
-    def value(self, script: str) -> Any:
+    def value(self, script):
         """The value of an expression in the page."""
         found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
-    def wait(self, script: str, seconds: float = _LONG) -> Any:
+    def wait(self, script, seconds=_LONG):
         """The value of an expression as soon as it is true; errors on the way count as false."""
         until, found = time.monotonic() + seconds, None
         while time.monotonic() < until:
@@ -108,9 +105,7 @@ class Browser:
             time.sleep(0.05)
         raise AssertionError(f"never true: {script}; last: {found}")
 
-    def drag(
-        self, start: tuple[float, float], end: tuple[float, float], steps: int = 8, *, release: bool = True
-    ) -> None:
+    def drag(self, start, end, steps=8, *, release=True):
         """Press the mouse at a place, move it to another one, and let go."""
         self._mouse("mouseMoved", *start)
         self._mouse("mousePressed", *start)
@@ -119,22 +114,22 @@ class Browser:
         if release:
             self.release(end)
 
-    def release(self, place: tuple[float, float]) -> None:
+    def release(self, place):
         """Let the mouse go."""
         self._mouse("mouseReleased", *place)
 
-    def _mouse(self, kind: str, x: float, y: float) -> None:
+    def _mouse(self, kind, x, y):
         button = "none" if kind == "mouseMoved" else "left"
         pressed = {} if kind != "mouseMoved" else {"buttons": 1}
         self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1, **pressed)
 
-    def press(self, key: str, code: int, text: str = "") -> None:
+    def press(self, key, code, text=""):
         """Press a key and let go."""
         for kind in ("keyDown", "keyUp"):
             more = {"text": text} if text and kind == "keyDown" else {}
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **more)
 
-    def write(self, selector: str, text: str) -> None:
+    def write(self, selector, text):
         """Replace the text of a field, and press Enter."""
         self.value(
             f"(() => {{ const one = document.querySelector({json.dumps(selector)}); one.focus(); one.select(); }})()"
@@ -142,7 +137,7 @@ class Browser:
         self.call("Input.insertText", text=text)
         self.press("Enter", 13, "\r")
 
-    def picture(self, path: Path) -> None:
+    def picture(self, path):
         """A picture of the whole page."""
         size = self.call("Page.getLayoutMetrics")["cssContentSize"]
         clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
@@ -150,12 +145,12 @@ class Browser:
         path.write_bytes(base64.b64decode(data))
 
     @property
-    def addresses(self) -> list[str]:
+    def addresses(self):
         """Every address that was asked for."""
         return [found["request"]["url"] for method, found in self.events if method == "Network.requestWillBeSent"]
 
     @property
-    def complaints(self) -> list[str]:
+    def complaints(self):
         """Errors and warnings of the console."""
         found = [str(p) for m, p in self.events if m == "Runtime.exceptionThrown"]
         found += [

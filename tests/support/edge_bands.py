@@ -4,8 +4,6 @@ The poles of the mode are those of the problem, or in a corner of their box. Mod
 convolutions with impulse responses, taken from the values all around the circle.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from typing import Any
@@ -44,7 +42,7 @@ def blaschke(zeros, zeta):
     return found
 
 
-def edge_plant(kind: str, seed: int) -> EdgePlant:
+def edge_plant(kind, seed):
     """The same for the same numbers."""
     rng = np.random.default_rng([KINDS.index(kind), seed])
     ny, nu = (2, 2) if kind in MATRICES else (1, 2 if kind == "record of two inputs" else 1)

@@ -1,7 +1,5 @@
 """Matrices at the very edge of the class: gain exactly K everywhere on its circle, every error as large as its bound."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import robustid as rid

@@ -7,17 +7,9 @@ import numpy as np
 import pytest
 
 pyuff = pytest.importorskip("pyuff")
-
-
 RNG = np.random.default_rng(5)
-
-
 HZ = np.arange(1, 9) * 0.5
-
-
 G = RNG.standard_normal((8, 2, 2)) + 1j * RNG.standard_normal((8, 2, 2))
-
-
 OUTPUTS, INPUTS = [(12, 3), (7, -1)], [(12, 3), (3, 2)]
 
 

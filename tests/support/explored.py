@@ -1,12 +1,8 @@
 """Shared by the tests: a small plant that is explored."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import robustid as rid
 from robustid.app.explore.server import Server
@@ -28,7 +24,7 @@ compute = false
 """
 
 
-def run_file(folder: Path, hz: float = 9.0, more: str = "") -> Path:
+def run_file(folder, hz=9.0, more=""):
     """A run file of eight frequency points and four samples; its first mode is at 9 Hz in truth."""
     data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
     rid.save(folder / "frf.csv", data.frequency)
@@ -38,13 +34,13 @@ def run_file(folder: Path, hz: float = 9.0, more: str = "") -> Path:
     return path
 
 
-def session(folder: Path, hz: float = 9.0, more: str = "") -> Session:
+def session(folder, hz=9.0, more=""):
     path = run_file(folder, hz, more)
     return Session.of(read_run_file(path), folder, lambda *_: None)
 
 
 @contextlib.contextmanager
-def served(one: Session) -> Iterator[Server]:
+def served(one):
     """Its page, as long as the block lasts."""
     server = Server(one, "Test plant")
     thread = threading.Thread(target=server.serve)
@@ -57,7 +53,7 @@ def served(one: Session) -> Iterator[Server]:
         server.end()
 
 
-def until(holds: Callable[[], object], seconds: float = 30.0) -> None:
+def until(holds, seconds=30.0):
     """Wait until something holds."""
     end = time.monotonic() + seconds
     while not holds():

@@ -1,7 +1,5 @@
 """Systems and data of the tests of fits: 120 frequency points with 2 % noise."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import robustid as rid

@@ -1,7 +1,5 @@
 """Truths and an independent judge of continuous classes: analytic in Re s > -decay, with a gain bound there."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 

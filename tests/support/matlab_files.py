@@ -5,14 +5,8 @@ import numpy as np
 import scipy.io
 
 RNG = np.random.default_rng(3)
-
-
 G = RNG.standard_normal((2, 3, 5)) + 1j * RNG.standard_normal((2, 3, 5))  # ny, nu, F
-
-
 W = np.arange(1.0, 6.0)
-
-
 FRD = {
     "ResponseData": G,
     "Frequency": W[:, None],

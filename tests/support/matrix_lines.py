@@ -2,13 +2,13 @@
 
 import control
 import numpy as np
+import pytest
 
 import robustid as rid
 from robustid.core import responses
+from robustid.identification import largest_ratio
 
 DT = 0.01
-
-
 HZ = np.array([4.0, 9.0, 17.0])
 
 
@@ -41,3 +41,20 @@ def damping_of(model):
     """Damping ratios of the pairs, by frequency."""
     poles = np.log(model.poles()[model.poles().imag > 0])
     return (-poles.real / np.abs(poles))[np.argsort(np.abs(poles))]
+
+
+def keeps(problem, small, order):
+    """A small model, judged from its numbers: its order, every sample, stable poles."""
+    assert small.order == small.model.nstates <= order
+    assert small.margin == pytest.approx(largest_ratio(problem, small.model), rel=1e-9)
+    assert small.margin <= 1
+    poles = small.model.poles()
+    assert np.all((np.abs(poles) < 1) | (poles == 1))
+
+
+def found_at(problem, truth, order, **options):
+    """The small model of a problem that its truth keeps to, at most of this order."""
+    assert largest_ratio(problem, truth) <= 1
+    small = rid.reduce_within_bounds(rid.identify(problem), **options)
+    keeps(problem, small, order)
+    return small

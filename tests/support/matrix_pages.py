@@ -1,9 +1,5 @@
 """Identifications with several inputs and outputs that are worth a page: two light modes of rank one, noise in its bounds."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 
 import robustid as rid
@@ -12,12 +8,12 @@ DT = 0.01
 HZ = 2 * np.pi
 
 
-def response_of(model: Any, omega: np.ndarray) -> np.ndarray:
+def response_of(model, omega):
     """(F, ny, nu), from control."""
     return np.moveaxis(np.reshape(model(np.exp(1j * omega * DT)), (model.noutputs, model.ninputs, -1)), -1, 0)
 
 
-def plant(ny: int, nu: int, seed: int = 1, modes: int = 2) -> tuple[Any, np.ndarray, np.ndarray]:
+def plant(ny, nu, seed=1, modes=2):
     """Basis of the modes, their residue matrices (m, ny, nu), and the matrix of a first-order part."""
     rng = np.random.default_rng(seed)
     basis = rid.kautz(HZ * np.array([6.0, 17.0])[:modes], np.array([0.01, 0.02])[:modes], dt=DT)
@@ -27,9 +23,7 @@ def plant(ny: int, nu: int, seed: int = 1, modes: int = 2) -> tuple[Any, np.ndar
     return basis, residues, 0.2 * rest / np.linalg.norm(rest, 2)
 
 
-def measured(
-    ny: int = 2, nu: int = 2, *, lines: int = 12, noise: float = 0.05, modes: int = 2, seed: int = 1, **names: Any
-) -> rid.FrequencyResponse:
+def measured(ny=2, nu=2, *, lines=12, noise=0.05, modes=2, seed=1, **names):
     """A response with errors of at most 0.6 of their bounds."""
     basis, residues, rest = plant(ny, nu, seed, modes)
     omega = HZ * np.linspace(1.0, 45.0, lines)
@@ -40,7 +34,7 @@ def measured(
     return rid.FrequencyResponse(omega, values + noise * error, bound=noise, dt=DT, **names)
 
 
-def record(seed: int = 1, samples: int = 20) -> rid.TimeRecord:
+def record(seed=1, samples=20):
     """Of the 2 x 2 plant from rest; of the first output the first half is used."""
     basis, residues, rest = plant(2, 2, seed)
     rng = np.random.default_rng(seed + 2)
@@ -52,13 +46,13 @@ def record(seed: int = 1, samples: int = 20) -> rid.TimeRecord:
     return rid.TimeRecord(u, y + 0.03 * rng.uniform(-1, 1, y.shape), dt=DT, bound=bound)
 
 
-def problem(frequency: Any = None, time: Any = None, **options: Any) -> rid.MixedProblem:
+def problem(frequency=None, time=None, **options):
     prior = options.pop("prior", rid.Prior(gain_bound=0.5, decay_rate=1.15))
     basis = plant(1, 1, modes=options.pop("modes", 2))[0]
     return rid.MixedProblem(frequency=frequency, time=time, prior=prior, parametric=basis, **options)
 
 
-def with_values(frf: rid.FrequencyResponse, place: Any, value: complex, bound: float | None = None) -> Any:
+def with_values(frf, place, value, bound=None):
     """Some values changed, or missing (an infinite bound)."""
     values, radius = np.array(frf.values), np.array(frf.bound)
     values[place] = value

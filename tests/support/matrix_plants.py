@@ -1,7 +1,5 @@
 """Random plants of several channels with bounded errors, and a judge of the margin that shares no formula with the library."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import scipy.linalg

@@ -76,3 +76,10 @@ def unscaled(model, step):
         return model.moved(step)
     finally:
         BlockModel.normalised = normalised
+
+
+def check_tangent(tangent, response, h=1e-6):
+    """Columns of a tangent (F, ny, nu, coordinates) are central differences of response(step)."""
+    for k, column in enumerate(np.moveaxis(tangent, 3, 0)):
+        there, back = (response(sign * h * np.eye(tangent.shape[3])[k]) for sign in (1, -1))
+        assert np.allclose(column, (there - back) / (2 * h), rtol=1e-6, atol=1e-7 * np.abs(column).max())

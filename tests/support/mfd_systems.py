@@ -1,7 +1,5 @@
 """Random lightly damped structures with rank-one modes, and their exact response by a formula without state space."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -27,11 +25,11 @@ class ModalSystem:
     dt: float | None = None
 
     @property
-    def order(self) -> int:
+    def order(self):
         return 2 * len(self.frequency)
 
     @property
-    def poles(self) -> np.ndarray:
+    def poles(self):
         """All poles (2*modes,), in s or z, complex pairs one after the other."""
         upper = self.frequency * (-self.damping + 1j * np.sqrt(1 - self.damping**2))
         s = np.stack([upper, upper.conj()], axis=1).ravel()
@@ -51,12 +49,12 @@ class ModalSystem:
         return A, B, C, self.D
 
     @property
-    def residue(self) -> np.ndarray:
+    def residue(self):
         """r of r/(2j) (1/(s-p) - 1/(s-p*)), real."""
         damped = self.frequency * np.sqrt(1 - self.damping**2)
         return self.frequency**2 / damped * (1.0 if self.dt is None else self.dt)
 
-    def response(self, points: np.ndarray) -> np.ndarray:
+    def response(self, points):
         """P at complex points s or z, (F, ny, nu)."""
         p = self.poles[::2]
         xi = np.asarray(points)[:, None]
@@ -75,7 +73,7 @@ def random_modal_system(
     spread_db=0.0,
     feedthrough=False,
     dt=None,
-) -> ModalSystem:
+):
     """Modes log-uniform over the band and the damping range, random rank-one shapes, static gains over `spread_db`."""
     rng = np.random.default_rng(seed)
     frequency = 2 * np.pi * np.sort(np.exp(rng.uniform(*np.log(band_hz), modes)))
@@ -93,7 +91,7 @@ def noisy(rng, values, level=0.01):
     return values * (1 + level * noise / np.sqrt(2))
 
 
-def relative_error(estimate, truth) -> float:
+def relative_error(estimate, truth):
     """sqrt(mean_k (|estimate_k - truth_k|_2 / |truth_k|_2)^2)."""
     ratio = np.linalg.norm(estimate - truth, 2, axis=(1, 2)) / np.linalg.norm(truth, 2, axis=(1, 2))
     return float(np.sqrt(np.mean(ratio**2)))

@@ -1,15 +1,11 @@
 """Shared by the tests: of a product of cases those in which any two values meet; the whole product is slow."""
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Iterable
-from typing import Any
 
 import pytest
 
 
-def every_two(*axes: Iterable[Any]) -> list[Any]:
+def every_two(*axes):
     """All combinations of the axes' values for `parametrize`.
 
     A set in which any two values of two axes meet is run always (taken greedily, in the order of the product); the other
@@ -29,11 +25,11 @@ def every_two(*axes: Iterable[Any]) -> list[Any]:
     ]
 
 
-def _spread(lists: list[list[Any]], place: tuple[int, ...]) -> Iterable[Any]:
+def _spread(lists, place):
     for values, number in zip(lists, place, strict=True):
         value = values[number]
         yield from value if isinstance(value, tuple) else (value,)
 
 
-def _name(lists: list[list[Any]], place: tuple[int, ...]) -> str:
+def _name(lists, place):
     return "-".join(str(value) for value in _spread(lists, place))

@@ -1,7 +1,5 @@
 """Truths and independent judges of passive classes: positive real and bounded real in Re s > -decay."""
 
-from __future__ import annotations
-
 import contextlib
 
 import cvxpy as cp

@@ -1,7 +1,5 @@
 """Random problems with a known truth, and a judge that shares no formula with the library."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import control
@@ -15,7 +13,7 @@ CASES = ("time", "frequency", "mixed", "parametric")
 MIXED_IS_SLOW = ["time", "frequency", slow("mixed"), "parametric"]
 
 
-def small_part(rng, gain: float, decay_rate: float):
+def small_part(rng, gain, decay_rate):
     """A random G of the class as (numerator, denominator) in the delay: poles outside |z| < rho, |G| <= K there."""
     poles = decay_rate * rng.uniform(1.15, 2.0, 2) * np.exp(1j * rng.uniform(0.2, 3.0, 2))
     denominator = np.real(np.poly(np.concatenate([poles, poles.conj()])))[::-1]  # rising powers of z
@@ -45,14 +43,12 @@ class Truth:
         return f if self.basis is None else f + self.basis.impulse(count) @ self.weights
 
 
-def random_problem(seed: int, case: str, coefficients: int, **options):
+def random_problem(seed, case, coefficients, **options):
     """The problem of `random_experiment`."""
     return random_experiment(seed, case, coefficients, **options)[0]
 
 
-def random_experiment(
-    seed: int, case: str, coefficients: int, *, noise: float = 0.9, gain: float = 1.0, spread: float = 1.0
-):
+def random_experiment(seed, case, coefficients, *, noise=0.9, gain=1.0, spread=1.0):
     """A problem of about so many coefficients, and its truth: inside the bounds for `noise` <= 1 (`spread` scales them)."""
     rng = np.random.default_rng([seed, CASES.index(case)])
     dt, rho = 0.01, rng.uniform(1.02, 1.3)
@@ -81,7 +77,7 @@ def random_experiment(
     return rid.MixedProblem(frequency=frequency, time=time, prior=prior, parametric=basis), truth
 
 
-def judge_margin(problem: rid.MixedProblem, whitening=None) -> float:
+def judge_margin(problem, whitening=None):
     """The margin from Theorem 1 of Inanc et al. as printed: complex nodes with their conjugates, M0, and Clarabel.
 
     Shares neither basis nor reduction to real form with the library; one frequency and one time experiment at most. Ellipses
@@ -143,11 +139,11 @@ def judge_margin(problem: rid.MixedProblem, whitening=None) -> float:
     return float(s.value)
 
 
-def truth_response(model: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def truth_response(model, omega):
     return model(np.exp(1j * omega * model.dt))
 
 
-def truth_of(seed: int, case: str):
+def truth_of(seed, case):
     """The truth behind `random_problem`: impulse response of (count), frequency response of (omega, rad/s)."""
     truth = random_experiment(seed, case, 8)[1]
     return truth.impulse, lambda omega: truth.response(np.asarray(omega) * 0.01)

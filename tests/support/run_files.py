@@ -6,10 +6,7 @@ from robustid.app.run.toml import write_toml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = {"frequency": [{"file": "frf.csv"}], "record": [{"file": "step.csv", "use": "samples"}]}
-CLASS = {
-    "modes": {"hz": [9.0, 17.67], "damping": [0.1, 0.004]},
-    "prior": {"gain_bound": 0.2, "decay_rate": 1.1},
-}
+CLASS = {"modes": {"hz": [9.0, 17.67], "damping": [0.1, 0.004]}, "prior": {"gain_bound": 0.2, "decay_rate": 1.1}}
 QUICK = {"worst_case": {"compute": False}}
 SHORT = {"worst_case": {"at_hz": [5.0, 17.0], "directions": 4}}
 
