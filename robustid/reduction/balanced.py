@@ -211,7 +211,9 @@ def balanced_truncation(
         held = kept.a.shape[0]
         if order is not None and order < held:
             raise InputError(f"`order` must be at least {held}, the number of unstable states to keep; got {order}")
-        factors = partial_gramian_factors(system, stable, **limits) if given else None
+        factors = None
+        if given:
+            factors = partial_gramian_factors(system, stable, band_hz=band_hz, horizon=horizon, weight=weight)
         return _Balanced(system, stable, kept, factors, match).truncate(order, tol)
 
 

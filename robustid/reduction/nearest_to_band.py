@@ -38,8 +38,15 @@ _EVEN = 48  # frequencies beside those of the band, evenly up to its end
 class Known(Protocol):
     """Discs that are known to hold the response at every frequency, a `Band` for instance."""
 
-    problem: MixedProblem
-    omega: Real
+    @property
+    def problem(self) -> MixedProblem:
+        """The statement that they were proved for."""
+        ...
+
+    @property
+    def omega(self) -> Real:
+        """Frequencies that were asked for, rad/s."""
+        ...
 
     @property
     def range(self) -> tuple[float, float]:
