@@ -417,7 +417,7 @@ def every_second_line(frf):
 
 def beam_halves(entry=None):
     """There is one record of either sweep: every second line."""
-    frf = rid.estimate_frf([rid.decimate(record, 5) for record in rid.datasets.load("beam_ring")])
+    frf = rid.estimate_frf([rid.prepare.decimate(record, 5) for record in rid.datasets.load("beam_ring")])
     frf = frf.band(8, 70).select(slice(None, None, 8))
     return every_second_line(frf if entry is None else part_of(frf, *entry))
 

@@ -14,13 +14,13 @@ from pathlib import Path
 HERE = Path(__file__).parent
 CALLS = {
     "fit": "rid.fit_mfd(arrivals.stand_in(0, 20, 500)[0], order=24)",
-    "order": "rid.suggest_order(rid.flexible_structure(lines=60).frequency)",
+    "order": "rid.fits.suggest_order(rid.datasets.flexible_structure(lines=60).frequency)",
     "identify": "rid.identify(problem())",
     "bands": "rid.worst_case_error(rid.identify(problem()), omega=[50.0, 111.0, 120.0])",
     "reduce": "rid.reduce_within_bounds(rid.identify(problem()))",
     "prior": "rid.suggest_prior(problem())",
-    "class": "rid.suggest_class(frequency=rid.flexible_structure().frequency, modes=rid.flexible_structure().modes)",
-    "tube": "rid.response_tube(rid.identify(problem()), times=[0.03])",
+    "class": "data = rid.datasets.flexible_structure(); rid.advise.suggest_class(frequency=data.frequency, modes=data.modes)",
+    "tube": "rid.guarantee.response_tube(rid.identify(problem()), times=[0.03])",
     "truncate": "rid.balanced_truncation(plant(), order=60)",
 }
 SETUP = f"""
@@ -32,7 +32,7 @@ import arrivals
 import robustid as rid
 
 def problem():
-    experiment, prior = rid.flexible_structure(), rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    experiment, prior = rid.datasets.flexible_structure(), rid.Prior(gain_bound=0.2, decay_rate=1.1)
     kautz = rid.kautz(*experiment.modes.T, dt=0.01, delay=1)
     return rid.MixedProblem(frequency=experiment.frequency, time=experiment.time, prior=prior, parametric=kautz)
 

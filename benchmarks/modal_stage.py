@@ -24,7 +24,7 @@ FITS = {
     "unconstrained": {},
     "rigid body": {"rigid_body": 3},
     "modal": {"rigid_body": 3, "modal": True},
-    "proportional": {"rigid_body": 3, "modal": rid.Modal("proportional")},
+    "proportional": {"rigid_body": 3, "modal": rid.fits.Modal("proportional")},
 }
 
 

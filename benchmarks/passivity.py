@@ -61,7 +61,7 @@ def compare(name, pairs):
     data = rid.FrequencyResponse(2 * np.pi * network.f, network.s)
     fit = rid.fit_mfd(data, order=2 * pairs, form="shared", feedthrough=True, weight=np.ones(network.s.shape))
     middle = time.process_time()
-    passive = rid.make_passive(fit.model, response=data)
+    passive = rid.passive.make_passive(fit.model, response=data)
     end = time.process_time()
     errors = [rms(np.array([model(2j * np.pi * hz).reshape(network.s.shape[1:]) for hz in network.f]), network.s)
               for model in (fit.model, passive.model)]  # fmt: skip

@@ -53,7 +53,7 @@ def main(argv=None):
     omega, order = 2 * np.pi * np.geomspace(0.5, top, arguments.lines), 2 * arguments.modes + 6
     truth = plant(omega)
     sigma = 0.01 * np.abs(truth)
-    frf, weight = rid.FrequencyResponse(omega, measure(truth, sigma, seed=0)), rid.Weight(1 / sigma)
+    frf, weight = rid.FrequencyResponse(omega, measure(truth, sigma, seed=0)), rid.fits.Weight(1 / sigma)
     bands = [(2 * np.pi * a, 2 * np.pi * b) for a, b in ((0.5, 5), (5, 50), (50, top))]
 
     print(

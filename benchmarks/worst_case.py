@@ -16,7 +16,7 @@ from robustid.identification.certificate import Functional
 
 def problem(light=(17.67, 0.004)):
     """The size of the paper: 20 step samples and 12 lines, one Kautz pair for the light mode and one for the other."""
-    data = rid.flexible_structure(lines=12)
+    data = rid.datasets.flexible_structure(lines=12)
     basis = rid.kautz(*data.modes.T, dt=0.01, delay=1)
     prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     return rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)

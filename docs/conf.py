@@ -51,8 +51,17 @@ def write_reference() -> None:
         listed = "\n   ".join(f"~robustid.{one}" for one in names)
         text = f"{title}\n{'=' * len(title)}\n\n.. autosummary::\n   :toctree: generated\n\n   {listed}\n"
         write_changed(folder / f"{rooms[0]}.rst", text)
+    for group, title in GROUPS.items():
+        listed = "\n   ".join(f"~robustid.{group}.{one}" for one in group_names(group))
+        text = f"{title}\n{'=' * len(title)}\n\n.. autosummary::\n   :toctree: generated\n\n   {listed}\n"
+        write_changed(folder / f"{group}.rst", text)
     body = "Reference\n=========\n\nEvery public name, by task: ``import robustid as rid``.\n\n.. toctree::\n   :maxdepth: 2\n\n   "
-    write_changed(folder / "index.rst", body + "\n   ".join(rooms[0] for rooms in ROOMS.values()) + "\n")
+    write_changed(folder / "index.rst", body + "\n   ".join([*(rooms[0] for rooms in ROOMS.values()), *GROUPS]) + "\n")
+
+
+def group_names(group: str) -> list[str]:
+    """Names that a group of the front door holds."""
+    return re.findall(r'^    "(\w+)",$', (ROOT / f"robustid/{group}.py").read_text(), flags=re.M)
 
 
 def write_changed(path: Path, text: str) -> None:
@@ -61,6 +70,13 @@ def write_changed(path: Path, text: str) -> None:
         path.write_text(text)
 
 
+GROUPS = {
+    "prepare": "robustid.prepare: before records are used",
+    "advise": "robustid.advise: choices",
+    "guarantee": "robustid.guarantee: boxes, tubes, weights, margins",
+    "fits": "robustid.fits: structure and results of fits",
+    "passive": "robustid.passive: passive models",
+}
 MODULES = ("errors", "datasets", "plot")
 ROOMS = {
     "Measurements and their bounds": ("data", "formats", "estimation", "core"),

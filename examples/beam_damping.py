@@ -38,7 +38,7 @@ SHOWN = 1  # the gain that is drawn and weighted
 
 def measured():
     """The response between 9 and 45 Hz, and the points of it that are used."""
-    records = [rid.decimate(record, DECIMATED) for record in rid.datasets.load("beam_ring")]
+    records = [rid.prepare.decimate(record, DECIMATED) for record in rid.datasets.load("beam_ring")]
     length = records[0].u.shape[0] * records[0].dt
     frf = rid.estimate_frf(records, lines=np.arange(*(int(hz * length) for hz in BAND_HZ)))
     near = np.outer(MODES_HZ, np.ones(3)) + np.outer(np.multiply(MODES_HZ, DAMPING), [-4, 0, 4])
@@ -126,7 +126,7 @@ def main(argv=None):
     for gain in GAINS:
         controller = damper(gain, frf.dt)
         found = margins[f"gain {gain:g}"] = error.robust_stability_margin(controller)
-        plain = rid.robust_stability_margin(error.model, controller, circle.edges, circle.bound)
+        plain = rid.guarantee.robust_stability_margin(error.model, controller, circle.edges, circle.bound)
         damped = control.feedback(small, controller)
         damping = f"{100 * first_mode(damped):9.2f}" if found.margin else "        -"
         i, j = found.entry
@@ -144,7 +144,9 @@ def main(argv=None):
 
     print(f"\n4. Weights for a synthesis, by what they cost at gain {GAINS[SHOWN]:g}:")
     bounds = circle.bound, circle.entries
-    weights = rid.structured_weights(error.model, circle.edges, bounds, controller=controller, order=WEIGHT_ORDER)
+    weights = rid.guarantee.structured_weights(
+        error.model, circle.edges, bounds, controller=controller, order=WEIGHT_ORDER
+    )
     for weight in weights:
         count, proved = len(weight.weights), "certified" if weight.certified else "NOT CERTIFIED"
         print(

@@ -32,12 +32,12 @@ def main(argv=None):
     out = parser.parse_args(argv).out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
 
-    data = rid.flexible_structure()
+    data = rid.datasets.flexible_structure()
     dt = data.frequency.dt
     print("1. Which modes do 11 frequency points, 2 Hz apart, show?")
     print(suggest_kautz(data.frequency).summary())
     print("\n2. And with ten more from 17.2 to 18.1 Hz?")
-    closer = rid.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
+    closer = rid.datasets.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
     modes = suggest_kautz(closer.frequency)
     print(modes.summary())
 

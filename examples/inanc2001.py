@@ -83,7 +83,7 @@ class Outcome:
 
 def measure(seed=0, output="y2"):
     """All samples of one output, used and unused; the outputs have errors of their own."""
-    return rid.flexible_structure(
+    return rid.datasets.flexible_structure(
         seed=2 * seed + (output == "y1"),
         samples=ALL_SAMPLES,
         lines=ALL_LINES,

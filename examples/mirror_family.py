@@ -74,7 +74,7 @@ def family_of(training, modes, used, bounded):
         basis = rid.kautz(modes[volts].omega, modes[volts].damping, dt=frf.dt, delay=modes[volts].delay)
         result = rid.identify(rid.MixedProblem(frequency=frf.select(used), prior=prior, parametric=basis))
         print(f"   {1000 * volts:g} mV: {result.status.name.lower()}, margin {result.margin:.3f}")
-        members.append(rid.Member(result, f"{1000 * volts:g} mV", amplitude=volts))
+        members.append(rid.guarantee.Member(result, f"{1000 * volts:g} mV", amplitude=volts))
     omega = first.omega[bounded]
     return rid.family(members, omega=omega, directions=DIRECTIONS, rtol=RTOL, interval=(0.15, 0.3))
 

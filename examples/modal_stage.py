@@ -63,18 +63,18 @@ def main(argv=None):
     print(f"{len(SENSORS)}x{len(COILS)} stage of order {truth.order}, {frf.omega.size} frequency points, 5 to 1100 Hz")
     asked = {"order": truth.order, "weight": weight, "rigid_body": 3}
     plain = rid.fit_mfd(frf, **asked)
-    fit = rid.fit_mfd(frf, **asked, modal=rid.Modal("proportional"), start=plain.model)
+    fit = rid.fit_mfd(frf, **asked, modal=rid.fits.Modal("proportional"), start=plain.model)
 
     omega = between(frf.omega)
     wanted = truth.response(omega)
     print(f"\n{'fit':24}{'parameters':>11}{'cost':>9}{'error between the points':>27}")
     for name, one in {"rigid body": plain, "and modes of real shape": fit}.items():
-        covariance = rid.fit_covariance(one, noise=1.0)  # the last one is used below
+        covariance = rid.fits.fit_covariance(one, noise=1.0)  # the last one is used below
         error = relative_error(one.fraction.response(omega), wanted)
         print(f"{name:24}{covariance.parameters:11d}{one.cost:9.0f}{error:27.2e}")
     print(f"{'noise alone':35}{frf.values.size:9d}\n{fit.status.value}")
     print(f"Poles of the rigid body: {fit.poles[-6:].real}\n")
-    rows = rid.mode_table(fit, covariance)[1:]
+    rows = rid.fits.mode_table(fit, covariance)[1:]
     print(table(rows, truth))
 
     plot_shapes(rows).savefig(out / "modal_stage_shapes.png", dpi=110)

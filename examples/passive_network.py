@@ -74,9 +74,9 @@ def main():
         fit.A, fit.B, 1.01 * fit.C, 1.01 * fit.D, 0
     )  # such as a calibration error of 1 % makes
     models = {"fit": fit, "fit, 1 % too large": doubled}
-    models["passive"] = (passive := rid.make_passive(fit, response=data)).model
-    models["passive, from 1 % too large"] = rid.make_passive(doubled).model
-    models["passive, half the order"] = rid.reduce_passive(passive.model, order=fit.nstates // 2).model
+    models["passive"] = (passive := rid.passive.make_passive(fit, response=data)).model
+    models["passive, from 1 % too large"] = rid.passive.make_passive(doubled).model
+    models["passive, half the order"] = rid.passive.reduce_passive(passive.model, order=fit.nstates // 2).model
     print(f"2. {'':28} order  rms error  passive")
     for label, model in models.items():
         proof = rid.prove_passive(model)

@@ -44,7 +44,7 @@ def halves(record):
     half = len(record.u) // 2
     names = {"dt": record.dt, "inputs": record.inputs, "outputs": record.outputs, "initial": "free"}
     parts = (rid.TimeRecord(record.u[k : k + half], record.y[k : k + half], **names) for k in (0, half))
-    return [rid.detrend(part) for part in parts]
+    return [rid.prepare.detrend(part) for part in parts]
 
 
 def identified(machine, frf):

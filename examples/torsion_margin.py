@@ -87,7 +87,7 @@ def main(argv=None):
 
     print("\n3. Integral controllers, against every plant within these bounds:")
     for crossover in CROSSOVERS_HZ:
-        found = rid.robust_stability_margin(model, integrator(crossover, model), circle.edges, circle.bound)
+        found = rid.guarantee.robust_stability_margin(model, integrator(crossover, model), circle.edges, circle.bound)
         where = f", least at {found.frequency / (2 * np.pi):.4g} Hz" if found.margin else ""
         print(f"   crossover {crossover:3g} Hz: margin {found.margin:6.3f}{where}; {found.status.value.split(':')[0]}")
     print(

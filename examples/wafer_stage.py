@@ -79,7 +79,7 @@ class Experiment(NamedTuple):
     """What a fit is given, and the truth."""
 
     frf: rid.FrequencyResponse
-    weight: rid.Weight
+    weight: rid.fits.Weight
     truth: np.ndarray
     frequency: np.ndarray
     bands: np.ndarray
@@ -98,7 +98,7 @@ def experiment(modes, lines, piezo=True):
         omega, measure(truth, sigma, seed=0), covariance=variance, inputs=inputs, outputs=OUTPUTS
     )
     bands = 2 * np.pi * np.array(list(itertools.pairwise(EDGES)))
-    weight = rid.Weight(1 / sigma).banded(omega, [(*bands[2], 10), (*bands[-1], 0.01)])
+    weight = rid.fits.Weight(1 / sigma).banded(omega, [(*bands[2], 10), (*bands[-1], 0.01)])
     return Experiment(frf, weight, truth, frequency, bands)
 
 

@@ -32,7 +32,7 @@ def main(argv=None):
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)
 
-    data = rid.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
+    data = rid.datasets.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
     problem = rid.MixedProblem(
         frequency=data.frequency,
         time=data.time,

@@ -1,14 +1,16 @@
 """Models with a proof: robust identification of lightly damped machines from time and frequency data.
 
-Read and measure:     look, load, save, FrequencyResponse, TimeRecord, Bound, estimate_frf, multisine, record_faults,
-                      response_faults, correct, datasets
-Ask:                  kautz, Prior, MixedProblem, identify; PositiveReal, NegativeImaginary, BoundedReal for passive plants
-Choose:               suggest_kautz, suggest_prior, suggest_class; diagnose where data contradict the class
-What is guaranteed:   band, worst_case_error, worst_case_over_poles, response_tube, coverage, family, robust_stability_margin,
-                      uncertainty_weight, structured_weights, contradiction, refute
-Fit:                  fit_mfd, suggest_order, RigidBody, Modal, mode_table, fit_covariance, fit_records
-Small models:         reduce_within_bounds, balanced_truncation, make_passive, to_continuous
-See and keep:         plot, write_report, save; run and identify_reduced for the whole way in one call
+Read and measure:     look, load, save, datasets, FrequencyResponse, TimeRecord, TangentialResponse, Bound, estimate_frf,
+                      estimate_bound; robustid.prepare: excitations, faults and corrections, delays, drifts, noise floors
+Ask:                  kautz, integrators, Prior, MixedProblem, identify, validate; PositiveReal, NegativeImaginary, BoundedReal
+                      for passive plants
+Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robustid.advise: classes, roll-off, scaling, poles
+What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
+                      weights, stability margins
+Fit:                  fit_mfd, fit_records, RigidBody; robustid.fits: orders, modes, exact conditions, covariance
+Small models:         reduce_within_bounds, balanced_truncation, to_continuous, prove_passive; robustid.passive: the nearest one
+See and keep:         plot, write_report, show_progress; run and identify_reduced for the whole way in one call
+What goes wrong:      errors, InputError, RobustIdError, Status
 
 Every name has a docstring with an example: help(robustid.identify). On the command line: robustid demo, robustid --help.
 """
@@ -18,8 +20,9 @@ from typing import Any
 
 import lazy_loader
 
-# The public names stand in __init__.pyi, by room; each is loaded on first use.
-_found, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+# The public names stand in __init__.pyi, each loaded on first use. There is no __all__: help(robustid) would print all their help.
+_found, __dir__, _NAMES = lazy_loader.attach_stub(__name__, __file__)
+_GROUPS = ("prepare", "advise", "guarantee", "fits", "passive", "datasets", "errors")
 
 # Names that engineers type, of other programs or of parts of this one.
 _MEANT = {
@@ -42,10 +45,10 @@ _MEANT = {
     "frd": "FrequencyResponse",
     "idfrd": "FrequencyResponse",
     "iddata": "TimeRecord",
-    "ucover": "uncertainty_weight",
-    "uss": "uncertainty_weight",
-    "robstab": "robust_stability_margin",
-    "margin": "robust_stability_margin",
+    "ucover": "guarantee.uncertainty_weight",
+    "uss": "guarantee.uncertainty_weight",
+    "robstab": "guarantee.robust_stability_margin",
+    "margin": "guarantee.robust_stability_margin",
     "reduce": "reduce_within_bounds",
     "balred": "balanced_truncation",
     "hsvd": "balanced_truncation",
@@ -62,7 +65,7 @@ _MEANT = {
     "modes": "kautz",
     "poles": "kautz",
     "Kautz": "kautz",
-    "enforce_passivity": "make_passive",
+    "enforce_passivity": "passive.make_passive",
     "compare": "validate",
     "resid": "validate",
     "bounds": "worst_case_error",
@@ -76,11 +79,12 @@ def __getattr__(name: str) -> Any:
     except AttributeError:
         import difflib
 
-        meant = _MEANT.get(name) or next(iter(difflib.get_close_matches(name, __all__, 1, 0.75)), None)
+        known = {one: f"{group}.{one}" for group in _GROUPS for one in _found(group).__all__}
+        known |= {one: one for one in _NAMES}
+        near = difflib.get_close_matches(name, known, 1, 0.75)
+        meant = known.get(name) or _MEANT.get(name) or (known[near[0]] if near else None)
         hint = f"; robustid.{meant} is what you look for" if meant else "; help(robustid) lists them by task"
         raise AttributeError(f"robustid has no {name!r}{hint}") from None
-    if (
-        name in __all__
-    ):  # whatever is made with it can be saved: the files of measurements are registered by a room behind theirs
+    if name in _NAMES:  # what is made with it can be saved: a room behind its own registers files of measurements
         importlib.import_module("robustid.formats")
     return found

@@ -13,6 +13,20 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Self
 
+__all__ = [
+    "DatasetNotFoundError",
+    "FileFormatError",
+    "InconsistentDataError",
+    "InputError",
+    "InputTypeError",
+    "Remedy",
+    "RobustIdError",
+    "SizeError",
+    "SolverError",
+    "Status",
+    "TimeLimitError",
+]
+
 _MARKED = re.compile("`([^`]*)`")
 
 

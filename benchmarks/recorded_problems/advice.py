@@ -32,7 +32,7 @@ def suggest_kautz_matrix(_):
 
 @problem()
 def improve_kautz(_):
-    found = rid.improve_kautz(structure(hz=17.3, lines=4, samples=4))
+    found = rid.advise.improve_kautz(structure(hz=17.3, lines=4, samples=4))
     names = (
         "margin margin_lower omega damping omega_before damping_before repeated slope margins moved reason note summary"
     )
@@ -44,8 +44,8 @@ def suggest_prior(_):
     asked = structure(lines=4, samples=4)
     names = "decay_rates gains errors reason summary safety"
     slope = rid.suggest_prior(asked, decay_rates=[1.02, 1.05, 1.1, 1.2])
-    scaling = rid.suggest_scaling(matrix_response(lines=8))
-    falls = rid.suggest_roll_off(compliance_problem())
+    scaling = rid.advise.suggest_scaling(matrix_response(lines=8))
+    falls = rid.advise.suggest_roll_off(compliance_problem())
     return {
         "slope": of(slope, names) | {"gain": slope.prior.gain_bound, "rate": slope.prior.decay_rate},
         "scaling": scaling,
@@ -56,7 +56,7 @@ def suggest_prior(_):
 @problem()
 def suggest_class(_):
     frf = structure(lines=8, extra_hz=FINE[::3], time=False).frequency[0]
-    found = rid.suggest_class(frequency=frf)
+    found = rid.advise.suggest_class(frequency=frf)
     names = "pairs repeat margin upper median largest worst mean note"
     return {"candidates": [of(one, names) for one in found.candidates], "summary": found.summary()}
 
@@ -92,7 +92,7 @@ def content(_):
 
 @problem()
 def sensitivity(_):
-    found = rid.sensitivity(structure(lines=4, samples=4), omega=HZ * np.array([5.0]))
+    found = rid.advise.sensitivity(structure(lines=4, samples=4), omega=HZ * np.array([5.0]))
     rows = [of(one, "what kind gain_bound decay_rate lines margin median worst") for one in found.variations]
     return {"variations": rows, "left out": found.left_out, "summary": found.summary()}
 
@@ -100,4 +100,7 @@ def sensitivity(_):
 @problem(quick=True)
 def prior_weight(_):
     omega, level = HZ * np.array([1.0, 5.0, 20.0, 45.0]), np.array([2.0, 1.0, 0.3, 0.1])
-    return {"discrete": rid.prior_weight(omega, level, dt=DT), "continuous": rid.prior_weight(omega, level, order=2)}
+    return {
+        "discrete": rid.advise.prior_weight(omega, level, dt=DT),
+        "continuous": rid.advise.prior_weight(omega, level, order=2),
+    }

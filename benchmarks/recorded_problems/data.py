@@ -13,7 +13,7 @@ PERIOD = 100
 
 
 def played():
-    return rid.multisine(band_hz=(1, 40), dt=DT, period=PERIOD, inputs=2, realisations=2, minimise_crest=False)
+    return rid.prepare.multisine(band_hz=(1, 40), dt=DT, period=PERIOD, inputs=2, realisations=2, minimise_crest=False)
 
 
 def periodic_records(periods=4, noise=0.02):
@@ -43,12 +43,12 @@ def frf_periodic(_):
 def frf_local_and_welch(_):
     record = driven(600)
     found = {method: rid.estimate_frf(record, method=method) for method in ("local", "welch")}
-    return found | {"faults": rid.record_faults(record)}
+    return found | {"faults": rid.prepare.record_faults(record)}
 
 
 @problem(quick=True)
 def frf_nonlinear(_):
-    found = rid.estimate_frf(rid.nonlinear_records("backlash", 2, noise=0.01, spacing="odd"))
+    found = rid.estimate_frf(rid.prepare.nonlinear_records("backlash", 2, noise=0.01, spacing="odd"))
     return of(found, "omega values bound noise distortion faults note")
 
 
@@ -57,7 +57,7 @@ def bounds_of_data(_):
     frf = noisy(modal_system(modes=3, outputs=1, inputs=1, band_hz=(10, 150)), HZ * np.linspace(2, 200, 150), 0.03)
     scatter = rid.estimate_bound(frf)
     still = rid.TimeRecord(np.zeros((64, 1)), np.random.default_rng(3).standard_normal((64, 2)), dt=DT)
-    floor = rid.bounds_from_noise_floor(still)
+    floor = rid.prepare.bounds_from_noise_floor(still)
     record = rid.TimeRecord(np.ones(8), np.ones((8, 2)), dt=DT)
     return {
         "scatter": scatter.bound,
@@ -73,11 +73,11 @@ def records_prepared(_):
     record = driven(120)
     drifting = rid.TimeRecord(record.u, record.y + 0.01 * record.time[:, None], dt=record.dt, initial="free")
     return {
-        "decimate": rid.decimate(driven(300), 2),
-        "mean": rid.detrend(drifting),
-        "linear": rid.detrend(drifting, kind="linear"),
-        "faults": rid.record_faults(drifting),
-        "rate": rid.sample_time(record.time),
+        "decimate": rid.prepare.decimate(driven(300), 2),
+        "mean": rid.prepare.detrend(drifting),
+        "linear": rid.prepare.detrend(drifting, kind="linear"),
+        "faults": rid.prepare.record_faults(drifting),
+        "rate": rid.prepare.sample_time(record.time),
     }
 
 
@@ -87,12 +87,12 @@ def delays(_):
     omega = HZ * np.linspace(2, 350, 120)
     frf = noisy(model, omega, 0.01)
     late = rid.FrequencyResponse(omega, frf.values * np.exp(-0.002j * omega)[:, None, None])
-    delay = rid.estimate_delay(late)
+    delay = rid.prepare.estimate_delay(late)
     sampled = model.sample(1e-3)
-    put = rid.with_delay(sampled, 0.0023)
+    put = rid.prepare.with_delay(sampled, 0.0023)
     return {
         "delay": of(delay, "seconds deviation order misfit searched"),
-        "faults": rid.response_faults(late),
+        "faults": rid.prepare.response_faults(late),
         "taken out": late.without_delay(0.002).values,
         "put back": put.model,
     }
@@ -100,8 +100,10 @@ def delays(_):
 
 @problem(quick=True, near=("odd/",))
 def excitations(_):
-    plain = rid.multisine(period=128, dt=DT, band_hz=(1, 40), spacing="odd", inputs=2, realisations=1, periods=2)
-    logarithmic = rid.multisine(
+    plain = rid.prepare.multisine(
+        period=128, dt=DT, band_hz=(1, 40), spacing="odd", inputs=2, realisations=1, periods=2
+    )
+    logarithmic = rid.prepare.multisine(
         period=200, dt=DT, band_hz=(1, 40), spacing="log", rms=0.5, seed=2, minimise_crest=False
     )
     return {
@@ -131,7 +133,7 @@ def files_of_data(folder):
 
 @problem(quick=True)
 def simulated_structure(_):
-    data = rid.flexible_structure(seed=3, lines=5, samples=6)
+    data = rid.datasets.flexible_structure(seed=3, lines=5, samples=6)
     asked = structure()
     return {
         "data": [data.frequency, data.time, data.truth, data.modes],
@@ -172,4 +174,4 @@ def noise_floor_of_response(_):
     play, records = periodic_records()
     frf = rid.estimate_frf(records, method="periodic", period=PERIOD, lines=play.lines)
     still = rid.TimeRecord(np.zeros((800, 2)), 0.02 * np.random.default_rng(9).standard_normal((800, 2)), dt=DT)
-    return {"bound": rid.bounds_from_noise_floor(still).bound_response(frf, records, period=PERIOD).bound}
+    return {"bound": rid.prepare.bounds_from_noise_floor(still).bound_response(frf, records, period=PERIOD).bound}

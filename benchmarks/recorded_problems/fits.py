@@ -48,12 +48,12 @@ def fit_weights(_):
     covariance = np.eye(4) * (0.01 * np.abs(frf.values.transpose(0, 2, 1).reshape(-1, 1, 4))) ** 2
     known = rid.FrequencyResponse(frf.omega, frf.values, covariance=covariance)
     weighted = {
-        "relative": rid.Weight(1 / np.abs(frf.values)),
-        "full": rid.Weight.from_covariance(covariance, 2, 2),
+        "relative": rid.fits.Weight(1 / np.abs(frf.values)),
+        "full": rid.fits.Weight.from_covariance(covariance, 2, 2),
     }
     found = {name: facts(rid.fit_mfd(frf, order=6, weight=one)) for name, one in weighted.items()}
     fit = rid.fit_mfd(known, order=6)
-    spread = rid.fit_covariance(fit)
+    spread = rid.fits.fit_covariance(fit)
     return found | {
         "known": facts(fit),
         "choice": str(rid.fit_mfd(frf, order=6).weight_choice),
@@ -74,12 +74,14 @@ def fit_rigid_body(_):
 @problem()
 def fit_constraints(_):
     frf = small()
-    wanted = [rid.StaticGain([[1.0]]), rid.RollOff(2)]
+    wanted = [rid.fits.StaticGain([[1.0]]), rid.fits.RollOff(2)]
     return {
         "static gain": facts(rid.fit_mfd(frf, order=4, constraints=wanted[:1])),
         "roll-off": facts(rid.fit_mfd(frf, order=4, constraints=wanted[1:])),
-        "zero": facts(rid.fit_mfd(frf, order=4, constraints=[rid.Zero(300.0j)])),
-        "entries": facts(rid.fit_mfd(data(), order=6, constraints=[rid.ZeroEntries([[False, True], [False, False]])])),
+        "zero": facts(rid.fit_mfd(frf, order=4, constraints=[rid.fits.Zero(300.0j)])),
+        "entries": facts(
+            rid.fit_mfd(data(), order=6, constraints=[rid.fits.ZeroEntries([[False, True], [False, False]])])
+        ),
     }
 
 
@@ -88,21 +90,23 @@ def fit_modal(_):
     plain = data(inputs=["force [N]", "torque [Nm]"])
     return {
         "general": facts(rid.fit_mfd(plain, order=6, modal=True)),
-        "proportional": facts(rid.fit_mfd(plain, order=6, modal=rid.Modal("proportional"))),
+        "proportional": facts(rid.fit_mfd(plain, order=6, modal=rid.fits.Modal("proportional"))),
     }
 
 
 @problem(quick=True)
 def modal_forms(_):
     fit = rid.fit_mfd(data(), order=6)
-    form = rid.modal_form(fit.model)
-    rows = [of(row, "pole hz damping rigid multiplicity participation output input") for row in rid.mode_table(fit)]
+    form = rid.fits.modal_form(fit.model)
+    rows = [
+        of(row, "pole hz damping rigid multiplicity participation output input") for row in rid.fits.mode_table(fit)
+    ]
     return {"model": form.model, "blocks": [str(b) for b in form.blocks], "error": form.error, "rows": rows}
 
 
 @problem(loose=("subspace_order", "singular_values", "noise_edge", "summary"))
 def orders(_):
-    found = rid.suggest_order(small(), orders=range(2, 7), time_limit=None)
+    found = rid.fits.suggest_order(small(), orders=range(2, 7), time_limit=None)
     return of(
         found,
         "orders suggested subspace_order costs parameters aic mdl singular_values noise_edge unresolved reason summary",
@@ -135,9 +139,9 @@ def modal_covariance(_):
     frf = data()
     covariance = np.eye(4) * (0.01 * np.abs(frf.values.transpose(0, 2, 1).reshape(-1, 1, 4))) ** 2
     fit = rid.fit_mfd(rid.FrequencyResponse(frf.omega, frf.values, covariance=covariance), order=6, modal=True)
-    spread = rid.fit_covariance(fit)
+    spread = rid.fits.fit_covariance(fit)
     names = "hz_std damping_std shape drive shape_std drive_std participation"
     return {
-        "rows": [of(row, names) for row in rid.mode_table(fit, spread)],
+        "rows": [of(row, names) for row in rid.fits.mode_table(fit, spread)],
         "response": spread.response_std(HIGH[::20]),
     }

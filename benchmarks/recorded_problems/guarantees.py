@@ -51,7 +51,7 @@ def worst_case_matrix(_):
 @problem(quick=True)
 def worst_case_poles(_):
     asked = structure(lines=4, samples=4)
-    found = rid.worst_case_over_poles(rid.identify(asked), *close_box(), omega=AT[:2], directions=4, cells=2)
+    found = rid.guarantee.worst_case_over_poles(rid.identify(asked), *close_box(), omega=AT[:2], directions=4, cells=2)
     names = "upper magnitude omega sigma_upper covered certified poles too_wide claim_count not_relaxed_enough summary"
     return of(found, names)
 
@@ -156,7 +156,7 @@ def member(gain, seed):
 @problem(quick=True)
 def family(_):
     members = [
-        rid.Member(member(gain, k), name, amplitude=10 * gain)
+        rid.guarantee.Member(member(gain, k), name, amplitude=10 * gain)
         for k, (name, gain) in enumerate({"weak": 0.8, "strong": 1.3}.items())
     ]
     found = rid.family(members, omega=[0.0, 2.0, 11.0, 20.0], directions=6, interval=(5, 13))
@@ -203,8 +203,8 @@ def refute(_):
 @problem()
 def tube_and_diameter(_):
     found = rid.identify(structure(lines=4, samples=4))
-    tube = rid.response_tube(found, input="step", times=[0.0, 0.01, 0.03])
-    diameter = rid.diameter(found.problem, omega=AT[:1], directions=4, rtol=0.3)
+    tube = rid.guarantee.response_tube(found, input="step", times=[0.0, 0.01, 0.03])
+    diameter = rid.guarantee.diameter(found.problem, omega=AT[:1], directions=4, rtol=0.3)
     return {
         "tube": of(tube, "times nominal lower upper error_upper error_lower peak error_peak verify summary"),
         "diameter": of(diameter, "omega upper lower largest summary"),
@@ -217,11 +217,11 @@ def structured_weights(_):
     edges = np.linspace(0, np.pi, 7) / 0.1
     bound = 0.02 * (1 + np.arange(6))[:, None, None] * np.array([[1.0, 0.5], [0.2, 2.0]])
     controller = control.ss([], [], [], 0.1 * np.eye(2), 0.1)
-    found = rid.structured_weights(nominal, edges, bound, controller=controller, order=1)
+    found = rid.guarantee.structured_weights(nominal, edges, bound, controller=controller, order=1)
     kinds = ("additive", "multiplicative", "inverse")
     largest = bound.max(axis=(1, 2))
-    margins = [rid.robust_stability_margin(nominal, controller, edges, largest, kind=kind) for kind in kinds]
-    one = rid.uncertainty_weight(nominal, edges, largest, kind="multiplicative", order=2)
+    margins = [rid.guarantee.robust_stability_margin(nominal, controller, edges, largest, kind=kind) for kind in kinds]
+    one = rid.guarantee.uncertainty_weight(nominal, edges, largest, kind="multiplicative", order=2)
     return {
         "weights": [
             of(one, "structure order radius certified left right") | {"margin": one.margin.margin} for one in found
@@ -254,7 +254,7 @@ def verified_exactly(_):
     """In ball arithmetic, every rounding enclosed."""
     asked = structure(lines=3, samples=3, extra_hz=())
     found = rid.identify(asked)
-    box = rid.worst_case_over_poles(found, *close_box(), omega=AT[:1], directions=3, cells=1)
+    box = rid.guarantee.worst_case_over_poles(found, *close_box(), omega=AT[:1], directions=3, cells=1)
     wrong = rid.contradiction(structure(hz=17.0, lines=3, samples=3))
     return {
         "band": rid.band(found, omega=AT, knots=12).verify(exact=True),

@@ -75,8 +75,8 @@ def identify_roll_off(_):
 @problem(quick=True)
 def identify_weighted(_):
     table = HZ * np.array([1.0, 10.0, 30.0]), np.array([1.0, 0.5, 0.2])
-    weight = rid.prior_weight(*table, dt=DT)
-    over = rid.prior_weight(*table)
+    weight = rid.advise.prior_weight(*table, dt=DT)
+    over = rid.advise.prior_weight(*table)
     found = {"discrete": structure(weight=weight, gain_bound=0.4), "continuous": compliance_problem(weight=over)}
     return {"weight": weight, "over": over} | {name: facts(rid.identify(one)) for name, one in found.items()}
 

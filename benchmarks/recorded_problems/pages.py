@@ -132,10 +132,10 @@ def page_of_everything(folder):
         reduction=rid.reduce_within_bounds(found),
         worst_case=error,
         band=rid.band(found),
-        tube=rid.response_tube(found, input="step", times=[0.0, 0.01, 0.03]),
-        over_poles=rid.worst_case_over_poles(found, *close_box(), omega=at, directions=4, cells=2),
+        tube=rid.guarantee.response_tube(found, input="step", times=[0.0, 0.01, 0.03]),
+        over_poles=rid.guarantee.worst_case_over_poles(found, *close_box(), omega=at, directions=4, cells=2),
         stability=rid.band(found).robust_stability_margin(controller),
-        sensitivity=rid.sensitivity(asked, omega=at[:1]),
+        sensitivity=rid.advise.sensitivity(asked, omega=at[:1]),
         findings=["one", "two"],
     )
     return {"page": page(folder / "page.html"), "figures": figures(folder / "page.html")}
@@ -145,7 +145,7 @@ def page_of_everything(folder):
 def page_of_orders(folder):
     model = modal_system(seed=5, outputs=1, inputs=1, modes=2, band_hz=(10.0, 150.0))
     frf = noisy(model, HZ * np.linspace(4, 230, 60))
-    sweep = rid.suggest_order(frf, orders=range(2, 6), time_limit=None)
+    sweep = rid.fits.suggest_order(frf, orders=range(2, 6), time_limit=None)
     rid.write_report(sweep.fits[4], folder / "page.html", data=frf, order_sweep=sweep)
     return {"page": page(folder / "page.html"), "figures": figures(folder / "page.html")}
 

@@ -42,7 +42,7 @@ def passive_bounded_real(_):
 
 @problem(quick=True)
 def passive_modes_of_mobility(_):
-    basis = rid.passive_modes(HZ * np.array([31.0, 52.0]), [0.06, 0.05])
+    basis = rid.passive.passive_modes(HZ * np.array([31.0, 52.0]), [0.06, 0.05])
     asked = rid.MixedProblem(
         frequency=mobility_response(), prior=rid.PositiveReal(decay=HZ * 10.0, slack=0.02), parametric=basis
     )
@@ -80,6 +80,6 @@ def make_passive(_):
     worse = control.ss(scattered.A, scattered.B, 1.03 * scattered.C, 1.02 * scattered.D, 0)
     names = "model order status error margin"
     data = noisy(scattered, np.geomspace(0.3, 300, 30), 1e-3)
-    found = {"model": rid.make_passive(worse), "data": rid.make_passive(worse, response=data)}
-    found["small"] = rid.reduce_passive(scattered, order=3)
+    found = {"model": rid.passive.make_passive(worse), "data": rid.passive.make_passive(worse, response=data)}
+    found["small"] = rid.passive.reduce_passive(scattered, order=3)
     return {name: of(one, names) | {"proof": proof(one.passivity)} for name, one in found.items()}

@@ -13,7 +13,7 @@ HIGH = HZ * np.geomspace(4, 1200, 80)  # rad/s, of the 2 x 2 structure
 
 def structure(*, lines=6, samples=6, time=True, extra_hz=(17.5, 17.67, 17.8), hz=17.67, **prior):
     """The mass-beam structure with a pair of functions for each mode; `hz` moves the light one."""
-    data = rid.flexible_structure(seed=0, lines=lines, samples=samples, extra_hz=extra_hz)
+    data = rid.datasets.flexible_structure(seed=0, lines=lines, samples=samples, extra_hz=extra_hz)
     basis = rid.kautz(HZ * np.array([9.0, hz]), [0.1, 0.004], dt=DT, delay=1)
     prior = rid.Prior(**({"gain_bound": 0.2, "decay_rate": 1.1} | prior))
     return rid.MixedProblem(frequency=data.frequency, time=data.time if time else None, prior=prior, parametric=basis)

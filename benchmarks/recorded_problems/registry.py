@@ -65,7 +65,7 @@ def table_of(found: Any, folder: Path, name: str = "") -> dict[str, Any]:
         parts = _model(found)
     elif isinstance(found, (rid.FrequencyResponse, rid.TimeRecord, rid.TangentialResponse, rid.Bound)):
         parts = {field.name: getattr(found, field.name) for field in dataclasses.fields(found)}
-    elif isinstance(found, (list, tuple)) and not isinstance(found, rid.Fault) and not _numeric(found):
+    elif isinstance(found, (list, tuple)) and not isinstance(found, rid.prepare.Fault) and not _numeric(found):
         parts = {"count": len(found)} | {str(k): value for k, value in enumerate(found)}
     else:
         return {name: _leaf(found, folder)}

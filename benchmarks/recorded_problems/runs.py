@@ -39,7 +39,7 @@ directions = 4
 
 def measured(folder):
     """A response and a step of the structure in files."""
-    data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8])
+    data = rid.datasets.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8])
     rid.save(folder / "frf.csv", data.frequency)
     rid.save(folder / "step.csv", data.time)
 
@@ -143,8 +143,8 @@ def saved_and_loaded(folder):
 @problem(quick=True)
 def exports(folder):
     """Models and results as other programs read them, as text."""
-    model = rid.flexible_structure().truth
-    weight = rid.uncertainty_weight(model, [1.0, 30.0, 100.0, np.pi / 0.01], [0.01, 0.04, 0.5], order=2)
+    model = rid.datasets.flexible_structure().truth
+    weight = rid.guarantee.uncertainty_weight(model, [1.0, 30.0, 100.0, np.pi / 0.01], [0.01, 0.04, 0.5], order=2)
     files = {
         "model.m": model,
         "model.json": model,
@@ -199,7 +199,7 @@ def identify_reduced(_):
 @problem()
 def over_poles_saved(folder):
     asked = structure(lines=4, samples=4)
-    found = rid.worst_case_over_poles(
+    found = rid.guarantee.worst_case_over_poles(
         rid.identify(asked), *close_box(), omega=HZ * np.array([5.0]), directions=4, cells=2
     )
     found.save(folder / "box")

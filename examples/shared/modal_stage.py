@@ -88,7 +88,7 @@ def measured(plant, seed, *, low=40, high=260):
     truth = plant.response(omega)
     sigma = RELATIVE * np.abs(truth) + FLOOR
     noise = np.random.default_rng([seed, 1]).standard_normal((2, *truth.shape)) / np.sqrt(2)
-    return rid.FrequencyResponse(omega, truth + sigma * (noise[0] + 1j * noise[1])), rid.Weight(1 / sigma)
+    return rid.FrequencyResponse(omega, truth + sigma * (noise[0] + 1j * noise[1])), rid.fits.Weight(1 / sigma)
 
 
 def between(omega):

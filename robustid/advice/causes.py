@@ -138,7 +138,7 @@ def correction_change(correction: str, records: bool = False) -> tuple[str, str]
     name, flag = ("record", "--time-correct") if records else ("frf", "--frequency-correct")
     words = ["integrate", "integrate"] if correction == "integrate twice" else [correction]
     return (
-        f"{name} = rid.correct({name}, {', '.join(repr(word) for word in words)})".replace("'", '"'),
+        f"{name} = rid.prepare.correct({name}, {', '.join(repr(word) for word in words)})".replace("'", '"'),
         " ".join(f'{flag} "{word}"' for word in words),
     )
 
@@ -296,7 +296,7 @@ def bound_cause(problem: MixedProblem, margin: float) -> Cause:
     frequency = [frf.with_bound(frf.bound.inflated(factor), frf.note) for frf in problem.frequency]
     time = [record.with_bound(record.bound.inflated(factor), record.note) for record in problem.time]
     sorts = (("frf", problem.frequency), ("record", problem.time))
-    changes = [f'{name} = rid.correct({name}, "bound times {factor:g}")' for name, data in sorts if data]
+    changes = [f'{name} = rid.prepare.correct({name}, "bound times {factor:g}")' for name, data in sorts if data]
     options: list[str] = []
     for kind, data in (("frequency", problem.frequency), ("time", problem.time)):
         radii = [np.asarray(item.bound.radius)[np.isfinite(item.bound.radius)] for item in data]

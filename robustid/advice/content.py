@@ -123,7 +123,7 @@ def content(identification: Identification) -> Content:
     --------
     >>> import robustid as rid
     >>> from robustid.advice import content
-    >>> data = rid.flexible_structure(lines=12)
+    >>> data = rid.datasets.flexible_structure(lines=12)
     >>> basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     >>> def says(**prior):
     ...     problem = rid.MixedProblem(frequency=data.frequency, parametric=basis, prior=rid.Prior(**prior))

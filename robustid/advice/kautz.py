@@ -155,7 +155,7 @@ def suggest_kautz(
     --------
     >>> import numpy as np, robustid as rid
     >>> from robustid.advice import suggest_kautz
-    >>> data = rid.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
+    >>> data = rid.datasets.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
     >>> found = suggest_kautz(data.frequency)
     >>> np.round(found.omega / (2 * np.pi), 1), np.round(found.damping, 3)
     (array([ 9. , 17.7]), array([0.1  , 0.004]))

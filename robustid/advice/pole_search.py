@@ -194,10 +194,10 @@ def improve_kautz(
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> data = rid.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
+    >>> data = rid.datasets.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
     >>> wrong = rid.kautz(data.modes[:, 0] * [1, 1.01], data.modes[:, 1], dt=0.01, delay=1)
     >>> prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
-    >>> found = rid.improve_kautz(rid.MixedProblem(frequency=data.frequency, parametric=wrong, prior=prior))
+    >>> found = rid.advise.improve_kautz(rid.MixedProblem(frequency=data.frequency, parametric=wrong, prior=prior))
     >>> found.trials[0].margin > 100, found.margin < 1, np.round(found.omega[1] / (2 * np.pi), 2)
     (True, True, np.float64(17.67))
     """

@@ -162,7 +162,7 @@ def suggest_prior(
     --------
     >>> import robustid as rid
     >>> from robustid.advice import suggest_prior
-    >>> data = rid.flexible_structure()
+    >>> data = rid.datasets.flexible_structure()
     >>> modes = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     >>> anything = rid.Prior(gain_bound=1.0, decay_rate=1.1)
     >>> problem = rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=modes, prior=anything)

@@ -68,7 +68,7 @@ def prior_weight(
     Examples
     --------
     >>> import robustid as rid
-    >>> weight = rid.prior_weight([1.0, 10.0, 100.0], [1.0, 1.0, 0.01])
+    >>> weight = rid.advise.prior_weight([1.0, 10.0, 100.0], [1.0, 1.0, 0.01])
     >>> rid.Prior(gain_bound=0.2, decay=0.5, weight=weight).weighted, bool(abs(weight(100j)) >= 0.01)
     (True, True)
     """
@@ -153,7 +153,7 @@ def suggest_roll_off(problem: MixedProblem) -> Prior | None:
     >>> import numpy as np, robustid as rid
     >>> omega = np.linspace(1.0, 60.0, 30)
     >>> frf = rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.002)
-    >>> found = rid.suggest_roll_off(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay=4.0)))
+    >>> found = rid.advise.suggest_roll_off(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay=4.0)))
     >>> found.roll_off, bool(4 < found.corner < 20)
     (2, True)
     """

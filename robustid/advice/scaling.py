@@ -51,7 +51,7 @@ def suggest_scaling(data: Measured | Sequence[Measured] | MixedProblem, *, by: s
     >>> import numpy as np, robustid as rid
     >>> values = np.array([[[100.0, 1.0], [2.0, 0.02]]])
     >>> frf = rid.FrequencyResponse([1.0], values, bound=0.01, dt=0.1)
-    >>> rid.suggest_scaling(frf).round(6)
+    >>> rid.advise.suggest_scaling(frf).round(6)
     array([[1.e+02, 1.e+00],
            [2.e+00, 2.e-02]])
     """

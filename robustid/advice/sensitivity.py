@@ -122,7 +122,7 @@ def sensitivity(
     >>> import numpy as np, robustid as rid
     >>> record = rid.TimeRecord(np.eye(1, 4)[0], [0.5, 0.25, 0.12, 0.06], dt=1.0, bound=0.01)
     >>> problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5))
-    >>> table = rid.sensitivity(problem, omega=[0.5])
+    >>> table = rid.advise.sensitivity(problem, omega=[0.5])
     >>> [row.what for row in table.variations][:3]
     ['as stated', 'gain bound x 0.5', 'gain bound x 2']
     """

@@ -47,7 +47,7 @@ def passive_modes(omega: ArrayLike, damping: ArrayLike) -> ParametricBasis:
     Examples
     --------
     >>> import robustid as rid
-    >>> rid.passive_modes(100.0, 0.01).labels
+    >>> rid.passive.passive_modes(100.0, 0.01).labels
     ('passive mode 15.92 Hz, velocity', 'passive mode 15.92 Hz, damped')
     """
     omega, damping = (np.atleast_1d(as_array(name, value)) for name, value in (("omega", omega), ("damping", damping)))

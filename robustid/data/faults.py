@@ -54,7 +54,7 @@ class Fault(NamedTuple):
     Examples
     --------
     >>> import robustid as rid
-    >>> (fault,) = rid.record_faults(rid.TimeRecord([1.0, 0.0, 2.0], [3.0, 3.0, 3.0], dt=1.0))
+    >>> (fault,) = rid.prepare.record_faults(rid.TimeRecord([1.0, 0.0, 2.0], [3.0, 3.0, 3.0], dt=1.0))
     >>> print(fault)
     output y is constant (3): a sensor that is not connected, or saturated
     >>> fault.kind == "constant", fault.where

@@ -106,7 +106,8 @@ def nonlinear_records(
 
     Examples
     --------
-    >>> from robustid import estimate_frf, nonlinear_records
+    >>> from robustid import estimate_frf
+    >>> from robustid.prepare import nonlinear_records
     >>> records = nonlinear_records("hardening spring", 4, noise=0.01)
     >>> estimate_frf(records, period=512, about="next record").bound.words()
     'tolerance bound of the next record, 95 % jointly, from 4 independent excitations'

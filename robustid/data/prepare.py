@@ -27,7 +27,7 @@ def sample_time(time: ArrayLike) -> float:
     Examples
     --------
     >>> import robustid as rid
-    >>> rid.sample_time([0.0, 0.5, 1.0])
+    >>> rid.prepare.sample_time([0.0, 0.5, 1.0])
     0.5
     """
     instants = as_array("time", time, ndim=1)
@@ -69,7 +69,7 @@ def detrend(record: TimeRecord, *, kind: str = "mean", until: float | None = Non
     --------
     >>> import robustid as rid
     >>> record = rid.TimeRecord([0, 0, 1, 1], [5.1, 4.9, 6.0, 7.0], dt=1.0, bound=0.2)
-    >>> level = rid.detrend(record, until=2.0)
+    >>> level = rid.prepare.detrend(record, until=2.0)
     >>> level.y.ravel().round(9).tolist(), level.bound.ravel().round(9).tolist()
     ([0.1, -0.1, 1.0, 2.0], [0.4, 0.4, 0.4, 0.4])
     """
@@ -130,7 +130,7 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
     >>> import numpy as np, robustid as rid
     >>> u = np.cos(2 * np.pi * 3 * np.arange(400) / 400)
     >>> record = rid.TimeRecord(u, 2 * u, dt=0.01, bound=0.1, initial="periodic")
-    >>> slow = rid.decimate(record, 4)
+    >>> slow = rid.prepare.decimate(record, 4)
     >>> slow
     <TimeRecord: 100 samples, 1x1, bound, periodic, dt=0.04 s>
     >>> bool(np.allclose(slow.y, 2 * u[::4, None], rtol=0, atol=3e-4))

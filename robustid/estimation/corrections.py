@@ -79,7 +79,7 @@ def correct(data: _Data, *corrections: str) -> _Data:
     --------
     >>> import robustid as rid
     >>> frf = rid.FrequencyResponse([1.0, 2.0], [1 + 1j, 0.5j], bound=0.01)
-    >>> rid.correct(frf, "conjugate", "times 0.001").values.ravel().tolist()
+    >>> rid.prepare.correct(frf, "conjugate", "times 0.001").values.ravel().tolist()
     [(0.001-0.001j), -0.0005j]
     """
     as_kind("data", data, (FrequencyResponse, TimeRecord), "a FrequencyResponse or a TimeRecord")

@@ -110,7 +110,7 @@ def estimate_delay(
     >>> import numpy as np, robustid as rid
     >>> s = 1j * np.linspace(1, 40, 60)
     >>> frf = rid.FrequencyResponse(s.imag, np.exp(-0.03 * s) * (1 / (s**2 + 0.2 * s + 100) - 0.5 / (s**2 + 0.4 * s + 700)))
-    >>> delay = rid.estimate_delay(frf)
+    >>> delay = rid.prepare.estimate_delay(frf)
     >>> round(delay.seconds, 6), delay.order
     (0.03, 4)
     """
@@ -231,10 +231,10 @@ def with_delay(model: control.StateSpace, seconds: float) -> DelayedModel:
     --------
     >>> import control, robustid as rid
     >>> plant = control.ss(0.5, 1.0, 1.0, 0.0, 0.01)
-    >>> whole = rid.with_delay(plant, 0.02)
+    >>> whole = rid.prepare.with_delay(plant, 0.02)
     >>> abs(whole.model.poles()).tolist(), whole.all_pass
     ([0.5, 0.0, 0.0], 0)
-    >>> rid.with_delay(plant, 0.033).error([30.0, 100.0]).round(4).tolist()
+    >>> rid.prepare.with_delay(plant, 0.033).error([30.0, 100.0]).round(4).tolist()
     [0.0, 0.0032]
     """
     import control

@@ -68,7 +68,7 @@ class NoiseFloor(Frozen):
         Examples
         --------
         >>> import robustid as rid
-        >>> noise = rid.bounds_from_noise_floor(rid.TimeRecord([0, 0, 0, 0], [5.1, 4.9, 5.0, 5.0], dt=0.1))
+        >>> noise = rid.prepare.bounds_from_noise_floor(rid.TimeRecord([0, 0, 0, 0], [5.1, 4.9, 5.0, 5.0], dt=0.1))
         >>> record = noise.bound_record(rid.TimeRecord([1, 1], [5.5, 6.0], dt=0.1))
         >>> record.y.ravel().round(9).tolist(), record.bound.ravel().round(9).tolist(), record.bound.kind
         ([0.5, 1.0], [0.15, 0.15], 'noise_floor')
@@ -220,7 +220,7 @@ def bounds_from_noise_floor(record: TimeRecord, *, factor: float = 1.5) -> Noise
     >>> silent = rid.TimeRecord(np.zeros(400), 0.1 * rng.standard_normal(400), dt=0.01)
     >>> u = np.tile(np.cos(2 * np.pi * 3 * np.arange(50) / 50), 4)
     >>> record = rid.TimeRecord(u, 2 * u + 0.1 * rng.standard_normal(200), dt=0.01, initial="periodic")
-    >>> noise = rid.bounds_from_noise_floor(silent)
+    >>> noise = rid.prepare.bounds_from_noise_floor(silent)
     >>> frf = noise.bound_response(rid.estimate_frf(record, period=50), record, period=50)
     >>> frf.bound.kind, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
     ('noise_floor', True)

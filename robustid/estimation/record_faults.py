@@ -52,10 +52,10 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     --------
     >>> import numpy as np, robustid as rid
     >>> time = np.arange(200)
-    >>> print(rid.record_faults(rid.TimeRecord(0 * time, np.clip(np.sin(0.1 * time), -2, 0.8), dt=1.0))[0])
+    >>> print(rid.prepare.record_faults(rid.TimeRecord(0 * time, np.clip(np.sin(0.1 * time), -2, 0.8), dt=1.0))[0])
     input u is constant (0): it excites nothing
     >>> u = np.tile(np.random.default_rng(0).standard_normal(50), 4)
-    >>> print(*rid.record_faults(rid.TimeRecord(u, 2 * u, dt=1.0)))
+    >>> print(*rid.prepare.record_faults(rid.TimeRecord(u, 2 * u, dt=1.0)))
     the input repeats every 50 samples (4 periods), and nothing says so: give period = 50
     """
     records = as_records("record", record)

@@ -63,10 +63,10 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
     >>> import numpy as np, robustid as rid
     >>> s = 1j * np.linspace(1, 20, 60)
     >>> G = 1 / (s**2 + 0.2 * s + 100)
-    >>> rid.response_faults(rid.FrequencyResponse(s.imag, G))
+    >>> rid.prepare.response_faults(rid.FrequencyResponse(s.imag, G))
     ()
     >>> wrong = rid.FrequencyResponse(s.imag, G.conj())
-    >>> (fault,) = rid.response_faults(wrong)
+    >>> (fault,) = rid.prepare.response_faults(wrong)
     >>> fault.words, fault.correction
     ('the phase has the wrong sign (the response is conjugated)', 'conjugate')
     """

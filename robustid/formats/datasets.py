@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from robustid.core import as_flag
+from robustid.data import flexible_structure
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError
 from robustid.formats.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
 from robustid.formats.measurement_files import read_file
 from robustid.formats.table import Options, said
 
-__all__ = ["DATASETS", "NAMES", "VARIABLE", "Dataset", "describe", "fetch", "find", "load"]
+__all__ = ["DATASETS", "NAMES", "VARIABLE", "Dataset", "describe", "fetch", "find", "flexible_structure", "load"]
 
 VARIABLE = "ROBUSTID_DATA"
 _log = logging.getLogger("robustid")

@@ -119,7 +119,7 @@ def family(
     >>> def plant(gain):
     ...     frf = rid.FrequencyResponse(omega, gain * (1 + 0.3 * np.exp(-1j * omega)), bound=0.05, dt=1.0)
     ...     return rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
-    >>> two = rid.family([rid.Member(plant(g), amplitude=g) for g in (0.8, 1.0)], omega=omega, directions=8)
+    >>> two = rid.family([rid.guarantee.Member(plant(g), amplitude=g) for g in (0.8, 1.0)], omega=omega, directions=8)
     >>> two.names, two.upper.shape, two.certified
     (('amplitude 0.8', 'amplitude 1'), (3, 1, 1), True)
     >>> bool(np.all(two.upper >= two.centres.radius * (1 - 1e-9)))

@@ -49,7 +49,7 @@ class Member(Frozen):
     >>> import numpy as np, robustid as rid
     >>> record = rid.TimeRecord(np.eye(1, 2)[0], [0.5, 0.25], dt=1.0, bound=1e-3)
     >>> result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
-    >>> rid.Member(result, amplitude=0.2).name
+    >>> rid.guarantee.Member(result, amplitude=0.2).name
     'amplitude 0.2'
     """
 

@@ -353,12 +353,12 @@ def worst_case_over_poles(
     Examples
     --------
     >>> import robustid as rid
-    >>> data = rid.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
+    >>> data = rid.datasets.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
     >>> modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
     >>> prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
     >>> result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=modes))
     >>> box = data.modes[:, :1] * [0.999, 1.001], data.modes[:, 1:] * [0.95, 1.05]
-    >>> band = rid.worst_case_over_poles(result, *box, omega=[30.0], directions=4, cells=1)
+    >>> band = rid.guarantee.worst_case_over_poles(result, *box, omega=[30.0], directions=4, cells=1)
     >>> bool(rid.worst_case_error(result, omega=[30.0]).lower[0, 0, 0] <= band.upper[0, 0, 0] < 0.5), band.certified
     (True, True)
     """

@@ -117,7 +117,7 @@ def reduce_passive(
     >>> import numpy as np, control, robustid as rid
     >>> poles = np.array([-1.0, -3.0, -10.0, -30.0])
     >>> impedance = control.StateSpace(np.diag(poles), np.ones((4, 1)), np.ones((1, 4)), 0.1, 0)
-    >>> small = rid.reduce_passive(impedance, kind="positive real", order=2)
+    >>> small = rid.passive.reduce_passive(impedance, kind="positive real", order=2)
     >>> small.passivity.holds, small.order, bool(small.error < 0.12)
     (True, 2, True)
     """
@@ -183,7 +183,7 @@ def make_passive(
     --------
     >>> import control, robustid as rid
     >>> active = control.StateSpace([[-1.0, 0.0], [0.0, -5.0]], [[1.0], [1.0]], [[1.2, -0.1]], 0.0, 0)
-    >>> passive = rid.make_passive(active)
+    >>> passive = rid.passive.make_passive(active)
     >>> rid.prove_passive(active).holds, passive.passivity.holds, bool(passive.error < 0.2)
     (False, True, True)
     """

@@ -147,7 +147,7 @@ def bode(
     Examples
     --------
     >>> import robustid as rid
-    >>> experiment = rid.flexible_structure(lines=5)
+    >>> experiment = rid.datasets.flexible_structure(lines=5)
     >>> prior = rid.Prior(gain_bound=20.0, decay_rate=1.04)
     >>> result = rid.identify(rid.MixedProblem(frequency=experiment.frequency, prior=prior))
     >>> figure = rid.plot.bode(result, models={"the plant itself": experiment.truth})
@@ -188,7 +188,7 @@ def time_response(result: Identification | ResponseTube, *, models: Models = Non
     >>> result = rid.identify(rid.MixedProblem(time=record, prior=prior))
     >>> [axes.get_ylabel() for axes in rid.plot.time_response(result).axes]
     ['torsion [rad]', 'torsion [rad]', 'torsion [rad]']
-    >>> len(rid.plot.time_response(rid.response_tube(result, input="step", horizon=4)).axes)
+    >>> len(rid.plot.time_response(rid.guarantee.response_tube(result, input="step", horizon=4)).axes)
     1
     """
     kinds = {Identification: (identified_time, ("models",)), ResponseTube: (tube_chart, ())}
@@ -211,7 +211,7 @@ def schedule(result: Family, *, ax: Where = None) -> Figure:
     >>> def plant(gain):
     ...     frf = rid.FrequencyResponse(omega, gain * (1 + 0.3 * np.exp(-1j * omega)), bound=0.05, dt=1.0)
     ...     return rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
-    >>> two = rid.family([rid.Member(plant(g), load=g) for g in (0.8, 1.0)], omega=omega, directions=4)
+    >>> two = rid.family([rid.guarantee.Member(plant(g), load=g) for g in (0.8, 1.0)], omega=omega, directions=4)
     >>> rid.plot.schedule(two).axes[0].get_xlabel()
     'load'
     """
@@ -358,7 +358,7 @@ def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin
     --------
     >>> import control, numpy as np, robustid as rid
     >>> nominal, gain = control.ss(0.5, 1.0, 1.0, 0.0, 1.0), control.ss([], [], [], 0.25, 1.0)
-    >>> margin = rid.robust_stability_margin(nominal, gain, [0.0, 1.0, np.pi], [0.5, 0.5])
+    >>> margin = rid.guarantee.robust_stability_margin(nominal, gain, [0.0, 1.0, np.pi], [0.5, 0.5])
     >>> rid.plot.stability(margin).axes[0].get_ylabel()
     'upper bound [–]'
     """
@@ -378,7 +378,7 @@ def stabilisation(result: OrderSweep, *, ax: Where = None) -> Figure:
     >>> s = 1j * np.linspace(1, 9, 60)
     >>> noise = 0.003 * np.exp(1j * np.random.default_rng(0).uniform(0, 7, 60))
     >>> frf = rid.FrequencyResponse(s.imag, (1 + noise) / (s**2 + 0.2 * s + 16))
-    >>> rid.plot.stabilisation(rid.suggest_order(frf, orders=[2, 3])).axes[0].get_ylabel()
+    >>> rid.plot.stabilisation(rid.fits.suggest_order(frf, orders=[2, 3])).axes[0].get_ylabel()
     'order [–]'
     """
     return _drawn({OrderSweep: (stabilisation_chart, ())}, result, {}, ax)

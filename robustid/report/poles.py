@@ -85,7 +85,7 @@ def pole_table(model: control.StateSpace) -> list[PoleRow]:
     Examples
     --------
     >>> import control, robustid as rid
-    >>> experiment = rid.flexible_structure()
+    >>> experiment = rid.datasets.flexible_structure()
     >>> [(round(row.hz, 2), round(row.damping, 4)) for row in pole_table(experiment.truth)]
     [(9.0, 0.1), (17.67, 0.004)]
     """

@@ -10,7 +10,7 @@ from robustid.guarantees import consistent_set
 
 
 def identified(gain_bound, decay_rate, lines=12, value=None):
-    data = rid.flexible_structure(lines=lines)
+    data = rid.datasets.flexible_structure(lines=lines)
     basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     frf = data.frequency
     if value is not None:

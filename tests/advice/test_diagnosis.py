@@ -40,7 +40,7 @@ def test_diagnosis_finds_the_missing_mode():
 
 
 def test_diagnosis_sees_that_repetition_absorbs_a_wrong_pole():
-    data = rid.flexible_structure(lines=6, extra_hz=FINE)
+    data = rid.datasets.flexible_structure(lines=6, extra_hz=FINE)
     wrong = rid.kautz(data.modes[:, 0] * [1, 1.001], data.modes[:, 1], dt=0.01, delay=1)
     problem = rid.MixedProblem(
         frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=wrong
@@ -62,7 +62,7 @@ def test_diagnosis_of_consistent_time_data_without_pairs():
 
 
 def test_diagnosis_of_a_basis_with_real_poles_only():
-    data = rid.flexible_structure()
+    data = rid.datasets.flexible_structure()
     low_pass = control.ss(0.5, 1, 1, 0, 0.01)
     problem = rid.MixedProblem(
         frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=low_pass
@@ -109,8 +109,10 @@ def test_a_missing_rigid_body_is_found():
 
 def test_a_drift_that_was_removed_is_no_cause():
     frf = rid.FrequencyResponse([1.0, 2.0, 3.0], [1.0, 5.0, 1.0], bound=0.01, dt=0.1)
-    removed = rid.Fault(FaultKind.DRIFT, "output y drifts by 9 % of its rms; the drift over whole periods is removed")
-    noisy = rid.Fault(FaultKind.DISTURBED, "noisy", record=2)
+    removed = rid.prepare.Fault(
+        FaultKind.DRIFT, "output y drifts by 9 % of its rms; the drift over whole periods is removed"
+    )
+    noisy = rid.prepare.Fault(FaultKind.DISTURBED, "noisy", record=2)
     frf = dataclasses.replace(frf, faults=(removed, noisy))
     found = diagnose(rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.5))))
     assert str(removed) not in [cause.cause for cause in found.causes]

@@ -21,7 +21,7 @@ FINE = np.linspace(17.2, 18.1, 10)
 def test_modes_of_the_structure_lie_in_their_intervals(extra, determined, seeds):
     held = 0
     for seed in range(seeds):
-        data = rid.flexible_structure(seed=seed, extra_hz=extra)
+        data = rid.datasets.flexible_structure(seed=seed, extra_hz=extra)
         found = suggest_kautz(data.frequency)
         assert found.omega.size == 2
         assert found.delay == 1  # a zero-order-hold mode without feed-through
@@ -71,7 +71,7 @@ def smallest_margin(data, pole, other):
 
 
 def test_poles_outside_the_interval_are_refuted_by_a_conic_solver():
-    data = rid.flexible_structure().frequency
+    data = rid.datasets.flexible_structure().frequency
     found = suggest_kautz(data)
     other = found.omega[0], found.damping[0]
     low, high = found.omega_interval[1]
@@ -86,7 +86,7 @@ def test_poles_outside_the_interval_are_refuted_by_a_conic_solver():
 
 @pytest.mark.parametrize("power", [60, pytest.param(-60, marks=pytest.mark.slow)])
 def test_modes_do_not_depend_on_units(power):
-    frf, factor = rid.flexible_structure(lines=6, extra_hz=FINE[::2]).frequency, 2.0**power
+    frf, factor = rid.datasets.flexible_structure(lines=6, extra_hz=FINE[::2]).frequency, 2.0**power
     scaled = rid.FrequencyResponse(
         frf.omega * factor, frf.values / factor, bound=frf.bound / factor, dt=frf.dt / factor
     )
@@ -121,7 +121,7 @@ def test_smooth_data_have_no_mode():
 
 
 def test_options_of_suggest_kautz():
-    frf = rid.flexible_structure(lines=6, extra_hz=FINE).frequency
+    frf = rid.datasets.flexible_structure(lines=6, extra_hz=FINE).frequency
     found = suggest_kautz(frf, modes=1, delay=2, repeat=2)
     assert found.omega.size == 1
     assert (found.basis.size, found.delay) == (4, 2)

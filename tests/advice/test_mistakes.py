@@ -12,7 +12,7 @@ import robustid as rid
 from robustid.errors import InputError
 
 LINES, SAMPLES, DT = 16, 8, 0.01
-DATA = rid.flexible_structure(lines=LINES, samples=SAMPLES)
+DATA = rid.datasets.flexible_structure(lines=LINES, samples=SAMPLES)
 FRF, RECORD = DATA.frequency, DATA.time
 CLASS = rid.Prior(gain_bound=0.2, decay_rate=1.1)
 
@@ -38,7 +38,7 @@ def as_decibels(frf):
 
 
 def late(record, samples):
-    return rid.correct(record, f"delay {samples}")
+    return rid.prepare.correct(record, f"delay {samples}")
 
 
 def cut(record, first):
@@ -107,18 +107,20 @@ SHOWN = {
         lambda: problem(dataclasses.replace(FRF.band(0, 7), omega=2 * np.pi * FRF.band(0, 7).omega)),
         "frequencies are in rad/s",
     ),
-    "conjugated": (lambda: problem(rid.correct(FRF, "conjugate")), "the phase has the wrong sign"),
-    "wrong sign": (lambda: problem(rid.correct(FRF, "negate")), "the response has the opposite sign"),
-    "mm for m": (lambda: problem(rid.correct(FRF, "times 1000")), "unit 1000 times smaller"),
-    "one-sided spectrum": (lambda: problem(rid.correct(FRF, "times 2")), "twice too large (a one-sided"),
-    "one sample late": (lambda: problem(rid.correct(FRF, "delay 1")), "one sample of delay too much"),
-    "one sample early": (lambda: problem(rid.correct(FRF, "advance 1")), "delay was taken out of the response"),
-    "velocity for position": (lambda: problem(rid.correct(FRF, "differentiate")), "velocity for position"),
+    "conjugated": (lambda: problem(rid.prepare.correct(FRF, "conjugate")), "the phase has the wrong sign"),
+    "wrong sign": (lambda: problem(rid.prepare.correct(FRF, "negate")), "the response has the opposite sign"),
+    "mm for m": (lambda: problem(rid.prepare.correct(FRF, "times 1000")), "unit 1000 times smaller"),
+    "one-sided spectrum": (lambda: problem(rid.prepare.correct(FRF, "times 2")), "twice too large (a one-sided"),
+    "one sample late": (lambda: problem(rid.prepare.correct(FRF, "delay 1")), "one sample of delay too much"),
+    "one sample early": (lambda: problem(rid.prepare.correct(FRF, "advance 1")), "delay was taken out of the response"),
+    "velocity for position": (lambda: problem(rid.prepare.correct(FRF, "differentiate")), "velocity for position"),
     "radians as degrees": (lambda: problem(as_degrees(FRF)), "phase is in radians"),
     "linear as dB": (lambda: problem(as_decibels(FRF)), "plain number and was taken as decibels"),
-    "inverse": (lambda: with_exact(rid.correct(percent_data().frequency[0], "exchange")), "are exchanged"),
+    "inverse": (lambda: with_exact(rid.prepare.correct(percent_data().frequency[0], "exchange")), "are exchanged"),
     "transposed": (
-        lambda: dataclasses.replace(matrix_data(), frequency=rid.correct(matrix_data().frequency[0], "transpose")),
+        lambda: dataclasses.replace(
+            matrix_data(), frequency=rid.prepare.correct(matrix_data().frequency[0], "transpose")
+        ),
         "the matrices are transposed",
     ),
     "modes in Hz": (lambda: problem(basis=modes(1 / (2 * np.pi))), "frequencies of the modes are in Hz"),
@@ -127,7 +129,7 @@ SHOWN = {
         "damping of the modes is in per cent",
     ),
     "bounds ten times too small": (
-        lambda: problem(rid.correct(FRF, "bound times 0.1"), rid.correct(RECORD, "bound times 0.1")),
+        lambda: problem(rid.prepare.correct(FRF, "bound times 0.1"), rid.prepare.correct(RECORD, "bound times 0.1")),
         "bounds on the errors are too small",
     ),
     "missing mode": (lambda: problem(basis=modes(which=slice(1, None))), "a mode is missing, at 9"),
@@ -172,7 +174,7 @@ def test_a_mode_that_is_missing_comes_before_a_unit_that_would_shrink_everything
 
 
 def test_modes_that_are_others_than_stated_are_found_together():
-    frf = rid.flexible_structure(lines=16, extra_hz=[17.4, 17.6, 17.67, 17.75, 17.9]).frequency
+    frf = rid.datasets.flexible_structure(lines=16, extra_hz=[17.4, 17.6, 17.67, 17.75, 17.9]).frequency
     wrong = rid.kautz(2 * np.pi * 17.3, 0.004, dt=DT, delay=1)
     found = rid.diagnose(rid.identify(rid.MixedProblem(frequency=frf, prior=CLASS, parametric=wrong)))
     assert found.causes[0].solves
@@ -189,7 +191,7 @@ RESPONSE = rid.FrequencyResponse(TONES, PLANT(np.exp(1j * TONES * DT)), bound=1e
 
 @functools.cache
 def said_of_the_right_response():
-    return rid.response_faults(RESPONSE)
+    return rid.prepare.response_faults(RESPONSE)
 
 
 @pytest.mark.parametrize(
@@ -205,7 +207,7 @@ def said_of_the_right_response():
             "in rad/s and were taken as Hz",
             "frequency in rad/s",
         ),
-        (lambda r: rid.correct(r, "conjugate"), "the phase has the wrong sign", "conjugate"),
+        (lambda r: rid.prepare.correct(r, "conjugate"), "the phase has the wrong sign", "conjugate"),
         (as_degrees, "the phase is in radians and was taken as degrees", "phase in radians"),
         (as_decibels, "a plain number and was taken as decibels", "magnitude linear"),
         (
@@ -218,19 +220,19 @@ def said_of_the_right_response():
 def test_responses_show_mistakes_without_a_class(wrong, words, correction):
     assert said_of_the_right_response() == ()
     bad = wrong(RESPONSE)
-    (fault,) = rid.response_faults(bad)
+    (fault,) = rid.prepare.response_faults(bad)
     assert words in fault.words
     assert fault.correction == correction
     assert str(fault).endswith(f'after the correction "{correction}"')
-    right = rid.correct(bad, correction)
+    right = rid.prepare.correct(bad, correction)
     wanted = RESPONSE.select(slice(len(right.omega)))
     np.testing.assert_allclose(right.omega, wanted.omega, rtol=1e-12)
     np.testing.assert_allclose(right.values, wanted.values, rtol=1e-9, atol=1e-12)
-    assert rid.response_faults(right) == ()
+    assert rid.prepare.response_faults(right) == ()
 
 
 def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_it():
-    bad = rid.correct(RESPONSE.select(slice(None, None, 10)), "conjugate")
+    bad = rid.prepare.correct(RESPONSE.select(slice(None, None, 10)), "conjugate")
     result = rid.identify(rid.MixedProblem(frequency=bad, prior=rid.Prior(gain_bound=1e3, decay_rate=1.0001)))
     assert result.consistent
     found = rid.diagnose(result)
@@ -240,11 +242,11 @@ def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(6)])
 def test_bounds_below_the_noise_are_named_without_a_class_and_covered_by_the_correction(seed):
-    frf = rid.flexible_structure(lines=50, seed=seed, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
-    assert rid.response_faults(frf) == ()
-    (fault,) = rid.response_faults(rid.correct(frf, "bound times 0.1"))
+    frf = rid.datasets.flexible_structure(lines=50, seed=seed, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
+    assert rid.prepare.response_faults(frf) == ()
+    (fault,) = rid.prepare.response_faults(rid.prepare.correct(frf, "bound times 0.1"))
     assert fault.words == "the bounds are smaller than the noise of the response"
-    right = rid.correct(frf, "bound times 0.1", fault.correction)
+    right = rid.prepare.correct(frf, "bound times 0.1", fault.correction)
     assert 5 < (right.bound.radius / frf.bound.radius).max() * 10 < 20
 
 
@@ -252,7 +254,7 @@ def test_degrees_taken_as_radians_are_named():
     bad = dataclasses.replace(
         RESPONSE, values=np.abs(RESPONSE.values) * np.exp(1j * np.angle(RESPONSE.values, deg=True))
     )
-    (said,) = rid.response_faults(bad)
+    (said,) = rid.prepare.response_faults(bad)
     assert str(said).startswith("the phase is in degrees and was taken as radians")
 
 
@@ -294,14 +296,14 @@ def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_i
     if seed % 2:
         u = scipy.signal.lfilter([1], [1, -0.9], u)
     y = scipy.signal.lfilter(*_tf(), u) + noise
-    assert rid.record_faults(rid.TimeRecord(u, y, dt=DT)) == ()
-    (said,) = rid.record_faults(rid.TimeRecord(y, u, dt=DT))
+    assert rid.prepare.record_faults(rid.TimeRecord(u, y, dt=DT)) == ()
+    (said,) = rid.prepare.record_faults(rid.TimeRecord(y, u, dt=DT))
     assert "the two are exchanged" in str(said)
     driven, answer = loop(u, 4 * noise, 0.8)
-    (said,) = rid.record_faults(rid.TimeRecord(driven, answer, dt=DT))
+    (said,) = rid.prepare.record_faults(rid.TimeRecord(driven, answer, dt=DT))
     assert "the loop is closed" in str(said)
-    assert rid.record_faults(rid.TimeRecord(driven, answer, dt=DT, reference=u)) == ()
-    (said,) = rid.record_faults(rid.TimeRecord(*loop(0 * u, noise, 0.8), dt=DT))
+    assert rid.prepare.record_faults(rid.TimeRecord(driven, answer, dt=DT, reference=u)) == ()
+    (said,) = rid.prepare.record_faults(rid.TimeRecord(*loop(0 * u, noise, 0.8), dt=DT))
     assert "a controller computes it" in str(said)
 
 
@@ -314,6 +316,6 @@ def test_a_period_that_is_missing_or_wrong_is_given():
     u = np.tile(np.random.default_rng(0).standard_normal(50), 6)
     record = rid.TimeRecord(u, np.convolve(u, [0, 1, 0.5])[:300], dt=DT)
     for period in (None, 49):
-        (said,) = rid.record_faults(record, period=period)
+        (said,) = rid.prepare.record_faults(record, period=period)
         assert "50" in str(said)
-    assert rid.record_faults(record, period=50) == ()
+    assert rid.prepare.record_faults(record, period=50) == ()

@@ -30,7 +30,7 @@ def few_points(monkeypatch):
 @pytest.fixture(scope="module")
 def given():
     """Five lines with the poles of the truth."""
-    data = rid.flexible_structure(lines=5, samples=2)
+    data = rid.datasets.flexible_structure(lines=5, samples=2)
     with pytest.MonkeyPatch.context() as patch:
         fewer(patch)
         return suggest_class(frequency=data.frequency, time=data.time, modes=data.modes)
@@ -46,7 +46,7 @@ def judged(data, found, hz):
 
 
 def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
-    data = rid.flexible_structure(lines=6, extra_hz=np.linspace(17.3, 18.0, 5))
+    data = rid.datasets.flexible_structure(lines=6, extra_hz=np.linspace(17.3, 18.0, 5))
     found = suggest_class(frequency=data.frequency)
     best = found.recommended
     assert (best.pairs, best.covers_box) == (2, True)
@@ -81,7 +81,7 @@ def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
 def test_eleven_lines_leave_the_damping_open_and_say_what_to_measure(few_points, monkeypatch):
     monkeypatch.setattr(model_class, "_REPEATS", (1, 2))
     monkeypatch.setattr(model_class, "_PRIORS", 1)
-    data = rid.flexible_structure()
+    data = rid.datasets.flexible_structure()
     found = suggest_class(frequency=data.frequency)
     best = found.recommended
     assert best.pairs == 2
@@ -100,7 +100,7 @@ def test_classes_of_five_experiments(capsys):
     """Truth inside in all, median at most 4 %, at the resonance at most 3 %."""
     medians, peaks = [], []
     for seed in range(5):
-        data = rid.flexible_structure(seed=seed, extra_hz=FINE)
+        data = rid.datasets.flexible_structure(seed=seed, extra_hz=FINE)
         relative, holds = judged(data, suggest_class(frequency=data.frequency, time=data.time), HZ)
         assert np.all(holds), seed
         medians.append(float(np.median(relative)))
@@ -136,7 +136,7 @@ def test_data_without_a_mode_and_data_that_contradict_each_other(few_points):
 @pytest.mark.slow
 def test_few_samples_bound_nothing_at_the_light_mode():
     """Six lines and the amplitudes that are assumed: a bound away from the light mode, none at it, and so it is to be measured."""
-    data = rid.flexible_structure(lines=6, samples=2)
+    data = rid.datasets.flexible_structure(lines=6, samples=2)
     found = suggest_class(frequency=data.frequency)
     best = found.recommended
     assert best.covers_box
@@ -170,7 +170,7 @@ def test_ranking():
 
 
 def test_bad_input():
-    data = rid.flexible_structure(lines=8, samples=2)
+    data = rid.datasets.flexible_structure(lines=8, samples=2)
     with pytest.raises(rid.InputError, match="`frequency` is needed"):
         suggest_class(time=data.time)
     free = rid.TimeRecord(data.time.u, data.time.y, dt=DT, bound=0.03, initial="free", past_input_bound=1.0)

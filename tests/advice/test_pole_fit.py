@@ -27,7 +27,7 @@ POLES = np.log([[0.56, 0.12], [1.108, 0.005]])  # angle and damping, near those 
 
 @pytest.fixture(scope="module")
 def data():
-    frf = rid.flexible_structure(lines=40, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
+    frf = rid.datasets.flexible_structure(lines=40, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
     return line_data([frf], ZPlane(frf.dt))
 
 

@@ -18,7 +18,7 @@ DT = 0.01
 
 def structure(factors, extra=FINE[::2], seed=0, K=0.2, rho=1.1, repeat=1, data=None):
     """The simulated structure with natural frequencies and dampings off by these factors, (2, 2)."""
-    data = data or rid.flexible_structure(extra_hz=extra, seed=seed, **FEWER)
+    data = data or rid.datasets.flexible_structure(extra_hz=extra, seed=seed, **FEWER)
     modes = data.modes * np.asarray(factors)
     return rid.MixedProblem(
         frequency=data.frequency,
@@ -36,7 +36,7 @@ def one_percent(seed):
 
 def records(kind):
     """A structure problem measured in another way."""
-    data, rng = rid.flexible_structure(), np.random.default_rng(1)
+    data, rng = rid.datasets.flexible_structure(), np.random.default_rng(1)
     prior, modes = rid.Prior(gain_bound=0.05, decay_rate=1.1), data.modes * [[1.003, 1.2], [0.99, 0.7]]
     if kind == "lines":
         return {"frequency": data.frequency, "prior": prior}, modes
@@ -73,7 +73,7 @@ def test_slope_of_the_margin_is_that_of_differences(kind, repeat):
         return (result.margin + result.margin_lower) / 2
 
     basis = rid.kautz(*modes.T, dt=DT, delay=1, repeat=repeat)
-    found = rid.improve_kautz(rid.MixedProblem(**given, parametric=basis), target=1e9)
+    found = rid.advise.improve_kautz(rid.MixedProblem(**given, parametric=basis), target=1e9)
     assert not found.moved
     assert not found.repeated
     logs, differences = np.log(modes), np.zeros((2, 2))
@@ -92,7 +92,7 @@ def test_wrong_pole_contradicts_the_data_or_needs_a_large_rest():
     assert rid.identify(structure(off)).margin_lower > 100
     assert np.isinf(smallest_gain(structure(off), 1.1))
     assert rid.identify(structure(off, repeat=2)).margin_lower > 50
-    data = rid.flexible_structure()
+    data = rid.datasets.flexible_structure()
     right, wrong = (smallest_gain(structure(factors, data=data), 1.1) for factors in (np.ones((2, 2)), off))
     assert right == 0
     assert wrong > 0.1
@@ -114,8 +114,8 @@ def test_wrong_pole_contradicts_the_data_or_needs_a_large_rest():
 def test_wrong_poles_are_moved_back(lines, K, seeds, size):
     extra = FINE if lines == "around the mode" else ()
     for number in seeds:
-        data = rid.flexible_structure(extra_hz=extra, seed=number, **size)
-        found = rid.improve_kautz(structure(one_percent(number), K=K, data=data))
+        data = rid.datasets.flexible_structure(extra_hz=extra, seed=number, **size)
+        found = rid.advise.improve_kautz(structure(one_percent(number), K=K, data=data))
         assert found.trials[0].margin_lower > 10
         assert found.margin <= 1
         assert found.moved
@@ -136,13 +136,13 @@ def test_wrong_poles_are_moved_back(lines, K, seeds, size):
 @pytest.mark.parametrize("seed", range(5))
 def test_light_pole_is_found_from_twenty_five_half_widths_away(seed):
     factors = np.random.default_rng(seed).choice([0.9, 1.1], 2), one_percent(seed)[:, 1]
-    assert rid.improve_kautz(structure(np.stack(factors, axis=1), FINE, seed), repeat=False).margin <= 1
+    assert rid.advise.improve_kautz(structure(np.stack(factors, axis=1), FINE, seed), repeat=False).margin <= 1
 
 
 def test_poles_moved_by_time_data_have_no_box():
     given, modes = records("rest")
     problem = rid.MixedProblem(**given, parametric=rid.kautz(*(modes * [[1, 1], [0.97, 1]]).T, dt=DT, delay=1))
-    found = rid.improve_kautz(problem, repeat=False)
+    found = rid.advise.improve_kautz(problem, repeat=False)
     assert found.trials[0].margin_lower > 1 >= found.margin
     assert found.moved
     assert found.box is None
@@ -150,7 +150,7 @@ def test_poles_moved_by_time_data_have_no_box():
 
 
 def test_result_says_where_its_poles_come_from():
-    found = rid.improve_kautz(structure([[1, 1], [0.99, 1]]))
+    found = rid.advise.improve_kautz(structure([[1, 1], [0.99, 1]]))
     result = found.identify().require()
     assert result.notes == (found.note,)
     assert found.note.startswith("Modes taken from the data")
@@ -163,7 +163,7 @@ def test_result_says_where_its_poles_come_from():
         parametric=found.problem.parametric,
     )
     box = found.box.omega_interval, found.box.damping_interval
-    band = rid.worst_case_over_poles(rid.identify(lines), *box, omega=[30.0], directions=3, cells=1)
+    band = rid.guarantee.worst_case_over_poles(rid.identify(lines), *box, omega=[30.0], directions=3, cells=1)
     assert np.isfinite(band.upper).all()
     summary = found.summary()
     assert "pair 2: 17.493 Hz, damping 0.004 -> 17.67 Hz" in summary
@@ -172,7 +172,7 @@ def test_result_says_where_its_poles_come_from():
 
 def test_repeated_pairs_absorb_a_small_error_and_keep_the_poles():
     problem = structure([[1, 1], [1.0005, 1]])
-    found = rid.improve_kautz(problem)
+    found = rid.advise.improve_kautz(problem)
     assert found.trials[0].margin_lower > 1
     assert found.repeated
     assert not found.moved
@@ -183,7 +183,7 @@ def test_repeated_pairs_absorb_a_small_error_and_keep_the_poles():
     assert rid.identify(found.problem).margin == pytest.approx(found.margin, abs=1e-3)
     assert "repeated once more" in found.note
     assert not found.note.startswith("Modes taken")
-    moved = rid.improve_kautz(problem, repeat=False)
+    moved = rid.advise.improve_kautz(problem, repeat=False)
     assert moved.moved
     assert moved.problem.parametric.size == 4
     assert moved.margin <= 1
@@ -192,33 +192,33 @@ def test_repeated_pairs_absorb_a_small_error_and_keep_the_poles():
 def test_the_time_ends_the_search_with_the_best_pairs_so_far():
     """At once: the given ones with what is proved of their margin; in a step: it says in which."""
     problem, told = structure([[1, 1], [1.01, 1]]), []
-    found = rid.improve_kautz(problem, time_limit=1e-6)
+    found = rid.advise.improve_kautz(problem, time_limit=1e-6)
     assert "stopped at the time limit" in found.reason
     assert not found.moved
     assert found.margin_lower <= found.trials[0].margin == found.margin
     assert len(found.trials) == 1
-    found = rid.improve_kautz(problem, repeat=False, progress=lambda *at: told.append(at))
+    found = rid.advise.improve_kautz(problem, repeat=False, progress=lambda *at: told.append(at))
     assert told == [(step, 40) for step in range(1, len(told) + 1)]
     assert found.margin <= 1
     with pytest.raises(rid.InputError, match="`time_limit` must be positive"):
-        rid.improve_kautz(problem, time_limit=0.0)
+        rid.advise.improve_kautz(problem, time_limit=0.0)
 
 
 def test_consistent_pairs_stay_as_they_are():
     problem = structure(np.ones((2, 2)))
-    found = rid.improve_kautz(problem)
+    found = rid.advise.improve_kautz(problem)
     assert found.problem is problem
     assert len(found.trials) == 1
     assert found.note == ""
     assert found.identify().notes == ()
     # Asked for less than the truth reaches, the search ends where no step is worth it, and says so.
-    further = rid.improve_kautz(problem, target=0.01)
+    further = rid.advise.improve_kautz(problem, target=0.01)
     assert 0.01 < further.margin <= found.margin
     assert "promises 0.2 % less" in further.reason
 
 
 def test_exact_data_give_exact_poles_in_few_steps():
-    truth = rid.flexible_structure()
+    truth = rid.datasets.flexible_structure()
     w = 2 * np.pi * np.concatenate([np.linspace(1, 21, 11), FINE])
     exact = rid.FrequencyResponse(w, truth.truth(np.exp(1j * w * DT)), bound=0.03, dt=DT)
     wrong = truth.modes * [[1.005, 1.5], [0.99, 0.5]]
@@ -227,7 +227,7 @@ def test_exact_data_give_exact_poles_in_few_steps():
         prior=rid.Prior(gain_bound=1e-4, decay_rate=1.1),
         parametric=rid.kautz(*wrong.T, dt=DT, delay=1),
     )
-    found = rid.improve_kautz(problem, target=1e-3, repeat=False)
+    found = rid.advise.improve_kautz(problem, target=1e-3, repeat=False)
     np.testing.assert_allclose(found.omega, truth.modes[:, 0], rtol=1e-4)
     np.testing.assert_allclose(found.damping, truth.modes[:, 1], rtol=1e-3)
     errors = np.array([abs(t.omega[1] / truth.modes[1, 0] - 1) for t in found.trials if t.kept]) / 0.004
@@ -254,7 +254,7 @@ def test_class_without_a_mode_is_not_repaired():
     problem = rid.MixedProblem(
         frequency=problem.frequency, prior=problem.prior, parametric=rid.kautz(2 * np.pi * 17.67, 0.004, dt=DT, delay=1)
     )
-    found = rid.improve_kautz(problem)
+    found = rid.advise.improve_kautz(problem)
     assert found.margin_lower > 1
     assert found.margin == min(trial.margin for trial in found.trials)
     assert "promises 0.2 % less" in found.reason or "no further step" in found.reason
@@ -270,7 +270,7 @@ def test_units_of_the_output_do_not_matter():
         prior=rid.Prior(gain_bound=unit * 0.05, decay_rate=1.1),
         parametric=problem.parametric,
     )
-    first, second = rid.improve_kautz(problem), rid.improve_kautz(scaled)
+    first, second = rid.advise.improve_kautz(problem), rid.advise.improve_kautz(scaled)
     np.testing.assert_array_equal(first.omega, second.omega)
     np.testing.assert_array_equal(first.damping, second.damping)
     assert first.margin == second.margin
@@ -299,12 +299,16 @@ def test_pairs_are_found_among_other_functions(repeat, delay):
 @pytest.mark.parametrize(
     ("make", "error", "sentence"),
     [
-        (lambda: rid.improve_kautz(3), InputTypeError, "`problem` must be a MixedProblem; got int"),
-        (lambda: rid.improve_kautz(structure(np.ones((2, 2))), target=0), InputError, "`target`"),
-        (lambda: rid.improve_kautz(without()), InputError, "must have pairs made by `kautz`"),
-        (lambda: rid.improve_kautz(without(control.ss(0.5, 1, 1, 0, DT))), InputError, "must have pairs made by"),
+        (lambda: rid.advise.improve_kautz(3), InputTypeError, "`problem` must be a MixedProblem; got int"),
+        (lambda: rid.advise.improve_kautz(structure(np.ones((2, 2))), target=0), InputError, "`target`"),
+        (lambda: rid.advise.improve_kautz(without()), InputError, "must have pairs made by `kautz`"),
         (
-            lambda: rid.improve_kautz(without(rid.kautz(30.0, 0.1, dt=DT), [[-1, 1], [-1, 1]])),
+            lambda: rid.advise.improve_kautz(without(control.ss(0.5, 1, 1, 0, DT))),
+            InputError,
+            "must have pairs made by",
+        ),
+        (
+            lambda: rid.advise.improve_kautz(without(rid.kautz(30.0, 0.1, dt=DT), [[-1, 1], [-1, 1]])),
             InputError,
             "intervals of coefficients mean other functions",
         ),
@@ -316,5 +320,5 @@ def test_improve_kautz_refuses(make, error, sentence):
 
 
 def without(parametric=None, bounds=None):
-    data, prior = rid.flexible_structure(), rid.Prior(gain_bound=1.0, decay_rate=1.1)
+    data, prior = rid.datasets.flexible_structure(), rid.Prior(gain_bound=1.0, decay_rate=1.1)
     return rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=parametric, parameter_bounds=bounds)

@@ -48,7 +48,7 @@ def test_placeholder_prior_is_not_used():
 
 @pytest.mark.parametrize("power", [60, -60])
 def test_prior_does_not_depend_on_units(power):
-    factor, data = 2.0**power, rid.flexible_structure()
+    factor, data = 2.0**power, rid.datasets.flexible_structure()
     frequency = rid.FrequencyResponse(
         data.frequency.omega * factor,
         data.frequency.values * factor,

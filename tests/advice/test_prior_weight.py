@@ -9,7 +9,7 @@ import robustid as rid
 @pytest.mark.parametrize("dt", [None, 0.01])
 def test_the_weight_is_above_its_table_and_near_to_it(dt):
     omega, level = np.array([0.0, 2.0, 30.0, 60.0, 300.0]), np.array([3.0, 3.0, 2.0, 0.5, 0.02])
-    weight = rid.prior_weight(omega, level, dt=dt)
+    weight = rid.advise.prior_weight(omega, level, dt=dt)
     grid = np.geomspace(0.01, 314.0, 800)
     inside = np.maximum(grid, 2.0)
     known = np.exp(np.interp(np.log(inside), np.log(omega[1:]), np.log(level[1:])))
@@ -22,7 +22,7 @@ def test_the_weight_is_above_its_table_and_near_to_it(dt):
     found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior)).require()
     # A level that the data exceed.
     far = frf.select([1])
-    low = rid.prior_weight(omega, level / 20, dt=dt)
+    low = rid.advise.prior_weight(omega, level / 20, dt=dt)
     small = rid.Prior(gain_bound=1.0, decay=1.5, weight=low)
     assert not rid.identify(rid.MixedProblem(frequency=far, prior=small)).consistent
     assert found.verification.passed
@@ -41,4 +41,4 @@ def test_the_weight_is_above_its_table_and_near_to_it(dt):
 )
 def test_wrong_tables_are_refused_with_a_sentence(omega, level, words):
     with pytest.raises(rid.InputError, match=words):
-        rid.prior_weight(omega, level, dt=0.01)
+        rid.advise.prior_weight(omega, level, dt=0.01)

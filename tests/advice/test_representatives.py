@@ -13,7 +13,7 @@ from support.structure import ANY
 
 def dense(lines=150, seed=0):
     """Many frequency points of the structure, its light mode in the parametric part, the damped one left to the rest."""
-    data = rid.flexible_structure(seed=seed, lines=lines)
+    data = rid.datasets.flexible_structure(seed=seed, lines=lines)
     basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     return rid.MixedProblem(frequency=data.frequency, prior=ANY, parametric=basis)
 

@@ -15,7 +15,7 @@ def problem_of(values, omega, dt=None, **more):
 def test_a_roll_off_that_the_data_show(dt):
     omega = np.linspace(1.0, 60.0, 16)
     problem = problem_of(1 / (1 + 1j * omega / 8) ** 2, omega, dt)
-    found = rid.suggest_roll_off(problem)
+    found = rid.advise.suggest_roll_off(problem)
     assert found.roll_off == 2
     assert 5 < found.corner < 25
     plain = rid.suggest_prior(problem, decay_rates=[found.rate]).prior
@@ -28,7 +28,7 @@ def test_a_roll_off_that_the_data_show(dt):
 
 def test_none_where_the_data_do_not_fall_or_the_modes_do_all():
     omega = np.linspace(1.0, 60.0, 12)
-    assert rid.suggest_roll_off(problem_of((8 - 1j * omega) / (8 + 1j * omega), omega)) is None
-    assert rid.suggest_roll_off(problem_of(np.zeros(12), omega)) is None
+    assert rid.advise.suggest_roll_off(problem_of((8 - 1j * omega) / (8 + 1j * omega), omega)) is None
+    assert rid.advise.suggest_roll_off(problem_of(np.zeros(12), omega)) is None
     with pytest.raises(rid.InputError, match="roll-off or a weight already"):
-        rid.suggest_roll_off(problem_of(np.ones(12), omega, roll_off=2, corner=10.0))
+        rid.advise.suggest_roll_off(problem_of(np.ones(12), omega, roll_off=2, corner=10.0))

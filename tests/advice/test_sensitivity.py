@@ -9,7 +9,7 @@ from robustid.advice.smallest_gain import smallest_gain
 
 
 def structure(lines, gain=0.2, rate=1.2):
-    data = rid.flexible_structure(lines=lines, samples=2)
+    data = rid.datasets.flexible_structure(lines=lines, samples=2)
     modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
     prior = rid.Prior(gain_bound=gain, decay_rate=rate)
     return rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=modes, prior=prior)
@@ -17,7 +17,7 @@ def structure(lines, gain=0.2, rate=1.2):
 
 def test_larger_classes_and_fewer_lines_have_wider_bands():
     problem = structure(8)
-    found = rid.sensitivity(problem, omega=[70.0])
+    found = rid.advise.sensitivity(problem, omega=[70.0])
     rows = {row.what: row for row in found.variations}
     stated = rows["as stated"]
     assert stated.margin == pytest.approx(rid.identify(problem).margin, abs=1e-4)
@@ -40,11 +40,11 @@ def test_larger_classes_and_fewer_lines_have_wider_bands():
 def test_the_time_ends_the_table_and_says_what_is_missing():
     record, told = rid.TimeRecord([1.0, 0.0], [0.5, 0.2], dt=1.0, bound=0.1), []
     problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5))
-    found = rid.sensitivity(problem, omega=[0.5], time_limit=1e-9)
+    found = rid.advise.sensitivity(problem, omega=[0.5], time_limit=1e-9)
     assert [row.what for row in found.variations] == ["as stated"]
     assert found.left_out[:2] == ("gain bound x 0.5", "gain bound x 2")
     assert "No time was left for: gain bound x 0.5" in found.summary()
-    whole = rid.sensitivity(problem, omega=[0.5], progress=lambda *at: told.append(at))
+    whole = rid.advise.sensitivity(problem, omega=[0.5], progress=lambda *at: told.append(at))
     assert whole.left_out == ()
     assert told == [(k, len(whole.variations)) for k in range(1, 6)]
 
@@ -54,7 +54,7 @@ def test_a_refuted_variation_says_so():
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2))
     problem = problem.with_prior(gain_bound=1.2 * smallest_gain(problem, 1.2))
     assert rid.identify(problem).consistent
-    found = rid.sensitivity(problem, omega=[30.0])
+    found = rid.advise.sensitivity(problem, omega=[30.0])
     refuted = [row for row in found.variations if row.margin > 1]
     assert refuted
     assert all(np.isnan(row.median) for row in refuted)
@@ -77,4 +77,4 @@ def test_the_prior_with_the_smallest_guaranteed_error():
     with pytest.raises(rid.InputError, match="`criterion`"):
         rid.suggest_prior(problem, criterion="best")
     with pytest.raises(rid.errors.InputTypeError, match="MixedProblem"):
-        rid.sensitivity(3)
+        rid.advise.sensitivity(3)

@@ -33,7 +33,7 @@ def stand_in(tmp_path, monkeypatch):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
+    data = rid.datasets.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
     rid.save(tmp_path / "frf.csv", data.frequency)
     rid.save(tmp_path / "step.csv", data.time)
     monkeypatch.chdir(tmp_path)
@@ -62,7 +62,7 @@ def undrawn(monkeypatch):
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     """A folder to stand in, with a response and a step of the simulated structure."""
-    data = rid.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0)
     rid.save(tmp_path / "frf.csv", data.frequency)
     rid.save(tmp_path / "step.csv", data.time)
     monkeypatch.chdir(tmp_path)

@@ -109,7 +109,7 @@ def test_records_become_a_response_with_the_bounds_of_the_noise_floor(folder):
     result = rid.run(path, "out")
     total = [dataclasses.replace(r, y=r.y.sum(axis=1), outputs=["left + right [m]"]) for r in (record, rest)]
     excited = total[0].window(0.5, past="periodic")
-    noise = rid.bounds_from_noise_floor(total[1], factor=2.0)
+    noise = rid.prepare.bounds_from_noise_floor(total[1], factor=2.0)
     expected = noise.bound_response(rid.estimate_frf(excited, period=50), excited, period=50)
     (found,) = result.identification.problem.frequency
     np.testing.assert_allclose(found.values, expected.values, rtol=1e-12)
@@ -135,7 +135,7 @@ def test_samples_without_bound_take_that_of_the_noise_floor(folder):
     sources[0] |= {"past": "unknown"}
     result = rid.run(ask(folder, change, QUICK), "out")
     (time,) = result.identification.problem.time
-    noise = rid.bounds_from_noise_floor(rest.entry(0))
+    noise = rid.prepare.bounds_from_noise_floor(rest.entry(0))
     np.testing.assert_allclose(time.bound, noise.level[0])
     np.testing.assert_allclose(time.y[:, 0], record.y[:20, 0] - noise.mean[0])
 
@@ -233,7 +233,7 @@ def test_modes_are_those_of_a_fit_its_poles_at_one_integrators():
     found = modes.stated_modes(fit)
     assert found["integrators"] == 2
     assert found["hz"] == pytest.approx([40 / (2 * np.pi)], rel=1e-3)
-    assert modes.stated_modes(rid.mode_table(fit)) == found
+    assert modes.stated_modes(rid.fits.mode_table(fit)) == found
     assert modes.stated_modes([(9, 0.1)]) == {"hz": [9.0], "damping": [0.1]}
     for wrong, words in ((3.0, "pairs"), ([3.0], "pairs"), ("9:0.1", "pairs")):
         with pytest.raises(rid.errors.InputTypeError, match=words):

@@ -26,7 +26,7 @@ def test_writes_what_the_library_designs_and_says_what_to_do(run):
     code, out, err = run([*COMMAND, *options, "--amplitude", "0.5", "--amplitude", "2", "-o", "[x].csv"])
     assert code == 0, err
     play = rid.load("[x].csv")
-    same = rid.multisine(
+    same = rid.prepare.multisine(
         band_hz=(1, 20), dt=0.01, period=100, inputs=2, realisations=2, spacing="odd", amplitude=[0.5, 2], seed=3
     )
     np.testing.assert_array_equal(play.u, same.u)

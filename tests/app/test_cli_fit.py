@@ -34,7 +34,7 @@ def made(tmp_path_factory):
     np.savez(folder / "nan.npz", omega=OMEGA, values=broken)
     np.savez(folder / "zero.npz", omega=OMEGA, values=0 * FEW)
     np.savez(folder / "twice.npz", omega=OMEGA[[0, 1, 1]], values=FEW[:3])
-    rid.save(folder / "step.csv", rid.flexible_structure().time)
+    rid.save(folder / "step.csv", rid.datasets.flexible_structure().time)
     return folder
 
 

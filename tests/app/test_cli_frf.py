@@ -19,7 +19,7 @@ GAIN = np.array([[2.0, 0.5], [0.0, -1.0]])
 def made(tmp_path_factory):
     """Two experiments of a 2 x 2 gain, their excitation, one channel of them with names of its own, and other kinds."""
     folder = tmp_path_factory.mktemp("files")
-    play = rid.multisine(band_hz=(1, 20), dt=DT, period=PERIOD, inputs=2, minimise_crest=False)
+    play = rid.prepare.multisine(band_hz=(1, 20), dt=DT, period=PERIOD, inputs=2, minimise_crest=False)
     play.save(folder / "play.csv")
     rng = np.random.default_rng(0)
     for k, u in enumerate(play.u):

@@ -41,7 +41,7 @@ def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, run):
 
 
 def test_column_names_and_units_are_given_by_options(files, run):
-    frf = rid.flexible_structure(seed=0).frequency
+    frf = rid.datasets.flexible_structure(seed=0).frequency
     rows = np.column_stack([frf.freq_hz, frf.values[:, 0, 0].real, frf.values[:, 0, 0].imag])
     np.savetxt("odd.csv", rows, delimiter=",", header="where,x,y", comments="")
     fields = ["--frequency-field", "omega=where", "--frequency-field", "real=x", "--frequency-field", "imag=y"]
@@ -103,7 +103,7 @@ def columns(name, header, *arrays):
 @pytest.fixture
 def foreign(files):
     """The same measurements in files that robustid did not write."""
-    data = rid.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0)
     omega, value = data.frequency.omega, data.frequency.values[:, 0, 0]
     t, u, y = data.time.time, data.time.u[:, 0], data.time.y[:, 0]
     columns("plain.csv", "freq_hz,real,imag", omega / (2 * np.pi), value.real, value.imag)
@@ -206,7 +206,7 @@ def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign,
     code, _, err = run(["identify", *arguments, *SHORT])
     assert code == 0, err
     result = rid.load("result")
-    data = rid.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0)
     np.testing.assert_allclose(result.problem.frequency[0].values, data.frequency.band(2, 10).values)
     np.testing.assert_array_equal(result.problem.time[0].y, data.time.y[:7])
     assert result.problem.frequency[0].note == "given on the command line"
@@ -214,7 +214,7 @@ def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign,
 
 
 def test_one_entry_is_picked_by_number_or_name(foreign, run):
-    value = rid.flexible_structure(seed=0).frequency.values
+    value = rid.datasets.flexible_structure(seed=0).frequency.values
     for entry in ("1,0", "y2,u1"):
         code, _, _ = run(["identify", "--frequency", "two.npz", "--entry", entry, *LINES, *SHORT, "--force"])
         assert code in (0, 3)

@@ -90,7 +90,7 @@ def test_misuse_is_one_sentence_in_options(model, run, options, says):
 
 def test_an_identification_is_truncated_where_an_option_says_how(tmp_path, run, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    data = rid.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0)
     basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)).save("mine")

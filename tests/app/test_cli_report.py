@@ -17,7 +17,7 @@ OMEGA = [30.0, 60.0]
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored")
-    data = rid.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
+    data = rid.datasets.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
     modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
     problem = rid.MixedProblem(
         frequency=data.frequency, time=data.time, prior=rid.Prior(gain_bound=0.3, decay_rate=1.2), parametric=modes

@@ -100,7 +100,7 @@ def test_two_continuous_members_are_a_family(measured, tmp_path):
     for name, gain in (("one", 1.0), ("other", 1.02)):
         data = rid.FrequencyResponse(frf.omega, gain * frf.values, bound=frf.bound)
         problem = rid.MixedProblem(frequency=data, prior=prior, parametric=basis)
-        members.append(rid.Member(rid.identify(problem), name))
+        members.append(rid.guarantee.Member(rid.identify(problem), name))
     both = rid.family(members, omega=[10.0, 20.0, 60.0])
     assert both.model.dt == 0
     both.save(tmp_path / "family.json")

@@ -156,7 +156,7 @@ def test_a_look_proves_a_band_over_the_box_until_a_mode_is_moved(tmp_path):
 
 def true_response():
     """The plant that the data are of."""
-    model = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8]).truth
+    model = rid.datasets.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8]).truth
     return lambda omega: model(np.exp(1j * omega * model.dt))
 
 

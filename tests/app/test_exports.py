@@ -15,7 +15,7 @@ import scipy.io
 import robustid as rid
 from robustid.errors import InputError
 
-DATA = rid.flexible_structure()
+DATA = rid.datasets.flexible_structure()
 OMEGA = np.concatenate([np.geomspace(1, 310, 60), DATA.modes[:, 0]])
 
 
@@ -69,7 +69,7 @@ def test_matlab_scripts_and_json_hold_the_same_model(size, tmp_path):
 
 def test_an_uncertain_plant_is_written_for_matlab(tmp_path):
     edges, bound = np.array([1.0, 30.0, 100.0, np.pi / 0.01]), np.array([0.01, 0.04, 0.5])
-    weight = rid.uncertainty_weight(DATA.truth, edges, bound)
+    weight = rid.guarantee.uncertainty_weight(DATA.truth, edges, bound)
     rid.save(tmp_path / "plant.m", weight)
     text = (tmp_path / "plant.m").read_text()
     found = matlab_matrices(text)
@@ -201,7 +201,7 @@ def test_responses_as_universal_files_and_tables(tmp_path, consistent_error):
 @pytest.fixture(scope="module")
 def consistent_error():
     basis = rid.kautz(DATA.modes[:, 0], DATA.modes[:, 1], dt=0.01, delay=1)
-    data = rid.flexible_structure(lines=5)
+    data = rid.datasets.flexible_structure(lines=5)
     posed = rid.MixedProblem(
         frequency=data.frequency, parametric=basis, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1)
     )

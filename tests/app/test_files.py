@@ -25,8 +25,8 @@ THINGS = {
     "response.csv": lambda: rid.FrequencyResponse([1.0, 2.0], [0.1 + 0.2j, 0.3j], bound=0.01, dt=0.1),
     "record.npz": lambda: rid.TimeRecord([1.0, 0.0], [0.5, 0.7], dt=1.0, bound=1e-3, initial="free"),
     "record.mat": lambda: rid.TimeRecord([1.0, 0.0], [0.5, 0.7], dt=1.0, bound=1e-3),
-    "play.csv": lambda: rid.multisine(lines=[1, 3], period=10, dt=0.5, inputs=2, periods=2),
-    "play.npz": lambda: rid.multisine(lines=[1, 3], period=10, dt=0.5),
+    "play.csv": lambda: rid.prepare.multisine(lines=[1, 3], period=10, dt=0.5, inputs=2, periods=2),
+    "play.npz": lambda: rid.prepare.multisine(lines=[1, 3], period=10, dt=0.5),
 }
 
 

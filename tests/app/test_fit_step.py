@@ -23,7 +23,7 @@ def test_the_modes_of_a_fit_are_those_of_the_class(folder):
     assert "a matrix fraction of order 4, weighted by" in result.choices["modes"].reason
     fit = rid.load("out/fit")
     assert fit.modal.damping == "proportional"
-    hz = sorted(row.hz for row in rid.mode_table(fit))
+    hz = sorted(row.hz for row in rid.fits.mode_table(fit))
     np.testing.assert_array_equal(hz, modes.hz)
     assert tomllib.loads((folder / "out" / "run.toml").read_text(encoding="utf-8"))["fit"]["order"] == 4
     again = rid.run(folder / "out" / "run.toml", "again")

@@ -19,9 +19,9 @@ from support.command_line import words as command
 @pytest.fixture(name="folder")
 def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    data = rid.flexible_structure(lines=20, samples=12)
+    data = rid.datasets.flexible_structure(lines=20, samples=12)
     rid.save("frf.csv", data.frequency)
-    rid.save("wrong.csv", rid.correct(data.frequency, "conjugate"))
+    rid.save("wrong.csv", rid.prepare.correct(data.frequency, "conjugate"))
     rid.save("record.csv", data.time)
     np.savez("bench.npz", run=np.random.default_rng(0).standard_normal((60, 2)))
     (tmp_path / "sweep.csv").write_text("f,gain,phase\n" + "\n".join(f"{k},{-k},{-10 * k}" for k in range(1, 20)))
@@ -130,7 +130,7 @@ def test_a_file_that_may_be_both_begins_as_the_response_that_its_fields_name(tmp
 
 @pytest.mark.parametrize("name", ["look", "identify"])
 def test_a_file_is_parsed_once(name, tmp_path, monkeypatch):
-    rid.save(tmp_path / "frf.csv", rid.flexible_structure(lines=6).frequency)
+    rid.save(tmp_path / "frf.csv", rid.datasets.flexible_structure(lines=6).frequency)
     parsed, reader = [], readers._reader
     monkeypatch.setattr(readers, "_reader", lambda path, *rest: parsed.append(path.name) or reader(path, *rest))
     monkeypatch.chdir(tmp_path)

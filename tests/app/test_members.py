@@ -42,7 +42,7 @@ def test_a_run_makes_the_family_that_is_made_by_hand(done):
     for name, gain in GAINS.items():
         frf = rid.load(folder / f"{name}.csv", dt=DT)
         result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
-        members.append(rid.Member(result, name, amplitude=gain))
+        members.append(rid.guarantee.Member(result, name, amplitude=gain))
     hand = rid.family(members, omega=2 * np.pi * np.array(AT["at_hz"]), directions=4)
     assert np.array_equal(found.family.upper, hand.upper)
     assert found.family.names == ("weak", "strong")
@@ -89,7 +89,7 @@ def test_the_modes_are_those_of_a_fit_of_the_first_member(tmp_path):
         [found.identifications["weak"].problem.parametric.poles] * 2,
     )
     fit = rid.load(tmp_path / "out" / "fit")
-    assert rid.mode_table(fit)[0].hz == modes.hz[0]
+    assert rid.fits.mode_table(fit)[0].hz == modes.hz[0]
     again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
     assert np.array_equal(again.family.upper, found.family.upper)
     assert again.run_file.modes.note == modes.note
@@ -117,7 +117,7 @@ def test_every_member_has_its_own_poles_and_their_box(tmp_path, modes):
         assert low < place[m.name] < high
         assert m.damping_interval[0][0] < 0.03 < m.damping_interval[0][1]
         box = 2 * np.pi * np.array(m.hz_interval), np.array(m.damping_interval)
-        members.append(rid.Member(found.identifications[m.name], m.name, amplitude=m.amplitude, poles=box))
+        members.append(rid.guarantee.Member(found.identifications[m.name], m.name, amplitude=m.amplitude, poles=box))
     hand = rid.family(members, omega=found.family.omega, directions=3)
     np.testing.assert_allclose(found.family.upper, hand.upper, rtol=1e-9)
     assert found.family.certified

@@ -82,7 +82,7 @@ def test_options_of_a_fit_have_the_defaults_of_the_library():
 )
 def test_wrong_arguments_are_refused_by_their_own_name(stated, error, words):
     with pytest.raises(error, match=words):
-        rid.identify_reduced(rid.flexible_structure(lines=5).frequency, **stated)
+        rid.identify_reduced(rid.datasets.flexible_structure(lines=5).frequency, **stated)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_wrong_arguments_are_refused_by_their_own_name(stated, error, words):
     [
         (
             excite,
-            rid.multisine,
+            rid.prepare.multisine,
             "spacing lines_per_decade inputs realisations periods amplitude rms minimise_crest seed",
         ),
         (fit, rid.fit_mfd, "form domain"),

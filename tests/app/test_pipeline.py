@@ -29,7 +29,7 @@ def same_numbers(one, two, *names):
 
 def test_the_run_file_beside_the_results_gives_the_same_again(folder):
     """With modes, prior and bounds left to the program; the second time from another place, without its choosing anything."""
-    frf = rid.flexible_structure(seed=0, lines=5, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8]).frequency
+    frf = rid.datasets.flexible_structure(seed=0, lines=5, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8]).frequency
     rid.save(folder / "frf.csv", frf.with_bound(0.3 * frf.bound, "too tight"))
     chosen = {"identify": {"inflate": "auto"}, "frequency_points": {"every": 2, "near_hz": 1.0}, **SHORT}
     (folder / "sub").mkdir()
@@ -259,7 +259,7 @@ def test_the_page_holds_the_run_file_and_the_findings(folder):
 
 @pytest.mark.usefixtures("unreduced")
 def test_identify_reduced_of_a_problem():
-    data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
+    data = rid.datasets.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
     basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     problem = rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)

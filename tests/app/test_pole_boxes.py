@@ -89,7 +89,7 @@ def test_the_box_is_named_where_it_can_be_covered(result):
 
 def test_a_mode_whose_box_is_too_wide_is_named(result):
     box = OMEGA[:, None] * [[0.9999, 1.0001], [0.9, 1.1]], DAMPING[:, None] * [0.99, 1.01]
-    band = rid.worst_case_over_poles(result, *box, omega=[25.0, 70.0], directions=4, cells=1)
+    band = rid.guarantee.worst_case_over_poles(result, *box, omega=[25.0, 70.0], directions=4, cells=1)
     assert np.isfinite(band.sigma_upper[0])
     assert band.sigma_upper[1] == np.inf
     assert band.too_wide == "mode 2"

@@ -15,13 +15,13 @@ pytestmark = pytest.mark.quick
 
 @pytest.mark.parametrize(("missing", "words"), [({"bound": None}, "bound on every sample"), ({}, "both missing")])
 def test_a_proposal_needs_data_with_a_bound(missing, words):
-    frf = dataclasses.replace(rid.flexible_structure(seed=0).frequency, **missing)
+    frf = dataclasses.replace(rid.datasets.flexible_structure(seed=0).frequency, **missing)
     with pytest.raises(rid.InputError, match=words):
         proposed([frf] if missing else [])
 
 
 def test_a_proposal_says_what_was_chosen():
-    data = rid.flexible_structure(seed=0, lines=6, samples=6, extra_hz=np.linspace(17.2, 18.1, 6))
+    data = rid.datasets.flexible_structure(seed=0, lines=6, samples=6, extra_hz=np.linspace(17.2, 18.1, 6))
     problem, choices = proposed([data.frequency], [data.time])
     assert rid.identify(problem).consistent
     assert {name: choice.source for name, choice in choices.items()} == {"modes": "data", "prior": "data"}

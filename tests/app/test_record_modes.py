@@ -15,8 +15,8 @@ from robustid.app.run.sources import RecordSource
 from robustid.core import responses, simulate
 from support.posed import proposed
 
-DATA = rid.flexible_structure(lines=5, samples=150)
-SHORT = rid.flexible_structure(lines=5, samples=60)
+DATA = rid.datasets.flexible_structure(lines=5, samples=150)
+SHORT = rid.datasets.flexible_structure(lines=5, samples=60)
 
 
 def test_the_modes_of_a_structure_are_those_of_its_record():

@@ -42,7 +42,7 @@ def test_half_a_roll_off_and_a_weight_are_refused():
 @pytest.mark.parametrize("dt", [None, 0.002])
 def test_a_weight_of_python_is_stated_by_its_numbers(dt):
     """Exactly the same class again, through the text of a run file."""
-    weight = rid.prior_weight([10.0, 60.0, 600.0], [1.0, 1.0, 0.01], dt=dt)
+    weight = rid.advise.prior_weight([10.0, 60.0, 600.0], [1.0, 1.0, 0.01], dt=dt)
     prior = rid.Prior(gain_bound=0.2, weight=weight, **({"decay_rate": 1.1} if dt else {"decay": 3.0}))
     text = RunFile(prior=PriorChoice.of(prior, "a note")).text()
     again = read_run_file(tomllib.loads(text), sources=False).prior
@@ -58,7 +58,7 @@ def test_a_table_is_covered_in_the_time_of_the_data(tmp_path, monkeypatch):
     rid.save("frf.npz", rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.01))
     path = ask(tmp_path, FEW, {"prior": {"gain_bound": 3.0, "decay": 4.0, "weight": rows}})
     hz, level = np.array(rows).T
-    prior = rid.Prior(gain_bound=3.0, decay=4.0, weight=rid.prior_weight(2 * np.pi * hz, level))
+    prior = rid.Prior(gain_bound=3.0, decay=4.0, weight=rid.advise.prior_weight(2 * np.pi * hz, level))
     found = rid.run(path, "out")
     assert found.identification.prior == prior
     assert read_run_file("out/run.toml").prior.weight == ((1.0, 1.0), (8.0, 0.1))

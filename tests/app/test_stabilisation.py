@@ -16,7 +16,7 @@ def test_lines_grow_with_the_sweep_and_poles_stand_at_their_frequency():
         (2 * np.pi * hz) ** 2 / (s**2 + 0.02 * 2 * np.pi * hz * s + (2 * np.pi * hz) ** 2) for hz in (2, 10, 50)
     )
     shown, diagram = [], Stabilisation(omega)
-    rid.suggest_order(
+    rid.fits.suggest_order(
         rid.FrequencyResponse(omega, values),
         orders=[2, 4, 6, 7, 8],
         weight=np.ones((80, 1, 1)),

@@ -67,7 +67,7 @@ def results():
     frf = rid.FrequencyResponse.from_control(control.frequency_response(PLANT, OMEGA))
     noisy = dataclasses.replace(frf, values=frf.values * (1 + 0.01 * np.cos(7 * OMEGA))[:, None, None], bound=0.1)
     fit = rid.fit_mfd(noisy, order=2, restart=False)
-    sweep = rid.suggest_order(noisy.select(slice(None, None, 5)), orders=[1, 2])
+    sweep = rid.fits.suggest_order(noisy.select(slice(None, None, 5)), orders=[1, 2])
     model = control.ss(np.diag(np.linspace(-1, -9, 60)), np.ones((60, 2)), np.ones((2, 60)), 0)
     return {
         "response": noisy,
@@ -79,13 +79,13 @@ def results():
         "polynomials": fit.fraction.basis,
         "sweep": sweep,
         "weight": fit.problem.weight,
-        "deviations": rid.fit_covariance(fit),
-        "modal form": rid.modal_form(model),
+        "deviations": rid.fits.fit_covariance(fit),
+        "modal form": rid.fits.modal_form(model),
         "reduction": rid.balanced_truncation(model, order=3),
         "validation": rid.validate(fit, noisy),
         "record": rid.TimeRecord(np.ones(5000), np.ones((5000, 3)), dt=0.1),
-        "excitation": rid.multisine(period=4096, dt=1e-3, band_hz=(1, 20)),
-        "structure": rid.flexible_structure(),
+        "excitation": rid.prepare.multisine(period=4096, dt=1e-3, band_hz=(1, 20)),
+        "structure": rid.datasets.flexible_structure(),
         "basis": rid.kautz(np.linspace(1, 20, 30), 0.01, dt=0.01),
         "continuous": rid.to_continuous(control.sample_system(PLANT, 0.1)),
     }

@@ -49,7 +49,7 @@ def test_a_file_gets_at_most_eleven_lines(capsys):
 
 
 def test_functions_of_all_kinds_take_it(capsys):
-    data = rid.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0)
     rid.fit_mfd(data.frequency, order=2, progress=rid.show_progress)
     result = rid.identify(about_structure(data, 0.2, 1.1), progress=rid.show_progress)
     rid.worst_case_error(result, omega=np.array([60.0]), directions=4, progress=rid.show_progress)

@@ -41,7 +41,7 @@ def test_an_error_inside_gives_the_threads_back():
 
 
 def test_long_calls_of_small_matrices_have_one_thread():
-    plant, seen = rid.flexible_structure(lines=6), []
+    plant, seen = rid.datasets.flexible_structure(lines=6), []
 
     def look(*_):
         seen.append(threads())
@@ -49,5 +49,5 @@ def test_long_calls_of_small_matrices_have_one_thread():
     problem = about_structure(plant, 1.0, 1.1)
     rid.suggest_prior(problem, decay_rates=[1.1], progress=look)
     result = rid.identify(problem.with_prior(gain_bound=0.2))
-    rid.response_tube(result, horizon=2, times=[0.0], progress=look)
+    rid.guarantee.response_tube(result, horizon=2, times=[0.0], progress=look)
     assert seen == [1, 1]

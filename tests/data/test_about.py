@@ -12,7 +12,7 @@ PERIOD, DT = 128, 0.01
 
 def records(count, *, periods=4, lines="all", scatter=0.0, noise=0.01, seed=0):
     """A plant of gain 2 whose output holds something else in every realisation, at the excited lines and between them."""
-    play = rid.multisine(
+    play = rid.prepare.multisine(
         band_hz=(3, 40),
         period=PERIOD,
         dt=DT,
@@ -90,7 +90,7 @@ def test_where_nothing_changes_the_next_record_is_as_sure_as_noise_allows():
 
 def test_one_excitation_says_nothing_of_the_next_record():
     """All lines up to the edge of the axis are excited: nothing shows distortion."""
-    play = rid.multisine(lines=np.arange(1, PERIOD // 2), period=PERIOD, dt=DT)
+    play = rid.prepare.multisine(lines=np.arange(1, PERIOD // 2), period=PERIOD, dt=DT)
     u = np.tile(play.u[0], (4, 1))
     y = u + 0.01 * np.random.default_rng(0).standard_normal(u.shape)
     record = rid.TimeRecord(u, y, dt=DT, initial="periodic")

@@ -390,7 +390,7 @@ def test_validation_and_reduction_use_the_ellipses(tmp_path):
 
 def test_advice_with_ellipses():
     """A prior and modes from elliptic data that leave the truth consistent; trials with further pairs are posed."""
-    data = rid.flexible_structure()
+    data = rid.datasets.flexible_structure()
     (lines,) = [data.frequency]
     C = covariances(np.random.default_rng(0), lines.omega.size, 3.0) * lines.bound[:, :1] ** 2
     frf = lines.with_ellipses(4 * C, 1.0)

@@ -80,14 +80,14 @@ def test_crest_is_never_worse_than_schroeder_or_random(seed):
 
 def test_crest_of_31_flat_harmonics():
     """Schroeder's is 1.78 here; the literature's best values lie at 1.4."""
-    play = rid.multisine(**BAND, realisations=5)
+    play = rid.prepare.multisine(**BAND, realisations=5)
     lines = np.arange(1, 32)
     np.testing.assert_array_equal(play.lines, lines)
     assert crest(schroeder_phases(np.ones(31)), np.ones(31), lines, 1000) > 1.7
     assert play.crest_factors.max() < 1.5
     assert np.median(play.crest_factors) < 1.42
     # purely random phases are what it is an improvement on
-    assert rid.multisine(**BAND, realisations=5, minimise_crest=False).crest_factors.min() > 1.8
+    assert rid.prepare.multisine(**BAND, realisations=5, minimise_crest=False).crest_factors.min() > 1.8
 
 
 def test_schroeder_phases_of_a_flat_spectrum():
@@ -102,7 +102,7 @@ def test_schroeder_phases_of_a_flat_spectrum():
 def test_spectra_are_as_asked_and_orthogonal(nu):
     lines, rng = np.array([1, 2, 5, 11, 30, 49]), np.random.default_rng(nu)
     shape, rms = rng.uniform(0.5, 2, (6, nu)), rng.uniform(0.5, 2, nu)
-    play = rid.multisine(lines=lines, period=100, dt=DT, inputs=nu, realisations=2, spectrum=shape, rms=rms)
+    play = rid.prepare.multisine(lines=lines, period=100, dt=DT, inputs=nu, realisations=2, spectrum=shape, rms=rms)
     assert play.u.shape == (2 * nu, 100, nu)
     matrices = spectra(play)
     assert np.abs(np.delete(matrices, lines, axis=1)).max() < 1e-13
@@ -119,14 +119,14 @@ def test_spectra_are_as_asked_and_orthogonal(nu):
     [(2, 1.5), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((3, 1.7), (4, 1.5), (5, 1.7)))],
 )
 def test_crest_of_orthogonal_sets(nu, limit):
-    play = rid.multisine(band_hz=(1, 31), period=500, dt=0.002, inputs=nu)
+    play = rid.prepare.multisine(band_hz=(1, 31), period=500, dt=0.002, inputs=nu)
     assert play.crest_factors.max() < limit
     np.testing.assert_allclose(np.abs(play.u).max(axis=(0, 1)), 1, rtol=1e-15)
 
 
 def test_lines_of_a_band():
     def chosen(**options):
-        return rid.multisine(**{**BAND, "minimise_crest": False, **options}).lines
+        return rid.prepare.multisine(**{**BAND, "minimise_crest": False, **options}).lines
 
     np.testing.assert_array_equal(chosen(band_hz=(2.0, 7.5)), np.arange(2, 8))
     # edges that are lines in decimal, though not in binary
@@ -147,7 +147,7 @@ def test_lines_of_a_band():
 
 def test_random_odd_lines_leave_one_in_four_for_detection():
     grids = [
-        rid.multisine(
+        rid.prepare.multisine(
             band_hz=(1, 401), period=1000, dt=0.001, spacing="random-odd", minimise_crest=False, seed=seed
         ).lines
         for seed in range(20)
@@ -165,8 +165,8 @@ def test_random_odd_lines_leave_one_in_four_for_detection():
 def test_spectrum_as_array_or_callable():
     """A callable is given Hz."""
     options = {"lines": [2, 4, 8], "period": 200, "dt": DT}
-    by_hand = rid.multisine(**options, spectrum=[1, 0.5, 0.25])
-    np.testing.assert_array_equal(rid.multisine(**options, spectrum=lambda hz: 1 / hz).u, by_hand.u)
+    by_hand = rid.prepare.multisine(**options, spectrum=[1, 0.5, 0.25])
+    np.testing.assert_array_equal(rid.prepare.multisine(**options, spectrum=lambda hz: 1 / hz).u, by_hand.u)
     np.testing.assert_allclose(
         np.abs(spectra(by_hand)[0, [2, 4, 8], 0, 0]) / np.abs(spectra(by_hand)[0, 2, 0, 0]), [1, 0.5, 0.25], rtol=1e-12
     )
@@ -174,10 +174,10 @@ def test_spectrum_as_array_or_callable():
 
 def test_the_seed_makes_the_signals_and_realisations_differ():
     options = {"band_hz": (1, 31), "period": 250, "dt": 0.004, "inputs": 2, "rms": 1.0}
-    first = rid.multisine(**options, realisations=2, seed=7)
-    np.testing.assert_array_equal(rid.multisine(**options, realisations=2, seed=7).u, first.u)
-    np.testing.assert_array_equal(rid.multisine(**options, realisations=1, seed=7).u, first.u[:2])
-    others = rid.multisine(**options, realisations=2, seed=8)
+    first = rid.prepare.multisine(**options, realisations=2, seed=7)
+    np.testing.assert_array_equal(rid.prepare.multisine(**options, realisations=2, seed=7).u, first.u)
+    np.testing.assert_array_equal(rid.prepare.multisine(**options, realisations=1, seed=7).u, first.u[:2])
+    others = rid.prepare.multisine(**options, realisations=2, seed=8)
     signals = np.concatenate([first.u[::2], others.u[::2]]).transpose(0, 2, 1).reshape(-1, 250)
     # largest correlation over all shifts: 1 for the same signal, shifted
     spectrum = np.fft.rfft(signals)
@@ -189,16 +189,16 @@ def test_the_seed_makes_the_signals_and_realisations_differ():
 @pytest.mark.parametrize("power", [pytest.param(-60, marks=pytest.mark.slow), 60])
 def test_units_do_not_matter(power):
     scale, options = 2.0**power, {**BAND, "inputs": 2}
-    play = rid.multisine(**options)
-    np.testing.assert_array_equal(rid.multisine(**options, amplitude=scale).u, scale * play.u)
-    np.testing.assert_array_equal(rid.multisine(**options, spectrum=np.full(31, scale)).u, play.u)
-    slow = rid.multisine(**{**options, "dt": 0.001 * scale, "band_hz": (1 / scale, 31 / scale)})
+    play = rid.prepare.multisine(**options)
+    np.testing.assert_array_equal(rid.prepare.multisine(**options, amplitude=scale).u, scale * play.u)
+    np.testing.assert_array_equal(rid.prepare.multisine(**options, spectrum=np.full(31, scale)).u, play.u)
+    slow = rid.prepare.multisine(**{**options, "dt": 0.001 * scale, "band_hz": (1 / scale, 31 / scale)})
     np.testing.assert_array_equal(slow.u, play.u)
     np.testing.assert_array_equal(slow.freq_hz * scale, play.freq_hz)
 
 
 def test_signals_to_play():
-    play = rid.multisine(**BAND, inputs=2, realisations=2, periods=3)
+    play = rid.prepare.multisine(**BAND, inputs=2, realisations=2, periods=3)
     assert play.signal(3).shape == (3000, 2)
     np.testing.assert_array_equal(play.signal(3), np.concatenate([play.u[3]] * 3))
     with pytest.raises(InputError, match="`experiment` must be from 0 to 3; got 4"):
@@ -231,7 +231,7 @@ def plant(nu):
 def test_what_was_played_finds_the_plant(nu, tmp_path):
     """Through a file, as in a laboratory: design, save, play, record, read the lines back, estimate."""
     design = {"band_hz": (2, 40), "period": 100, "dt": DT, "inputs": nu, "periods": 2, "spacing": "odd"}
-    rid.multisine(**design).save(tmp_path / "play.csv")
+    rid.prepare.multisine(**design).save(tmp_path / "play.csv")
     play = rid.load(tmp_path / "play.csv")
     records = list(played(plant(nu), play, 0.0, np.random.default_rng(0)))
     frf = rid.estimate_frf(records, period=play.period, lines=play.lines)
@@ -246,7 +246,7 @@ def test_what_was_played_finds_the_plant(nu, tmp_path):
 def test_accuracy_is_that_of_the_formula(nu):
     """sigma/rms sqrt(2 F/(nu P period)): 2 nu F entries and 100 seeds make the mean square known to 1.4 or 2 %."""
     sigma, periods, count = 0.1, 2, 25
-    play = rid.multisine(band_hz=(1, 25), period=100, dt=DT, inputs=nu, periods=periods, rms=2.0)
+    play = rid.prepare.multisine(band_hz=(1, 25), period=100, dt=DT, inputs=nu, periods=periods, rms=2.0)
     clean = list(played(plant(nu), play, 0.0, np.random.default_rng(0)))
     truth = rid.estimate_frf(clean, period=100, lines=play.lines).values
     rng, errors = np.random.default_rng(1), []
@@ -260,7 +260,7 @@ def test_accuracy_is_that_of_the_formula(nu):
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".CSV"])
 def test_files_come_back_exactly(suffix, tmp_path):
-    play = rid.multisine(
+    play = rid.prepare.multisine(
         **{**BAND, "dt": 0.1 / 3, "band_hz": (0.1, 1)},
         inputs=2,
         realisations=2,
@@ -277,7 +277,7 @@ def test_files_come_back_exactly(suffix, tmp_path):
 
 
 def test_the_csv_is_what_a_player_needs(tmp_path):
-    play = rid.multisine(lines=[1, 3], period=10, dt=0.5, inputs=2, periods=2)
+    play = rid.prepare.multisine(lines=[1, 3], period=10, dt=0.5, inputs=2, periods=2)
     play.save(tmp_path / "play.csv")
     lines = (tmp_path / "play.csv").read_text().splitlines()
     assert lines[0].startswith('# robustid.excitation {"dt": 0.5, "periods": 2')
@@ -309,7 +309,7 @@ def test_the_csv_is_what_a_player_needs(tmp_path):
 )
 def test_other_files_are_refused(change, sentence, tmp_path):
     path = tmp_path / "play.csv"
-    rid.multisine(lines=[1, 3], period=10, dt=0.5, inputs=2, periods=2).save(path)
+    rid.prepare.multisine(lines=[1, 3], period=10, dt=0.5, inputs=2, periods=2).save(path)
     path.write_text(change(path.read_text()))
     with pytest.raises(FileFormatError, match=sentence):
         load_excitation(path)
@@ -322,7 +322,7 @@ def test_other_arrays_are_refused(tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         load_excitation(tmp_path / "none.csv")
     with pytest.raises(InputError, match=r"`path` must end in \.csv or \.npz"):
-        rid.multisine(**BAND).save(tmp_path / "play.mat")
+        rid.prepare.multisine(**BAND).save(tmp_path / "play.mat")
     assert not (tmp_path / "play.mat").exists()
 
 
@@ -372,7 +372,7 @@ def test_other_arrays_are_refused(tmp_path):
 )
 def test_multisine_refuses(options, error, sentence):
     with pytest.raises(error, match=sentence):
-        rid.multisine(**{**BAND, "minimise_crest": False, **options})
+        rid.prepare.multisine(**{**BAND, "minimise_crest": False, **options})
 
 
 @pytest.mark.parametrize("shape", [(3, 10, 2), (10, 2), (0, 10, 2)])

@@ -225,7 +225,7 @@ def test_what_a_bound_of_a_response_refuses(parts, sentence):
 
 def test_what_needs_every_entry_says_so():
     frf = response(9, missing=True)
-    for refused in (frf.to_control, lambda: frf.with_ellipsoid(2.0), lambda: rid.estimate_delay(frf)):
+    for refused in (frf.to_control, lambda: frf.with_ellipsoid(2.0), lambda: rid.prepare.estimate_delay(frf)):
         with pytest.raises(
             InputError, match=r"every entry at every frequency point; \d+ of 30 are missing, the first at"
         ):
@@ -304,7 +304,9 @@ def test_bounds_from_rest_are_of_entries():
     u = np.tile(rng.standard_normal(100), 4)
     y = np.stack([2 * u, -u], axis=1) + 0.01 * rng.standard_normal((400, 2))
     record = rid.TimeRecord(u, y, dt=DT, initial="periodic")
-    noise = rid.bounds_from_noise_floor(rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT))
+    noise = rid.prepare.bounds_from_noise_floor(
+        rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT)
+    )
     frf = rid.estimate_frf(record, period=100)
     expected = noise.bound_response(frf, record, period=100)
     assert expected.bound.joint == "entry"
@@ -312,7 +314,7 @@ def test_bounds_from_rest_are_of_entries():
 
 
 def test_an_identification_keeps_how_a_bound_is_meant(tmp_path):
-    frf = rebound(rid.flexible_structure().frequency, joint="column")
+    frf = rebound(rid.datasets.flexible_structure().frequency, joint="column")
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=50, decay_rate=1.05)))
     result.save(tmp_path / "result")
     same(rid.load(tmp_path / "result").problem.frequency[0], frf)
@@ -323,11 +325,11 @@ def test_a_weight_of_one_s_own():
     fit = rid.fit_mfd(frf, order=3, weight=np.ones(frf.values.shape))
     assert rid.validate(fit.model, frf).ratio < 1e-6
     with pytest.raises(InputError, match="mixes the entries"):
-        rid.fit_mfd(frf, order=3, weight=rid.Weight(np.ones(frf.values.shape), output=np.eye(2)))
+        rid.fit_mfd(frf, order=3, weight=rid.fits.Weight(np.ones(frf.values.shape), output=np.eye(2)))
 
 
 def test_modes_come_from_the_measured_lines():
-    data = rid.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10)).frequency
+    data = rid.datasets.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10)).frequency
     gone = np.zeros(data.values.shape, bool)
     gone[[1, 5]] = True
     gaps = dataclasses.replace(

@@ -117,7 +117,7 @@ def test_an_offset_of_a_periodic_record_goes_and_every_other_line_stays():
     rng = np.random.default_rng(0)
     record = steady(50, 4, rng)
     offset = rid.TimeRecord(record.u + 3, record.y + 7, dt=DT, initial="periodic", reference=record.u + 1)
-    level = rid.detrend(offset)
+    level = rid.prepare.detrend(offset)
     for name in ("u", "y", "reference"):
         old, new = (np.fft.rfft(getattr(r, name), axis=0) for r in (offset, level))
         np.testing.assert_allclose(new[1:], old[1:], atol=1e-10)
@@ -140,7 +140,7 @@ def test_the_bound_of_a_detrended_record_holds_and_is_attained():
             record = rid.TimeRecord(
                 u, clean + errors + 4.0 + (kind == "linear") * 0.1 * np.arange(T), dt=DT, bound=bound
             )
-            level = rid.detrend(record, kind=kind, until=fitted * DT)
+            level = rid.prepare.detrend(record, kind=kind, until=fitted * DT)
             np.testing.assert_array_equal(level.u, record.u)
             largest[k] = abs(level.y[k, 0] - clean[k])
             assert np.all(np.abs(level.y[:, 0] - clean) <= level.bound[:, 0] * (1 + 1e-12))
@@ -158,7 +158,7 @@ def test_a_mean_of_a_periodic_record_keeps_the_bound_hard():
     bound = rng.uniform(0.1, 1.0, 30)
     for k in range(30):
         errors = np.where(np.arange(30) == k, 1.0, -1.0) * bound
-        level = rid.detrend(
+        level = rid.prepare.detrend(
             rid.TimeRecord(record.u, record.y[:, 0] + errors + 9, dt=DT, bound=bound, initial="periodic")
         )
         error = np.abs(level.y - centred)
@@ -169,7 +169,7 @@ def test_a_mean_of_a_periodic_record_keeps_the_bound_hard():
 def test_a_line_is_taken_from_every_signal_of_a_record_from_an_unknown_state():
     time = np.arange(30.0)
     record = rid.TimeRecord(2 + time, 5 - 3 * time, dt=DT, initial="free", past_input_bound=10.0)
-    level = rid.detrend(record, kind="linear")
+    level = rid.prepare.detrend(record, kind="linear")
     np.testing.assert_allclose(np.concatenate([level.u, level.y]), 0, atol=1e-12)
     assert level.past_input_bound >= 10 + np.abs(record.u).max() - 1e-9
 
@@ -190,7 +190,7 @@ def test_a_line_is_taken_from_every_signal_of_a_record_from_an_unknown_state():
 def test_detrend_refuses(options, how, sentence):
     record = rid.TimeRecord([0.0, 0.0, 1.0, 2.0], np.ones(4), dt=DT, **options)
     with pytest.raises(rid.InputError, match=sentence):
-        rid.detrend(record, **how)
+        rid.prepare.detrend(record, **how)
 
 
 # --- decimation
@@ -200,7 +200,7 @@ def test_detrend_refuses(options, how, sentence):
 def test_decimation_keeps_the_response_in_the_pass_band(factor):
     period = 1200
     record = steady(period, 2, np.random.default_rng(factor))
-    slow = rid.decimate(record, factor)
+    slow = rid.prepare.decimate(record, factor)
     assert (slow.u.shape[0], slow.initial) == (2 * period // factor, "periodic")
     lines = np.arange(1, int(0.8 * period / factor / 2) + 1)
     fast_u, fast_y = (np.fft.rfft(s[:period, 0])[lines] / period for s in (record.u, record.y))
@@ -215,10 +215,10 @@ def test_decimation_keeps_the_response_in_the_pass_band(factor):
 def test_the_bound_of_a_decimated_record_is_attained_by_the_worst_errors(initial):
     rng = np.random.default_rng(2)
     bound, T, factor = rng.uniform(0.5, 1.5, 600), 600, 2
-    slow = rid.decimate(rid.TimeRecord(np.ones(T), np.zeros(T), dt=DT, bound=bound, initial=initial), factor)
+    slow = rid.prepare.decimate(rid.TimeRecord(np.ones(T), np.zeros(T), dt=DT, bound=bound, initial=initial), factor)
     columns = []
     for block in np.split(np.eye(T), 4, axis=1):  # what one unit of every sample does
-        columns.append(rid.decimate(rid.TimeRecord(np.ones(T), block, dt=DT, initial=initial), factor).y)
+        columns.append(rid.prepare.decimate(rid.TimeRecord(np.ones(T), block, dt=DT, initial=initial), factor).y)
     matrix = np.hstack(columns)
     largest = np.abs(matrix) @ bound
     np.testing.assert_allclose(slow.bound[:, 0], largest, rtol=1e-12)
@@ -228,7 +228,7 @@ def test_samples_whose_filter_reaches_outside_are_dropped():
     T, factor = 1000, 4
     time = np.arange(T)
     record = rid.TimeRecord(np.ones(T), 1.0 * time, dt=DT)
-    slow = rid.decimate(record, factor)
+    slow = rid.prepare.decimate(record, factor)
     # A symmetric filter of gain 1 leaves a straight line alone: the samples that are left are known in advance.
     np.testing.assert_allclose(slow.y[:, 0], time[26 * factor : T - 26 * factor : factor], rtol=1e-12)
     np.testing.assert_allclose(slow.u, 1, rtol=1e-12)
@@ -240,13 +240,13 @@ def test_what_would_alias_is_blocked():
     T, factor = 2000, 4
     fast = np.cos(2 * np.pi * 390 * np.arange(T) / T)  # above the new Nyquist line, 250
     record = rid.TimeRecord(fast, fast, dt=DT, initial="periodic")
-    assert np.abs(rid.decimate(record, factor).y).max() < 1.1e-4
+    assert np.abs(rid.prepare.decimate(record, factor).y).max() < 1.1e-4
 
 
 def test_unused_samples_stay_unused():
     bound = np.ones(1000)
     bound[500] = np.inf
-    slow = rid.decimate(rid.TimeRecord(np.ones(1000), np.ones(1000), dt=DT, bound=bound), 2)
+    slow = rid.prepare.decimate(rid.TimeRecord(np.ones(1000), np.ones(1000), dt=DT, bound=bound), 2)
     touched = np.abs(2 * np.arange(len(slow.u)) + 52 - 500) <= 52
     np.testing.assert_array_equal(np.isinf(slow.bound[:, 0]), touched)
 
@@ -261,7 +261,7 @@ def test_unused_samples_stay_unused():
 )
 def test_decimate_refuses(samples, factor, initial, sentence):
     with pytest.raises(rid.InputError, match=sentence):
-        rid.decimate(rid.TimeRecord(np.ones(samples), np.ones(samples), dt=DT, initial=initial), factor)
+        rid.prepare.decimate(rid.TimeRecord(np.ones(samples), np.ones(samples), dt=DT, initial=initial), factor)
 
 
 # --- what is wrong with a record
@@ -274,7 +274,7 @@ def test_faults_are_named():
     y = np.stack([np.clip(u[:, 0], -10, 0.8), np.full(500, 3.0), u[:, 0]], axis=1)
     record = rid.TimeRecord(u, y, dt=DT, inputs=["force", "valve"], outputs=["x", "y", "z"])
     count = int(np.sum(u[:, 0] >= 0.8))
-    assert tuple(map(str, rid.record_faults(record))) == (
+    assert tuple(map(str, rid.prepare.record_faults(record))) == (
         "input valve is constant (0.5): it excites nothing",
         "output y is constant (3): a sensor that is not connected, or saturated",
         f"output x is at its largest value, 0.8, in {count} of 500 samples: it looks saturated, and no linear model gives"
@@ -287,12 +287,12 @@ def test_sound_records_have_no_faults():
     time = np.arange(5000)
     wave = np.sin(2 * np.pi * time / 100)
     for y in (wave, np.round(20 * wave), rng.standard_normal(5000), np.round(3 * rng.standard_normal(5000))):
-        assert rid.record_faults(rid.TimeRecord(np.sign(wave + 0.01), y, dt=DT), period=100) == ()
+        assert rid.prepare.record_faults(rid.TimeRecord(np.sign(wave + 0.01), y, dt=DT), period=100) == ()
 
 
 def test_time_vectors():
-    assert rid.sample_time(0.25 * np.arange(9)) == 0.25
+    assert rid.prepare.sample_time(0.25 * np.arange(9)) == 0.25
     with pytest.raises(rid.InputError, match="the time is not uniform: from 2 s"):
-        rid.sample_time([0.0, 1.0, 2.0, 4.0, 5.0])
+        rid.prepare.sample_time([0.0, 1.0, 2.0, 4.0, 5.0])
     with pytest.raises(rid.errors.InputTypeError, match="TimeRecord"):
-        rid.decimate(np.ones(3), 2)
+        rid.prepare.decimate(np.ones(3), 2)

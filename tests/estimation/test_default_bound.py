@@ -160,9 +160,9 @@ def test_a_few_large_values_do_not_make_a_response_look_exchanged():
     s = 1j * omega
     G = 50 / (s * (s + 13)) + 30 / (s**2 + 8 * s + 300**2)
     G = G * (1 + circular(rng, 300) * np.where(omega < 25, 1.5, 0.05))
-    assert rid.response_faults(rid.FrequencyResponse(omega, G)) == ()
+    assert rid.prepare.response_faults(rid.FrequencyResponse(omega, G)) == ()
     clean = 50 / (s * (s + 13)) + 30 / (s**2 + 8 * s + 300**2)
-    assert rid.response_faults(rid.FrequencyResponse(omega, 1 / clean))[0].kind == "exchanged"
+    assert rid.prepare.response_faults(rid.FrequencyResponse(omega, 1 / clean))[0].kind == "exchanged"
 
 
 def test_a_continuous_response_may_begin_at_zero_frequency():

@@ -55,7 +55,7 @@ def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         plant, tau = modes(rng, 2), rng.uniform(0, 10) * DT
-        found = rid.estimate_delay(rid.FrequencyResponse(OMEGA, respond(plant, tau), dt=dt), order=4)
+        found = rid.prepare.estimate_delay(rid.FrequencyResponse(OMEGA, respond(plant, tau), dt=dt), order=4)
         assert abs(found.seconds - tau) < 1e-5 * DT
         assert found.misfit < 1e-5
 
@@ -70,7 +70,7 @@ def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, d
         count = int(rng.integers(1, 4))
         plant, tau = modes(rng, count), rng.uniform(0, 10) * DT
         frf = rid.FrequencyResponse(OMEGA, noisy(respond(plant, tau), rng, 0.01), dt=dt)
-        found = rid.estimate_delay(frf, order=None if seed == 0 and (dt is None or seeds > 2) else 2 * count)
+        found = rid.prepare.estimate_delay(frf, order=None if seed == 0 and (dt is None or seeds > 2) else 2 * count)
         assert 0.008 < found.misfit < 0.012
         errors.append(abs(found.seconds - tau) / DT)
         scaled.append((found.seconds - tau) / found.deviation)
@@ -90,7 +90,7 @@ def test_the_stated_deviation_is_that_of_many_seeds(seeds, least, most):
     for seed in range(seeds):
         e = np.random.default_rng(seed).standard_normal((2, clean.size)) * deviation / np.sqrt(2)
         covariance = np.full((clean.size, 1, 1), deviation**2)
-        found = rid.estimate_delay(
+        found = rid.prepare.estimate_delay(
             rid.FrequencyResponse(OMEGA, clean + e[0] + 1j * e[1], covariance=covariance), order=4, longest=6 * DT
         )
         ratios.append((found.seconds - tau) / found.deviation)
@@ -106,14 +106,14 @@ def test_several_entries_share_their_poles_and_feed_through_is_allowed():
         gain = np.abs(p) * rng.standard_normal((2, 2))
         values += gain * (1 / (s - p) + 1 / (s - np.conj(p)))[:, None, None]
     frf = rid.FrequencyResponse(OMEGA, noisy((values + 1.0) * np.exp(-s * tau)[:, None, None], rng, 0.01))
-    assert abs(rid.estimate_delay(frf, order=4, feedthrough=True).seconds - tau) < 0.02 * DT
+    assert abs(rid.prepare.estimate_delay(frf, order=4, feedthrough=True).seconds - tau) < 0.02 * DT
 
 
 def test_units_scale_exactly():
     rng = np.random.default_rng(2)
     values = noisy(continuous(modes(rng, 2), 2 * DT), rng, 0.01)
-    plain = rid.estimate_delay(rid.FrequencyResponse(OMEGA, values), order=4)
-    scaled = rid.estimate_delay(rid.FrequencyResponse(OMEGA * 2.0**60, values * 2.0**-60), order=4)
+    plain = rid.prepare.estimate_delay(rid.FrequencyResponse(OMEGA, values), order=4)
+    scaled = rid.prepare.estimate_delay(rid.FrequencyResponse(OMEGA * 2.0**60, values * 2.0**-60), order=4)
     assert scaled.seconds == pytest.approx(plain.seconds * 2.0**-60, rel=1e-9)
     assert scaled.misfit == pytest.approx(plain.misfit, rel=1e-9)
 
@@ -133,7 +133,7 @@ def test_measured_speeds_are_low_passed_angles_without_a_delay(side):
     ratio = rid.FrequencyResponse(
         frf.omega, frf.values / s[:, None, None], covariance=frf.covariance / np.abs(s[:, None, None]) ** 2
     )
-    found = rid.estimate_delay(ratio, order=1)
+    found = rid.prepare.estimate_delay(ratio, order=1)
     assert abs(found.seconds) < 0.1 / 2500
     low_pass = 1 / (1 + s / (2 * np.pi * 20.38))
     np.testing.assert_allclose(ratio.values[:30, 0, 0], low_pass[:30], rtol=0.01)  # below the antiresonance
@@ -174,7 +174,7 @@ def test_measured_speeds_are_low_passed_angles_without_a_delay(side):
 )
 def test_estimate_delay_refuses(frf, options, error, sentence):
     with pytest.raises(error, match=sentence):
-        rid.estimate_delay(frf, **options)
+        rid.prepare.estimate_delay(frf, **options)
 
 
 # --- taken out of data
@@ -266,7 +266,7 @@ def two_by_two():
 @pytest.mark.parametrize("samples", [0, 1, 5])
 def test_whole_samples_are_exact(samples):
     model = two_by_two()
-    delayed = rid.with_delay(model, samples * DT)
+    delayed = rid.prepare.with_delay(model, samples * DT)
     assert (delayed.all_pass, delayed.model.nstates) == (0, 3 + 2 * samples)
     assert np.all(delayed.error(OMEGA) == 0)
     for w in OMEGA[::50]:
@@ -277,7 +277,7 @@ def test_whole_samples_are_exact(samples):
 @pytest.mark.parametrize("samples", [0.3, 0.8, 2.5, 3.3, 7.9, 12.6])
 def test_a_fraction_costs_the_error_that_is_stated(samples):
     model = two_by_two()
-    delayed = rid.with_delay(model, samples * DT)
+    delayed = rid.prepare.with_delay(model, samples * DT)
     assert np.all(np.abs(delayed.model.poles()) < 1)
     assert delayed.all_pass == min(max(round(samples), 1), 8)
     stated = delayed.error(OMEGA)
@@ -295,9 +295,9 @@ def test_a_fraction_costs_the_error_that_is_stated(samples):
 def test_a_found_delay_is_taken_out_and_put_back():
     plant, tau = modes(np.random.default_rng(5), 2), 4 * DT
     frf = rid.FrequencyResponse(OMEGA, held(plant, tau), dt=DT)
-    found = rid.estimate_delay(frf, order=4)
+    found = rid.prepare.estimate_delay(frf, order=4)
     fit = rid.fit_mfd(frf.without_delay(found.seconds), order=4)
-    model = rid.with_delay(fit.model, round(found.seconds / DT) * DT).model
+    model = rid.prepare.with_delay(fit.model, round(found.seconds / DT) * DT).model
     values = np.array([model(np.exp(1j * w * DT)) for w in OMEGA])
     np.testing.assert_allclose(values, frf.values[:, 0, 0], atol=1e-4 * np.abs(frf.values).max())
 
@@ -314,4 +314,4 @@ def test_a_found_delay_is_taken_out_and_put_back():
 )
 def test_with_delay_refuses(model, seconds, error, sentence):
     with pytest.raises(error, match=sentence):
-        rid.with_delay(model, seconds)
+        rid.prepare.with_delay(model, seconds)

@@ -12,7 +12,7 @@ PERIOD, DT = 128, 0.01
 def excited(lines, *, periods=4, level=0.0, relative=0.0, noise=1e-3, seed=0):
     """Gain 1 + a mode; distortion of one size, and relative to the response, on every line, the same in all periods."""
     rng = np.random.default_rng([seed, 5])
-    play = rid.multisine(lines=lines, period=PERIOD, dt=DT, minimise_crest=False, rms=1.0, seed=seed)
+    play = rid.prepare.multisine(lines=lines, period=PERIOD, dt=DT, minimise_crest=False, rms=1.0, seed=seed)
     spectrum = np.fft.rfft(play.u[0, :, 0])
     k = np.arange(spectrum.size)
     response = 20 / (20 + 2j * k)
@@ -60,7 +60,7 @@ def test_noise_alone_is_no_distortion():
 def test_even_distortion_stays_off_odd_lines():
     """A square on top of the gain: even lines hold it, and odd excited lines nothing of it."""
     lines = np.array([3, 5, 9, 11, 15, 17, 21, 23, 27, 29])
-    play = rid.multisine(lines=lines, period=PERIOD, dt=DT, minimise_crest=False, rms=1.0)
+    play = rid.prepare.multisine(lines=lines, period=PERIOD, dt=DT, minimise_crest=False, rms=1.0)
     u = np.tile(play.u[0, :, 0], 4)
     y = u + 0.1 * u**2 + 1e-4 * np.random.default_rng(0).standard_normal(u.size)
     frf = rid.estimate_frf(rid.TimeRecord(u, y, dt=DT, initial="periodic"), period=PERIOD)

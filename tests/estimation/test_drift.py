@@ -12,7 +12,7 @@ PERIOD, DT = 128, 0.01
 def drifting(slope, *, periods=4, noise=0.01, seed=0, curve=0.0):
     """Gain 2; the output drifts by `slope` of its rms in every period."""
     rng = np.random.default_rng(seed)
-    play = rid.multisine(band_hz=(1, 40), period=PERIOD, dt=DT, minimise_crest=False, rms=1.0, seed=seed)
+    play = rid.prepare.multisine(band_hz=(1, 40), period=PERIOD, dt=DT, minimise_crest=False, rms=1.0, seed=seed)
     u = play.signal(0)[:PERIOD]
     u = np.tile(u.reshape(PERIOD, 1), (periods, 1))
     t = np.arange(len(u))[:, None] / PERIOD

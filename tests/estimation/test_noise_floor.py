@@ -26,7 +26,7 @@ def multisine(rng, periods=1, lines=range(1, 31)):
 
 def test_the_level_is_the_factor_times_the_largest_deviation_of_each_output():
     y = np.array([[1.0, -5.0], [3.0, -5.5], [2.0, -3.0], [2.0, -6.5]])
-    noise = rid.bounds_from_noise_floor(at_rest(y), factor=2.0)
+    noise = rid.prepare.bounds_from_noise_floor(at_rest(y), factor=2.0)
     np.testing.assert_allclose(noise.mean, [2, -5])
     np.testing.assert_allclose(noise.level, [2, 4])
     record = noise.bound_record(rid.TimeRecord(np.ones(3), np.ones((3, 2)), dt=DT, bound=[1.0, np.inf, 1.0]))
@@ -45,7 +45,7 @@ def test_a_stretch_of_a_record_will_do():
     noise = 0.01 * rng.standard_normal(400)
     u = np.where(np.arange(400) < 300, 0.0, 1.0)
     record = rid.TimeRecord(u, 3 + u + noise, dt=DT)
-    found = rid.bounds_from_noise_floor(record.window(0.0, 3.0, past="unknown"))
+    found = rid.prepare.bounds_from_noise_floor(record.window(0.0, 3.0, past="unknown"))
     np.testing.assert_allclose(found.level, 1.5 * np.abs(noise[:300] - noise[:300].mean()).max(), rtol=1e-9)
     bounded = found.bound_record(record).window(3.0)
     assert np.isfinite(bounded.bound).sum() == 100
@@ -60,7 +60,7 @@ def test_the_probability_of_the_order_statistics_holds_in_simulation(distributio
     samples = getattr(np.random.default_rng(7), distribution)(size=(trials, T + N))
     inside = 0
     for row in samples:
-        noise = rid.bounds_from_noise_floor(at_rest(row[:T]), factor=1.0)
+        noise = rid.prepare.bounds_from_noise_floor(at_rest(row[:T]), factor=1.0)
         inside += np.abs(row[T:] - noise.mean).max() <= noise.level[0]
     stated = noise.probability(N)
     assert stated == pytest.approx(T / (T + N), rel=1e-12)
@@ -75,7 +75,7 @@ def test_normal_noise_stays_within_the_default_factor(factor, low, high):
     inside = [
         np.abs(row[1000:] - found.mean).max() <= found.level[0]
         for row in rows
-        for found in [rid.bounds_from_noise_floor(at_rest(row[:1000]), factor=factor)]
+        for found in [rid.prepare.bounds_from_noise_floor(at_rest(row[:1000]), factor=factor)]
     ]
     assert low <= np.mean(inside) <= high
 
@@ -96,7 +96,7 @@ def test_one_tone_at_rest_gives_the_bound_by_hand():
         period=PERIOD,
         lines=range(1, 31),
     )
-    bounded = rid.bounds_from_noise_floor(at_rest(outputs, inputs=2), factor=1.25).bound_response(
+    bounded = rid.prepare.bounds_from_noise_floor(at_rest(outputs, inputs=2), factor=1.25).bound_response(
         frf, records, period=PERIOD
     )
     by_hand = 1.25 * np.outer([0.05, 0.15], [2, 4 / 3])
@@ -114,7 +114,9 @@ def simulate_bounds(seeds, factor, rest_periods, periods, lines=range(1, 31)):
         u = multisine(rng, periods)
         record = periodic(u, 2 * u + 0.1 * rng.standard_normal(u.size))
         frf = rid.estimate_frf(record, period=PERIOD, lines=lines)
-        noise = rid.bounds_from_noise_floor(at_rest(0.1 * rng.standard_normal(rest_periods * PERIOD)), factor=factor)
+        noise = rid.prepare.bounds_from_noise_floor(
+            at_rest(0.1 * rng.standard_normal(rest_periods * PERIOD)), factor=factor
+        )
         bounded = noise.bound_response(frf, record, period=PERIOD)
         out.append(np.abs(bounded.values - 2)[:, 0, 0] / bounded.bound[:, 0, 0])
     return np.array(out), bounded.note
@@ -150,7 +152,7 @@ def test_blocks_add_up():
     u = [multisine(rng), 2 * multisine(rng)]
     records = [periodic(x, x + 0.01 * rng.standard_normal(PERIOD)) for x in u]
     frf = rid.estimate_frf(records, lines=range(1, 31))
-    noise = rid.bounds_from_noise_floor(at_rest(rng.standard_normal(256)))
+    noise = rid.prepare.bounds_from_noise_floor(at_rest(rng.standard_normal(256)))
     both = noise.bound_response(frf, records).bound
     np.testing.assert_allclose(both, sum(noise.bound_response(frf, [r]).bound for r in records) / 2, rtol=1e-12)
 
@@ -160,9 +162,11 @@ def test_units_scale_exactly():
     u, rest = multisine(rng, 2), rng.standard_normal(512)
     y = 2 * u + rng.standard_normal(u.size)
     frf = rid.estimate_frf(periodic(u, y), period=PERIOD)
-    plain = rid.bounds_from_noise_floor(at_rest(rest)).bound_response(frf, periodic(u, y), period=PERIOD)
+    plain = rid.prepare.bounds_from_noise_floor(at_rest(rest)).bound_response(frf, periodic(u, y), period=PERIOD)
     s = 2.0**-60
-    scaled = rid.bounds_from_noise_floor(at_rest(s * rest)).bound_response(frf, periodic(u, s * y), period=PERIOD)
+    scaled = rid.prepare.bounds_from_noise_floor(at_rest(s * rest)).bound_response(
+        frf, periodic(u, s * y), period=PERIOD
+    )
     np.testing.assert_array_equal(scaled.bound, s * plain.bound)
 
 
@@ -184,7 +188,7 @@ NOISE = np.random.default_rng(2).standard_normal(200)
 )
 def test_bounds_from_rest_refuses(rest, options, error, sentence):
     with pytest.raises(error, match=sentence):
-        rid.bounds_from_noise_floor(rest, **options)
+        rid.prepare.bounds_from_noise_floor(rest, **options)
 
 
 @pytest.mark.parametrize(
@@ -206,11 +210,11 @@ def test_bounds_from_rest_refuses(rest, options, error, sentence):
 )
 def test_bound_response_refuses(rest, frf, record, period, sentence):
     with pytest.raises(rid.InputError, match=sentence):
-        rid.bounds_from_noise_floor(rest).bound_response(frf, record, period=period)
+        rid.prepare.bounds_from_noise_floor(rest).bound_response(frf, record, period=period)
 
 
 def test_bound_response_needs_the_response_of_these_records():
-    noise = rid.bounds_from_noise_floor(at_rest(NOISE))
+    noise = rid.prepare.bounds_from_noise_floor(at_rest(NOISE))
     with pytest.raises(rid.errors.InputTypeError, match="`frf` must be a FrequencyResponse"):
         noise.bound_response(periodic(U, U), periodic(U, U), period=PERIOD)
     two = rid.FrequencyResponse(FRF.omega, np.ones((FRF.omega.size, 2, 1)), dt=DT)

@@ -13,14 +13,14 @@ DT, PERIOD = 0.01, 100
 
 def record(*, seed=0, periods=6, noise=0.01, input_noise=0.0, level=1.0, **options):
     rng = np.random.default_rng(seed)
-    play = rid.multisine(band_hz=(1, 30), period=PERIOD, dt=DT, minimise_crest=False, rms=level, seed=seed)
+    play = rid.prepare.multisine(band_hz=(1, 30), period=PERIOD, dt=DT, minimise_crest=False, rms=level, seed=seed)
     u = np.tile(play.u[0], (periods, 1))
     y = 2 * u + noise * rng.standard_normal(u.shape)
     return rid.TimeRecord(u + input_noise * rng.standard_normal(u.shape), y, dt=DT, **options)
 
 
 def sentences(*records, period=PERIOD):
-    return tuple(map(str, rid.record_faults(records[0] if len(records) == 1 else records, period=period)))
+    return tuple(map(str, rid.prepare.record_faults(records[0] if len(records) == 1 else records, period=period)))
 
 
 def changed(one, **signals):
@@ -153,9 +153,9 @@ def test_faults_stand_in_the_response_and_are_kept(tmp_path, caplog):
 def test_whatever_is_no_record_is_refused():
     for wrong in ("record", [], [1.0], None):
         with pytest.raises(rid.errors.InputTypeError, match="`record` must be a TimeRecord or a sequence of them"):
-            rid.record_faults(wrong)
+            rid.prepare.record_faults(wrong)
     with pytest.raises(rid.errors.InputError, match="`period` must be at least 2; got 1"):
-        rid.record_faults(record(), period=1)
+        rid.prepare.record_faults(record(), period=1)
 
 
 def test_sweeps_of_an_open_loop_are_no_feedback():
@@ -169,9 +169,13 @@ def test_sweeps_of_an_open_loop_are_no_feedback():
         first = scipy.signal.lfilter([0, 0.01, 0.02], [1, -1.9, 0.95], u @ [1, 0.5])
         second = scipy.signal.lfilter([0, 0.02], [1, -1.8, 0.9], u @ [0.3, 1])
         y = np.stack([first, second], axis=1) + 0.01 * rng.standard_normal((time.size, 2))
-        assert not [fault for fault in rid.record_faults(rid.TimeRecord(u, y, dt=1e-3)) if fault.kind == "feedback"]
+        assert not [
+            fault for fault in rid.prepare.record_faults(rid.TimeRecord(u, y, dt=1e-3)) if fault.kind == "feedback"
+        ]
 
 
 @pytest.mark.realdata
 def test_the_loop_of_the_cd_player_is_found():
-    assert any("follows earlier outputs" in str(fault) for fault in rid.record_faults(rid.datasets.load("cdplayer")))
+    assert any(
+        "follows earlier outputs" in str(fault) for fault in rid.prepare.record_faults(rid.datasets.load("cdplayer"))
+    )

@@ -23,7 +23,9 @@ def undrawn(monkeypatch):
 @pytest.fixture
 def fewer_samples(monkeypatch):
     """The simulated structure with 6 lines and 6 time samples for 11 and 20: beside the suite (.ci/run) it is as it stands."""
-    monkeypatch.setattr(rid, "flexible_structure", functools.partial(rid.flexible_structure, lines=6, samples=6))
+    monkeypatch.setattr(
+        rid, "flexible_structure", functools.partial(rid.datasets.flexible_structure, lines=6, samples=6)
+    )
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def test_the_outputs_share_their_poles_and_have_errors_of_their_own():
     errors = [d.time.y[:, 0] - control.step_response(d.truth, d.time.time).outputs for d in (one, two)]
     assert abs(np.corrcoef(errors)[0, 1]) < 0.5
     with pytest.raises(rid.InputError, match="'y1', 'y2'"):
-        rid.flexible_structure(output="y3")
+        rid.datasets.flexible_structure(output="y3")
 
 
 def test_every_method_uses_as_much_and_the_truth_is_in_its_class():

@@ -17,7 +17,7 @@ def test_fit_mfd_takes_an_frd(dt):
     fit = rid.fit_mfd(frd, order=2)
     assert fit.model.dt == dt
     np.testing.assert_allclose(np.sort_complex(fit.poles), np.sort_complex(plant.poles()), rtol=1e-6)
-    assert rid.suggest_order(frd, orders=[1, 2]).suggested == 2
+    assert rid.fits.suggest_order(frd, orders=[1, 2]).suggested == 2
 
 
 def test_what_an_frd_does_not_say_is_asked_for():
@@ -29,7 +29,7 @@ def test_what_an_frd_does_not_say_is_asked_for():
     ):
         rid.fit_mfd(PLANT, order=1)
     with pytest.raises(rid.errors.InputTypeError, match=r"`frf` must be .* got list"):
-        rid.suggest_order([1.0], orders=[1])
+        rid.fits.suggest_order([1.0], orders=[1])
 
 
 def test_names_of_signals_come_along():

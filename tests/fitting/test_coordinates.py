@@ -23,7 +23,7 @@ def fitted(ny, nu, dt=None, order=6, level=0.01, **options):
 def both(fit):
     """The coordinates entry by entry, and those of all coefficients together."""
     basis = fit.problem.basis(fit.nodes.denominators, fit.nodes.response)
-    found = rid.fit_covariance(fit).coordinates
+    found = rid.fits.fit_covariance(fit).coordinates
     assert isinstance(found, EntryCoordinates)
     return found, JointCoordinates(basis, fit.problem.forbidden(basis, fit.nodes))
 
@@ -57,7 +57,7 @@ def test_points_without_weight_say_nothing_of_their_entry():
     parts = fit.problem.xi, fit.nodes.denominators, fit.nodes.response
     std = one.response_std(*parts)
     np.testing.assert_allclose(std, other.response_std(*parts), rtol=1e-10)
-    whole = rid.fit_covariance(fitted(2, 2, weight=Weight(np.ones(entries.shape))), noise=1.0).coordinates
+    whole = rid.fits.fit_covariance(fitted(2, 2, weight=Weight(np.ones(entries.shape))), noise=1.0).coordinates
     assert np.median(std[20:60, 1, 0]) > 1.2 * np.median(whole.response_std(*parts)[20:60, 1, 0])
 
 
@@ -67,7 +67,7 @@ def test_poles_that_cancel_in_every_entry_are_not_determined():
     first, second = np.array([[1.0, 0.3], [0.5, 2.0]]), np.array([[0.4, -1.0], [1.0, 0.2]])
     values = first / (s**2 + 2 * s + 200**2) + second / (s**2 + 9 * s + 900**2)
     fit = rid.fit_mfd(rid.FrequencyResponse(OMEGA, values), order=6, form="shared", restart=False)
-    found = rid.fit_covariance(fit, noise=1.0)
+    found = rid.fits.fit_covariance(fit, noise=1.0)
     one, other = both(fit)
     assert np.sum(np.isinf(found.pole_std)) == 2
     np.testing.assert_array_equal(one.pole_changes(fit)[2], other.pole_changes(fit)[2])
@@ -79,5 +79,5 @@ def test_poles_that_cancel_in_every_entry_are_not_determined():
 def test_what_ties_entries_is_taken_together():
     fit = fitted(2, 2, constraints=[StaticGain(np.ones((2, 2)))])
     assert not fit.problem.entries_apart
-    assert isinstance(rid.fit_covariance(fit).coordinates, JointCoordinates)
+    assert isinstance(rid.fits.fit_covariance(fit).coordinates, JointCoordinates)
     assert not fitted(2, 2, form="right").problem.entries_apart

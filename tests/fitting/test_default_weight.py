@@ -81,7 +81,7 @@ def test_a_singular_covariance_is_shrunk_and_not_refused(dof):
     assert "1 degrees of freedom" in weight.note
     ratio = np.linalg.cond(weight.matrix)
     assert ratio.max() < 100
-    assert rid.suggest_order(frf, orders=[2], method="sk").noise_known is False
+    assert rid.fits.suggest_order(frf, orders=[2], method="sk").noise_known is False
 
 
 def test_no_weight_stands_out_where_the_scatter_happens_to_vanish():

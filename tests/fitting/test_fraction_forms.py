@@ -149,7 +149,7 @@ def test_a_correlated_weight_leads_the_fit_as_brute_force_says():
 
 def test_modes_are_told_once_and_where_they_are_largest():
     fit, _, _ = fitted(2, 3, level=0.001)
-    rows = mode_table(fit, rid.fit_covariance(fit))
+    rows = mode_table(fit, rid.fits.fit_covariance(fit))
     assert [(row.count, row.multiplicity) for row in rows] == [(2, 2)] * 3
     np.testing.assert_allclose([row.hz for row in rows], np.abs(POLES) / (2 * np.pi), rtol=1e-3)
     assert all(0 < row.hz_std < 0.01 * row.hz for row in rows)
@@ -162,9 +162,9 @@ def test_modes_are_told_once_and_where_they_are_largest():
 
 def test_deviations_are_those_of_the_column():
     fit, _, _ = fitted(2, 2, level=0.01, restart=False)
-    std = rid.fit_covariance(fit).response_std(POINTS)
+    std = rid.fits.fit_covariance(fit).response_std(POINTS)
     column = rid.FrequencyResponse(OMEGA, fit.problem.values)
-    other = rid.fit_covariance(rid.fit_mfd(column, order=6, feedthrough=True, restart=False))
+    other = rid.fits.fit_covariance(rid.fit_mfd(column, order=6, feedthrough=True, restart=False))
     np.testing.assert_allclose(std.reshape(-1, 4, 1), other.response_std(POINTS), rtol=1e-5)
 
 
@@ -211,12 +211,12 @@ def test_constraints_hold_in_every_entry():
     frf = rid.FrequencyResponse(OMEGA, noisy(np.random.default_rng(0), response(OMEGA), 0.01))
     gain = np.arange(6.0).reshape(2, 3) / 10
     options = {"order": 6, "form": "shared", "restart": False}
-    held = rid.fit_mfd(frf, constraints=[rid.StaticGain(gain)], **options)
+    held = rid.fit_mfd(frf, constraints=[rid.fits.StaticGain(gain)], **options)
     np.testing.assert_allclose(held.fraction.response(np.zeros(1))[0].real, gain, atol=1e-9)
     mask = gain == 0.4
-    empty = rid.fit_mfd(frf, constraints=[rid.ZeroEntries(mask)], **options)
+    empty = rid.fit_mfd(frf, constraints=[rid.fits.ZeroEntries(mask)], **options)
     np.testing.assert_array_equal(np.all(np.abs(empty.fraction.response(POINTS)) < 1e-12, axis=0), mask)
-    steep = rid.fit_mfd(frf, constraints=[rid.RollOff(2)], **options)
+    steep = rid.fit_mfd(frf, constraints=[rid.fits.RollOff(2)], **options)
     far = np.abs(steep.fraction.response(np.array([1e6, 2e6])))
     np.testing.assert_allclose(far[0] / far[1], 4, rtol=1e-2)
 
@@ -229,8 +229,8 @@ def test_misuse_is_named():
     for options, message in [
         ({"form": "common"}, '`form` must be "right", "left" or "shared"'),
         ({"rigid_body": rid.RigidBody(1)}, '`form` must be "right" for rigid-body modes'),
-        ({"constraints": [rid.Zero(1.0, [1.0, 0.0])]}, "`direction` of a zero ties"),
-        ({"constraints": [rid.StaticGain(np.eye(2))]}, r"`gain` must have shape \(ny, nu\) = \(2, 3\)"),
+        ({"constraints": [rid.fits.Zero(1.0, [1.0, 0.0])]}, "`direction` of a zero ties"),
+        ({"constraints": [rid.fits.StaticGain(np.eye(2))]}, r"`gain` must have shape \(ny, nu\) = \(2, 3\)"),
         ({"weight": weight}, "`weight` is zero for all of the entry from u3 to y2"),
         ({"order": 300}, "free coefficients"),
     ]:

@@ -74,15 +74,15 @@ def test_models_are_read_back_from_their_state_space(discrete):
 def fitted(name, seed):
     ny, nu, dt, options = STRUCTURES[name]
     system = mechanical(0, ny, nu, 4, dt=dt, **options)
-    modal = rid.Modal(
+    modal = rid.fits.Modal(
         "general" if options.get("general") else "proportional",
         symmetric=options.get("symmetric", False),
         quantity=("position", "velocity", "acceleration")[system.power],
     )
-    weight = rid.Weight(1 / (LEVEL * np.abs(system.response(OMEGA))))
+    weight = rid.fits.Weight(1 / (LEVEL * np.abs(system.response(OMEGA))))
     frf = measured(system, seed, LEVEL)
     fit = rid.fit_mfd(frf, order=system.order, modal=modal, rigid_body=options.get("rigid", 0), weight=weight)
-    return system, fit, rid.fit_covariance(fit, noise=1.0)
+    return system, fit, rid.fits.fit_covariance(fit, noise=1.0)
 
 
 @pytest.mark.parametrize("name", STRUCTURES)
@@ -91,7 +91,7 @@ def test_errors_are_as_large_as_their_deviations(name):
     numbers, shapes, response = [], [], []
     for seed in range(3):
         system, fit, covariance = fitted(name, seed)
-        rows = [row for row in rid.mode_table(fit, covariance) if not row.rigid]
+        rows = [row for row in rid.fits.mode_table(fit, covariance) if not row.rigid]
         assert len(rows) == 4
         for k, row in enumerate(rows):
             M = np.outer(system.shapes[:, k], system.drives[k])
@@ -120,7 +120,7 @@ def test_the_structure_leaves_its_own_number_of_parameters_free(name):
     free = rid.fit_mfd(
         measured(system, 0, LEVEL), order=system.order, weight=fit.problem.weight, feedthrough=system.power == 2
     )
-    ratio = covariance.response_std(BETWEEN) / rid.fit_covariance(free, noise=1.0).response_std(BETWEEN)
+    ratio = covariance.response_std(BETWEEN) / rid.fits.fit_covariance(free, noise=1.0).response_std(BETWEEN)
     assert np.median(ratio) < (1.01 if name == "general" else 0.9)
 
 
@@ -134,24 +134,24 @@ def test_shapes_of_any_state_space(dt):
     if dt is not None:
         A, B, *_ = cont2discrete((A, B, C, np.zeros((3, 2))), dt)
     T = np.random.default_rng(0).standard_normal((4, 4))
-    rows = rid.mode_table(control.ss(T @ A @ np.linalg.inv(T), T @ B, C @ np.linalg.inv(T), 0, dt or 0))
+    rows = rid.fits.mode_table(control.ss(T @ A @ np.linalg.inv(T), T @ B, C @ np.linalg.inv(T), 0, dt or 0))
     for k, row in enumerate(rows):
         M = np.outer(shapes[:, k], drives[k])
         assert np.allclose(np.outer(row.shape, row.drive), M, rtol=1e-8, atol=1e-8)
         assert np.isclose(np.abs(row.shape).max(), 1)
         assert row.shape_std is None
-    (rigid,) = rid.mode_table(control.ss([[0, 1], [0, 0]], [[0, 0], [1, 2]], [[3, 0], [1, 0]], 0))
+    (rigid,) = rid.fits.mode_table(control.ss([[0, 1], [0, 0]], [[0, 0], [1, 2]], [[3, 0], [1, 0]], 0))
     assert np.allclose(rigid.shape @ rigid.drive, [[3, 6], [1, 2]])
     assert "shape" not in repr(rows[0])
-    (real,) = rid.mode_table(control.ss([[-1.0]], [[1.0]], [[1.0]], 0))
+    (real,) = rid.fits.mode_table(control.ss([[-1.0]], [[1.0]], [[1.0]], 0))
     assert real.shape is None
 
 
 def test_shapes_of_a_left_fraction_are_those_of_the_data():
     system = mechanical(0, 3, 2, 4, rigid=1)
     body = rid.RigidBody(1, side="output")
-    fit = rid.fit_mfd(measured(system, 0, LEVEL), order=10, modal=rid.Modal("proportional"), rigid_body=body)
-    for k, row in enumerate(rid.mode_table(fit, rid.fit_covariance(fit))[1:]):
+    fit = rid.fit_mfd(measured(system, 0, LEVEL), order=10, modal=rid.fits.Modal("proportional"), rigid_body=body)
+    for k, row in enumerate(rid.fits.mode_table(fit, rid.fits.fit_covariance(fit))[1:]):
         M = np.outer(system.shapes[:, k], system.drives[k])
         assert np.allclose(np.outer(row.shape, row.drive), M, atol=0.02 * np.abs(M).max())
         assert np.isclose(row.shape_std.min(), 0, atol=1e-12)

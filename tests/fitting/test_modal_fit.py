@@ -32,7 +32,7 @@ def posed(name, *, level, seed=0, dt=None, **options):
     quantity = ("position", "velocity", "acceleration")[system.power]
     asked = {
         "order": system.order,
-        "modal": rid.Modal(damping, symmetric=structure.get("symmetric", False), quantity=quantity),
+        "modal": rid.fits.Modal(damping, symmetric=structure.get("symmetric", False), quantity=quantity),
         "rigid_body": structure.get("rigid", 0),
     }
     return system, measured(system, seed, level), asked
@@ -135,8 +135,8 @@ def test_velocities_and_accelerations_have_real_shapes_too(power, dt):
     assert relative_error(fit.fraction.response(BETWEEN), system.response(BETWEEN)) < 1e-6
     noisy = posed("proportional", level=0.02, dt=dt, power=power)[1]
     fit = rid.fit_mfd(noisy, **asked)
-    assert all(np.isrealobj(row.shape) and np.isrealobj(row.drive) for row in rid.mode_table(fit))
-    for k, row in enumerate(rid.mode_table(fit)):
+    assert all(np.isrealobj(row.shape) and np.isrealobj(row.drive) for row in rid.fits.mode_table(fit))
+    for k, row in enumerate(rid.fits.mode_table(fit)):
         M = np.outer(system.shapes[:, k], system.drives[k])
         assert np.allclose(np.outer(row.shape, row.drive), M, atol=0.03 * np.abs(M).max())
     assert relative_error(fit.fraction.response(BETWEEN), system.response(BETWEEN)) < 0.01
@@ -233,7 +233,7 @@ def test_true_is_general_damping_and_overdamped_modes_are_modes():
     light = np.outer([1.0, -1.0], [1.0, 0.7]) * 300
     values = slow / ((s + 20) * (s + 150))[:, None, None] + light / (s**2 + 4 * s + 400**2)[:, None, None]
     frf = rid.FrequencyResponse(s.imag, values)
-    fit = rid.fit_mfd(frf, order=4, modal=rid.Modal("proportional"))
+    fit = rid.fit_mfd(frf, order=4, modal=rid.fits.Modal("proportional"))
     assert np.allclose(np.sort(fit.poles.real), [-150, -20, -2, -2], rtol=1e-6)
     assert rid.fit_mfd(frf, order=4, modal=True).modal.damping == "general"
     assert rid.fit_mfd(frf, order=4).modal is None
@@ -245,15 +245,15 @@ def test_wrong_arguments_are_told():
     for options, words in [
         ({"order": 7}, "`order` must be even with `modal`: every mode has two states; got 7"),
         (
-            {"modal": rid.Modal(symmetric=True)},
+            {"modal": rid.fits.Modal(symmetric=True)},
             "as many outputs as inputs, in the same order; got 4 outputs and 2 inputs",
         ),
         ({"rigid_body": 2, "order": 2}, "`order` = 2 has no room for 2 rigid-body modes"),
         ({"rigid_body": rid.RigidBody(1, factor="inside")}, '`rigid_body` must have factor "outside" with `modal`'),
-        ({"rigid_body": 1, "modal": rid.Modal(quantity="acceleration")}, "with `feedthrough`"),
+        ({"rigid_body": 1, "modal": rid.fits.Modal(quantity="acceleration")}, "with `feedthrough`"),
         ({"form": "shared"}, 'form "shared" exclude each other'),
         ({"method": "sk+lm"}, 'goes with method "lm" only'),
-        ({"constraints": [rid.RollOff(2)]}, "`modal` and `constraints` exclude each other"),
+        ({"constraints": [rid.fits.RollOff(2)]}, "`modal` and `constraints` exclude each other"),
         ({"time_limit": 0.0}, "`time_limit` must be"),
     ]:
         with pytest.raises(InputError, match=words.replace("(", r"\(")):
@@ -264,15 +264,15 @@ def test_wrong_arguments_are_told():
     with pytest.raises(InputTypeError, match="`rigid_body` must be a RigidBody"):
         rid.fit_mfd(frf, order=8, rigid_body="two")
     with pytest.raises(InputError, match='`damping` must be "general" or "proportional"'):
-        rid.Modal("viscous")
+        rid.fits.Modal("viscous")
     with pytest.raises(InputError, match='`quantity` must be "position"'):
-        rid.Modal(quantity="force")
+        rid.fits.Modal(quantity="force")
 
 
 def test_only_rigid_body_modes():
     s = 1j * np.geomspace(1, 100, 40)[:, None, None]
     frf = rid.FrequencyResponse(np.abs(s.ravel()), np.outer([2.0, 1.0], [1.0, 3.0]) / s**2)
-    fit = rid.fit_mfd(frf, order=2, rigid_body=1, modal=rid.Modal("proportional"))
+    fit = rid.fit_mfd(frf, order=2, rigid_body=1, modal=rid.fits.Modal("proportional"))
     assert np.array_equal(fit.poles, np.zeros(2))
     found = response_at((fit.model.A, fit.model.B, fit.model.C, fit.model.D), s.ravel())
     assert np.allclose(found, frf.values, rtol=1e-9)
@@ -294,7 +294,7 @@ def test_sweeps_count_what_a_structure_leaves_free(name):
     """The rank of the Jacobian, the coefficients that the covariance calls free; orders are even."""
     system, frf, asked = posed(name, level=0.02)
     order = asked.pop("order")
-    sweep = rid.suggest_order(frf, orders=[order], **asked)
+    sweep = rid.fits.suggest_order(frf, orders=[order], **asked)
     assert sweep.parameters[0] == fit_covariance(sweep.fits[order]).parameters
     assert sweep.withheld[0] < 0.1
     assert sweep.fits[order].modal is asked["modal"]
@@ -303,7 +303,7 @@ def test_sweeps_count_what_a_structure_leaves_free(name):
 
 def test_a_sweep_with_structure_finds_the_order_among_even_ones():
     _, frf, asked = posed("single", level=0.02)
-    sweep = rid.suggest_order(frf, modal=asked["modal"])
+    sweep = rid.fits.suggest_order(frf, modal=asked["modal"])
     assert not sweep.failures
     assert np.all(sweep.orders % 2 == 0)
     assert sweep.suggested == asked["order"]
@@ -314,7 +314,8 @@ def test_withheld_points_are_predicted_within_the_structure():
     _, frf, asked = posed("general", level=0.01)
     order = asked["order"]
     true, wrong = (
-        rid.suggest_order(frf, orders=[order], modal=modal).withheld[0] for modal in (True, rid.Modal("proportional"))
+        rid.fits.suggest_order(frf, orders=[order], modal=modal).withheld[0]
+        for modal in (True, rid.fits.Modal("proportional"))
     )
     assert true < 0.03
     assert wrong > 5 * true

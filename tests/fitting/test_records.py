@@ -319,6 +319,6 @@ class TestMeasured:
 def test_a_fit_says_nothing_of_what_the_user_knows_of_the_records(caplog):
     u = np.tile(np.random.default_rng(0).standard_normal(50), 4)
     record = rid.TimeRecord(u, 0.5 * u, dt=DT)
-    assert "repeats every 50 samples" in str(rid.record_faults(record)[0])
+    assert "repeats every 50 samples" in str(rid.prepare.record_faults(record)[0])
     rid.fit_records(record, order=1, feedthrough=True)
     assert caplog.text == ""

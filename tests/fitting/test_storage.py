@@ -17,8 +17,8 @@ FREE = random_modal_system(3, 2, 2, 3, band_hz=(5, 1000), damping=(0.005, 0.02))
 RIGID = FREE + 1e5 * np.outer([1.0, 0.2], [1.0, -0.3]) / (1j * OMEGA[:, None, None]) ** 2
 FITS = {
     "plain": (FREE, {}),
-    "left, constrained": (FREE, {"form": "left", "constraints": [rid.RollOff(2)]}),
-    "static gain": (FREE, {"constraints": [rid.StaticGain(np.eye(2))]}),
+    "left, constrained": (FREE, {"form": "left", "constraints": [rid.fits.RollOff(2)]}),
+    "static gain": (FREE, {"constraints": [rid.fits.StaticGain(np.eye(2))]}),
     "rigid body": (RIGID, {"order": 8, "rigid_body": rid.RigidBody(1)}),
     "feed-through": (FREE, {"feedthrough": True}),
 }
@@ -46,7 +46,7 @@ def test_a_fit_comes_back_as_it_was(case, tmp_path):
     np.testing.assert_array_equal(again.denominator(1j * omega), fit.denominator(1j * omega))
     np.testing.assert_array_equal(again.poles, fit.poles)
     np.testing.assert_array_equal(again.condition_numbers, fit.condition_numbers)
-    np.testing.assert_array_equal(rid.fit_covariance(again).pole_std, rid.fit_covariance(fit).pole_std)
+    np.testing.assert_array_equal(rid.fits.fit_covariance(again).pole_std, rid.fits.fit_covariance(fit).pole_std)
     assert repr(again) == repr(fit)
 
 

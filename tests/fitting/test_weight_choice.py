@@ -99,7 +99,7 @@ def test_few_degrees_of_freedom_let_the_points_decide_and_many_do_not():
 
 def test_fits_of_all_orders_have_one_weight():
     covariance = (1e-3 / STRANGE[:, :1]) ** 2 * np.eye(2)
-    sweep = rid.suggest_order(measured(covariance, 4.0), orders=[2, 4])
+    sweep = rid.fits.suggest_order(measured(covariance, 4.0), orders=[2, 4])
     low, high = (sweep.fits[order].problem.weight for order in (2, 4))
     np.testing.assert_array_equal(low.matrix, high.matrix)
     assert np.all(np.diff(sweep.costs) <= 0)
@@ -117,7 +117,7 @@ def test_a_response_with_missing_entries_is_judged_without_them():
     )
     fit = fit_mfd(frf, order=4)
     np.testing.assert_allclose(fit.fraction.response(OMEGA), TRUTH, atol=1e-6)
-    assert rid.suggest_order(frf, orders=[2, 4]).suggested == 4
+    assert rid.fits.suggest_order(frf, orders=[2, 4]).suggested == 4
 
 
 def test_ctrl_c_while_weights_are_judged_ends_the_fit_with_what_there_is(monkeypatch):

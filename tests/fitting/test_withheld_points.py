@@ -15,7 +15,7 @@ from support.mfd_systems import noisy, random_modal_system
 
 def problem_without(frf, order, point, weight):
     keep = np.arange(frf.omega.size) != point
-    kept = rid.Weight(np.where(keep[:, None, None], weight, 0.0))
+    kept = rid.fits.Weight(np.where(keep[:, None, None], weight, 0.0))
     return fit_mfd(frf, order=order, weight=kept).problem
 
 
@@ -26,7 +26,7 @@ def test_equals_fits_without_each_point(ny, nu):
     truth = random_modal_system(3, ny, nu, 2).response(1j * omega)
     frf = rid.FrequencyResponse(omega, noisy(np.random.default_rng(0), truth, 1e-4))
     weight = 1 / np.abs(truth)
-    fit = fit_mfd(frf, order=4, weight=rid.Weight(weight))
+    fit = fit_mfd(frf, order=4, weight=rid.fits.Weight(weight))
     outputs = Outputs(fit.problem)
     fitted = outputs.fitted(blocks_of(fit.problem, fit.fraction.matrices))
     total = 0.0
@@ -43,7 +43,7 @@ def test_equals_fits_without_each_point(ny, nu):
 
 def test_a_narrow_mode_of_the_plant_stays():
     """Damping of a thirtieth of the spacing, almost no noise: the criterion would rise by more than the factor."""
-    experiment = rid.flexible_structure(bound=1e-4)
+    experiment = rid.datasets.flexible_structure(bound=1e-4)
     fit = fit_mfd(experiment.frequency, order=4)
     hz = np.sort(np.abs(np.log(fit.fraction.poles)) / (2 * np.pi * 0.01))[::2]
     np.testing.assert_allclose(hz, experiment.modes[:, 0] / (2 * np.pi), rtol=2e-3)
@@ -58,6 +58,6 @@ class TestMeasured:
         """Orders far too large for a short record: narrow modes at single points left 2 to 70 times the data between them."""
         frf = rid.estimate_frf(rid.datasets.load("cdplayer"), method="local")
         train, test = frf.select(slice(0, None, 2)), frf.select(slice(1, None, 2))
-        fit = fit_mfd(train, order=order, weight=rid.Weight.relative(train.values))
+        fit = fit_mfd(train, order=order, weight=rid.fits.Weight.relative(train.values))
         error = np.abs(fit.fraction.response(test.omega) - test.values) / np.abs(test.values)
         assert np.sqrt(np.mean(error**2)) < 0.8

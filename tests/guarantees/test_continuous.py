@@ -96,7 +96,7 @@ def test_what_needs_a_sample_time_says_so():
     _, problem = edge_problem(1, points=6)
     found = rid.identify(problem)
     with pytest.raises(rid.InputError, match="a response in time needs a sample time"):
-        rid.response_tube(found)
+        rid.guarantee.response_tube(found)
     with pytest.raises(rid.InputError, match="`model` must be continuous"):
         rid.worst_case_error(found, model=control.ss(0.5, 1, 1, 0, 0.1), omega=[1.0])
 
@@ -110,7 +110,7 @@ def flexible():
 
 def test_a_continuous_weight_is_above_the_bound_on_the_whole_axis():
     nominal, edges, bound = flexible()
-    weight = rid.uncertainty_weight(nominal, edges, bound)
+    weight = rid.guarantee.uncertainty_weight(nominal, edges, bound)
     assert weight.certified
     assert weight.model.dt == 0
     poles, zeros = weight.model.poles(), weight.model.zeros()
@@ -128,7 +128,7 @@ def test_the_margin_of_a_continuous_loop_is_that_of_a_fine_grid(kind):
     nominal, edges, bound = flexible()
     nominal = nominal + control.ss([], [], [], [[2.0]])  # no zero near the axis: relative bounds are finite
     controller = control.ss(control.tf([0.3, 1.0], [0.05, 1.0]))
-    found = rid.robust_stability_margin(nominal, controller, edges, bound, kind=kind)
+    found = rid.guarantee.robust_stability_margin(nominal, controller, edges, bound, kind=kind)
     omega = np.concatenate([np.linspace(1e-4, 30, 20000), np.geomspace(30, 1e7, 1000)])
     F, K = nominal(1j * omega), controller(1j * omega)
     loop = {"additive": K / (1 + F * K), "multiplicative": F * K / (1 + F * K), "inverse": 1 / (1 + F * K)}[kind]
@@ -137,6 +137,6 @@ def test_the_margin_of_a_continuous_loop_is_that_of_a_fine_grid(kind):
     assert found.margin <= 1 / gain.max() * (1 + 1e-9)
     assert found.edges[-1] == np.inf
     with pytest.raises(rid.InputError, match="must end at infinity"):
-        rid.robust_stability_margin(nominal, controller, edges[:-1], bound[:-1])
+        rid.guarantee.robust_stability_margin(nominal, controller, edges[:-1], bound[:-1])
     with pytest.raises(rid.InputError, match="`controller` must be continuous"):
-        rid.robust_stability_margin(nominal, control.ss(0.5, 1, 1, 0, 0.1), edges, bound)
+        rid.guarantee.robust_stability_margin(nominal, control.ss(0.5, 1, 1, 0, 0.1), edges, bound)

@@ -49,7 +49,7 @@ def test_a_plant_at_the_edge_is_inside_every_tube(seed):
     result, horizon = rid.identify(problem), 4
     response = impulse_of(truth, horizon)
     for entry in np.ndindex(*response.shape[1:]) if seed else [(1, 0)]:
-        tube = rid.response_tube(result, input="impulse", horizon=horizon, entry=entry)
+        tube = rid.guarantee.response_tube(result, input="impulse", horizon=horizon, entry=entry)
         inside = response[:, *entry]
         assert np.all((tube.lower <= inside) & (inside <= tube.upper))
         assert np.all(np.abs(inside - tube.nominal) <= tube.error_upper)

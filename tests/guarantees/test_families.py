@@ -20,7 +20,9 @@ GAINS = {"weak": 0.8, "middle": 1.0, "strong": 1.3}
 
 @pytest.fixture(scope="module")
 def members():
-    return [rid.Member(identified(g, seed=k), name, amplitude=10 * g) for k, (name, g) in enumerate(GAINS.items())]
+    return [
+        rid.guarantee.Member(identified(g, seed=k), name, amplitude=10 * g) for k, (name, g) in enumerate(GAINS.items())
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +106,9 @@ def test_the_circle_the_weights_and_the_margin_are_those_of_all_members(three):
     assert np.all(relative.bound * np.abs(middle) >= three.circle.bound)
     gain = control.ss([], [], [], 0.2, DT)
     found = three.robust_stability_margin(gain)
-    each = [rid.robust_stability_margin(three.model, gain, e.circle.edges, e.circle.bound) for e in three.errors]
+    each = [
+        rid.guarantee.robust_stability_margin(three.model, gain, e.circle.edges, e.circle.bound) for e in three.errors
+    ]
     assert found.margin == pytest.approx(min(one.margin for one in each), rel=2e-3)
     both = [
         three.robust_stability_margin(gain, kind=kind).margin for kind in ("multiplicative", "input_multiplicative")
@@ -125,7 +129,7 @@ def test_the_union_of_circles_is_the_largest_on_every_piece():
 
 def test_a_member_over_a_pole_uncertainty_box():
     """The band covers plants whose poles are elsewhere in the box; the circle takes its time, which no attribute does."""
-    data = rid.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
+    data = rid.datasets.flexible_structure(lines=5, samples=2, extra_hz=[17.6, 17.7])
     problem, frf = about_structure(data, 0.1, 1.3), data.frequency
     shifted = dataclasses.replace(frf, values=frf.values * (1 + 1e-3))
     first, second = (rid.identify(one) for one in (problem, dataclasses.replace(problem, frequency=shifted)))
@@ -133,7 +137,10 @@ def test_a_member_over_a_pole_uncertainty_box():
     omega = 2 * np.pi * np.array([30.0])
     alone = rid.family([first, second], omega=omega, directions=4)
     wide = rid.family(
-        [rid.Member(first, "a", poles=box), rid.Member(second, "b")], omega=omega, directions=4, model=alone.model
+        [rid.guarantee.Member(first, "a", poles=box), rid.guarantee.Member(second, "b")],
+        omega=omega,
+        directions=4,
+        model=alone.model,
     )
     assert wide.certified
     assert wide.uppers[0, 0] >= alone.uppers[0, 0]
@@ -162,27 +169,27 @@ def test_identical_members(members):
 
 
 def test_unlike_sample_times_and_signals(members):
-    slow = rid.Member(identified(1.0, dt=DT / 2), "slow")
+    slow = rid.guarantee.Member(identified(1.0, dt=DT / 2), "slow")
     refused([members[0], slow], "'weak' and 'slow' have different sample times: dt = 0.1 s and dt = 0.05 s")
-    other = rid.Member(identified(1.0, outputs=["torque [Nm]"]), "other")
+    other = rid.guarantee.Member(identified(1.0, outputs=["torque [Nm]"]), "other")
     refused([members[0], other], r"different outputs: y and torque \[Nm\]")
 
 
 def test_unlike_classes(members):
-    narrow = rid.Member(identified(1.0, gain_bound=2.0), "narrow")
+    narrow = rid.guarantee.Member(identified(1.0, gain_bound=2.0), "narrow")
     refused(
         [members[0], narrow],
         "'weak' and 'narrow' have different values of gain_bound: 3.0 and 2.0; a family is one class",
     )
     pair = rid.kautz(10.0, 0.1, dt=DT, delay=1)
-    resonant = rid.Member(identified(1.0, parametric=pair), "resonant")
+    resonant = rid.guarantee.Member(identified(1.0, parametric=pair), "resonant")
     refused([members[0], resonant], "different parametric parts: 0 functions and 2 functions")
 
 
 def test_a_member_that_refutes_the_class(members):
-    wild = rid.Member(identified(9.0), "wild")
+    wild = rid.guarantee.Member(identified(9.0), "wild")
     assert not wild.identification.consistent
-    refused([members[0], wild], "'wild' .inconsistent, margin", error=rid.InconsistentDataError)
+    refused([members[0], wild], "'wild' .inconsistent, margin", error=rid.errors.InconsistentDataError)
 
 
 def test_names_and_kinds(members):
@@ -231,7 +238,7 @@ def test_a_time_limit_leaves_the_frequencies_that_all_members_have(members, thre
     np.testing.assert_allclose(found.upper, whole.upper, rtol=1e-9)
     assert found.certified
     bounded = rid.worst_case_error(members[0].result, omega=omega, directions=4)
-    mixed = [rid.Member(bounded, "weak"), *members[1:]]
+    mixed = [rid.guarantee.Member(bounded, "weak"), *members[1:]]
     found = rid.family(mixed, directions=4, model=three.model, time_limit=0.05)
     assert found.omega.size < omega.size
     assert np.array_equal(found.members[0].result.missing, np.setdiff1d(omega, found.omega))
@@ -243,7 +250,9 @@ def test_a_time_limit_leaves_the_frequencies_that_all_members_have(members, thre
 
 @pytest.fixture(scope="module")
 def two():
-    members = [rid.Member(identified(g, seed=k), load=g, date=f"2026-11-0{k + 1}") for k, g in enumerate((0.8, 1.0))]
+    members = [
+        rid.guarantee.Member(identified(g, seed=k), load=g, date=f"2026-11-0{k + 1}") for k, g in enumerate((0.8, 1.0))
+    ]
     return rid.family(members, omega=[2.0, 9.0, np.pi / DT], directions=4)
 
 

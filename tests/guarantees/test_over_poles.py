@@ -14,7 +14,7 @@ DT = 0.01
 
 
 def structure(seed, fine=True, **size):
-    return rid.flexible_structure(seed=seed, extra_hz=np.linspace(17.2, 18.1, 10) if fine else (), **size)
+    return rid.datasets.flexible_structure(seed=seed, extra_hz=np.linspace(17.2, 18.1, 10) if fine else (), **size)
 
 
 def band(seed, fine=True, hz=(5.0, 17.67), cells=8, **size):
@@ -22,7 +22,7 @@ def band(seed, fine=True, hz=(5.0, 17.67), cells=8, **size):
     data = structure(seed, fine, **size)
     suggested = rid.suggest_kautz(data.frequency)
     result = rid.identify(proposed([data.frequency], [data.time])[0])
-    found = rid.worst_case_over_poles(
+    found = rid.guarantee.worst_case_over_poles(
         result,
         suggested.omega_interval,
         suggested.damping_interval,
@@ -93,7 +93,7 @@ def test_the_bound_on_the_circle_holds_plants_with_poles_anywhere_in_the_box(lin
     """Plants of the class through the data with other poles, on a fine grid; more than any single one of them is allowed."""
     problem, box = single_mode(lines)
     result = rid.identify(problem)
-    band = rid.worst_case_over_poles(
+    band = rid.guarantee.worst_case_over_poles(
         result, *box, delay=1, omega=np.linspace(0, np.pi / 0.02, points), directions=6, cells=1
     )
     with pytest.raises(rid.InputError, match="call `on_circle`"):
@@ -118,7 +118,9 @@ def test_the_bound_on_the_circle_holds_plants_with_poles_anywhere_in_the_box(lin
 
 def test_what_the_expansion_leaves_out_on_an_arc_is_the_largest_inside_it():
     problem, box = single_mode(5)
-    cell = rid.worst_case_over_poles(rid.identify(problem), *box, delay=1, omega=[3.0], directions=3, cells=1).cells[0]
+    cell = rid.guarantee.worst_case_over_poles(
+        rid.identify(problem), *box, delay=1, omega=[3.0], directions=3, cells=1
+    ).cells[0]
     ends = np.array([0.0, 0.3, 0.41, 1.0, 3.0, np.pi]) / 0.02
     on_arcs = cell.slack_on(ends[:-1], ends[1:])[:, 0, 0]
     for low, high, largest in zip(ends[:-1], ends[1:], on_arcs, strict=True):
@@ -132,17 +134,17 @@ def test_bad_input():
     result = rid.identify(problem)
     box = data.modes[:, :1] * [0.99, 1.01], data.modes[:, 1:] * [0.9, 1.1]
     with pytest.raises(rid.InputError, match="one row"):
-        rid.worst_case_over_poles(result, box[0][:1], box[1])
+        rid.guarantee.worst_case_over_poles(result, box[0][:1], box[1])
     with pytest.raises(rid.InputError, match="low <= high"):
-        rid.worst_case_over_poles(result, box[0][:, ::-1], box[1])
+        rid.guarantee.worst_case_over_poles(result, box[0][:, ::-1], box[1])
     with pytest.raises(rid.InputError, match="below 1"):
-        rid.worst_case_over_poles(result, box[0], box[1] * 20)
+        rid.guarantee.worst_case_over_poles(result, box[0], box[1] * 20)
     with pytest.raises(rid.InputError, match=r"must hold the poles .* Mode 2 has 111\.0"):
-        rid.worst_case_over_poles(result, box[0] * [[1.0], [1.02]], box[1])
+        rid.guarantee.worst_case_over_poles(result, box[0] * [[1.0], [1.02]], box[1])
     with pytest.raises(rid.InputError, match=r"of the `delay` that is said here \(0\)"):
-        rid.worst_case_over_poles(result, *box, delay=0)
+        rid.guarantee.worst_case_over_poles(result, *box, delay=0)
     with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
-        rid.worst_case_over_poles(problem, *box)
+        rid.guarantee.worst_case_over_poles(problem, *box)
 
 
 def test_a_box_that_the_data_refute_has_no_band():
@@ -150,5 +152,5 @@ def test_a_box_that_the_data_refute_has_no_band():
     wrong = data.modes * [[1.0, 1.0], [0.97, 1.0]]
     result = rid.identify(about_structure(data, 0.1, 1.2, modes=wrong))
     box = wrong[:, :1] * [0.9999, 1.0001], wrong[:, 1:] * [0.99, 1.01]
-    with pytest.raises(rid.InconsistentDataError, match="all 1 cells of it are refuted"):
-        rid.worst_case_over_poles(result, *box, omega=[30.0], cells=1)
+    with pytest.raises(rid.errors.InconsistentDataError, match="all 1 cells of it are refuted"):
+        rid.guarantee.worst_case_over_poles(result, *box, omega=[30.0], cells=1)

@@ -60,7 +60,7 @@ def test_the_band_holds_models_with_poles_anywhere_in_the_box(seed, tmp_path):
     points, directions, cells, draws = (24, 6, 4, 20) if seed else (12, 4, 2, 5)
     problem, box = plant(seed, points)
     result, grid = rid.identify(problem).require(), np.array([0.0, 5.0, 8.1, 30.0])
-    band = rid.worst_case_over_poles(result, *box, omega=grid, directions=directions, cells=cells)
+    band = rid.guarantee.worst_case_over_poles(result, *box, omega=grid, directions=directions, cells=cells)
     assert band.certified
     assert np.all(band.upper >= rid.worst_case_error(result, omega=grid, directions=directions).lower)
     inside = 0
@@ -78,7 +78,7 @@ def test_a_box_without_width_gives_the_band_of_its_poles():
     problem, box = plant(1, points=12)
     result, how = rid.identify(problem), {"omega": [1.1, 5.0], "directions": 12, "rtol": 0.01}
     narrow = (ends.mean(axis=1, keepdims=True) * [1 - 1e-7, 1 + 1e-7] for ends in box)
-    band = rid.worst_case_over_poles(result, *narrow, cells=1, **how)
+    band = rid.guarantee.worst_case_over_poles(result, *narrow, cells=1, **how)
     np.testing.assert_allclose(band.upper, rid.worst_case_error(result, **how).upper, rtol=0.03)
 
 
@@ -86,7 +86,7 @@ def test_the_bound_on_the_axis_holds_models_with_poles_anywhere_in_the_box():
     problem, _ = plant(2, points=8)
     box = OMEGA[:, None] * [0.999, 1.001], DAMPING[:, None] * [0.97, 1.03]
     result = rid.identify(problem)
-    band = rid.worst_case_over_poles(result, *box, omega=[1.0, 5.0, 9.0], directions=4, cells=1)
+    band = rid.guarantee.worst_case_over_poles(result, *box, omega=[1.0, 5.0, 9.0], directions=4, cells=1)
     circle = band.on_circle(1.0)
     assert circle.edges[0] == 0
     assert circle.edges[-1] == np.inf
@@ -113,7 +113,7 @@ def test_what_the_expansion_leaves_out_between_frequencies_is_the_largest_inside
 def test_a_matrix_with_common_poles():
     problem, box = plant(3, points=8, size=2)
     result, grid = rid.identify(problem).require(), np.array([5.0])
-    band = rid.worst_case_over_poles(result, *box, omega=grid, directions=4, cells=1)
+    band = rid.guarantee.worst_case_over_poles(result, *box, omega=grid, directions=4, cells=1)
     assert band.certified
     models = list(others(problem, box, np.random.default_rng(3), 3))
     assert models
@@ -126,13 +126,13 @@ def test_what_has_no_box_is_refused():
     problem, box = plant(points=10)
     real = dataclasses.replace(problem, parametric=rid.kautz([5.0, 8.0, 30.0], [0.02, 0.05, 1.0], dt=0))
     with pytest.raises(rid.InputError, match=r"must have one single `kautz` pair per mode in its parametric part$"):
-        rid.worst_case_over_poles(rid.identify(real), *box)
+        rid.guarantee.worst_case_over_poles(rid.identify(real), *box)
     passive = dataclasses.replace(
-        problem, prior=rid.PositiveReal(decay=4.0), parametric=rid.passive_modes(OMEGA, DAMPING)
+        problem, prior=rid.PositiveReal(decay=4.0), parametric=rid.passive.passive_modes(OMEGA, DAMPING)
     )
     with pytest.raises(rid.InputError, match="that class holds them wherever they lie"):
-        rid.worst_case_over_poles(rid.identify(passive), *box)
+        rid.guarantee.worst_case_over_poles(rid.identify(passive), *box)
     with pytest.raises(rid.InputError, match=r"`damping_interval` must lie below 1$"):
-        rid.worst_case_over_poles(rid.identify(problem), box[0], box[1] * 20)
+        rid.guarantee.worst_case_over_poles(rid.identify(problem), box[0], box[1] * 20)
     with pytest.raises(rid.InputError, match="must hold the poles"):
-        rid.worst_case_over_poles(rid.identify(problem), box[0] * 1.1, box[1])
+        rid.guarantee.worst_case_over_poles(rid.identify(problem), box[0] * 1.1, box[1])

@@ -30,7 +30,9 @@ def test_a_plant_at_the_edge_with_its_pole_in_the_box_is_inside_the_band(seed, t
     box = box_around(problem.parametric)
     mode = float(box[0].mean())
     omega = [0.05, mode] if seed else [mode]
-    band = rid.worst_case_over_poles(result, *box, omega=omega, cells=2 if seed else 1, rtol=0.1 if seed else 0.5)
+    band = rid.guarantee.worst_case_over_poles(
+        result, *box, omega=omega, cells=2 if seed else 1, rtol=0.1 if seed else 0.5
+    )
     off = truth(band.omega) - band.nominal
     assert np.all(np.abs(off) <= band.upper)
     assert np.all(np.linalg.norm(off, 2, axis=(1, 2)) <= band.sigma_upper)
@@ -60,7 +62,7 @@ def test_a_box_of_one_point_gives_the_error_at_these_poles(symmetric):
     prior = rid.Prior(gain_bound=1.2 * gain, decay_rate=1.3)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=mode, symmetric=symmetric))
     box = box_around(mode, (0.0, 0.0))
-    band = rid.worst_case_over_poles(result, *box, omega=[0.7])
+    band = rid.guarantee.worst_case_over_poles(result, *box, omega=[0.7])
     error = rid.worst_case_error(result, omega=[0.7], rtol=0.1)
     assert np.all(error.lower <= band.upper * (1 + 1e-9))
     assert np.all(band.upper <= error.upper * 1.1)
@@ -103,7 +105,7 @@ def test_the_time_ends_the_search_and_the_sweep():
     result, told = rid.identify(problem), []
     box = box_around(problem.parametric)
     omega = np.linspace(0.1, 3, 9)
-    band = rid.worst_case_over_poles(
+    band = rid.guarantee.worst_case_over_poles(
         result, *box, omega=omega, cells=8, time_limit=0.1, progress=lambda *at: told.append(at)
     )
     assert 1 <= band.omega.size < 9

@@ -100,7 +100,7 @@ def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(time):
 
 def test_halves_cover_a_cell_and_do_not_refute_the_truth():
     """Splitting five times towards the truth: its relaxation is consistent, and it stays in one half."""
-    data = rid.flexible_structure(seed=3, extra_hz=np.linspace(17.2, 18.1, 10))
+    data = rid.datasets.flexible_structure(seed=3, extra_hz=np.linspace(17.2, 18.1, 10))
     problem = about_structure(data, 0.1, 1.2, time=True)
     whole = PoleCell(
         data.modes[:, :1] * [0.97, 1.04], data.modes[:, 1:] * [0.6, 1.5], np.array([0.6, 0.1]), delay=1, dt=DT

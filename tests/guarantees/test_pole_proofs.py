@@ -14,14 +14,14 @@ from support.structure import about_structure
 
 
 def identified(seed=0):
-    data = rid.flexible_structure(seed=seed, lines=8, samples=2, extra_hz=[17.4, 17.6, 17.7, 17.9])
+    data = rid.datasets.flexible_structure(seed=seed, lines=8, samples=2, extra_hz=[17.4, 17.6, 17.7, 17.9])
     return rid.identify(about_structure(data, 0.1, 1.3)), data.modes
 
 
 def banded(**options):
     result, modes = identified()
     box = modes[:, :1] * [1 - 0.002 / 3, 1.002], modes[:, 1:] * [0.9, 1 + 0.1 / 3]
-    return rid.worst_case_over_poles(result, *box, omega=[0.0, 30.0], directions=4, cells=4, **options)
+    return rid.guarantee.worst_case_over_poles(result, *box, omega=[0.0, 30.0], directions=4, cells=4, **options)
 
 
 @pytest.fixture(scope="module")

@@ -329,7 +329,7 @@ def test_a_synthesised_controller_keeps_the_gain_that_was_promised():
 
 def test_the_model_of_an_identification():
     """From data to a margin: a nominal model of tens of states, one mode of 0.4 % damping."""
-    data = rid.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0)
     prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     basis = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01)
     problem = rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)

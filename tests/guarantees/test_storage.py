@@ -212,7 +212,7 @@ def test_a_full_disk_leaves_what_was_there_and_says_so(computed, saved, tmp_path
 
 def test_two_sides_are_no_polygon():
     """Directions 0 and pi of a complex value bound no area: what they leave out can be anywhere above and below."""
-    problem = about_structure(rid.flexible_structure(lines=5, samples=2), 0.1, 1.3)
+    problem = about_structure(rid.datasets.flexible_structure(lines=5, samples=2), 0.1, 1.3)
     error = rid.worst_case_error(rid.identify(problem), omega=[50.0], directions=4)
     value = error.values[0]
     ends = {name: getattr(value, name)[[0, 2]] for name in ("directions", "support", "points")}

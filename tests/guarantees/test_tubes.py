@@ -326,7 +326,7 @@ def test_bad_input(mixed):
         _ = response_tube(first_coefficient(0.0), input="step", horizon=1).error_l1
     record = rid.TimeRecord([1.0], [5.0], dt=0.1, bound=0.1)
     refuted = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
-    with pytest.raises(rid.InconsistentDataError, match="inconsistent"):
+    with pytest.raises(rid.errors.InconsistentDataError, match="inconsistent"):
         response_tube(refuted)
 
 

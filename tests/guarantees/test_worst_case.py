@@ -281,7 +281,7 @@ def test_bad_input(result, options, error, words):
 
 def test_inconsistent_data_have_no_band():
     result = identified(rid.FrequencyResponse([1.0, 1.1], [5.0, -5.0], bound=0.01, dt=DT))
-    with pytest.raises(rid.InconsistentDataError, match="no consistent system"):
+    with pytest.raises(rid.errors.InconsistentDataError, match="no consistent system"):
         rid.worst_case_error(result)
     with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
         rid.worst_case_error(result.model)

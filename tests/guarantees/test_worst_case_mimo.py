@@ -330,7 +330,7 @@ def test_the_bound_on_the_circle_holds_between_frequencies(p, q, rho, damping):
     gain = control.ss([], [], [], 0.05 * np.ones((q, p)) / error.hinf, error.model.dt)
     found = error.robust_stability_margin(gain)
     for bound in (circle.bound, circle.entries):
-        alone = rid.robust_stability_margin(error.model, gain, circle.edges, bound)
+        alone = rid.guarantee.robust_stability_margin(error.model, gain, circle.edges, bound)
         assert found.margin >= 0.999 * alone.margin
         assert found.guaranteed or not alone.guaranteed
     assert np.all(np.linalg.norm(off, 2, axis=(1, 2)) <= circle.bound[cell])
@@ -420,7 +420,7 @@ def test_the_text_names_entries(error):
 
 def test_the_diameter_covers_the_sets():
     problem, _ = random_matrix_problem(6, 2, 2, 2, rho=1.4)
-    wide = rid.diameter(problem, omega=[2.5], directions=8, rtol=0.05)
+    wide = rid.guarantee.diameter(problem, omega=[2.5], directions=8, rtol=0.05)
     error = bounded(problem, [2.5], directions=8)
     for entry in np.ndindex(2, 2):
         points = np.concatenate([one.matrices[:, *entry] for one in error.values])

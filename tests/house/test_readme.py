@@ -21,7 +21,7 @@ FEWER = {"lines": 5, "samples": 3, "extra_hz": [17.5, 17.67, 17.8]}  # coefficie
 def demo_files(tmp_path, monkeypatch, request):
     folder = tmp_path / "robustid-demo"
     folder.mkdir()
-    data = rid.flexible_structure(seed=0, **request.param)
+    data = rid.datasets.flexible_structure(seed=0, **request.param)
     rid.save(folder / "frequency.csv", data.frequency)
     rid.save(folder / "step.csv", data.time)
     monkeypatch.chdir(tmp_path)

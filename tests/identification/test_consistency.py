@@ -18,7 +18,7 @@ def simulate(model, u):
 
 
 def flexible(size=None, **changes):
-    data = rid.flexible_structure(seed=1, **(size or {}))
+    data = rid.datasets.flexible_structure(seed=1, **(size or {}))
     return dataclasses.replace(about_structure(data, 0.2, 1.1, time=True), **changes)
 
 
@@ -147,7 +147,7 @@ def test_inconsistent_data_come_with_a_proof_and_a_model():
     assert share == pytest.approx(1)
     near = [row for row in result.conflicting_samples(0.05) if row[0] == "frequency"]
     assert any(abs(row[2] / (2 * np.pi) - 17.5) < 2 for row in near)
-    with pytest.raises(rid.InconsistentDataError, match="margin"):
+    with pytest.raises(rid.errors.InconsistentDataError, match="margin"):
         result.require()
 
 
@@ -180,7 +180,7 @@ def test_other_solutions_keep_every_residual():
 
 
 def test_known_past_input_is_used_through_an_infinite_bound():
-    experiment = rid.flexible_structure(seed=2, samples=40)
+    experiment = rid.datasets.flexible_structure(seed=2, samples=40)
     u = np.sign(np.sin(2 * np.pi * 2 * experiment.time.time + 0.1))
     y = simulate(experiment.truth, u)
     bound = np.where(np.arange(40) < 25, np.inf, 0.01)
@@ -195,7 +195,7 @@ def test_unknown_initial_state_is_not_ignored():
     """The window of a long record: consistent as "free" for 5 seeds of 5, refuted as "rest" in all."""
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        truth = rid.flexible_structure(seed=1).truth
+        truth = rid.datasets.flexible_structure(seed=1).truth
         u = np.sign(rng.standard_normal(300))
         y = simulate(truth, u)[270:] + 0.02 * rng.uniform(-1, 1, 30)
         free = rid.TimeRecord(u[270:], y, dt=0.01, bound=0.02, initial="free")
@@ -208,7 +208,7 @@ def test_unknown_initial_state_is_not_ignored():
 
 
 def test_periodic_record_is_used_through_its_lines():
-    truth = rid.flexible_structure(seed=1).truth
+    truth = rid.datasets.flexible_structure(seed=1).truth
     rng = np.random.default_rng(0)
     u = np.sign(rng.standard_normal(24))
     many = simulate(truth, np.tile(u, 800))[-24:]  # the light mode has decayed
@@ -267,7 +267,7 @@ def test_units_do_not_matter(power):
     assert larger.margin == base.margin
     assert larger.margin_lower == base.margin_lower
     assert np.array_equal(larger.parameters, base.parameters * scale)
-    modes = rid.flexible_structure(seed=1).modes
+    modes = rid.datasets.flexible_structure(seed=1).modes
     slower = rid.identify(
         flexible(
             frequency=rid.FrequencyResponse(f.omega / scale, f.values, bound=f.bound, dt=f.dt * scale),

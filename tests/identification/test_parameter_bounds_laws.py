@@ -176,7 +176,7 @@ def test_intervals_need_functions():
 
 def test_intervals_take_the_place_of_samples_that_tell_coefficients_apart():
     """One line, four functions: refused with free coefficients, and a bounded set where all of them lie in intervals."""
-    data = rid.flexible_structure(lines=1, samples=2)
+    data = rid.datasets.flexible_structure(lines=1, samples=2)
     with pytest.raises(rid.errors.InputError, match="cannot tell its 4 functions"):
         rid.identify(about_structure(data, 0.1, 1.3))
     box = np.tile([-20.0, 20.0], (4, 1))

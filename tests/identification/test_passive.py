@@ -127,7 +127,7 @@ def mobility(seed):
 
     bound = 0.03 * np.abs(at(1j * omega))
     values = at(1j * omega) + bound * np.exp(2j * np.pi * rng.random(omega.size))
-    return at, omega, values, 1.001 * bound, rid.passive_modes(w, zeta)
+    return at, omega, values, 1.001 * bound, rid.passive.passive_modes(w, zeta)
 
 
 @pytest.mark.parametrize("seed", seeds(1, 30))
@@ -173,7 +173,7 @@ def transfer_mobility(seed):
         omega,
         truth + bound * np.exp(2j * np.pi * rng.random(bound.shape)),
         1.001 * bound,
-        rid.passive_modes(w, zeta),
+        rid.passive.passive_modes(w, zeta),
     )
 
 
@@ -251,7 +251,7 @@ def test_bad_input():
             problem_of(omega, values, bound, prior, parametric=rid.kautz(10.0, 0.1, dt=0))
         with pytest.raises(rid.InputError, match="as many inputs as outputs"):
             problem_of(omega, np.ones((omega.size, 2, 1)), 1.0, prior)
-    modes = rid.passive_modes(10.0, 0.1)
+    modes = rid.passive.passive_modes(10.0, 0.1)
     with pytest.raises(rid.InputError, match="`parameter_bounds` has no place"):
         problem_of(omega, values, bound, passive, parametric=modes, parameter_bounds=[[0, 1], [0, 1]])
     record = rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)
@@ -273,7 +273,7 @@ def test_bad_input():
     found = rid.identify(problem_of(omega, values, 3 * bound, passive))
     for refused in (
         lambda: rid.suggest_prior(found.problem),
-        lambda: rid.diameter(found.problem, omega=[1.0]),
+        lambda: rid.guarantee.diameter(found.problem, omega=[1.0]),
         lambda: rid.worst_case_error(found, omega=[10.0], directions=3).weight(),
     ):
         with pytest.raises(rid.InputError, match="PositiveReal class, "):

@@ -214,7 +214,7 @@ def test_nyquist_line_of_a_periodic_record_counts_once():
 def test_reduction_of_a_record_from_an_unknown_state_keeps_its_bounds(seeds):
     """Free responses are fitted for the largest residual, as the claim is: all stay within their bounds."""
     for seed in range(seeds):
-        experiment = rid.flexible_structure(seed=1)
+        experiment = rid.datasets.flexible_structure(seed=1)
         rng = np.random.default_rng(seed)
         from robustid.core import simulate
 

@@ -199,7 +199,7 @@ def test_tubes_hold_a_weighted_plant():
     record = rid.TimeRecord(u, y, dt=0.1, bound=1e-2)
     classes = rid.Prior(gain_bound=1.01, decay_rate=RATE, weight=STATED)
     found = rid.identify(rid.MixedProblem(time=record, prior=classes)).require()
-    tube = rid.response_tube(found, input="step", horizon=40, times=[0.0, 1.0, 3.0])
+    tube = rid.guarantee.response_tube(found, input="step", horizon=40, times=[0.0, 1.0, 3.0])
     assert tube.verify()
     step = control.forced_response(plant, inputs=np.ones(40)).outputs
     nominal = control.forced_response(found.model, inputs=np.ones(40)).outputs

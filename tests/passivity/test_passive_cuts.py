@@ -43,7 +43,7 @@ def test_the_nearest_passive_gains_are_those_of_the_semidefinite_program(kind):
     assert fit.cost(cut) == pytest.approx(fit.cost(program), rel=1e-3)
     touched = fit.touched()
     assert fit.cost(touched) <= fit.cost(cut)
-    found = rid.make_passive(active, kind=kind, response=data)
+    found = rid.passive.make_passive(active, kind=kind, response=data)
     assert found.passivity.holds
     assert fit.cost(found.model) <= 1.001 * fit.cost(touched)
     far = control.StateSpace(model.A, model.B, 2 * model.C, 2 * model.D - less * np.eye(2), 0)
@@ -58,7 +58,7 @@ def test_a_fit_that_is_almost_exact_stays_almost_exact():
     data = rid.FrequencyResponse(omega, passive_fit.response_of(plant, omega))
     fit = control.StateSpace(plant.A, plant.B, plant.C, (1 + 1e-8) * plant.D, 0)
     assert not rid.prove_passive(fit).holds
-    found = rid.make_passive(fit, response=data)
+    found = rid.passive.make_passive(fit, response=data)
     assert found.passivity.holds
     assert np.sqrt(np.mean(np.abs(passive_fit.response_of(found.model, omega) - data.values) ** 2)) < 2e-9
 
@@ -79,7 +79,7 @@ def test_rounded_responses_of_networks_at_the_limit_are_as_near_as_the_truth(see
     values = passive_fit.response_of(truth, omega)
     data = rid.FrequencyResponse(omega, np.round(values, 9))
     fit = rid.fit_mfd(data, order=truth.nstates, feedthrough=True, weight=np.ones(values.shape))
-    found = rid.make_passive(fit.model, response=data)
+    found = rid.passive.make_passive(fit.model, response=data)
     assert found.passivity.holds
     error = passive_fit.response_of(found.model, omega) - data.values
     assert np.linalg.norm(error) <= 1.01 * np.linalg.norm(values - data.values)

@@ -27,7 +27,7 @@ def test_truncations_stay_passive_within_their_bound(kind, seeds):
         model = foster(np.random.default_rng(seed), 4, 2, damping=0.05, resistance=0.2)
         model = scattering(model) if kind == "bounded real" else model
         for order in (2, 5):
-            small = rid.reduce_passive(model, kind=kind, order=order)
+            small = rid.passive.reduce_passive(model, kind=kind, order=order)
             assert small.passivity.holds
             assert small.passivity.certificate.verify(small.model)
             assert (small.model.nstates, small.status) == (order, PassiveStatus.PASSIVE)
@@ -39,7 +39,7 @@ def test_truncations_stay_passive_within_their_bound(kind, seeds):
 
 def test_a_state_out_of_reach_goes_first():
     model = control.StateSpace(np.diag([-1.0, -5.0]), [[1.0], [0.0]], [[0.5, 1.0]], 0.25, 0)
-    small = rid.reduce_passive(model, order=1)
+    small = rid.passive.reduce_passive(model, order=1)
     assert small.values[1] < 1e-6
     np.testing.assert_allclose(values(small.model), values(model), atol=1e-6)
 
@@ -47,14 +47,14 @@ def test_a_state_out_of_reach_goes_first():
 def test_the_smallest_order_inside_all_bounds():
     model = scattering(foster(np.random.default_rng(5), 2, 1, damping=0.1, resistance=0.3))
     data = rid.FrequencyResponse(OMEGA, values(model), bound=0.02)
-    small = rid.reduce_passive(model, response=data)
+    small = rid.passive.reduce_passive(model, response=data)
     assert small.passivity.holds
     assert small.margin <= 1
     np.testing.assert_allclose(np.max(np.abs(values(small.model) - values(model))) / 0.02, small.margin, rtol=1e-6)
     assert small.order < model.nstates
     assert dict(small.tried)[small.order] <= 1
     assert all(ratio > 1 for order, ratio in small.tried if order < small.order)
-    wider = rid.reduce_passive(model, response=rid.FrequencyResponse(OMEGA, values(model), bound=0.3))
+    wider = rid.passive.reduce_passive(model, response=rid.FrequencyResponse(OMEGA, values(model), bound=0.3))
     assert wider.order <= small.order
 
 
@@ -64,7 +64,9 @@ def test_the_nearest_passive_model_in_closed_form():
     # brute force over the pole p and D, C what is left to |S(0)| = 1.
     omega = np.geomspace(1e-3, 1e3, 25)
     wanted = 1.5 / (1 + 1j * omega)
-    found = rid.make_passive(control.StateSpace(-1.0, 1.0, 1.5, 0.0, 0), response=rid.FrequencyResponse(omega, wanted))
+    found = rid.passive.make_passive(
+        control.StateSpace(-1.0, 1.0, 1.5, 0.0, 0), response=rid.FrequencyResponse(omega, wanted)
+    )
     assert found.passivity.holds
     pole, gain = np.meshgrid(np.linspace(1.0, 2.5, 301), np.linspace(-0.1, 0.1, 41))
     trial = ((1 - gain)[..., None] / (1 + 1j * omega / pole[..., None])) + gain[..., None]
@@ -79,7 +81,7 @@ def test_poles_that_stand_in_the_way_are_moved():
     truth = scattering(foster(np.random.default_rng(0), 1, 1, damping=0.1, resistance=0.1))
     far = control.StateSpace([[0, 1], [-1e4, -2.0]], [[0], [1]], [[0, 10.0]], 0.0, 0)
     omega = np.linspace(0.2, 5, 40)
-    passive = rid.make_passive(truth + far, response=rid.FrequencyResponse(omega, values(truth, omega)))
+    passive = rid.passive.make_passive(truth + far, response=rid.FrequencyResponse(omega, values(truth, omega)))
     assert passive.passivity.holds
     assert np.max(np.abs(values(passive.model, omega) - values(truth, omega))) < 1e-4
 
@@ -94,27 +96,30 @@ def test_noisy_networks_become_passive_and_come_nearer_to_the_truth(kind):
             truth.A, truth.B, truth.C * (1 + 0.1 * rng.standard_normal(truth.C.shape)), truth.D - 0.03, 0
         )
         assert not rid.prove_passive(active, kind=kind).holds
-        passive = rid.make_passive(active, kind=kind)
+        passive = rid.passive.make_passive(active, kind=kind)
         assert passive.passivity.holds
         assert passive.error <= 1.5 * hinf_error(active, truth).value
-    again = rid.make_passive(passive.model, kind=kind)
+    again = rid.passive.make_passive(passive.model, kind=kind)
     assert again.model is passive.model
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda m, d: rid.reduce_passive(m), "give either `order`"),
-        (lambda m, d: rid.reduce_passive(m, order=7), "`order` must be at most the order of the model, 1; got 7"),
-        (lambda m, d: rid.reduce_passive(m, kind="negative imaginary", order=1), "Fit fewer poles"),
-        (lambda m, d: rid.reduce_passive(3 * m, order=0), r"beyond the limit by 0\.5.*make_passive"),
-        (lambda m, d: rid.reduce_passive(m, response=d), "must have bounds to stay inside"),
+        (lambda m, d: rid.passive.reduce_passive(m), "give either `order`"),
         (
-            lambda m, d: rid.make_passive(m, response=rid.FrequencyResponse(d.omega, d.values, dt=0.1)),
+            lambda m, d: rid.passive.reduce_passive(m, order=7),
+            "`order` must be at most the order of the model, 1; got 7",
+        ),
+        (lambda m, d: rid.passive.reduce_passive(m, kind="negative imaginary", order=1), "Fit fewer poles"),
+        (lambda m, d: rid.passive.reduce_passive(3 * m, order=0), r"beyond the limit by 0\.5.*make_passive"),
+        (lambda m, d: rid.passive.reduce_passive(m, response=d), "must have bounds to stay inside"),
+        (
+            lambda m, d: rid.passive.make_passive(m, response=rid.FrequencyResponse(d.omega, d.values, dt=0.1)),
             "without `dt`; got dt = 0.1",
         ),
         (
-            lambda m, d: rid.make_passive(m, response=rid.FrequencyResponse(d.omega, np.ones((2, 2, 2)))),
+            lambda m, d: rid.passive.make_passive(m, response=rid.FrequencyResponse(d.omega, np.ones((2, 2, 2)))),
             "1 x 1 entries.*got 2 x 2",
         ),
     ],
@@ -133,9 +138,9 @@ def test_bounds_mean_what_they_mean_and_what_was_not_measured_counts_for_nothing
     wrong = values(model, omega)
     wrong[:, 0, 1] += 5
     some = rid.FrequencyResponse(omega, wrong, bound=rid.Bound(missing))
-    assert rid.reduce_passive(model, response=some).margin <= 1
+    assert rid.passive.reduce_passive(model, response=some).margin <= 1
     shifted = rid.FrequencyResponse(omega, values(model, omega) + 0.008).with_column_bound(0.01)
-    found = rid.make_passive(control.StateSpace([], [], [], np.eye(2) / 2), response=shifted)
+    found = rid.passive.make_passive(control.StateSpace([], [], [], np.eye(2) / 2), response=shifted)
     error = np.linalg.norm(values(found.model, omega) - shifted.values, axis=1)
     assert found.margin == pytest.approx(np.max(error) / 0.01)
 
@@ -143,7 +148,7 @@ def test_bounds_mean_what_they_mean_and_what_was_not_measured_counts_for_nothing
 def test_data_that_no_passive_model_keeps_are_said_to_be_outside():
     model = control.StateSpace(-1.0, 1.0, 0.5, 0.25, 0)
     active = rid.FrequencyResponse([0.5, 1.0, 2.0], [1.5, 1.5, 1.5], bound=0.1)
-    found = rid.reduce_passive(model, response=active)
+    found = rid.passive.reduce_passive(model, response=active)
     assert (found.passivity.holds, found.status) == (True, PassiveStatus.OUTSIDE)
     assert found.margin == pytest.approx(5, rel=1e-3)  # 1.5 - 1 over 0.1: the nearest there is
 
@@ -167,7 +172,7 @@ def test_networks_are_passive_at_most_a_tenth_worse_than_the_vector_fit(name, po
     peer.vector_fit(n_poles_real=0, n_poles_cmplx=poles // 2)
     data = rid.FrequencyResponse(2 * np.pi * network.f, network.s)
     fit = rid.fit_mfd(data, order=poles, form="shared", feedthrough=True, weight=np.ones(network.s.shape))
-    passive = rid.make_passive(fit.model, response=data)
+    passive = rid.passive.make_passive(fit.model, response=data)
     assert passive.passivity.holds
     error = np.linalg.norm(values(passive.model, data.omega) - network.s)
     fitted = [peer.get_model_response(i, j, network.f) - network.s[:, i, j] for i, j in np.ndindex(network.s.shape[1:])]
@@ -184,7 +189,7 @@ def test_a_fit_of_a_compliance_is_made_negative_imaginary(ports):
     fit = control.StateSpace(truth.A, truth.B, C, truth.D, 0)
     assert not rid.prove_passive(fit, kind="negative imaginary").holds
     data = rid.FrequencyResponse(omega, values(truth, omega))
-    found = rid.make_passive(fit, kind="negative imaginary", response=data)
+    found = rid.passive.make_passive(fit, kind="negative imaginary", response=data)
     away = np.abs(values(found.model, omega) - data.values).max()
     assert away < 1e-5 * np.abs(data.values).max()  # the truth has these poles, and is negative imaginary
     # Along the imaginary axis, seen: the Hermitian part of j F is positive semidefinite.
@@ -194,5 +199,5 @@ def test_a_fit_of_a_compliance_is_made_negative_imaginary(ports):
     if ports == 1:
         assert found.passivity.holds
         assert found.status is PassiveStatus.PASSIVE
-    alone = rid.make_passive(fit, kind="negative imaginary")
+    alone = rid.passive.make_passive(fit, kind="negative imaginary")
     assert alone.passivity.margin > -1e-6

@@ -25,7 +25,7 @@ def structures(count):
     """A response and a record of the two modes and the rest of the paper's structure."""
     for seed in range(count):
         problem = structure(seed, **AS_THE_PAPER).with_prior(gain_bound=0.3, decay_rate=1.1)
-        truth = rid.flexible_structure(seed=seed).truth
+        truth = rid.datasets.flexible_structure(seed=seed).truth
         yield rid.identify(problem), lambda omega, truth=truth: rid.core.responses(truth, omega * 0.01)
 
 

@@ -39,7 +39,7 @@ def test_residuals_of_the_map_are_those_of_the_judge(kind, integrators):
     v = rng.standard_normal(5 + samples.fixed.shape[1])
     v[5 + 1 + integrators :] = 0  # no free response: the judge takes the best one
     fit = evaluated(samples, pole_functions(POLES), v)
-    model = statespace(samples, fit, rid.flexible_structure().truth)
+    model = statespace(samples, fit, rid.datasets.flexible_structure().truth)
     assert np.sum(model.poles() == 1) == integrators
     found = model_residuals(problem, model)
     for r, start in zip(found, (0, 11), strict=True):
@@ -98,7 +98,7 @@ def test_smallest_maximum_is_that_of_another_solver():
 
 def test_noise_free_samples_give_the_poles_back_from_a_cold_start():
     for seed in range(5):
-        data = rid.flexible_structure(seed=seed, bound=1e-9)
+        data = rid.datasets.flexible_structure(seed=seed, bound=1e-9)
         problem = dataclasses.replace(structure(seed), frequency=data.frequency, time=data.time)
         samples = sample_map(problem, 0)
         exact = np.linalg.eigvals(data.truth.A)
@@ -113,7 +113,7 @@ def test_minimax_model_is_a_local_optimum_with_equal_extremes():
         problem = structure(seed)
         samples = sample_map(problem, 0)
         start = descended(
-            samples, least_squares(samples, pole_functions(rid.flexible_structure().truth.poles())), 0.9999
+            samples, least_squares(samples, pole_functions(rid.datasets.flexible_structure().truth.poles())), 0.9999
         )
         fit = levelled(samples, start, 0.9999, 1e-3, 60)  # a limit out of reach: to the end
         assert fit.worst < numerators_levelled(samples, start).worst

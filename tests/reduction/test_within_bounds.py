@@ -79,7 +79,7 @@ def test_from_another_objective_too_every_sample_is_kept(seeds):
 
 def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
     """Known poles stay, and the model is near the truth between the samples, where moved poles are not."""
-    data, problem = rid.flexible_structure(), structure(0, **AS_THE_PAPER)
+    data, problem = rid.datasets.flexible_structure(), structure(0, **AS_THE_PAPER)
     light = rid.kautz(data.modes[1, 0], data.modes[1, 1], dt=0.01, delay=1)
     wide = rid.Prior(gain_bound=18.4, decay_rate=1.051)
     angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
@@ -134,7 +134,7 @@ def test_records_from_an_unknown_state_and_in_steady_state(kind):
 
 
 def rigid_problem(basis):
-    truth = control.ss(RIGID + rid.flexible_structure(seed=1).truth)
+    truth = control.ss(RIGID + rid.datasets.flexible_structure(seed=1).truth)
     omega = 2 * np.pi * np.linspace(1, 40, 20)
     F = truth(np.exp(1j * omega * 0.01))
     error = 0.9 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=20))
@@ -235,7 +235,7 @@ def test_bounds_that_no_smaller_order_meets_leave_the_model_as_it_is():
 
 def test_search_that_finds_nothing_returns_the_identified_model(monkeypatch):
     monkeypatch.setattr("robustid.reduction.best_models.largest_ratio", lambda problem, model: 1.5)
-    data = rid.flexible_structure(lines=3, samples=2)
+    data = rid.datasets.flexible_structure(lines=3, samples=2)
     prior = rid.Prior(gain_bound=10, decay_rate=1.015)
     result = rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior))
     reduction = rid.reduce_within_bounds(result)
@@ -249,7 +249,7 @@ def test_search_that_finds_nothing_returns_the_identified_model(monkeypatch):
 def test_misuse_is_named():
     result = rid.identify(structure(0))
     with pytest.raises(rid.errors.InputTypeError, match="identify"):
-        rid.reduce_within_bounds(rid.flexible_structure().truth)
+        rid.reduce_within_bounds(rid.datasets.flexible_structure().truth)
     with pytest.raises(rid.errors.InputTypeError, match=r"RigidBody\(1\)"):
         rid.reduce_within_bounds(result, rigid_body=1)
     with pytest.raises(rid.InputError, match="2 modes"):

@@ -14,7 +14,7 @@ from support.report_pages import printed
 
 
 def test_poles_at_zero_are_called_a_delay():
-    frf = rid.flexible_structure().frequency
+    frf = rid.datasets.flexible_structure().frequency
     prior = rid.Prior(gain_bound=20.0, decay_rate=1.04)
     for delay, words in ((1, None), (2, "delay, 2 samples"), (3, "delay, 3 samples")):
         pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=delay)

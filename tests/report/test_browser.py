@@ -82,13 +82,13 @@ def check_identification(found):
 def identification(page):
     """With every section."""
     result = identified()
-    modes = rid.flexible_structure().modes
+    modes = rid.datasets.flexible_structure().modes
     box = modes[:, :1] * [0.999, 1.001], modes[:, 1:] * [0.95, 1.05]
     sections = {
         "worst_case": with_circle(rid.worst_case_error(result, omega=[60.0, 100.0], directions=3)),
-        "over_poles": rid.worst_case_over_poles(result, *box, omega=[60.0, 100.0], directions=3, cells=1),
-        "tube": rid.response_tube(result, input="step", horizon=3),
-        "sensitivity": rid.sensitivity(result.problem, omega=[30.0]),
+        "over_poles": rid.guarantee.worst_case_over_poles(result, *box, omega=[60.0, 100.0], directions=3, cells=1),
+        "tube": rid.guarantee.response_tube(result, input="step", horizon=3),
+        "sensitivity": rid.advise.sensitivity(result.problem, omega=[30.0]),
         "reduction": rid.balanced_truncation(result.model, order=4),
     }
     write_report(result, page, **sections)

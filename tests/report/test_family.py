@@ -26,7 +26,7 @@ OMEGA = np.array([0.0, 2.0, 8.0, np.pi / DT])
 @pytest.fixture(scope="module")
 def two():
     pair = rid.kautz(12.0, 0.05, dt=DT, delay=1)
-    members = [rid.Member(identified(g, seed=k, parametric=pair), load=g) for k, g in enumerate((0.8, 1.3))]
+    members = [rid.guarantee.Member(identified(g, seed=k, parametric=pair), load=g) for k, g in enumerate((0.8, 1.3))]
     return rid.family(members, omega=OMEGA, directions=4, interval=(0.5, 1.3))
 
 

@@ -90,7 +90,7 @@ def test_an_inconsistent_page_leads_on():
 
 def test_fit_in_per_cent_is_that_of_the_residuals():
     asked = problem()
-    frf, record, model = asked.frequency[0], asked.time[0], rid.flexible_structure().truth
+    frf, record, model = asked.frequency[0], asked.time[0], rid.datasets.flexible_structure().truth
     response = control.frequency_response(model, frf.omega).frdata[0, 0]
     values = frf.values[:, 0, 0]
     _, simulated = control.forced_response(model, record.time, record.u[:, 0])

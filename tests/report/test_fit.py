@@ -51,7 +51,7 @@ def test_checks_hold_and_find_what_is_wrong(fit, left, body):
 def test_modal_structure_is_told():
     system = mechanical(0, 2, 2, 2, symmetric=True)
     data = frequency_response(system, 0, 0.02)
-    result = fit_mfd(data, order=4, modal=rid.Modal("proportional", symmetric=True))
+    result = fit_mfd(data, order=4, modal=rid.fits.Modal("proportional", symmetric=True))
     assert all(check.holds for check in FitView(result).checks)
     text = " ".join(printed(result).split())
     assert "Modes of rank one with real shapes (proportional damping), reciprocal: the response is symmetric" in text
@@ -111,7 +111,7 @@ def test_page_of_a_fit(fit, data, sweep, tmp_path):
 
 def at_more_lines(fit, omega, values):
     """The same fraction on other lines, without a fit that would take long."""
-    problem = dataclasses.replace(fit.problem, omega=omega, values=values, weight=rid.Weight.relative(values))
+    problem = dataclasses.replace(fit.problem, omega=omega, values=values, weight=rid.fits.Weight.relative(values))
     nodes = type(fit.nodes)(fit.denominator(1j * omega), fit.numerator(1j * omega))
     return dataclasses.replace(fit, problem=problem, nodes=nodes, cost=problem.cost(nodes))
 

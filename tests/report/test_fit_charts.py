@@ -66,7 +66,7 @@ def test_masked_samples_are_drawn_apart():
     frf = measured(random_modal_system(4, 2, 1, 2), OMEGA)
     mask = np.ones(frf.values.shape)
     mask[::10, 0] = 0
-    view = FitView(fit_mfd(frf, order=4, weight=rid.Weight.relative(frf.values).scaled(mask)), frf)
+    view = FitView(fit_mfd(frf, order=4, weight=rid.fits.Weight.relative(frf.values).scaled(mask)), frf)
     drawn = layers(response_charts(view)[0], 0)
     assert drawn["data without weight"].x.size == 12
     assert drawn["data"].x.size == drawn["residual |data − model|"].x.size == 108

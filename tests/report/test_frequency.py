@@ -14,7 +14,7 @@ pytestmark = pytest.mark.quick
 
 
 def test_curve_is_the_response_of_the_model_and_resolves_the_light_mode(consistent):
-    truth = rid.flexible_structure().truth
+    truth = rid.datasets.flexible_structure().truth
     chart = frequency_charts(consistent, {"plant": truth})[0]
     for name, model in ((f"nominal model, order {consistent.order}", consistent.model), ("plant", truth)):
         magnitude, phase = (layers(chart, k)[name] for k in (0, 1))
@@ -32,7 +32,7 @@ def test_curve_is_the_response_of_the_model_and_resolves_the_light_mode(consiste
 
 
 def test_phase_is_continuous_where_it_stays_within_two_turns():
-    experiment = rid.flexible_structure()
+    experiment = rid.datasets.flexible_structure()
     prior = rid.Prior(gain_bound=1e-6, decay_rate=1.04)  # next to nothing beside the true modes
     pairs = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
     result = rid.identify(rid.MixedProblem(frequency=experiment.frequency, prior=prior, parametric=pairs))

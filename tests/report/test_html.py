@@ -15,7 +15,7 @@ pytestmark = pytest.mark.quick
 
 def test_text_of_strangers_is_escaped():
     result = rid.identify(problem(**NASTY_NAMES, note=f"from {NASTY} & co"))
-    models = {"</script><b>model</b>": rid.flexible_structure().truth}
+    models = {"</script><b>model</b>": rid.datasets.flexible_structure().truth}
     title = "He said \"no\" & 'yes' {{ 7 * 7 }} <h1>"
     page = Page(render_report(result, title=title, models=models))
     check_escaped(page)

@@ -32,7 +32,7 @@ def test_data_say_what_they_are():
 
 
 def test_what_has_a_summary_shows_its_first_lines_and_all_else_its_text():
-    data = rid.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0)
     assert "mode 1" in rid.suggest_kautz(data.frequency)._repr_html_()
     assert rid.Prior(gain_bound=1.0, decay_rate=1.1)._repr_html_() is None
 
@@ -40,7 +40,7 @@ def test_what_has_a_summary_shows_its_first_lines_and_all_else_its_text():
 def test_tables_are_tables_of_pandas(consistent):
     """Rows are named tuples or data classes: a data frame takes them as they are."""
     fit = rid.fit_mfd(consistent.problem.frequency[0], order=4)
-    for rows in (rid.mode_table(fit), rid.report.pole_table(consistent.model)):
+    for rows in (rid.fits.mode_table(fit), rid.report.pole_table(consistent.model)):
         frame = pandas.DataFrame(rows)
         assert len(frame) == len(rows)
         assert "damping" in frame

@@ -13,14 +13,14 @@ from support.report_pages import NASTY_NAMES, Page, check_escaped, identified, n
 
 pytestmark = pytest.mark.quick
 HZ = np.array([4.0, 8.0, 17.6, 30.0])
-MODES = rid.flexible_structure().modes
+MODES = rid.datasets.flexible_structure().modes
 BOX = MODES[:, :1] * [0.999, 1.001], MODES[:, 1:] * [0.95, 1.05]
 WORDS = "any pole in the box (4 frequencies)"
 
 
 @pytest.fixture(scope="module")
 def band():
-    return rid.worst_case_over_poles(identified(), *BOX, omega=2 * np.pi * HZ, directions=4, cells=1)
+    return rid.guarantee.worst_case_over_poles(identified(), *BOX, omega=2 * np.pi * HZ, directions=4, cells=1)
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,7 @@ def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band):
 
 def test_text_of_strangers_is_escaped():
     result = identified(**NASTY_NAMES)
-    found = rid.worst_case_over_poles(result, *BOX, omega=[30.0], directions=4, cells=1)
+    found = rid.guarantee.worst_case_over_poles(result, *BOX, omega=[30.0], directions=4, cells=1)
     page = Page(render_report(result, over_poles=found))
     check_escaped(page)
     assert "over_poles-0" in page.figures
@@ -162,7 +162,7 @@ def test_a_matrix_is_drawn_by_its_largest_singular_value_and_has_its_entries_in_
         rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2, decay_rate=1.1), parametric=basis)
     )
     box = (end[:, None] * [0.9999, 1.0001] for end in middle)
-    found = rid.worst_case_over_poles(result, *box, omega=frf.omega[2:3], directions=3)
+    found = rid.guarantee.worst_case_over_poles(result, *box, omega=frf.omega[2:3], directions=3)
     magnitude, errors = pole_box_chart(found).panels
     np.testing.assert_array_equal(named(errors, "error over the box").y, found.sigma_upper)
     assert magnitude.title == "Singular values"

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.quick
 
 
 def test_pole_table_against_the_plant():
-    plant = rid.flexible_structure().truth
+    plant = rid.datasets.flexible_structure().truth
     rows = pole_table(plant)
     np.testing.assert_allclose([row.hz for row in rows], [9.0, 17.67], rtol=1e-9)
     np.testing.assert_allclose([row.damping for row in rows], [0.1, 0.004], rtol=1e-8)

@@ -17,7 +17,7 @@ from support.report_pages import Page, identified, named
 pytestmark = pytest.mark.quick
 
 HZ = np.array([4.0, 8.0, 17.6, 30.0, 48.0])
-MODES = rid.flexible_structure().modes
+MODES = rid.datasets.flexible_structure().modes
 BOX = MODES[:, :1] * [0.9999, 1.0001], MODES[:, 1:] * [0.99, 1.01]
 
 
@@ -79,7 +79,7 @@ def test_a_sweep_at_exact_poles_is_said_to_be_no_part_of_a_band_over_a_box(resul
     assert stands_on(band, error) == f"The band of sums stands at every frequency; {exact}"
     page = Page(render_report(result, band=band, worst_case=error))
     assert page.text.count(exact) == 2
-    over = rid.worst_case_over_poles(result, *BOX, omega=2 * np.pi * HZ[[0, 4]], directions=12, cells=1)
+    over = rid.guarantee.worst_case_over_poles(result, *BOX, omega=2 * np.pi * HZ[[0, 4]], directions=12, cells=1)
     found = band.with_polygons(over)
     assert isinstance(found.polygons, WorstCaseOverPoles)
     assert found.narrowed.any()

@@ -71,7 +71,7 @@ def test_nothing_to_compare_with_is_said(simple):
 def test_a_computed_table_belongs_to_its_problem(tmp_path):
     frf = rid.FrequencyResponse([10.0, 60.0], [1.0, -0.5], bound=0.1, dt=0.01)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=9.0, decay_rate=1.2))
-    result, found = rid.identify(problem), rid.sensitivity(problem, omega=[30.0])
+    result, found = rid.identify(problem), rid.advise.sensitivity(problem, omega=[30.0])
     rid.write_report(result, tmp_path / "page.html", sensitivity=found)
     text = Page((tmp_path / "page.html").read_text(encoding="utf-8")).text
     assert f"{100 * found.variations[0].worst:.2g}"[:3] in text

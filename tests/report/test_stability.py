@@ -51,7 +51,7 @@ def test_arcs_of_one_size_beside_each_other_are_one_peak():
 
 def test_margins_of_continuous_models_end_at_the_right_of_the_axis():
     model, gain = control.ss(-1.0, 1.0, 1.0, 0.0), control.ss([], [], [], 0.5)
-    margin = rid.robust_stability_margin(model, gain, [0.0, 1.0, 10.0, np.inf], [0.1, 0.2, 0.3])
+    margin = rid.guarantee.robust_stability_margin(model, gain, [0.0, 1.0, 10.0, np.inf], [0.1, 0.2, 0.3])
     panel = stability_chart(margin).panels[0]
     curve = layers(stability_chart(margin))["upper bound"]
     assert curve.x[-1] == panel.x.range[1]
@@ -96,7 +96,7 @@ def structures():
     nominal = control.ss(0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), 0.01)
     gain = control.ss([], [], [], 0.1 * np.eye(2), 0.01)
     edges, bound = [0.0, 100.0, NYQUIST], np.array([[[0.3, 0.01], [0.02, 0.1]], [[0.2, 0.01], [0.03, 0.1]]])
-    return rid.structured_weights(nominal, edges, bound, controller=gain)
+    return rid.guarantee.structured_weights(nominal, edges, bound, controller=gain)
 
 
 def test_structures_stand_in_a_table_and_the_first_is_drawn(matrix_error):

@@ -13,7 +13,7 @@ from support.report_pages import Page, layers
 def test_records_and_step_response(consistent):
     import control
 
-    chart = time_chart(consistent, {"plant": rid.flexible_structure().truth})
+    chart = time_chart(consistent, {"plant": rid.datasets.flexible_structure().truth})
     record, bound = consistent.problem.time[0], consistent.problem.time[0].bound[:, 0]
     data, model = (
         layers(chart, 0)["data with their bounds"],
@@ -24,14 +24,14 @@ def test_records_and_step_response(consistent):
     np.testing.assert_allclose(model.y, simulated, atol=1e-9)
     assert np.all(np.abs(data.y - model.y) <= bound)
     step, pulse = (layers(chart, k)["plant"] for k in (1, 2))
-    exact = control.step_response(rid.flexible_structure().truth, step.x)
+    exact = control.step_response(rid.datasets.flexible_structure().truth, step.x)
     np.testing.assert_allclose(step.y, exact.outputs, atol=1e-10)
     np.testing.assert_allclose(np.cumsum(pulse.y), step.y, atol=1e-10)
 
 
 def test_free_and_periodic_records_and_unused_samples():
     rng = np.random.default_rng(1)
-    truth = rid.flexible_structure().truth
+    truth = rid.datasets.flexible_structure().truth
     parametric = rid.kautz(2 * np.pi * 17.67, 0.004, dt=0.01, delay=1)
     prior = rid.Prior(gain_bound=20.0, decay_rate=1.05)
     import control

@@ -51,7 +51,7 @@ def test_matplotlib_draws_the_numbers_of_the_chart(consistent):
 
 
 def test_the_legend_covers_no_data(inconsistent):
-    for figure in all_plots(inconsistent, {"plant": rid.flexible_structure().truth}):
+    for figure in all_plots(inconsistent, {"plant": rid.datasets.flexible_structure().truth}):
         figure.canvas.draw()
         legend = figure.legends[0].get_window_extent()
         assert not any(legend.overlaps(ax.get_window_extent()) for ax in figure.axes)
@@ -73,7 +73,7 @@ def test_plots_leave_no_global_state(simple):
 def test_text_of_the_user_is_not_mathematics():
     names = {"inputs": [("cost $a$ and $\\bad{", "$")], "outputs": [("y_1^2", "<b>m</b>")]}
     result = rid.identify(problem(**names))
-    figure = plot.bode(result, models={"$\\nothing": rid.flexible_structure().truth})
+    figure = plot.bode(result, models={"$\\nothing": rid.datasets.flexible_structure().truth})
     figure.canvas.draw()
     assert "a" in figure.axes[0].get_ylabel()
 

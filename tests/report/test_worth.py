@@ -15,7 +15,7 @@ from support.report_pages import Page, layers
 
 
 def question(**prior):
-    data = rid.flexible_structure(lines=24)
+    data = rid.datasets.flexible_structure(lines=24)
     basis = rid.kautz(*data.modes.T, dt=0.01, delay=1)
     return rid.MixedProblem(frequency=data.frequency, parametric=basis, prior=rid.Prior(**prior))
 

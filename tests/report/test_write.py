@@ -12,7 +12,7 @@ def test_a_failing_write_leaves_the_old_file(simple, tmp_path, monkeypatch):
     path = tmp_path / "report.html"
     path.write_text("old")
     with pytest.raises(rid.InputError, match="models"):
-        write_report(simple, path, models={"late": rid.flexible_structure().truth})  # another dt
+        write_report(simple, path, models={"late": rid.datasets.flexible_structure().truth})  # another dt
     assert path.read_text() == "old"
 
     def interrupted(*_):

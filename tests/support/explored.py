@@ -26,7 +26,7 @@ compute = false
 
 def run_file(folder, hz=9.0, more=""):
     """A run file of eight frequency points and four samples; its first mode is at 9 Hz in truth."""
-    data = rid.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
+    data = rid.datasets.flexible_structure(seed=0, lines=5, samples=4, extra_hz=[17.4, 17.6, 17.8])
     rid.save(folder / "frf.csv", data.frequency)
     rid.save(folder / "step.csv", data.time)
     path = folder / "ask.toml"

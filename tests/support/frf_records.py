@@ -19,7 +19,7 @@ def gain(freq_hz):
 
 def measured(realisations=2, periods=4, noise=0.02):
     """Records of a 2 x 2 plant in steady state, noise on the outputs."""
-    play = rid.multisine(
+    play = rid.prepare.multisine(
         band_hz=(1, 40), dt=DT, period=PERIOD, inputs=2, realisations=realisations, minimise_crest=False
     )
     rng = np.random.default_rng(0)

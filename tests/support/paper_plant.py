@@ -14,7 +14,7 @@ def structure(seed, *, parametric=True, lines=8, samples=10):
 
     From 26 coefficients for the 42 of the paper (`AS_THE_PAPER`): a fifth of the time.
     """
-    data = rid.flexible_structure(seed=seed, lines=lines, samples=samples)
+    data = rid.datasets.flexible_structure(seed=seed, lines=lines, samples=samples)
     basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1) if parametric else None
     prior = rid.Prior(gain_bound=0.2, decay_rate=1.1) if parametric else rid.Prior(gain_bound=10, decay_rate=1.015)
     return rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)
@@ -22,7 +22,7 @@ def structure(seed, *, parametric=True, lines=8, samples=10):
 
 def mixed(kind, seed=0, samples=40):
     """Lines with ellipses and a record of the plant of paper 1, from rest, from an unknown state, or in steady state."""
-    data, rng = rid.flexible_structure(seed=1), np.random.default_rng(seed)
+    data, rng = rid.datasets.flexible_structure(seed=1), np.random.default_rng(seed)
     u = np.sign(rng.standard_normal(samples))
     y = simulate(data.truth, np.tile(u, 60)[:, None])[0][-samples:, 0] + 0.02 * rng.uniform(-1, 1, samples)
     if kind == "rest":

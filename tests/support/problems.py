@@ -152,4 +152,4 @@ def truth_of(seed, case):
 def rigid_structure():
     """A double integrator, and what it and the simulated structure make together; dt = 0.01 s."""
     rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    return rigid, control.ss(rigid + rid.flexible_structure(seed=1).truth)
+    return rigid, control.ss(rigid + rid.datasets.flexible_structure(seed=1).truth)

@@ -20,7 +20,7 @@ NASTY_NAMES = {"inputs": [(NASTY, "</script>")], "outputs": [("y\"'&", "<img src
 
 
 def problem(*, hz=17.67, time=True, frequency=True, **names):
-    experiment = rid.flexible_structure(extra_hz=(17.5, 17.67, 17.8))
+    experiment = rid.datasets.flexible_structure(extra_hz=(17.5, 17.67, 17.8))
     frf, record = (dataclasses.replace(data, **names) for data in (experiment.frequency, experiment.time))
     return rid.MixedProblem(
         frequency=frf if frequency else None,
@@ -46,7 +46,7 @@ def simple_result():
 
 def identified(tilt=None, **names):
     """A structure with a light mode whose poles are known, seven lines."""
-    data = rid.flexible_structure(lines=5, extra_hz=(17.5, 17.7))
+    data = rid.datasets.flexible_structure(lines=5, extra_hz=(17.5, 17.7))
     frf = dataclasses.replace(rebound(data.frequency, tilt=tilt), **names)
     modes = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=frf.dt, delay=1)
     prior = rid.Prior(gain_bound=0.3, decay_rate=1.2)

@@ -125,7 +125,7 @@ def identify_reduced(
     Examples
     --------
     >>> import robustid as rid
-    >>> data = rid.flexible_structure(seed=0)
+    >>> data = rid.datasets.flexible_structure(seed=0)
     >>> modes, prior = [(9.0, 0.1), (17.67, 0.004)], rid.Prior(gain_bound=0.2, decay_rate=1.1)
     >>> small = rid.identify_reduced([data.frequency, data.time], modes=modes, prior=prior, omega=[60.0], directions=4)
     >>> small.consistent, small.reduction.order, bool(small.error.upper[0, 0, 0] < 0.3)
@@ -214,7 +214,7 @@ def run(
     --------
     >>> import pathlib, tempfile, robustid as rid
     >>> place = pathlib.Path(tempfile.mkdtemp())
-    >>> rid.save(place / "frf.csv", rid.flexible_structure(lines=5).frequency)
+    >>> rid.save(place / "frf.csv", rid.datasets.flexible_structure(lines=5).frequency)
     >>> class_of_it = "[modes]\nhz = [9.0, 17.67]\ndamping = [0.1, 0.004]\n[prior]\ngain_bound = 0.2\ndecay_rate = 1.1\n"
     >>> text = '[[frequency]]\nfile = "frf.csv"\n[worst_case]\ncompute = false\n' + class_of_it
     >>> _ = (place / "ask.toml").write_text(text)

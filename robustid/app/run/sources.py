@@ -109,7 +109,7 @@ def _corrections(kind: str) -> Any:
     return key(
         several(text()),
         help=f"Mistakes of the file that are undone, one after the other, such as {kind} (commas between them on the command line);"
-        " `robustid.correct` lists them, and what helps where data contradict a class names them.",
+        " `robustid.prepare.correct` lists them, and what helps where data contradict a class names them.",
         flag=f"--{'time' if 'late' in kind else 'frequency'}-correct",
         text=_separated,
         metavar="CORRECTION",

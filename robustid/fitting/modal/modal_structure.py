@@ -51,8 +51,8 @@ class Modal(Frozen):
     >>> import numpy as np, robustid as rid
     >>> s = 1j * np.linspace(1, 9, 60)[:, None, None]
     >>> values = np.outer([1.0, -2.0], [3.0, 1.0]) / (s**2 + 0.2 * s + 16)
-    >>> fit = rid.fit_mfd(rid.FrequencyResponse(np.abs(s.ravel()), values), order=2, modal=rid.Modal("proportional"))
-    >>> (row,) = rid.mode_table(fit)
+    >>> fit = rid.fit_mfd(rid.FrequencyResponse(np.abs(s.ravel()), values), order=2, modal=rid.fits.Modal("proportional"))
+    >>> (row,) = rid.fits.mode_table(fit)
     >>> round(row.hz, 4), row.shape.round(6), row.drive.round(6)
     (0.6366, array([-0.5,  1. ]), array([-6., -2.]))
     """

@@ -1,0 +1,28 @@
+"""Records and responses before they are used: excitations, faults and corrections, delays, drifts, noise floors."""
+
+from robustid.core import Signal
+from robustid.data import Fault, decimate, detrend, multisine, nonlinear_records, sample_time
+from robustid.estimation import (
+    bounds_from_noise_floor,
+    correct,
+    estimate_delay,
+    record_faults,
+    response_faults,
+    with_delay,
+)
+
+__all__ = [
+    "Fault",
+    "Signal",
+    "bounds_from_noise_floor",
+    "correct",
+    "decimate",
+    "detrend",
+    "estimate_delay",
+    "multisine",
+    "nonlinear_records",
+    "record_faults",
+    "response_faults",
+    "sample_time",
+    "with_delay",
+]
