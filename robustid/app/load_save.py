@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeGuard, Unpack, overload
 
 from numpy.typing import ArrayLike
 
@@ -12,6 +12,41 @@ from robustid import core
 from robustid.app.exports.network_files import is_network, save_network
 from robustid.core import Signal
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    import control
+
+    from robustid.data import FrequencyResponse, TimeRecord
+
+
+class Reading(TypedDict, total=False):
+    """Arguments of `load` about measurements."""
+
+    fields: Mapping[str, object] | None
+    dt: float | None
+    bound: ArrayLike | None
+    frequency_unit: str | None
+    inputs: Sequence[str | tuple[str, str] | Signal] | None
+    outputs: Sequence[str | tuple[str, str] | Signal] | None
+    initial: str | None
+    rate: float | None
+    decimal: str | None
+    start: float | None
+    step: float | None
+
+
+@overload
+def load(
+    path: Any, *, kind: Literal["frequency"], axes: str | None = None, **how: Unpack[Reading]
+) -> FrequencyResponse: ...
+@overload
+def load(path: Any, *, kind: Literal["time"], axes: None = None, **how: Unpack[Reading]) -> TimeRecord: ...
+@overload
+def load(path: Any, *, kind: Literal["time"], axes: str, **how: Unpack[Reading]) -> TimeRecord | list[TimeRecord]: ...
+@overload
+def load(path: Any, *, kind: Literal["model"], axes: None = None, **how: Unpack[Reading]) -> control.StateSpace: ...
+@overload
+def load(path: Any, *, kind: str | None = None, axes: str | None = None, **how: Unpack[Reading]) -> Any: ...
 
 
 def load(

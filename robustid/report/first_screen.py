@@ -24,16 +24,27 @@ if TYPE_CHECKING:
 
 _FIT = {"frequency": "fit of the response", "time": "fit of the records"}
 BOUND = "robustid bounds RESULT --report bounds.html"
-_STABLE = "error.robust_stability_margin(K)"
-BETWEEN = " The plot interpolates between them."
+_STABLE = "robust_stability_margin(K)"
 _UNBOUNDED = (
     "How far the machine may be from this model is not bounded on this page yet: samples are kept, and nothing is said between"
     " them."
 )
 
 
-def glance(identification: Identification, margin: str, parts: Parts, advice: str = "") -> Glance:
-    """Return numbers, words, plot and next steps; `advice`: sentences of what would make inconsistent data consistent."""
+def glance(
+    identification: Identification,
+    margin: str,
+    parts: Parts,
+    advice: str = "",
+    *,
+    drawn: bool = True,
+    bounding: str = BOUND,
+) -> Glance:
+    """Return numbers, words, plot and next steps.
+
+    `advice`: sentences of what would make inconsistent data consistent; `drawn`: the words stand beside the plot; `bounding`: the
+    command that bounds the error.
+    """
     reduction, band, withheld = parts.get("reduction"), parts.get("band"), parts.get("withheld")
     worst_case, over_poles = parts.get("worst_case"), parts.get("over_poles")
     bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case
@@ -42,7 +53,7 @@ def glance(identification: Identification, margin: str, parts: Parts, advice: st
     contradicted = withheld is not None and withheld.contradicted
     words = ""
     if bound is not None and not contradicted:
-        words = _sentence(identification, bound).removeprefix(about(identification))  # a warning says so
+        words = _sentence(identification, bound, drawn).removeprefix(about(identification))  # a warning says so
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     if isinstance(bound, Band) and words:
@@ -54,15 +65,16 @@ def glance(identification: Identification, margin: str, parts: Parts, advice: st
         ],
         words=words,
         chart=_chart(identification, parts),
-        next=_next(identification, worst_case, band, contradicted, advice),
+        next=_next(identification, worst_case, band, contradicted, advice, bounding),
     )
 
 
-def _sentence(identification: Identification, bound: Bounded | Band) -> str:
+def _sentence(identification: Identification, bound: Bounded | Band, drawn: bool) -> str:
     """The guarantee in words; what is drawn between frequencies where it isn't proved there."""
     if isinstance(bound, Band):
         return band_sentence(identification, bound)
-    return (guarantee_sentence(bound) if isinstance(bound, WorstCaseError) else box_sentence(bound)) + BETWEEN
+    words = guarantee_sentence(bound) if isinstance(bound, WorstCaseError) else box_sentence(bound)
+    return f"{words} The plot interpolates between them." if drawn else words
 
 
 def _numbers(
@@ -105,7 +117,12 @@ def _chart(identification: Identification, parts: Parts) -> Chart:
 
 
 def _next(
-    identification: Identification, error: WorstCaseError | None, band: Band | None, contradicted: bool, advice: str
+    identification: Identification,
+    error: WorstCaseError | None,
+    band: Band | None,
+    contradicted: bool,
+    advice: str,
+    bounding: str,
 ) -> list[Text]:
     if identification.status is Status.INCONSISTENT:
         lines = advice.splitlines()  # the likely cause, and at the end the change to make
@@ -122,11 +139,12 @@ def _next(
         narrower = f"The error is largest near {where}: a frequency point or a smaller bound there helps first."
         if band.open_ranges:
             narrower = f"Measure frequency points from {band.open_words}: nothing is proved there."
-        check = _STABLE.replace("error", "band")
+        check = f"band.{_STABLE}"
         return [Text(f"Check a controller K against this error: {check}", code=(check,)), Text(narrower)]
     if error is None or not error.omega.size:
-        return [Text(f"Bound the error of the model: {BOUND}", code=(BOUND,))]
+        return [Text(f"Bound the error of the model: {bounding}", code=(bounding,))]
     at, *_, sample = error.worst(1)[0]
     where, what = f"{number(at / HZ, 5)} Hz", sample_words(identification, sample)
     narrower = f"The error is largest at {where}. A smaller bound of one sample helps first there: {what}."
-    return [Text(f"Check a controller K against this error: {_STABLE}", code=(_STABLE,)), Text(narrower)]
+    check = f"error.{_STABLE}"
+    return [Text(f"Check a controller K against this error: {check}", code=(check,)), Text(narrower)]

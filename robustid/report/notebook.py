@@ -9,7 +9,7 @@ from robustid.fitting import MatrixFraction
 from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.document import Code, Document, Glance, Text, Verdict
-from robustid.report.first_screen import BETWEEN, BOUND, glance
+from robustid.report.first_screen import glance
 from robustid.report.html import render_head
 from robustid.report.identification_page import identification_verdict, margin_interval
 from robustid.report.identified import Parts
@@ -53,11 +53,11 @@ def _first_screen(said: Verdict, glance: Glance) -> Document:
 
 
 def _identified(identification: Identification, **parts: Unpack[Parts]) -> Document:
-    shown = glance(identification, margin_interval(identification), parts)
-    steps = [Text(step.text.replace(BOUND, "rid.worst_case_error(result)")) for step in shown.next]
-    words = shown.words.removesuffix(BETWEEN)
+    margin = margin_interval(identification)
+    shown = glance(identification, margin, parts, drawn=False, bounding="rid.worst_case_error(result)")
+    steps = [Text(step.text) for step in shown.next]
     return _first_screen(
-        identification_verdict(identification, parts.get("reduction")), Glance(shown.numbers, words, next=steps)
+        identification_verdict(identification, parts.get("reduction")), Glance(shown.numbers, shown.words, next=steps)
     )
 
 
