@@ -24,7 +24,7 @@ def undrawn(monkeypatch):
 def fewer_samples(monkeypatch):
     """The simulated structure with 6 lines and 6 time samples for 11 and 20: beside the suite (.ci/run) it is as it stands."""
     monkeypatch.setattr(
-        rid, "flexible_structure", functools.partial(rid.datasets.flexible_structure, lines=6, samples=6)
+        rid.datasets, "flexible_structure", functools.partial(rid.datasets.flexible_structure, lines=6, samples=6)
     )
 
 
