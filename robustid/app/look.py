@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -127,7 +127,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
     odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
     try:
-        data: object = load(table, **options)
+        data = cast("object", load(table, **options))
     except (InputError, InputTypeError, FileFormatError) as error:
         tried = error.remedy if "fields" in error.remedy else {}
         return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), arguments=tried)
