@@ -40,6 +40,7 @@ _ROUNDING = 1e-12  # of a distance between poles: a few operations, none of whic
 _TERMS = 24  # of a series, at most
 _WIDEST, _FAR_TERMS = 0.9, 6  # distance from which a box counts as reaching the circle, and terms of its series
 _ENDLESS = 600  # terms of a sum to its end: 0.9^600 is below 1e-27
+_WIDEST_GROUP = 0.7  # of several modes: 24 terms leave 24 T^24, half a percent
 _CLOSE = 1.5  # times the sum of the radii of two boxes
 _CELLS = 16  # of a box, along each side, on which distances are bounded
 
@@ -320,10 +321,10 @@ def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real)
 
 
 def _series_of_group(points: Complex, m: int, wanted: float) -> tuple[Complex, Real, float, Real] | None:
-    """Poles in s, sizes (J, m), distance and remainders (m,) of m modes around these points; None where they reach the circle."""
+    """Poles in s, sizes (J, m), distance and remainders (m,) of m modes around these points; None of a wide one."""
     middle = middle_of(points)
     distance = float(distances(points, middle).max()) + _ROUNDING
-    if distance > _WIDEST:
+    if distance > _WIDEST_GROUP:
         return None
     every = bounds_of_coefficients(distance, m)
     rest = np.cumsum(every[::-1], axis=0)[::-1]
