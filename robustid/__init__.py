@@ -15,7 +15,6 @@ What goes wrong:      errors, InputError, RobustIdError, Status
 Every name has a docstring with an example: help(robustid.identify). On the command line: robustid demo, robustid --help.
 """
 
-import importlib
 from typing import Any
 
 import lazy_loader
@@ -75,7 +74,7 @@ _MEANT = {
 def __getattr__(name: str) -> Any:
     """Load a public name; of another, say which one is meant."""
     try:
-        found = _found(name)
+        return _found(name)
     except AttributeError:
         import difflib
 
@@ -85,6 +84,3 @@ def __getattr__(name: str) -> Any:
         meant = known.get(name) or _MEANT.get(name) or (known[near[0]] if near else None)
         hint = f"; robustid.{meant} is what you look for" if meant else "; help(robustid) lists them by task"
         raise AttributeError(f"robustid has no {name!r}{hint}") from None
-    if name in _NAMES:  # what is made with it can be saved: a room behind its own registers files of measurements
-        importlib.import_module("robustid.formats")
-    return found

@@ -8,6 +8,7 @@ Measurements, excitations and models are single files, written by a function of 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import pathlib
@@ -93,6 +94,7 @@ def save(path: PathLike, thing: object) -> None:
     InputTypeError
         An object of another class.
     """
+    importlib.import_module("robustid.formats")  # registers the writers of measurements, whichever room asked
     if (write := _of(_FILES, thing.__class__)) is not None:
         write(path, thing)
         return

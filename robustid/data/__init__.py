@@ -1,6 +1,6 @@
 """Measurements: records and responses with bounds on their errors; excitations and preparation."""
 
-from robustid.core import save
+from robustid.core import save, stored
 from robustid.data.bound import Bound, Caveat
 from robustid.data.bound_checks import as_probability
 from robustid.data.error_sets import bound_ratio, joint_radius, stacked, tilted, variances
@@ -13,6 +13,8 @@ from robustid.data.prepare import decimate, detrend, sample_time, uniform_step
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
+
+stored(Bound, Caveat, Fault, FaultKind, FrequencyResponse, TangentialResponse, TimeRecord)
 
 __all__ = [
     "INITIAL",

@@ -13,8 +13,8 @@ from typing import cast
 
 import numpy as np
 
-from robustid.core import Arrays, Complex, Record, atomic_write, described, made, stored
-from robustid.data import Bound, Caveat, Fault, FaultKind, FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.core import Arrays, Complex, Record, atomic_write, described, made
+from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError
 from robustid.formats.readers import FORMAT
 from robustid.formats.role_lookup import Lookup
@@ -30,8 +30,6 @@ _FACTORS = ("covariance_inputs", "covariance_outputs")
 _COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left", *_FACTORS)
 _LARGE, _ROUNDING = 16, 1e-13  # entries from which on a covariance is stored by its factors, and their error
 _ROWS = 20_000
-
-stored(Bound, Caveat, Fault, FaultKind, *CLASSES.values())
 
 
 def _described(data: Measured, kind: str, layout: str) -> tuple[Arrays, Record]:
