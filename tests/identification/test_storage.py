@@ -70,11 +70,13 @@ def test_round_trip_is_exact_and_verified_again(name, tmp_path):
     assert again.verification.checks == result.verification.checks
 
 
-def test_a_new_process_saves_what_it_has_made(tmp_path):
-    """Nothing has been loaded or saved before that would have registered the parts."""
-    code = """
+@pytest.mark.parametrize("room", ["", ".data"])
+def test_a_new_process_saves_what_it_has_made(room, tmp_path):
+    """Nothing has been loaded or saved before that would have registered the parts; commands import rooms, not the front door."""
+    code = f"""
 import robustid as rid
-frf = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=0.1, dt=0.1)
+import robustid{room} as made
+frf = made.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=0.1, dt=0.1)
 frf.save("data.npz")
 rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1))).save("result")
 """
