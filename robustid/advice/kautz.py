@@ -29,6 +29,7 @@ from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, on
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation import PoleFit
+from robustid.guarantees import told_apart_of
 
 _log = logging.getLogger("robustid")
 
@@ -121,7 +122,8 @@ def suggest_kautz(
     modes : int
         How many. Default: until the residuals are within the bounds, or the next mode removes less than 0.3 % of the
         sum of squares (relative to the bounds) that there was without modes, of which it removes less than 75 % of what is left,
-        and less than 90 % of what is left around it; 20 at most.
+        and less than 90 % of what is left around it; 20 at most. Of these, modes that fit as well with heavy damping, and the
+        heavier one of two that the points do not tell apart, are left to the gain bound.
     delay : int, samples
         Of the pairs; default: the one of 0 to 3 that leaves the smallest remainder beside the modes.
     repeat : int
@@ -193,6 +195,15 @@ def suggest_kautz(
             )
         kept, boxes = kept[seen], [boxes[k] for k in seen]
     step = fit.plane.dt
+    edges = mode_intervals(np.array([box for box, _, _ in boxes]).reshape(-1, 2, 2), fit.plane)
+    if wanted is None:
+        apart = told_apart_of(edges[:, 0], edges[:, 1])
+        if apart.size < len(kept):
+            reason += (
+                f"; {len(kept) - apart.size} of them so close to another, for what the points say of either, that nothing"
+                " bounds their amplitudes: left out, the gain bound covers them"
+            )
+        kept, edges, boxes = kept[apart], edges[apart], [boxes[k] for k in apart]
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     if step and np.any(omega < frf.omega[0]):
         reason += (
@@ -202,7 +213,6 @@ def suggest_kautz(
     chosen = 0
     if step:
         chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])
-    edges = mode_intervals(np.array([box for box, _, _ in boxes]).reshape(-1, 2, 2), fit.plane)
     return KautzSuggestion(
         omega=omega,
         damping=damping,

@@ -20,6 +20,7 @@ from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.linear.functions import has_box
+from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.member import Member
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -96,6 +97,7 @@ __all__ = [
     "robust_stability_margin",
     "structured_weight",
     "structured_weights",
+    "told_apart_of",
     "uncertainty_weight",
     "worst_case_error",
     "worst_case_over_poles",

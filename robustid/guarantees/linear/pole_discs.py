@@ -284,6 +284,21 @@ def groups_of(points: Complex) -> list[NDArray[np.intp]]:
     return [np.flatnonzero(number == k) for k in range(count)]
 
 
+def told_apart_of(omega: Real, damping: Real) -> NDArray[np.intp]:
+    """Numbers of the modes whose amplitudes data can tell, of those in boxes (M, 2): all, but for groups too wide for one series.
+
+    Of such a group the mode whose damping may be the heaviest is left out, until no group is too wide: it is most like the class.
+    """
+    points, kept = hull(omega, damping), np.arange(len(omega))
+    while kept.size:
+        groups = [kept[group] for group in groups_of(points[kept])]
+        wide = [group for group in groups if group.size > 1 and _disc_around(points[group].ravel())[1] > _WIDEST_GROUP]
+        if not wide:
+            break
+        kept = np.setdiff1d(kept, [group[np.argmax(damping[group, 1])] for group in wide])
+    return kept
+
+
 def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real) -> PoleDiscs:
     """Series for the boxes (M, 2), long enough for remainders below a part `wanted` (M,) of the amplitudes."""
 
@@ -322,14 +337,19 @@ def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real)
 
 def _series_of_group(points: Complex, m: int, wanted: float) -> tuple[Complex, Real, float, Real] | None:
     """Poles in s, sizes (J, m), distance and remainders (m,) of m modes around these points; None of a wide one."""
-    middle = middle_of(points)
-    distance = float(distances(points, middle).max()) + _ROUNDING
+    middle, distance = _disc_around(points)
     if distance > _WIDEST_GROUP:
         return None
     every = bounds_of_coefficients(distance, m)
     rest = np.cumsum(every[::-1], axis=0)[::-1]
     terms = min(max(int(np.argmax(np.all(rest <= wanted, axis=1))), m + 1), _TERMS)
     return np.full(terms, middle), every[:terms], distance, rest[terms] * (1 + _ROUNDING)
+
+
+def _disc_around(points: Complex) -> tuple[complex, float]:
+    """Middle and radius of a small hyperbolic disc around points."""
+    middle = middle_of(points)
+    return middle, float(distances(points, middle).max()) + _ROUNDING
 
 
 def _apart(plane: Plane, s: Complex, middle: complex) -> Real:

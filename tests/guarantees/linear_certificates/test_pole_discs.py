@@ -7,7 +7,7 @@ import pytest
 from robustid.core import SPlane, ZPlane
 from robustid.guarantees.linear.functions import Functions
 from robustid.guarantees.linear.in_time import tails_of_modes
-from robustid.guarantees.linear.pole_discs import discs_of
+from robustid.guarantees.linear.pole_discs import discs_of, groups_of, hull, told_apart_of
 from support.cases import seeds
 from support.pairwise import every_two
 
@@ -222,3 +222,26 @@ def test_tails_of_steps_of_a_group_are_bounded(seed):
         assert np.all(
             worst <= found @ np.abs(parts_of_group(series, a, c, 2)) + 1e-11 * np.abs(c).sum() / np.abs(1 - a).min()
         )
+
+
+def test_the_heavier_mode_of_two_that_no_points_tell_apart_is_left_out():
+    """Boxes of the mirror at 1382, 1446 and 1680 Hz: the first two may be of one pole, each over a factor of five in damping."""
+    hz = np.array([[1365.2, 1400.3], [1405.4, 1480.3], [1674.1, 1685.0]])
+    damping = np.array([[0.003, 0.0221], [0.0148, 0.0744], [0.0109, 0.016]])
+    assert told_apart_of(2 * np.pi * hz, damping).tolist() == [0, 2]
+    assert told_apart_of(2 * np.pi * hz[[0, 2]], damping[[0, 2]]).tolist() == [0, 1]
+    close = np.array([[0.0148, 0.0221], [0.0148, 0.0221]])  # close, and a group that one series serves
+    assert told_apart_of(2 * np.pi * np.array([[1365, 1400], [1405, 1430]]), close).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_modes_that_are_told_apart_stay_so_and_hold_every_group_to_its_width(seed):
+    rng = np.random.default_rng(seed)
+    omega = np.sort(rng.uniform(80, 160, 6))[:, None] * (1 + rng.uniform(0, 0.1, (6, 1)) * [-1, 1])
+    damping = rng.uniform(0.005, 0.05, (6, 1)) * rng.uniform(1, 3, (6, 1)) ** [-1, 1]
+    kept = told_apart_of(omega, damping)
+    assert told_apart_of(omega[kept], damping[kept]).tolist() == list(range(kept.size))
+    series = discs_of(ZPlane(0.005), omega[kept], damping[kept], 1, np.full(kept.size, 1e-3))
+    shared = [sizes.shape[1] for sizes in series.sizes]  # amplitudes of a series
+    assert len(shared) == len(groups_of(hull(omega[kept], damping[kept])))
+    assert sum(shared) == kept.size
