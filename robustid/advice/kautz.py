@@ -203,7 +203,8 @@ def suggest_kautz(
                 f"; {len(kept) - apart.size} of them so close to another, for what the points say of either, that nothing"
                 " bounds their amplitudes: left out, the gain bound covers them"
             )
-        kept, edges, boxes = kept[apart], edges[apart], [boxes[k] for k in apart.tolist()]
+        boxes = [box for k, box in enumerate(boxes) if k in apart]
+        kept, edges = kept[apart], edges[apart]
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     if step and np.any(omega < frf.omega[0]):
         reason += (
