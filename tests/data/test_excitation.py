@@ -146,12 +146,8 @@ def test_lines_of_a_band():
 
 
 def test_random_odd_lines_leave_one_in_four_for_detection():
-    grids = [
-        rid.prepare.multisine(
-            band_hz=(1, 401), period=1000, dt=0.001, spacing="random-odd", minimise_crest=False, seed=seed
-        ).lines
-        for seed in range(20)
-    ]
+    design = {"band_hz": (1, 401), "period": 1000, "dt": 0.001, "spacing": "random-odd", "minimise_crest": False}
+    grids = [rid.prepare.multisine(**design, seed=seed).lines for seed in range(20)]
     odd, left_out = np.arange(1, 402, 2), []
     for lines in grids:
         assert np.all(np.isin(lines, odd))
@@ -260,14 +256,8 @@ def test_accuracy_is_that_of_the_formula(nu):
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".CSV"])
 def test_files_come_back_exactly(suffix, tmp_path):
-    play = rid.prepare.multisine(
-        **{**BAND, "dt": 0.1 / 3, "band_hz": (0.1, 1)},
-        inputs=2,
-        realisations=2,
-        periods=3,
-        seed=4,
-        minimise_crest=False,
-    )
+    design = {"band_hz": (0.1, 1), "period": 1000, "dt": 0.1 / 3, "inputs": 2, "minimise_crest": False}
+    play = rid.prepare.multisine(**design, realisations=2, periods=3, seed=4)
     path = tmp_path / f"play{suffix}"
     play.save(path)
     again = rid.load(path)
@@ -354,18 +344,10 @@ def test_other_arrays_are_refused(tmp_path):
         ({"periods": 0}, InputError, "`periods` must be at least 1"),
         ({"seed": -1}, InputError, "`seed` must be at least 0"),
         ({"amplitude": 0}, InputError, "`amplitude` must be positive; got 0"),
-        (
-            {"amplitude": [1, 2]},
-            InputError,
-            r"`amplitude` must be one number or one for each of 1 inputs; got shape \(2,\)",
-        ),
+        ({"amplitude": [1, 2]}, InputError, r"`amplitude` must be one .* for each of 1 inputs; got shape \(2,\)"),
         ({"rms": [1, 2]}, InputError, "`rms` must be one number"),
         ({"amplitude": 1, "rms": 1}, InputError, "`amplitude` and `rms` both set the size"),
-        (
-            {"spectrum": [1, 2]},
-            InputError,
-            r"`spectrum` must have shape \(F,\) or \(F, inputs\) with F = 31 spectral lines; got \(2,\)",
-        ),
+        ({"spectrum": [1, 2]}, InputError, r"`spectrum` must have .* with F = 31 spectral lines; got \(2,\)"),
         ({"spectrum": np.zeros(31)}, InputError, "`spectrum` must be positive; got 0"),
         ({"spectrum": lambda hz: hz * np.nan}, InputError, "`spectrum` must be finite"),
     ],

@@ -10,6 +10,7 @@ import pytest
 
 from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, RobustIdError
+from support.mimo_data import KINDS, response
 
 pytestmark = pytest.mark.quick
 OMEGA = np.array([1.0, 2.0, 5.0])
@@ -72,6 +73,8 @@ def two_by_two(**options):
         ([1.0], [1], {"bound": -1}, InputError, "`bound` must be positive"),
         ([1.0], [1], {"bound": np.nan}, InputError, "`bound` must not contain NaN"),
         ([1.0], [1], {"bound": np.inf}, InputError, "`bound` is infinite everywhere: nothing was measured"),
+        ([1.0], [np.nan], {"bound": 1.0}, InputError, r"`values` must be finite; got \(nan\+0j\) at index \(0, 0, 0\)"),
+        ([1.0], [np.nan], {}, InputError, "A `bound` of inf marks"),
         ([1.0, 2.0], [1, 1], {"bound": [1, 1, 1]}, InputError, r"`bound` must be a scalar or have shape"),
         ([1.0], [1], {"covariance": [1.0]}, InputError, r"`covariance` must have shape .* = \(1, 1, 1\)"),
         ([1.0], [1], {"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 signal;"),
@@ -141,10 +144,7 @@ def test_select(lines):
     for name in ("omega", "values", "bound", "covariance"):
         np.testing.assert_array_equal(getattr(some, name), getattr(frf, name)[[0, 2]])
     assert (some.inputs, some.outputs, some.dt) == (frf.inputs, frf.outputs, frf.dt)
-
-
-def test_select_one_line_by_its_number():
-    assert mimo().select(1).omega.tolist() == [2.0]
+    assert frf.select(1).omega.tolist() == [2.0]
 
 
 @pytest.mark.parametrize(
@@ -260,12 +260,19 @@ def test_time_record_channel():
 # --- both
 
 
-@pytest.mark.parametrize("make", [mimo, two_by_two])
+@pytest.mark.parametrize(
+    "first",
+    [
+        mimo(),
+        mimo(bound=Bound(0.1, tilt=[0.5, 0.1j, -0.9])),
+        two_by_two(),
+        *(response(6, joint, missing=missing) for joint, missing in KINDS),
+        Bound([0.1, np.inf], kind="tolerance", probability=0.9, dof=3.0),
+    ],
+)
 @pytest.mark.parametrize("clone", [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x)), lambda x: x])
-def test_copies_are_equal_and_nothing_can_be_written(make, clone):
-    first = make()
-    second = clone(first)
-    check_copy(first, second)
+def test_copies_are_equal_and_nothing_can_be_written(first, clone):
+    check_copy(first, clone(first))
 
 
 def check_copy(first, second):

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import scipy.io
 
+import robustid as rid
 from robustid import load
 from robustid.data import TimeRecord, save
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from robustid.formats import read_file
-from support.data_files import HZ, U, Y, full_frf, full_record, write_matlab73
+from support.data_files import HZ, U, Y, full_frf, full_record
+from support.matlab_files import write73
 
 pytestmark = pytest.mark.quick
 
@@ -46,7 +48,7 @@ def truncated_matlab(path):
 
 
 def truncated_hdf5(path):
-    write_matlab73(path, {"u": U, "y": Y})
+    write73(path, {"u": U, "y": Y}, "")
     path.write_bytes(path.read_bytes()[:1500])
 
 
@@ -127,7 +129,7 @@ def test_every_truncation_of_a_file_is_an_error_or_the_same_data(tmp_path):
         "a.npz": lambda p: save(p, record),
         "a.csv": lambda p: save(p, record),
         "a.mat": lambda p: scipy.io.savemat(p, {"u": record.u, "y": record.y}),
-        "b.mat": lambda p: write_matlab73(p, {"u": record.u, "y": record.y}),
+        "b.mat": lambda p: write73(p, {"u": record.u, "y": record.y}, ""),
     }.items():
         path = tmp_path / name
         write(path)
@@ -218,8 +220,6 @@ def test_one_sample_has_no_sample_time(tmp_path):
 
 
 def test_a_saved_result_is_not_data(tmp_path):
-    import robustid as rid
-
     record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
     result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2)))
     result.save(tmp_path / "plate")

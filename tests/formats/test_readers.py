@@ -19,7 +19,7 @@ from robustid import load
 from robustid.data import FrequencyResponse, TimeRecord, save
 from robustid.errors import FileFormatError, InputError, RobustIdError
 from robustid.formats.matlab import read_matlab4
-from support.data_files import full_frf, full_record, write_matlab73
+from support.data_files import full_frf, full_record
 from support.exchange_files import TIME, S, matrix, signal, touchstone
 from support.exchange_files import write as write_universal
 from support.foreign_files import Function, uff58
@@ -41,6 +41,8 @@ def german(path):
     path.write_bytes(f"Pr\xfcfstand 3\nFrequenz;Betrag;Phase\nHz;dB;\xb0\n{numbers}".encode("latin-1"))
 
 
+FORTY = {"u": np.arange(40.0), "y": np.arange(40.0), "dt": 1.0}
+ZEROS = {"u": np.zeros(400), "y": np.zeros(400), "dt": 1.0}
 LISTED = Function(4, (1, 3), (1, 3), 1.0, 0.5, np.arange(20) + 1j)
 FORMATS = {
     "axes.npy": lambda p: np.save(p, np.arange(240.0).reshape(20, 2, 3, 2)),
@@ -49,17 +51,15 @@ FORMATS = {
     "plain.npy": lambda p: np.save(p, np.arange(80.0).reshape(40, 2)),
     "frf.npz": lambda p: save(p, full_frf()),
     "record.npz": lambda p: save(p, full_record()),
-    "small.npz": lambda p: np.savez_compressed(p, u=np.zeros(400), y=np.zeros(400), dt=1.0),
+    "small.npz": lambda p: np.savez_compressed(p, **ZEROS),
     "frf.csv": lambda p: save(p, full_frf()),
     "record.csv": lambda p: save(p, full_record()),
     "frf.mat": lambda p: save(p, full_frf()),
-    "small.mat": lambda p: scipy.io.savemat(
-        p, {"u": np.zeros(400), "y": np.zeros(400), "dt": 1.0}, do_compression=True
-    ),
+    "small.mat": lambda p: scipy.io.savemat(p, ZEROS, do_compression=True),
     "struct.mat": lambda p: write5(p, FRD),
     "struct73.mat": lambda p: write73(p, FRD),
-    "plain73.mat": lambda p: write_matlab73(p, {"u": np.arange(40.0), "y": np.arange(40.0), "dt": 1.0}),
-    "old.mat": lambda p: scipy.io.savemat(p, {"u": np.arange(40.0), "y": np.arange(40.0), "dt": 1.0}, format="4"),
+    "plain73.mat": lambda p: write73(p, FORTY, ""),
+    "old.mat": lambda p: scipy.io.savemat(p, FORTY, format="4"),
     "plain.h5": plain_hdf5,
     "frf.uff": lambda p: write_universal(p, matrix()),
     "binary.uff": lambda p: write_universal(p, [signal(1, 12, binary=1), signal(2, 13, binary=1)]),
@@ -119,21 +119,7 @@ def test_hostile_descriptions(tmp_path, name):
     """Every value of the description that `save` wrote, replaced by what it shouldn't be."""
     save(tmp_path / name, full_frf())
     meta = description(tmp_path / name)
-    values = [
-        None,
-        -1,
-        1e300,
-        10**30,
-        "x",
-        [],
-        {},
-        [[]],
-        [10**9],
-        [-5, -5],
-        [10**9, 10**9, 10**9],
-        {"omega": [10**12]},
-        True,
-    ]
+    values = [None, -1, 1e300, 10**30, "x", [], {}, [[]], [10**9], [-5, -5], [10**9] * 3, {"omega": [10**12]}, True]
     for key, value in itertools.product(meta, values):
         with_description(tmp_path / name, {**meta, key: value})
         outcome(tmp_path / name)
