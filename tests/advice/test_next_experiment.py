@@ -8,6 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.advice import next_experiment, suggest_next
+from robustid.core import simulate
 from support.problems import random_problem, truth_of
 
 
@@ -97,8 +98,6 @@ def test_more_time_samples_are_a_candidate():
     # The truth's continuation is no further from the model than stated.
     u = np.concatenate([record.u[:, 0], np.full(6, record.u[-1, 0])])
     k = round(item.at / 0.01)
-    from robustid.core import simulate
-
     truth = np.convolve(u, truth_of(6, "time")[0](10))[k]
     model = rid.identify(problem).model
     assert abs(truth - simulate(model, u[:, None])[0][k, 0]) <= item.upper * drive
@@ -119,9 +118,8 @@ def test_default_candidates_lie_between_the_lines_and_on_the_poles():
 
 
 def test_bad_input(result):
-    with pytest.raises(
-        rid.errors.InputTypeError, match="`identification` must be an Identification or a WorstCaseError"
-    ):
+    sentence = "`identification` must be an Identification or a WorstCaseError"
+    with pytest.raises(rid.errors.InputTypeError, match=sentence):
         suggest_next(result.problem)
     for options, sentence in (
         ({"candidates": [400.0]}, "`omega` must lie between 0 and pi/dt"),

@@ -52,9 +52,8 @@ def test_one_for_every_frequency_and_input_with_the_entry_that_gains_most(measur
         assert item.guaranteed == max(0.0, column.max() - 0.04)
     # In units in which an entry counts less, another one may gain most.
     prior = dataclasses.replace(error.identification.problem.prior, scaling=[[1e6, 1.0], [1.0, 1e-6]])
-    posed = dataclasses.replace(
-        error.identification.formulation, problem=dataclasses.replace(error.identification.problem, prior=prior)
-    )
+    problem = dataclasses.replace(error.identification.problem, prior=prior)
+    posed = dataclasses.replace(error.identification.formulation, problem=problem)
     other = dataclasses.replace(error, identification=dataclasses.replace(error.identification, formulation=posed))
     entries = {item.entry for item in suggest_next(other, bound=0.02, count=100)}
     assert entries == {(1, 0), (1, 1)}
@@ -96,11 +95,9 @@ def test_more_samples_of_a_record_with_several_inputs(measured):
 
 def test_the_time_ends_it_with_what_is_finished(measured, caplog):
     _, error = measured
-    told = []
+    told, options = [], {"candidates": np.linspace(0.1, 3, 50), "time_limit": 0.2, "count": 100}
     with caplog.at_level(logging.WARNING, "robustid"):
-        found = suggest_next(
-            error, candidates=np.linspace(0.1, 3, 50), time_limit=0.2, progress=lambda *at: told.append(at), count=100
-        )
+        found = suggest_next(error, **options, progress=lambda *at: told.append(at))
     assert 2 <= len(found) < 100
     assert told[-1][1] == 50
     assert "of 50 frequencies are bounded" in caplog.text

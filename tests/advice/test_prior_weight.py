@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.refusals import refusals
 
 
 @pytest.mark.parametrize("dt", [None, 0.01])
@@ -28,17 +29,12 @@ def test_the_weight_is_above_its_table_and_near_to_it(dt):
     assert found.verification.passed
 
 
-@pytest.mark.parametrize(
-    ("omega", "level", "words"),
-    [
-        ([1.0], [1.0], "two at least; got 1 frequencies"),
-        ([1.0, 2.0], [1.0], "got 2 frequencies and 1 levels"),
-        ([2.0, 1.0], [1.0, 1.0], "must rise"),
-        ([1.0, 2.0], [1.0, -20.0], "not in dB"),
-        ([1.0, 400.0], [1.0, 1.0], "must not exceed pi/dt"),
-        ([1.0, np.nan], [1.0, 1.0], "`omega`"),
-    ],
+test_wrong_tables_are_refused_with_a_sentence = refusals(
+    (([1.0], [1.0]), "two at least; got 1 frequencies"),
+    (([1.0, 2.0], [1.0]), "got 2 frequencies and 1 levels"),
+    (([2.0, 1.0], [1.0, 1.0]), "must rise"),
+    (([1.0, 2.0], [1.0, -20.0]), "not in dB"),
+    (([1.0, 400.0], [1.0, 1.0]), "must not exceed pi/dt"),
+    (([1.0, np.nan], [1.0, 1.0]), "`omega`"),
+    of=lambda omega, level: rid.advise.prior_weight(omega, level, dt=0.01),
 )
-def test_wrong_tables_are_refused_with_a_sentence(omega, level, words):
-    with pytest.raises(rid.InputError, match=words):
-        rid.advise.prior_weight(omega, level, dt=0.01)

@@ -8,14 +8,12 @@ import robustid as rid
 from robustid.advice import suggest_prior
 from robustid.advice.sensitivity import guaranteed
 from robustid.advice.smallest_gain import missed, selected, thinned
-from support.structure import ANY
+from support.structure import about_structure
 
 
 def dense(lines=150, seed=0):
     """Many frequency points of the structure, its light mode in the parametric part, the damped one left to the rest."""
-    data = rid.datasets.flexible_structure(seed=seed, lines=lines)
-    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
-    return rid.MixedProblem(frequency=data.frequency, prior=ANY, parametric=basis)
+    return about_structure(rid.datasets.flexible_structure(seed=seed, lines=lines), 1.0, 1.5)
 
 
 def test_points_lie_densely_at_the_modes_and_everywhere_a_few():
@@ -41,7 +39,7 @@ def test_points_that_a_model_misses_join():
     values = frf.values.copy()
     left = int(np.flatnonzero(~masks[0])[50])
     values[left] += 1.0
-    wrong = dataclasses.replace(problem, frequency=rid.FrequencyResponse(frf.omega, values, bound=frf.bound, dt=frf.dt))
+    wrong = dataclasses.replace(problem, frequency=dataclasses.replace(frf, values=values))
     (joined,) = missed(wrong, masks, model)
     assert np.flatnonzero(joined & ~masks[0]).tolist() == [left]
 

@@ -1,5 +1,7 @@
 """Parametric bases: impulse responses, free responses, refusals."""
 
+import functools
+
 import control
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 import robustid as rid
 from robustid.bases import as_basis
 from robustid.core import ZPlane
+from support.refusals import refusals
 
 pytestmark = pytest.mark.quick
 
@@ -62,39 +65,30 @@ def test_transients_span_every_free_response():
     assert np.linalg.norm(free - columns @ (columns.T @ free)) < 1e-10 * np.linalg.norm(free)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"omega": 100.0, "damping": 0.0}, "damping"),
-        ({"omega": 100.0, "damping": 1.2}, "damping"),
-        ({"omega": 400.0, "damping": 0.01}, "pi/dt"),
-        ({"omega": -1.0, "damping": 0.01}, "omega"),
-        ({"omega": [1.0, 2.0, 3.0], "damping": [0.1, 0.2]}, "same length"),
-        ({"omega": 10.0, "damping": 0.1, "repeat": 0}, "repeat"),
-        ({"omega": 10.0, "damping": 0.1, "delay": -1}, "delay"),
-        ({"omega": np.nan, "damping": 0.1}, "finite"),
-    ],
+test_kautz_refuses_by_name = refusals(
+    ({"omega": 100.0, "damping": 0.0}, "damping"),
+    ({"omega": 100.0, "damping": 1.2}, "damping"),
+    ({"omega": 400.0, "damping": 0.01}, "pi/dt"),
+    ({"omega": -1.0, "damping": 0.01}, "omega"),
+    ({"omega": [1.0, 2.0, 3.0], "damping": [0.1, 0.2]}, "same length"),
+    ({"omega": 10.0, "damping": 0.1, "repeat": 0}, "repeat"),
+    ({"omega": 10.0, "damping": 0.1, "delay": -1}, "delay"),
+    ({"omega": np.nan, "damping": 0.1}, "finite"),
+    of=functools.partial(rid.kautz, dt=0.01),
 )
-def test_kautz_refuses_by_name(arguments, words):
-    with pytest.raises(rid.InputError, match=words):
-        rid.kautz(**({"dt": 0.01} | arguments))
 
-
-@pytest.mark.parametrize(
-    ("basis", "error", "words"),
-    [
-        (control.ss([[1.2]], [[1]], [[1]], [[0]], 0.01), rid.InputError, "inside the unit circle"),
-        (control.ss([[-1.0]], [[1]], [[1]], [[0]], 0.01), rid.InputError, "inside the unit circle"),
-        (control.ss([[0.5]], [[1]], [[1]], [[0]], 0.02), rid.InputError, "dt"),
-        (control.ss([[-0.5]], [[1]], [[1]], [[0]]), rid.InputError, "discrete"),
-        (control.ss([[0.5]], [[1, 1]], [[1]], [[0, 0]], 0.01), rid.InputError, "one input"),
-        ([], rid.InputError, "empty"),
-        ("kautz", rid.errors.InputTypeError, "StateSpace"),
-    ],
+test_parametric_bases_are_checked = refusals(
+    (control.ss([[1.2]], [[1]], [[1]], [[0]], 0.01), "inside the unit circle"),
+    (control.ss([[-1.0]], [[1]], [[1]], [[0]], 0.01), "inside the unit circle"),
+    (control.ss([[0.5]], [[1]], [[1]], [[0]], 0.02), "dt"),
+    (control.ss([[-0.5]], [[1]], [[1]], [[0]]), "discrete"),
+    (control.ss([[0.5]], [[1, 1]], [[1]], [[0, 0]], 0.01), "one input"),
+    ([], "empty"),
+    ("kautz", "StateSpace", rid.errors.InputTypeError),
+    of=lambda basis: as_basis(basis, ZPlane(0.01)),
 )
-def test_parametric_bases_are_checked(basis, error, words):
-    with pytest.raises(error, match=words):
-        as_basis(basis, ZPlane(0.01))
+
+test_integrators_are_counted = refusals((lambda: rid.integrators(0, dt=0.1), "`count`"))
 
 
 def test_damping_one_is_a_single_real_pole():
@@ -111,5 +105,3 @@ def test_integrators_span_the_sampled_rigid_body():
     columns = rid.integrators(2, dt=0.1).response([0.1, 1.0, 3.0])
     np.testing.assert_allclose(columns, np.stack([1 / (z - 1), 1 / (z - 1) ** 2], axis=1), rtol=1e-12)
     assert rid.integrators(dt=0.1).has_integrator
-    with pytest.raises(rid.InputError, match="`count`"):
-        rid.integrators(0, dt=0.1)

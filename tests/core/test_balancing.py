@@ -22,10 +22,8 @@ def test_balanced_coordinates_of_any_factors():
     into, onto = found.projections(6)
     np.testing.assert_allclose(onto @ into, np.eye(6), atol=1e-10)
     a, b, c = found.truncated(A, B, C, 6)
-    for gramian in (
-        scipy.linalg.solve_continuous_lyapunov(a, -b @ b.T),
-        scipy.linalg.solve_continuous_lyapunov(a.T, -c.T @ c),
-    ):
+    for left, right in ((a, -b @ b.T), (a.T, -c.T @ c)):
+        gramian = scipy.linalg.solve_continuous_lyapunov(left, right)
         np.testing.assert_allclose(gramian, np.diag(found.hankel), atol=1e-9 * found.hankel[0])
     left, right = found.coordinates(2)
     np.testing.assert_allclose(left.T @ right, np.diag(found.hankel[:2]), atol=1e-12 * found.hankel[0])

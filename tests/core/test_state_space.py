@@ -55,17 +55,15 @@ def test_a_factorisation_a_point_keeps_repeated_light_poles():
     A = np.block([[block, np.eye(2)], [np.zeros((2, 2)), block]])
     B, points = np.array([[0.0], [0.0], [1.0], [0.0]]), np.exp(1j * np.array([turn, turn + 1e-5, 1.0]))
     with mpmath.workdps(40):
-        exact = [
-            mpmath.lu_solve(mpmath.mpc(z) * mpmath.eye(4) - mpmath.matrix(A.tolist()), mpmath.matrix(B)) for z in points
-        ]
+        pencils = [mpmath.mpc(z) * mpmath.eye(4) - mpmath.matrix(A.tolist()) for z in points]
+        exact = [mpmath.lu_solve(pencil, mpmath.matrix(B)) for pencil in pencils]
     exact = np.array([[complex(x) for x in one] for one in exact])
     system = A, B, np.eye(4), np.zeros((4, 1))
     for values, wanted in ((input_states(A, B, points), 3e-12), (response_at(system, points), 1e-9)):
         error = np.abs(values[..., 0] - exact).max(axis=1) / np.abs(exact).max(axis=1)
         assert error.max() < wanted
-    np.testing.assert_allclose(
-        input_states(A, B, np.ones(3), 1 / points), points[:, None, None] * input_states(A, B, points)
-    )
+    scaled = points[:, None, None] * input_states(A, B, points)
+    np.testing.assert_allclose(input_states(A, B, np.ones(3), 1 / points), scaled)
 
 
 def test_the_transposed_state_space_has_the_transposed_response():

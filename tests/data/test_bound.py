@@ -7,7 +7,9 @@ import pytest
 
 import robustid as rid
 from robustid.core import described, made
+from robustid.errors import InputTypeError
 from support.mimo_data import KINDS, complex_normal, response, same
+from support.refusals import refusals
 
 pytestmark = pytest.mark.quick
 BOUND = rid.Bound([0.1, 0.2, np.inf])
@@ -55,31 +57,21 @@ def test_an_array_is_a_hard_bound_and_a_bound_keeps_its_kind():
         assert data.with_bound(kind).bound.kind == "confidence"
 
 
-@pytest.mark.parametrize(
-    ("parts", "sentence"),
-    [
-        ({"radius": 0.1, "kind": "sure"}, "`kind` of a bound must be one of"),
-        ({"radius": 0.1, "probability": 0.9}, "`probability` belongs to a confidence or tolerance bound"),
-        ({"radius": 0.1, "kind": "noise_floor", "dof": 3}, "`dof` belongs to a confidence"),
-        ({"radius": 0.1, "kind": "confidence", "probability": 95}, "`probability` must be between 0 and 1; got 95"),
-        ({"radius": 0.1, "kind": "confidence", "dof": 0}, "`dof` must be positive"),
-        ({"radius": [0.1, np.nan]}, "must not contain NaN"),
-        ({"radius": -0.1}, "`bound` must be positive"),
-        ({}, "`radius` of a bound is missing"),
-        ({"radius": 0.1, "excitations": 2}, "`excitations` belongs to an estimated bound"),
-        ({"radius": 0.1, "kind": "confidence", "excitations": 0}, "`excitations` must be at least 1; got 0"),
-    ],
+test_what_a_bound_refuses = refusals(
+    ({"radius": 0.1, "kind": "sure"}, "`kind` of a bound must be one of"),
+    ({"radius": 0.1, "probability": 0.9}, "`probability` belongs to a confidence or tolerance bound"),
+    ({"radius": 0.1, "kind": "noise_floor", "dof": 3}, "`dof` belongs to a confidence"),
+    ({"radius": 0.1, "kind": "confidence", "probability": 95}, "`probability` must be between 0 and 1; got 95"),
+    ({"radius": 0.1, "kind": "confidence", "dof": 0}, "`dof` must be positive"),
+    ({"radius": [0.1, np.nan]}, "must not contain NaN"),
+    ({"radius": -0.1}, "`bound` must be positive"),
+    ({}, "`radius` of a bound is missing"),
+    ({"radius": 0.1, "excitations": 2}, "`excitations` belongs to an estimated bound"),
+    ({"radius": 0.1, "kind": "confidence", "excitations": 0}, "`excitations` must be at least 1; got 0"),
+    ({"radius": 0.1, "kind": "tolerance", "excitations": 1.5}, "`excitations` must be an integer", InputTypeError),
+    ({"radius": 0.1, "tilt": ["a"]}, "`tilt` must be an array of numbers", InputTypeError),
+    of=rid.Bound,
 )
-def test_what_a_bound_refuses(parts, sentence):
-    with pytest.raises(rid.InputError, match=sentence):
-        rid.Bound(**parts)
-
-
-def test_parts_of_other_types_are_refused():
-    with pytest.raises(rid.errors.InputTypeError, match="`excitations` must be an integer"):
-        rid.Bound(0.1, kind="tolerance", excitations=1.5)
-    with pytest.raises(rid.errors.InputTypeError, match="`tilt` must be an array of numbers"):
-        rid.Bound(0.1, tilt=["a"])
 
 
 @pytest.mark.parametrize("parts", [{"tilt": [0.1]}, {"joint": "column"}])

@@ -18,6 +18,7 @@ from robustid.identification.solver.paths import margin_path
 from robustid.report.assumptions import experiments
 from support.bounds import rebound
 from support.problems import judge_margin, random_problem
+from support.refusals import refusals
 
 
 def covariances(rng, lines, slimness=30.0):
@@ -84,23 +85,18 @@ def test_responses_keep_their_ellipses():
     assert np.array_equal(per_line.bound.tilt[:, 1, 0], [0.5, 0.5j])
 
 
-@pytest.mark.parametrize(
-    ("covariance", "deviations", "words"),
-    [
-        (np.eye(2), 1.0, r"`covariance` must have shape \(F, 2, 2\)"),
-        ([np.eye(2), [[1.0, 0.5], [0.0, 1.0]]], 1.0, "symmetric"),
-        ([np.eye(2), np.ones((2, 2))], 1.0, "positive definite; frequency point 1"),
-        ([np.eye(2), -np.eye(2)], 1.0, "positive definite; frequency point 1"),
-        ([np.eye(2), np.zeros((2, 2))], 1.0, "positive definite; frequency point 1"),
-        ([np.eye(2), np.nan * np.eye(2)], 1.0, "must be finite"),
-        (np.ones((2, 2, 2)) * 1j, 1.0, "must be real"),
-        ([np.eye(2), np.eye(2)], 0.0, "`deviations` must be positive"),
-        ([np.eye(2), np.eye(2)], "three", "`deviations` must be"),
-    ],
+test_bad_covariances = refusals(
+    ((np.eye(2), 1.0), r"`covariance` must have shape \(F, 2, 2\)"),
+    (([np.eye(2), [[1.0, 0.5], [0.0, 1.0]]], 1.0), "symmetric"),
+    (([np.eye(2), np.ones((2, 2))], 1.0), "positive definite; frequency point 1"),
+    (([np.eye(2), -np.eye(2)], 1.0), "positive definite; frequency point 1"),
+    (([np.eye(2), np.zeros((2, 2))], 1.0), "positive definite; frequency point 1"),
+    (([np.eye(2), np.nan * np.eye(2)], 1.0), "must be finite"),
+    ((np.ones((2, 2, 2)) * 1j, 1.0), "must be real", rid.RobustIdError),
+    (([np.eye(2), np.eye(2)], 0.0), "`deviations` must be positive"),
+    (([np.eye(2), np.eye(2)], "three"), "`deviations` must be", rid.RobustIdError),
+    of=rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]).with_ellipses,
 )
-def test_bad_covariances(covariance, deviations, words):
-    with pytest.raises(rid.RobustIdError, match=words):
-        rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]).with_ellipses(covariance, deviations)
 
 
 # --- the arithmetic of tilted lines -----------------------------------------------------------------------------------

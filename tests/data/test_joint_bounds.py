@@ -14,6 +14,7 @@ from robustid.report.fit_charts import response_charts
 from robustid.report.fit_view import FitView
 from support.bounds import rebound
 from support.mimo_data import DT, KINDS, complex_normal, positive_definite, response, same
+from support.refusals import refusals
 
 # --- what a bound means -------------------------------------------------------------------------------------------------
 
@@ -176,51 +177,39 @@ GAPS = response(9, missing=True)
 EVERY_ENTRY = r"every entry at every frequency point; \d+ of 30 are missing, the first at"
 
 
-@pytest.mark.parametrize(
-    ("parts", "sentence"),
-    [
-        ({"joint": "row"}, "`joint` must be one of"),
-        ({"joint": "column"}, "`radius` of a bound is missing"),
-        ({"tilt": [0.1]}, "`radius` of a bound is missing"),
-        ({"joint": "matrix", "radius": 1.0}, "give both or none"),
-        ({"ellipsoid": [np.eye(2)]}, "give both or none"),
-        ({"joint": "column", "radius": 1.0, "tilt": [0.1]}, "`tilt` shapes the disc of one entry"),
-        ({"joint": "matrix", "ellipsoid": [np.eye(3)]}, r"must have shape \(F, ny\*nu, ny\*nu\) = \(1, 2, 2\)"),
-        ({"joint": "matrix", "ellipsoid": [np.diag([1, 0])]}, "positive numbers on its diagonal"),
-        ({"joint": "matrix", "ellipsoid": [[[1, 1j], [1j, 4]]]}, "must be Hermitian"),
-        ({"joint": "matrix", "ellipsoid": [np.ones((2, 2))]}, "must be positive definite"),
-        ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": 2.0}, "square root of the diagonal"),
-        ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": [[[1], [np.inf]]]}, "needs every entry of the matrix"),
-        ({"radius": 1, "tilt": [0.1, 0.1]}, r"`tilt` must have shape \(F,\) = \(1,\) or \(1, 2, 1\); got \(2,\)"),
-        ({"radius": 1, "tilt": 0.5}, "`tilt` must have shape"),
-        ({"radius": 1, "tilt": [1j]}, "`tilt` must be smaller than 1 in modulus"),
-        ({"radius": 1, "tilt": [np.nan]}, "`tilt` must be finite"),
-    ],
+test_what_a_bound_of_a_response_refuses = refusals(
+    ({"joint": "row"}, "`joint` must be one of"),
+    ({"joint": "column"}, "`radius` of a bound is missing"),
+    ({"tilt": [0.1]}, "`radius` of a bound is missing"),
+    ({"joint": "matrix", "radius": 1.0}, "give both or none"),
+    ({"ellipsoid": [np.eye(2)]}, "give both or none"),
+    ({"joint": "column", "radius": 1.0, "tilt": [0.1]}, "`tilt` shapes the disc of one entry"),
+    ({"joint": "matrix", "ellipsoid": [np.eye(3)]}, r"must have shape \(F, ny\*nu, ny\*nu\) = \(1, 2, 2\)"),
+    ({"joint": "matrix", "ellipsoid": [np.diag([1, 0])]}, "positive numbers on its diagonal"),
+    ({"joint": "matrix", "ellipsoid": [[[1, 1j], [1j, 4]]]}, "must be Hermitian"),
+    ({"joint": "matrix", "ellipsoid": [np.ones((2, 2))]}, "must be positive definite"),
+    ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": 2.0}, "square root of the diagonal"),
+    ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": [[[1], [np.inf]]]}, "needs every entry of the matrix"),
+    ({"radius": 1, "tilt": [0.1, 0.1]}, r"`tilt` must have shape \(F,\) = \(1,\) or \(1, 2, 1\); got \(2,\)"),
+    ({"radius": 1, "tilt": 0.5}, "`tilt` must have shape"),
+    ({"radius": 1, "tilt": [1j]}, "`tilt` must be smaller than 1 in modulus"),
+    ({"radius": 1, "tilt": [np.nan]}, "`tilt` must be finite"),
+    of=lambda **parts: dataclasses.replace(TWO, bound=rid.Bound(**parts)),
 )
-def test_what_a_bound_of_a_response_refuses(parts, sentence):
-    with pytest.raises(InputError, match=sentence):
-        dataclasses.replace(TWO, bound=rid.Bound(**parts))
 
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (GAPS.to_control, EVERY_ENTRY),
-        (lambda: GAPS.with_ellipsoid(2.0), EVERY_ENTRY),
-        (lambda: rid.prepare.estimate_delay(GAPS), EVERY_ENTRY),
-        (lambda: GAPS.with_bound(None), "`bound` is needed"),
-        (lambda: TWO.with_ellipsoid(2.0), "`covariance` is needed"),
-        (lambda: TWO.with_ellipses(np.eye(2)[None], 1.0), "one entry at a time"),
-        (lambda: TWO.ratio(np.ones((1, 2, 1))), "`ratio` needs the bound"),
-        (lambda: TWO.with_bound(1.0).ratio(1.0), r"`error` must have shape \(1, 2, 1\)"),
-        (lambda: TWO.with_column_bound(np.ones(3)), "`radius` must be a scalar or have shape"),
-        (lambda: TWO.with_column_bound(-1), "`radius` must be positive"),
-        (lambda: TWO.with_bound([[[1], [np.inf]]]).entry(1, 0), "'y2'.* was measured at no frequency point"),
-    ],
+test_what_needs_more_says_so = refusals(
+    (GAPS.to_control, EVERY_ENTRY),
+    (lambda: GAPS.with_ellipsoid(2.0), EVERY_ENTRY),
+    (lambda: rid.prepare.estimate_delay(GAPS), EVERY_ENTRY),
+    (lambda: GAPS.with_bound(None), "`bound` is needed"),
+    (lambda: TWO.with_ellipsoid(2.0), "`covariance` is needed"),
+    (lambda: TWO.with_ellipses(np.eye(2)[None], 1.0), "one entry at a time"),
+    (lambda: TWO.ratio(np.ones((1, 2, 1))), "`ratio` needs the bound"),
+    (lambda: TWO.with_bound(1.0).ratio(1.0), r"`error` must have shape \(1, 2, 1\)"),
+    (lambda: TWO.with_column_bound(np.ones(3)), "`radius` must be a scalar or have shape"),
+    (lambda: TWO.with_column_bound(-1), "`radius` must be positive"),
+    (lambda: TWO.with_bound([[[1], [np.inf]]]).entry(1, 0), "'y2'.* was measured at no frequency point"),
 )
-def test_what_needs_more_says_so(call, sentence):
-    with pytest.raises(InputError, match=sentence):
-        call()
 
 
 # --- those who read it --------------------------------------------------------------------------------------------------

@@ -85,15 +85,14 @@ def test_the_factor_is_what_simulated_plants_need(kind):
     In the median over 6 records. Measured: hardening spring 0.79, dry friction 0.82, backlash 0.58.
     """
     records = nonlinear_records(kind, 40, periods=1, spacing="random-odd", seed=3)
-    u, y = (np.array([np.fft.rfft(getattr(r, s)[:, 0]) for r in records]) for s in "uy")
+    U, Y = (np.array([np.fft.rfft(getattr(r, s)[:, 0]) for r in records]) for s in "uy")
     needed = []
     for record in records[:6]:
         noise = 1e-4 * record.y.std() * np.random.default_rng(0).standard_normal((4 * len(record.y), 1))
-        once = rid.TimeRecord(
-            np.tile(record.u, (4, 1)), np.tile(record.y, (4, 1)) + noise, dt=record.dt, initial="periodic"
-        )
+        u, y = np.tile(record.u, (4, 1)), np.tile(record.y, (4, 1)) + noise
+        once = rid.TimeRecord(u, y, dt=record.dt, initial="periodic")
         frf = rid.estimate_frf(once, period=len(record.y))
         k = np.round(frf.freq_hz).astype(int)
-        scatter = (y[:, k] / u[:, k]).std(axis=0, ddof=1)
+        scatter = (Y[:, k] / U[:, k]).std(axis=0, ddof=1)
         needed.append(1.5 * np.median(scatter / frf.distortion[:, 0, 0]))
     assert 0.3 < np.median(needed) < 1.5

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 
@@ -35,9 +36,8 @@ def random_closed(loop, rng):
 def random_open(loop, rng):
     u = rng.standard_normal((SAMPLES, 2))
     y = simulate(plant(), u)
-    return estimate_frf(
-        TimeRecord(u, y + NOISE * y.std(axis=0) * rng.standard_normal(y.shape), dt=DT), lines=local_lines()
-    )
+    record = TimeRecord(u, y + NOISE * y.std(axis=0) * rng.standard_normal(y.shape), dt=DT)
+    return estimate_frf(record, lines=local_lines())
 
 
 def local_lines():
@@ -138,8 +138,6 @@ def test_the_start_of_a_record_from_rest_is_left_out():
 
 def test_exact_without_noise():
     """A single mode and its transient are rational of order 2: the local method has no error but rounding."""
-    import control
-
     model = control.sample_system(control.tf([1.0], [1, 2 * 0.005 * 300, 300**2]), 0.001)
     state = control.ss(model)
     u = np.random.default_rng(0).standard_normal((4000, 1))
@@ -155,10 +153,8 @@ def test_without_a_method_the_records_decide():
     rng = np.random.default_rng(5)
     record = TimeRecord(u := rng.standard_normal(600), u, dt=0.01)
     assert "local rational" in estimate_frf(record).note
-    assert (
-        "2 periods"
-        in estimate_frf(dataclasses.replace(record, u=np.tile(u[:300], 2), y=np.tile(u[:300], 2)), period=300).note
-    )
+    twice = np.tile(u[:300], 2)
+    assert "2 periods" in estimate_frf(TimeRecord(twice, twice, dt=0.01), period=300).note
     with pytest.raises(InputError, match='`period` belongs to method="periodic"'):
         estimate_frf(record, method="local", period=300)
     with pytest.raises(InputError, match="the local method needs"):

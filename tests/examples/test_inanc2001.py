@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from support.example_runs import check_files, load
+from support.example_runs import load
 
 example = load("inanc2001")
 MIXED = {m.modes: m for m in example.METHODS if m.samples and m.lines and m.relax == 1}  # (), the light mode, both
@@ -152,10 +152,9 @@ def tables(printed, methods):
     return found
 
 
-def run_example(tmp_path, capsys):
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, [*(f"figure{k}.png" for k in (4, 5, 6, 7)), "guaranteed.png"])
-    table = tables(capsys.readouterr().out, example.METHODS)
+def run_example(run):
+    printed = run(example, [*(f"figure{k}.png" for k in (4, 5, 6, 7)), "guaranteed.png"])
+    table = tables(printed, example.METHODS)
     for (*_, K, least, truth, _, _, order, truncated), (small, margin, *rms), guaranteed in table.values():
         assert small <= truncated <= order
         assert least <= truth <= K
@@ -165,12 +164,12 @@ def run_example(tmp_path, capsys):
 
 
 @pytest.mark.slow  # the example itself runs beside the suite
-def test_the_example(tmp_path, capsys, monkeypatch):
+def test_the_example(run, monkeypatch):
     """One output, two frequencies of the worst case: enough for what it claims."""
     monkeypatch.setattr(example, "WORST_HZ", np.array([10.5, 17.67]))
     y2 = [m for m in example.METHODS if m.output == "y2" and m.relax == 1]
     monkeypatch.setattr(example, "METHODS", [m for m in y2 if m.modes != example.LIGHT])
-    table = run_example(tmp_path, capsys)
+    table = run_example(run)
     _, (order, *_), best = table.pop(MIXED[example.BOTH])
     assert order <= 4
     for _, _, others in table.values():
@@ -183,5 +182,5 @@ def test_the_example(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_whole_example(tmp_path, capsys):
-    run_example(tmp_path, capsys)
+def test_the_whole_example(run):
+    run_example(run)

@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from support.example_runs import check_files, load
+from support.example_runs import load
 from support.measured import needs
 
 
 @pytest.mark.realdata
-def test_limits_gain_where_they_are_meant_to(tmp_path, capsys):
+def test_limits_gain_where_they_are_meant_to(run):
     needs("slicot/build.mat")
-    load("model_reduction").main(["--out", str(tmp_path), "--models", "build"])
-    check_files(tmp_path, ["model_reduction.png"])
-    printed = capsys.readouterr().out
+    printed = run(load("model_reduction"), ["model_reduction.png"], "--models", "build")
     rows = {}
     for line in printed.splitlines():
         method, *numbers = line.replace("static gain", "static_gain").replace("unstable", "").split() or [""]

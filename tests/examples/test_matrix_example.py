@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from support.example_runs import check_files, load
+from support.example_runs import load
 from support.measured import needs
 
 
@@ -13,12 +13,10 @@ from support.measured import needs
 @pytest.mark.parametrize(
     ("options", "file"), [([], "beam_ring/symexc_1.mat"), (["--fsm"], "fsm_cubespec/u_300mV_train.npy")]
 )
-def test_measured_plants(tmp_path, capsys, options, file):
+def test_measured_plants(tmp_path, run, options, file):
     needs(file)
-    load("beam_mimo").main(["--out", str(tmp_path), *options])
-    check_files(tmp_path, ["response.png", "residuals.png"])
+    printed = run(load("beam_mimo"), ["response.png", "residuals.png"], *options)
     assert (tmp_path / "report.html").exists()
-    printed = capsys.readouterr().out
     assert "status     consistent" in printed
     assert "FAILED" not in printed
     assert ("inconsistent: proved" in printed) == (not options)  # the beam is not linear down to its noise

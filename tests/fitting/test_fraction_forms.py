@@ -120,9 +120,8 @@ def test_stacked_weights_give_the_same_criterion(parts):
     residual = gaussian(rng, lines, ny, nu)
     column = np.array([[residual[k, i, j] for i in range(ny) for j in range(nu)] for k in range(lines)])[:, :, None]
     stacked = weight.stacked()
-    np.testing.assert_allclose(
-        np.linalg.norm(stacked.apply(column), axis=1), np.linalg.norm(weight.apply(residual), axis=1), rtol=1e-12
-    )
+    found, wanted = (np.linalg.norm(each, axis=1) for each in (stacked.apply(column), weight.apply(residual)))
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
     np.testing.assert_allclose(stacked.entrywise.reshape(weight.shape), weight.entrywise, rtol=1e-12)
     assert np.all(stacked.entries[0] == 0)
 

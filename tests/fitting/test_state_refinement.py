@@ -81,10 +81,8 @@ def test_outputs_and_directions_against_dense_least_squares(kind, feedthrough):
     brute = brute - Q @ (Q.T @ brute)
     found = outputs.directions(fitted)
     assert np.allclose(found.T @ found, brute.T @ brute, rtol=1e-7, atol=1e-8 * np.abs(brute.T @ brute).max())
-    gradient = found.T @ fitted.residual.ravel()
-    assert np.allclose(
-        gradient, brute.T @ (stacked(problem.values) - design @ solution), atol=1e-7 * np.abs(gradient).max()
-    )
+    gradient, rest = found.T @ fitted.residual.ravel(), stacked(problem.values) - design @ solution
+    assert np.allclose(gradient, brute.T @ rest, atol=1e-7 * np.abs(gradient).max())
     assert fitted.condition - 1 <= 1e-10
 
 
@@ -181,13 +179,6 @@ def test_time_limit_and_interruption_give_the_best_so_far():
     assert len(stopped.history) == 2
 
 
-@pytest.mark.parametrize("limit", [0, -1.0, np.nan])
-def test_a_time_limit_is_positive(limit):
-    frf = rid.FrequencyResponse(OMEGA, 1 / (1 + 1j * OMEGA))
-    with pytest.raises(rid.InputError, match="`time_limit` must be"):
-        fit_mfd(frf, order=1, time_limit=limit)
-
-
 def against_subspace(seed, modes, lines, orders):
     """Costs, errors on withheld frequency points and those of the subspace estimate, relative weights."""
     frf, judge = stand_in(seed, modes, lines)
@@ -229,6 +220,5 @@ def test_the_response_is_that_of_the_fraction():
     fit = fit_mfd(frf, order=14)
     assert fit.fraction.error <= 1e-9
     assert relative_error(fit.nodes.response, fit.fraction.response(frf.omega)) <= 1e-9
-    assert fit.cost == pytest.approx(
-        np.linalg.norm(fit.problem.residual(fit.fraction.response(frf.omega))) ** 2, rel=1e-6
-    )
+    residual = fit.problem.residual(fit.fraction.response(frf.omega))
+    assert fit.cost == pytest.approx(np.linalg.norm(residual) ** 2, rel=1e-6)

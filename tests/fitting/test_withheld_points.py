@@ -35,9 +35,8 @@ def test_equals_fits_without_each_point(ny, nu):
         other = refine(without, fitted.model, stable=True, limit=20).fitted
         residual = weight[point] * (other.response[point] - frf.values[point])
         total += float(np.linalg.norm(residual) ** 2)
-    assert left_out_cost(outputs, fitted) == pytest.approx(
-        total, rel=0.05
-    )  # fits end within a hundredth of a deviation
+    # Fits end within a hundredth of a deviation.
+    assert left_out_cost(outputs, fitted) == pytest.approx(total, rel=0.05)
     assert total > 1.1 * fitted.cost
 
 

@@ -8,6 +8,7 @@ import robustid as rid
 from robustid.identification import largest_ratio
 from robustid.reduction.between_points import Guard
 from support.matrix_plants import plant, response
+from support.problems import rigid_structure
 
 DENSE = np.linspace(0, np.pi, 2001)
 
@@ -98,18 +99,15 @@ def test_excess_is_that_of_a_slow_judge():
 
 
 def test_integrators_are_compared_from_the_lowest_line_on():
-    result = rid.identify(_integrating())
+    rigid, _ = rigid_structure()
+    omega = np.linspace(5, 100, 30)
+    F = response(rigid, omega * 0.01)[:, 0, 0]
+    frf = rid.FrequencyResponse(omega, F, bound=0.02 * np.abs(F), dt=0.01)
+    prior = rid.Prior(gain_bound=1e-4, decay_rate=1.1)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=rigid))
     assert Guard(result, 2).check(result.model, 1.0) == (0.0, None)
     narrow = resonance(0.999 * np.exp(2.5j))
     spoilt = result.model + control.ss(narrow.A, narrow.B, 1e-6 * narrow.C, 0, 0.01)
     judged, lines = Guard(result, 2).check(spoilt, 1.0)
     assert judged > 2
     assert lines.omega[0] * 0.01 == pytest.approx(2.5, abs=1e-3)
-
-
-def _integrating():
-    rigid = control.ss([[1, 0.01], [0, 1]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    omega = np.linspace(5, 100, 30)
-    F = response(rigid, omega * 0.01)[:, 0, 0]
-    frf = rid.FrequencyResponse(omega, F, bound=0.02 * np.abs(F), dt=0.01)
-    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1e-4, decay_rate=1.1), parametric=rigid)

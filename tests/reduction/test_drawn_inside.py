@@ -14,9 +14,8 @@ def data(dt, seed):
     rng = np.random.default_rng(seed)
     omega = np.linspace(2.0, 25.0, 120)
     s = points_of(omega, dt)
-    plant = (
-        control.tf([20.0], [1, 0.2, 25.0]) + control.tf([30.0], [1, 0.4, 144.0]) + control.tf([15.0], [1, 12.0, 324.0])
-    )
+    modes = ((20.0, 0.2, 25.0), (30.0, 0.4, 144.0), (15.0, 12.0, 324.0))
+    plant = sum(control.tf([gain], [1, twice, square]) for gain, twice, square in modes)
     plant = control.sample_system(plant, dt) if dt else plant
     deviation = 1e-3
     noise = deviation * (rng.normal(size=120) + 1j * rng.normal(size=120)) / np.sqrt(2)
@@ -41,9 +40,8 @@ def test_a_fit_outside_at_one_point_ends_inside_and_hardly_worse(dt, seed):
     def misfit(model):
         return np.linalg.norm(rid.validate(model, frf).residuals)
 
-    found = list(
-        drawn_fits(frf, fit, Bounds(ratio, lambda _: None), Budget(), domain="z" if dt else "s", feedthrough=True)
-    )
+    bounds = Bounds(ratio, lambda _: None)
+    found = list(drawn_fits(frf, fit, bounds, Budget(), domain="z" if dt else "s", feedthrough=True))
     assert ratio(found[0]) > 1.1
     assert ratio(found[-1]) <= 1
     assert misfit(found[-1]) < 1.3 * misfit(found[0])

@@ -24,9 +24,8 @@ def measured(seed, wide=40.0, lines=32, noise=0.02):
     return rid.FrequencyResponse(omega, values, bound=wide * 4 * level, dt=0.01), basis
 
 
-ORDERS = pytest.mark.parametrize(
-    "most", [6, pytest.param(12, marks=pytest.mark.slow)]
-)  # of the fits that are looked at
+# Of the fits that are looked at.
+ORDERS = pytest.mark.parametrize("most", [6, pytest.param(12, marks=pytest.mark.slow)])
 
 
 def try_orders_up_to(most, monkeypatch):
@@ -97,11 +96,8 @@ def resonant(seed, samples=300, noise=0.02, dt=0.01):
     plant = control.ss(basis.A, basis.B, np.array([[0.5, 0.3, 0.2, 0.3]]) @ basis.C, 0, dt)
     u = rng.standard_normal(samples)
     clean = control.forced_response(plant, U=u, X0=3 * rng.standard_normal(4)).outputs
-    return (
-        rid.TimeRecord(u, clean + noise * clean.std() * rng.standard_normal(samples), dt=dt, initial="free"),
-        basis,
-        clean,
-    )
+    y = clean + noise * clean.std() * rng.standard_normal(samples)
+    return rid.TimeRecord(u, y, dt=dt, initial="free"), basis, clean
 
 
 @pytest.mark.parametrize(("most", "samples"), [(5, 150), pytest.param(12, 300, marks=pytest.mark.slow)])

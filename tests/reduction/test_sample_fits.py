@@ -112,9 +112,8 @@ def test_minimax_model_is_a_local_optimum_with_equal_extremes():
     for seed in range(5):
         problem = structure(seed)
         samples = sample_map(problem, 0)
-        start = descended(
-            samples, least_squares(samples, pole_functions(rid.datasets.flexible_structure().truth.poles())), 0.9999
-        )
+        start = least_squares(samples, pole_functions(rid.datasets.flexible_structure().truth.poles()))
+        start = descended(samples, start, 0.9999)
         fit = levelled(samples, start, 0.9999, 1e-3, 60)  # a limit out of reach: to the end
         assert fit.worst < numerators_levelled(samples, start).worst
         pair = pole_functions(fit.poles)
@@ -125,9 +124,8 @@ def test_minimax_model_is_a_local_optimum_with_equal_extremes():
         x = cp.Variable(9)
         reach = np.concatenate([np.full(5, np.inf), 0.01 * pair.size])
         norms = np.linalg.norm(G, axis=0)
-        gain = cp.Problem(
-            cp.Maximize(cp.min(slopes / norms @ x)), [cp.abs(x[5:]) <= (reach * norms)[5:], cp.norm(x, "inf") <= 100]
-        ).solve(solver=cp.CLARABEL)
+        limits = [cp.abs(x[5:]) <= (reach * norms)[5:], cp.norm(x, "inf") <= 100]
+        gain = cp.Problem(cp.Maximize(cp.min(slopes / norms @ x)), limits).solve(solver=cp.CLARABEL)
         assert gain < 0.02 * fit.worst
 
 

@@ -23,6 +23,8 @@ from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import smallest_maximum
 from support.matrix_lines import DT, found_at, lines, plant
 
+PRIOR = rid.Prior(gain_bound=1, decay_rate=1.2)
+
 
 def record(rng, truth, kind="rest", bound=0.05):
     u = np.sign(rng.standard_normal((40, truth.ninputs)))
@@ -42,17 +44,11 @@ def every_kind(rng, truth):
     size = shape[1] * shape[2]
     root = rng.standard_normal((shape[0], size, size)) + 1j * rng.standard_normal((shape[0], size, size))
     E = root @ root.conj().swapaxes(1, 2) + 0.1 * np.eye(size)
-    common = {"dt": DT}
     directions = rng.standard_normal((shape[0], shape[2], 1))
-    return [
-        rid.FrequencyResponse(frf.omega, frf.values, bound=holes, **common),
-        rid.FrequencyResponse(
-            frf.omega, frf.values, bound=rid.Bound(0.05, tilt=0.3 * np.exp(1j * np.arange(6))), **common
-        ),
-        rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(0.05, joint="column"), **common),
-        rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(joint="matrix", ellipsoid=0.01 * E), **common),
-        rid.TangentialResponse(frf.omega, frf.values @ directions, right=directions, bound=0.05, **common),
-    ]
+    tilted, columns = rid.Bound(0.05, tilt=0.3 * np.exp(1j * np.arange(6))), rid.Bound(0.05, joint="column")
+    bounds = holes, tilted, columns, rid.Bound(joint="matrix", ellipsoid=0.01 * E)
+    along = rid.TangentialResponse(frf.omega, frf.values @ directions, right=directions, bound=0.05, dt=DT)
+    return [*(frf.with_bound(bound) for bound in bounds), along]
 
 
 @pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 2), (2, 3), (3, 1)])
@@ -61,9 +57,7 @@ def test_residuals_of_the_map_are_those_of_the_judge(outputs, inputs, integrator
     rng = np.random.default_rng(outputs + 10 * inputs)
     truth, basis = plant(rng, 2, outputs, inputs)
     records = [record(rng, truth), *([] if integrators else [record(rng, truth, "periodic")])]
-    problem = rid.MixedProblem(
-        frequency=every_kind(rng, truth), time=records, prior=rid.Prior(gain_bound=1, decay_rate=1.2), parametric=basis
-    )
+    problem = rid.MixedProblem(frequency=every_kind(rng, truth), time=records, prior=PRIOR, parametric=basis)
     samples = sample_map(problem, integrators)
     pair = Pair(np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]), rng.standard_normal((samples.heads, 3)))
     v = rng.standard_normal(3 * samples.tails + samples.fixed.shape[1])
@@ -72,21 +66,17 @@ def test_residuals_of_the_map_are_those_of_the_judge(outputs, inputs, integrator
     assert model.nstates == 3 + integrators * samples.heads
     assert np.sum(np.abs(model.poles() - 1) < 1e-12) == integrators * samples.heads
     assert fit.worst == pytest.approx(largest_ratio(problem, model), rel=1e-9)
-    assert np.sort(fit.sizes) == pytest.approx(
-        np.sort(np.concatenate([r.ratio for r in model_residuals(problem, model)])), rel=1e-9
-    )
-    np.testing.assert_allclose(
-        fit.error, samples.y - numerators(samples, pair) @ v, atol=1e-9 * np.abs(fit.error).max()
-    )
+    ratios = np.concatenate([r.ratio for r in model_residuals(problem, model)])
+    assert np.sort(fit.sizes) == pytest.approx(np.sort(ratios), rel=1e-9)
+    left = samples.y - numerators(samples, pair) @ v
+    np.testing.assert_allclose(fit.error, left, atol=1e-9 * np.abs(fit.error).max())
 
 
 @pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 2)])
 def test_columns_of_poles_and_directions_are_the_derivatives(outputs, inputs):
     rng = np.random.default_rng(1)
     truth, _ = plant(rng, 2, outputs, inputs)
-    problem = rid.MixedProblem(
-        frequency=lines(rng, truth), time=record(rng, truth), prior=rid.Prior(gain_bound=1, decay_rate=1.2)
-    )
+    problem = rid.MixedProblem(frequency=lines(rng, truth), time=record(rng, truth), prior=PRIOR)
     samples = sample_map(problem, 0)
     pair = Pair(0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0], rng.standard_normal((2, 4)))
     v = rng.standard_normal(4 * samples.tails + outputs * inputs)
@@ -103,9 +93,7 @@ def test_columns_of_poles_and_directions_are_the_derivatives(outputs, inputs):
 def test_normal_form_spans_the_same_functions():
     rng = np.random.default_rng(3)
     truth, _ = plant(rng, 2)
-    samples = sample_map(
-        rid.MixedProblem(frequency=lines(rng, truth), prior=rid.Prior(gain_bound=1, decay_rate=1.2)), 0
-    )
+    samples = sample_map(rid.MixedProblem(frequency=lines(rng, truth), prior=PRIOR), 0)
     weights = np.array([2.0, 5.0])
     pair = Pair(truth.A, truth.C)
     A, C, size = normal_functions(pair, weights)
