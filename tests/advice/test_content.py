@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.advice import content
 from robustid.errors import InconsistentDataError, InputTypeError
 from robustid.guarantees import consistent_set
+from support.cases import slow
 from support.structure import about_structure
 
 
@@ -30,9 +31,7 @@ def test_a_class_that_lets_anything_happen_between_the_points_is_empty():
     assert "as wide as on them" in full.summary()
 
 
-@pytest.mark.parametrize(
-    ("gain_bound", "decay_rate"), [(10.0, 1.005), (0.1, 1.2), pytest.param(1.0, 1.05, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("gain_bound", "decay_rate"), [(10.0, 1.005), (0.1, 1.2), slow(1.0, 1.05)])
 def test_widths_compare_as_guaranteed_ones_do(gain_bound, decay_rate):
     result = identified(gain_bound, decay_rate, lines=8)
     said = content(result)

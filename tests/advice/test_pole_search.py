@@ -13,6 +13,7 @@ from robustid.bases import as_basis
 from robustid.core import ZPlane
 from robustid.errors import InputTypeError
 from support.bounds import rebound
+from support.cases import slow
 from support.refusals import refusals
 from support.structure import about_structure
 
@@ -57,7 +58,7 @@ def records(kind):
         ("ellipses", 1),
         ("rest", 1),
         ("periodic", 2),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("lines", 1), ("lines", 2), ("free", 1))),
+        *(slow(*each) for each in (("lines", 1), ("lines", 2), ("free", 1))),
     ],
 )
 def test_slope_of_the_margin_is_that_of_differences(kind, repeat):
@@ -101,11 +102,7 @@ def test_wrong_pole_contradicts_the_data_or_needs_a_large_rest():
     [
         ("around the mode", 0.2, [0], FEWER),
         ("far apart", 0.05, [0], {}),
-        *(
-            pytest.param(lines, K, range(20), {}, marks=pytest.mark.slow)
-            for lines in ("around the mode", "far apart")
-            for K in (0.2, 0.05)
-        ),
+        *(slow(lines, K, range(20), {}) for lines in ("around the mode", "far apart") for K in (0.2, 0.05)),
     ],
 )
 def test_wrong_poles_are_moved_back(lines, K, seeds, size):

@@ -12,6 +12,7 @@ from robustid.core import simulate
 from robustid.data.multisines import log_norm, low_crest_phases, random_phases, schroeder_phases, synthesise
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats import load_excitation
+from support.cases import seeds, slow
 from support.refusals import refusals
 
 DT = 0.01
@@ -55,9 +56,7 @@ def test_objective_and_gradient_by_brute_force(p, rotations):
     np.testing.assert_allclose(gradient, differences, atol=2e-8)
 
 
-@pytest.mark.parametrize(
-    "lines", [*(pytest.param(each, marks=pytest.mark.slow) for each in ([1, 2], [1, 3], [1, 2, 3])), [2, 5], [1, 3, 7]]
-)
+@pytest.mark.parametrize("lines", [*(slow(each) for each in ([1, 2], [1, 3], [1, 2, 3])), [2, 5], [1, 3, 7]])
 def test_few_lines_reach_the_best_of_all_phases(lines):
     """All phases on a grid; a shift in time makes one of them free, so one is held at 0."""
     lines, amplitude, period = np.array(lines), np.ones(len(lines)), 420
@@ -70,7 +69,7 @@ def test_few_lines_reach_the_best_of_all_phases(lines):
     assert min(peaks) <= best * 1.003
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 25))])
+@pytest.mark.parametrize("seed", seeds(4, 25))
 def test_crest_is_never_worse_than_schroeder_or_random(seed):
     rng = np.random.default_rng(seed)
     count, period = int(rng.integers(1, 40)), int(rng.integers(122, 600))
@@ -98,9 +97,7 @@ def test_schroeder_phases_of_a_flat_spectrum():
     np.testing.assert_allclose(schroeder_phases(np.ones(10)), -np.pi * k * (k - 1) / 10, atol=1e-13)
 
 
-@pytest.mark.parametrize(
-    "nu", [pytest.param(k, marks=pytest.mark.slow) if k in (2, 5, 6, 8) else k for k in range(1, 9)]
-)
+@pytest.mark.parametrize("nu", [slow(k) if k in (2, 5, 6, 8) else k for k in range(1, 9)])
 def test_spectra_are_as_asked_and_orthogonal(nu):
     lines, rng = np.array([1, 2, 5, 11, 30, 49]), np.random.default_rng(nu)
     shape, rms = rng.uniform(0.5, 2, (6, nu)), rng.uniform(0.5, 2, nu)
@@ -116,10 +113,7 @@ def test_spectra_are_as_asked_and_orthogonal(nu):
         np.testing.assert_allclose(np.abs(block[lines]), amplitude[:, :, None] * np.ones(nu), rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("nu", "limit"),
-    [(2, 1.5), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((3, 1.7), (4, 1.5), (5, 1.7)))],
-)
+@pytest.mark.parametrize(("nu", "limit"), [(2, 1.5), *(slow(*each) for each in ((3, 1.7), (4, 1.5), (5, 1.7)))])
 def test_crest_of_orthogonal_sets(nu, limit):
     play = rid.prepare.multisine(band_hz=(1, 31), period=500, dt=0.002, inputs=nu)
     assert play.crest_factors.max() < limit
@@ -184,7 +178,7 @@ def test_the_seed_makes_the_signals_and_realisations_differ():
     assert pairs.max() < 0.8
 
 
-@pytest.mark.parametrize("power", [pytest.param(-60, marks=pytest.mark.slow), 60])
+@pytest.mark.parametrize("power", [slow(-60), 60])
 def test_units_do_not_matter(power):
     scale, options = 2.0**power, {**BAND, "inputs": 2}
     play = rid.prepare.multisine(**options)
@@ -236,7 +230,7 @@ def test_what_was_played_finds_the_plant(nu, tmp_path):
     np.testing.assert_array_equal(rid.estimate_frf(records, period=play.period).omega, frf.omega)
 
 
-@pytest.mark.parametrize("nu", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("nu", [slow(1), 2])
 def test_accuracy_is_that_of_the_formula(nu):
     """sigma/rms sqrt(2 F/(nu P period)): 2 nu F entries and 100 seeds make the mean square known to 1.4 or 2 %."""
     sigma, periods, count = 0.1, 2, 25

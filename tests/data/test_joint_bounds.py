@@ -278,13 +278,6 @@ def test_bounds_from_rest_are_of_entries():
     same(noise.bound_response(frf.with_column_bound(1.0), record, period=100), expected)
 
 
-def test_an_identification_keeps_how_a_bound_is_meant(tmp_path):
-    frf = rebound(rid.datasets.flexible_structure().frequency, joint="column")
-    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=50, decay_rate=1.05)))
-    result.save(tmp_path / "result")
-    same(rid.load(tmp_path / "result").problem.frequency[0], frf)
-
-
 def test_a_weight_of_one_s_own():
     frf = measured(np.random.default_rng(2))
     fit = rid.fit_mfd(frf, order=3, weight=np.ones(frf.values.shape))

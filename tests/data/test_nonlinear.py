@@ -5,6 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.data import NONLINEAR, nonlinear, nonlinear_records
+from support.cases import slow
 from support.refusals import refusals
 
 LINES = np.arange(5, 61)
@@ -65,9 +66,7 @@ test_refused = refusals(
 )
 
 
-@pytest.mark.parametrize(
-    ("seeds", "fresh"), [(3, 100), pytest.param(20, 200, marks=pytest.mark.slow)], ids=["3 seeds", "20 seeds"]
-)
+@pytest.mark.parametrize(("seeds", "fresh"), [(3, 100), slow(20, 200)], ids=["3 seeds", "20 seeds"])
 @pytest.mark.parametrize(
     "kind", [pytest.param(k, marks=() if k == "dry friction" else pytest.mark.slow) for k in NONLINEAR]
 )

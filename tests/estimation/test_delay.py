@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.core import simulate
 from robustid.errors import InputTypeError
 from robustid.estimation import estimate_delay
+from support.cases import slow
 from support.refusals import refusals
 
 DT = 1e-3
@@ -52,7 +53,7 @@ def noisy(values, rng, relative):
 # --- the estimate
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, slow(3)])
 @pytest.mark.parametrize(("respond", "dt"), [(continuous, None), (held, DT)])
 def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
     for seed in range(seeds):
@@ -63,7 +64,7 @@ def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
         assert found.misfit < 1e-5
 
 
-@pytest.mark.parametrize(("seeds", "most"), [(2, 2.6), pytest.param(8, 1.9, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seeds", "most"), [(2, 2.6), slow(8, 1.9)])
 @pytest.mark.parametrize(("respond", "dt"), [(continuous, None), (held, DT)])
 def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, dt, seeds, most):
     """Order unknown for the first of the continuous plants (slow: of the others, too), known for the others."""
@@ -81,9 +82,7 @@ def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, d
     assert np.sqrt(np.mean(np.square(scaled))) < most  # chi with as many degrees of freedom: 99.9 %
 
 
-@pytest.mark.parametrize(
-    ("seeds", "least", "most"), [(8, 0.29, 1.87), pytest.param(40, 0.65, 1.37, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("seeds", "least", "most"), [(8, 0.29, 1.87), slow(40, 0.65, 1.37)])
 def test_the_stated_deviation_is_that_of_many_seeds(seeds, least, most):
     """Speeds: one pole more than zeros, where the cost is a parabola in the delay."""
     plant, tau = modes(np.random.default_rng(1), 2), 3.3 * DT

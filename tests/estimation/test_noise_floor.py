@@ -5,6 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.errors import InputTypeError
+from support.cases import slow
 from support.refusals import refusals
 
 DT, PERIOD = 0.01, 64
@@ -54,9 +55,7 @@ def test_a_stretch_of_a_record_will_do():
     assert np.abs(bounded.y[300:] - 1).max() < found.level[0]
 
 
-@pytest.mark.parametrize(
-    "distribution", ["laplace", *(pytest.param(k, marks=pytest.mark.slow) for k in ("uniform", "normal"))]
-)
+@pytest.mark.parametrize("distribution", ["laplace", *(slow(k) for k in ("uniform", "normal"))])
 def test_the_probability_of_the_order_statistics_holds_in_simulation(distribution):
     T, N, trials = 100, 40, 3000
     samples = getattr(np.random.default_rng(7), distribution)(size=(trials, T + N))
@@ -116,7 +115,7 @@ def simulate_bounds(seeds, factor, rest_periods, periods, lines=range(1, 31)):
     return np.array(out), bounded.note
 
 
-@pytest.mark.parametrize("seeds", [100, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [100, slow(300)])
 def test_a_line_goes_beyond_as_often_as_the_formula_says(seeds):
     """Factor 1: prod i/(i + 1) = 1/(m + 1), m = 100."""
     ratio, _ = simulate_bounds(seeds, 1.0, 32, 8)

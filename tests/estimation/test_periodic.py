@@ -8,6 +8,7 @@ from robustid.core import simulate
 from robustid.data import TimeRecord
 from robustid.errors import InputTypeError
 from robustid.estimation import estimate_frf
+from support.cases import slow
 from support.refusals import refusals
 
 PERIOD, DT = 64, 0.01
@@ -119,10 +120,8 @@ SCENARIOS = {
 }
 
 
-@pytest.mark.parametrize("seeds", [60, pytest.param(300, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "name", [pytest.param(k, marks=pytest.mark.slow) if k == "output noise" else k for k in SCENARIOS]
-)
+@pytest.mark.parametrize("seeds", [60, slow(300)])
+@pytest.mark.parametrize("name", [slow(k) if k == "output noise" else k for k in SCENARIOS])
 def test_probability_of_the_bound(name, seeds):
     """All errors lie within the bound as often as stated, and not much more often.
 
@@ -155,7 +154,7 @@ def test_within_one_realisation_distortion_is_invisible():
     assert held == 0
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [150, slow(400)])
 def test_covariance_is_that_of_the_estimate(count):
     """Mean of the estimated covariance against that of many estimates: 2 x 2, off-diagonal entries too."""
     model, rng = plant(2, 2), np.random.default_rng(7)

@@ -4,6 +4,7 @@ Two on measured data, the torsion margin and the steering mirror, run whole with
 """
 
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -289,3 +290,74 @@ def test_passive_beam(tmp_path, capsys, undrawn, monkeypatch):
     bands = {line[:24].strip(): [float(v) for v in line[24:].split()[:5]] for line in lines}
     assert bands["positive real"][2] < 0.1 * bands["smallest K that holds"][2]
     assert "the response with the opposite sign: margin 0.858, consistent" in printed
+
+
+# --- measured plants with several channels
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("options", "file"), [([], "beam_ring/symexc_1.mat"), (["--fsm"], "fsm_cubespec/u_300mV_train.npy")]
+)
+def test_measured_plants(tmp_path, run, options, file):
+    needs(file)
+    printed = run(load("beam_mimo"), ["response.png", "residuals.png"], *options)
+    assert (tmp_path / "report.html").exists()
+    assert "status     consistent" in printed
+    assert "FAILED" not in printed
+    assert ("inconsistent: proved" in printed) == (not options)  # the beam is not linear down to its noise
+    table = printed.split("shape of the outputs\n")[1].split("\n\n")[0].splitlines()
+    rows = [[float(number) for number in line.split()[:4]] for line in table]
+    if not options:
+        assert [round(row[0], 1) for row in rows] == [11.2, 22.6, 28.1, 33.2, 58.3, 65.4]
+        assert max(row[3] for row in rows) < 0.05  # residues of rank one, almost
+    found = re.search(r"at .* Hz \(index .*\); (\d+) outside", printed)
+    lines = int(re.search(r"(\d+) frequency points that were not used", printed)[1])
+    assert int(found[1]) < 0.02 * lines * (9 if options else 4)
+
+
+# --- reduction with limits
+
+
+@pytest.mark.realdata
+def test_limits_gain_where_they_are_meant_to(run):
+    needs("slicot/build.mat")
+    printed = run(load("model_reduction"), ["model_reduction.png"], "--models", "build")
+    rows = {}
+    for line in printed.splitlines():
+        method, *numbers = line.replace("static gain", "static_gain").replace("unstable", "").split() or [""]
+        if method in ("plain", "static_gain", "band", "horizon", "weight"):
+            rows[method, int(numbers[0])] = np.array([float(value) for value in numbers[1:]])
+    for (method, _), (bound, error, *_) in rows.items():
+        if method in ("plain", "static_gain"):
+            assert error <= bound
+        else:
+            assert np.isinf(bound)
+    assert "of all others 0" in printed
+    assert "The bound holds in 12 of 12" in printed
+    assert rows["band", 24][2] < 0.2 * rows["plain", 24][2]
+    assert rows["horizon", 24][3] < 0.2 * rows["plain", 24][3]
+
+
+# --- proved band
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_bands_hold_the_plant(tmp_path, capsys, monkeypatch):
+    example = load("proved_band")
+    monkeypatch.setattr(example, "SHOWN_HZ", np.array([0.0, 50.0, 76.5, 77.0, 77.5, 200.0, 500.0]))
+    exact, over = example.main(["--out", str(tmp_path)]).values()
+    check_files(tmp_path, ["proved_band.png"])
+    printed = capsys.readouterr().out
+    assert printed.count("the plant is inside") == 2
+    assert printed.count("evaluated again: all discs hold") == 2
+    assert "NOT ALL" not in printed
+    for fitted, low, high, true in re.findall(r"fitted ([\d.]+).* leave ([\d.]+) to ([\d.]+).*true ([\d.]+)", printed):
+        assert float(low) < float(fitted) < float(high)
+        assert float(low) < float(true) < float(high)
+    peak = 3
+    assert exact.radius[peak] < over.radius[peak] < 2 * exact.radius[peak]
+    # Nothing between the frequency points is left out, nor above them.
+    assert over.hinf >= over.upper[peak, 0, 0]
+    assert over.hinf < 0.1 * np.abs(over.centre[peak, 0, 0])

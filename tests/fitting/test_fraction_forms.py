@@ -167,15 +167,10 @@ def test_deviations_are_those_of_the_column():
     np.testing.assert_allclose(std.reshape(-1, 4, 1), other.response_std(POINTS), rtol=1e-5)
 
 
-def test_a_saved_fit_comes_back(tmp_path):
+def test_the_page_says_what_is_shared(tmp_path):
     fit, _, _ = fitted(2, 3, level=0.01, restart=False)
-    fit.save(tmp_path / "fit")
-    again = rid.load(tmp_path / "fit")
-    assert repr(again) == repr(fit)
     assert "order 6 shared by all entries, 12 states, 2x3" in repr(fit)
-    np.testing.assert_array_equal(again.fraction.response(POINTS), fit.fraction.response(POINTS))
-    np.testing.assert_array_equal(again.model.A, fit.model.A)
-    rid.write_report(again, tmp_path / "fit.html")
+    rid.write_report(fit, tmp_path / "fit.html")
     page = (tmp_path / "fit.html").read_text(encoding="utf-8")
     assert "6 poles that all entries share, residues of any rank: 12 states" in page
     assert "take long" not in page

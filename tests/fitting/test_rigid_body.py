@@ -11,6 +11,7 @@ import scipy.signal
 import robustid as rid
 from robustid.fitting import FractionProblem, RigidBody, StaticGain, Weight, fit_mfd, polynomial_nodes, sk_step
 from robustid.fitting.fraction.conditions import RigidModes
+from support.cases import slow
 from support.mfd_systems import OMEGA as FEW
 from support.mfd_systems import noisy, random_modal_system, relative_error
 from support.refusals import refusals
@@ -102,7 +103,7 @@ def check_structure(fit, count):
     assert fit.stable
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(2)])
 @pytest.mark.parametrize(("ny", "nu", "count", "modes", "side", "dt"), CASES)
 def test_rigid_poles_are_exact_and_directions_found(ny, nu, count, modes, side, dt, seeds):
     """1 % noise: structure, error at the statistical floor, directions within 1 %."""
@@ -120,11 +121,8 @@ def test_rigid_poles_are_exact_and_directions_found(ny, nu, count, modes, side, 
         assert angle(found, true) <= 1e-2
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    ("ny", "nu", "count", "modes", "side", "dt"),
-    [*CASES[:2], pytest.param(*CASES[2], marks=pytest.mark.slow), *CASES[3:]],
-)
+@pytest.mark.parametrize("seeds", [1, slow(2)])
+@pytest.mark.parametrize(("ny", "nu", "count", "modes", "side", "dt"), [*CASES[:2], slow(*CASES[2]), *CASES[3:]])
 def test_noise_free_data_are_reproduced(ny, nu, count, modes, side, dt, seeds):
     for seed in range(seeds):
         plant = machine(seed, ny, nu, count, modes, dt)
@@ -133,7 +131,7 @@ def test_noise_free_data_are_reproduced(ny, nu, count, modes, side, dt, seeds):
         assert relative_error(fit.fraction.response(OMEGA), truth) <= 1e-8
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 def test_directions_are_refined_with_less_noise(seeds):
     """Angle to the truth proportional to the noise, for every machine."""
     for seed in range(seeds):
@@ -168,7 +166,7 @@ def test_factor_inside(ny, nu, count, modes):
         assert relative_error(fit.fraction.response(OMEGA), truth) <= 3e-3
 
 
-@pytest.mark.parametrize("seeds", [5, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [5, slow(12)])
 def test_variance_at_low_frequency_is_lower_than_without(seeds):
     """2x2, noise realisations: lower error in the lowest 50 lines in all but one, and rms at most two thirds."""
     plant, pairs = machine(2, 2, 2, 1, 3), []
@@ -248,7 +246,7 @@ test_bad_input = refusals(
 )
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 def test_an_input_and_an_output_that_the_rigid_body_does_not_see(seeds):
     """A piezo pair whose response is 1e-5 of the rigid body's: directions to 1e-3 of its own size, all seeds."""
     for seed in range(seeds):

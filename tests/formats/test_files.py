@@ -1,6 +1,7 @@
 """Files: exact round trips, every supported layout against known arrays."""
 
 import cmath
+import dataclasses
 import math
 import os
 
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 import robustid as rid
 from robustid import load
 from robustid.core import atomic_write
-from robustid.data import FrequencyResponse, save
+from robustid.data import Fault, FaultKind, FrequencyResponse, save
 from robustid.errors import InputError, InputTypeError
 from support.bounds import rebound
 from support.data_files import HZ, TIME, G, U, Y, assert_same, full_frf, full_record
@@ -36,6 +37,7 @@ pytestmark = pytest.mark.quick
         full_frf().entry(1, 2),
         *(response(6, joint, missing=missing) for joint, missing in KINDS),
         rebound(response(6), tilt=0.9j * np.ones((5, 3, 2))),
+        dataclasses.replace(response(6), faults=(Fault(FaultKind.DISTURBED, "noisy", record=2, size=10.0),)),
         rebound(response(6), kind="tolerance", excitations=3, caveats=("smeared", "unsteady")),
     ],
 )

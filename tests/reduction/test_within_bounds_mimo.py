@@ -8,19 +8,11 @@ import pytest
 import robustid as rid
 from robustid.core import simulate
 from robustid.identification import largest_ratio, model_residuals
+from robustid.reduction import sample_fits
 from robustid.reduction.pole_starts import statespace
-from robustid.reduction.sample_fits import (
-    Pair,
-    direction_columns,
-    evaluated,
-    least_squares,
-    moved,
-    normal_functions,
-    numerators,
-    pole_columns,
-)
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import smallest_maximum
+from support.cases import slow
 from support.matrix_lines import DT, found_at, lines, plant
 
 PRIOR = rid.Prior(gain_bound=1, decay_rate=1.2)
@@ -59,16 +51,18 @@ def test_residuals_of_the_map_are_those_of_the_judge(outputs, inputs, integrator
     records = [record(rng, truth), *([] if integrators else [record(rng, truth, "periodic")])]
     problem = rid.MixedProblem(frequency=every_kind(rng, truth), time=records, prior=PRIOR, parametric=basis)
     samples = sample_map(problem, integrators)
-    pair = Pair(np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]), rng.standard_normal((samples.heads, 3)))
+    pair = sample_fits.Pair(
+        np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]), rng.standard_normal((samples.heads, 3))
+    )
     v = rng.standard_normal(3 * samples.tails + samples.fixed.shape[1])
-    fit = evaluated(samples, pair, v)
+    fit = sample_fits.evaluated(samples, pair, v)
     model = statespace(samples, fit, truth)
     assert model.nstates == 3 + integrators * samples.heads
     assert np.sum(np.abs(model.poles() - 1) < 1e-12) == integrators * samples.heads
     assert fit.worst == pytest.approx(largest_ratio(problem, model), rel=1e-9)
     ratios = np.concatenate([r.ratio for r in model_residuals(problem, model)])
     assert np.sort(fit.sizes) == pytest.approx(np.sort(ratios), rel=1e-9)
-    left = samples.y - numerators(samples, pair) @ v
+    left = samples.y - sample_fits.numerators(samples, pair) @ v
     np.testing.assert_allclose(fit.error, left, atol=1e-9 * np.abs(fit.error).max())
 
 
@@ -78,14 +72,17 @@ def test_columns_of_poles_and_directions_are_the_derivatives(outputs, inputs):
     truth, _ = plant(rng, 2, outputs, inputs)
     problem = rid.MixedProblem(frequency=lines(rng, truth), time=record(rng, truth), prior=PRIOR)
     samples = sample_map(problem, 0)
-    pair = Pair(0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0], rng.standard_normal((2, 4)))
+    pair = sample_fits.Pair(0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0], rng.standard_normal((2, 4)))
     v = rng.standard_normal(4 * samples.tails + outputs * inputs)
-    fit, step = evaluated(samples, pair, v), 1e-6
-    along_d, along_C = pole_columns(samples, pair, fit.outputs), direction_columns(samples, pair, fit.X)
+    fit, step = sample_fits.evaluated(samples, pair, v), 1e-6
+    along_d, along_C = (
+        sample_fits.pole_columns(samples, pair, fit.outputs),
+        sample_fits.direction_columns(samples, pair, fit.X),
+    )
     for k in range(8):
         change = step * np.eye(8)[k].reshape(2, 4)
-        by_poles = [evaluated(samples, moved(pair, s * change.T), v).error for s in (1, -1)]
-        by_C = [evaluated(samples, Pair(pair.A, pair.C + s * change), v).error for s in (1, -1)]
+        by_poles = [sample_fits.evaluated(samples, sample_fits.moved(pair, s * change.T), v).error for s in (1, -1)]
+        by_C = [sample_fits.evaluated(samples, sample_fits.Pair(pair.A, pair.C + s * change), v).error for s in (1, -1)]
         for (plus, minus), J in ((by_poles, along_d), (by_C, along_C)):
             np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
 
@@ -95,20 +92,17 @@ def test_normal_form_spans_the_same_functions():
     truth, _ = plant(rng, 2)
     samples = sample_map(rid.MixedProblem(frequency=lines(rng, truth), prior=PRIOR), 0)
     weights = np.array([2.0, 5.0])
-    pair = Pair(truth.A, truth.C)
-    A, C, size = normal_functions(pair, weights)
+    pair = sample_fits.Pair(truth.A, truth.C)
+    A, C, size = sample_fits.normal_functions(pair, weights)
     np.testing.assert_allclose(A.T @ A + (weights[:, None] * C).T @ (weights[:, None] * C), np.eye(4), atol=1e-9)
     assert np.sort(1 - size**2) == pytest.approx(np.sort(np.abs(truth.poles()) ** 2), rel=1e-9)
-    assert least_squares(samples, pair).cost == pytest.approx(least_squares(samples, Pair(A, C)).cost, rel=1e-9)
+    costs = [sample_fits.least_squares(samples, one).cost for one in (pair, sample_fits.Pair(A, C))]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
 
 
 @pytest.mark.parametrize(
     ("size", "modes", "count", "seed"),
-    [
-        (2, 2, 12, 0),
-        pytest.param(2, 3, 20, 1, marks=pytest.mark.slow),
-        *(pytest.param(size, 3, 30, seed, marks=pytest.mark.slow) for size in (2, 3) for seed in range(10)),
-    ],
+    [(2, 2, 12, 0), slow(2, 3, 20, 1), *(slow(size, 3, 30, seed) for size in (2, 3) for seed in range(10))],
 )
 def test_truth_of_known_order_bounds_the_order_found(size, modes, count, seed):
     """Its own samples keep to the truth: an order above its order would be a miss."""
