@@ -58,11 +58,15 @@ def test_bound_holds_at_every_order_of_random_models(discrete, models):
         for order in range(model.nstates + 1):
             reduction = balanced_truncation(model, order=order)
             assert reduction.model.nstates == reduction.order == order
+            assert reduction.model.dt == model.dt
+            assert np.array_equal(reduction.model.D, model.D)
             poles = reduction.model.poles()
             assert np.all(np.abs(poles) < 1) if discrete else np.all(poles.real < 0)
             assert gap(model, reduction.model, points) <= reduction.bound * (1 + 1e-9) + floor
             assert reduction.bound == reduction.bounds[order]
             checked += 1
+        assert reduction.model is model  # at the full order
+        assert reduction.status is ReductionStatus.UNREDUCED
         assert reduction.bounds.shape == (model.nstates + 1,)
         assert np.all(np.diff(reduction.bounds) <= 0)
         assert np.all(reduction.bounds[:-1] > 0)
@@ -99,22 +103,6 @@ def test_four_hundred_states_close_to_the_circle():
     assert reduction.order < 200
     assert np.max(np.abs(reduction.model.poles())) < 1
     assert gap(model, reduction.model, points) <= reduction.bound <= 1e-6 * reduction.hankel[0]
-
-
-def test_order_zero_is_the_static_gain():
-    model = random_model(np.random.default_rng(0), discrete=True)
-    static = balanced_truncation(model, order=0).model
-    assert static.nstates == 0
-    assert static.dt == model.dt
-    np.testing.assert_array_equal(static.D, model.D)
-
-
-def test_full_order_gives_the_model_back_with_a_bound_of_zero():
-    model = random_model(np.random.default_rng(0), discrete=False)
-    reduction = balanced_truncation(model, order=model.nstates)
-    assert reduction.model is model
-    assert reduction.bound == 0
-    assert reduction.status is ReductionStatus.UNREDUCED
 
 
 MODE, _ = mode(0.1, 3.0)
