@@ -268,7 +268,8 @@ def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_i
     u, noise = rng.standard_normal(2000), 0.3 * rng.standard_normal(2000)
     if seed % 2:
         u = scipy.signal.lfilter([1], [1, -0.9], u)
-    y = scipy.signal.lfilter(*_tf(), u) + noise
+    transfer = control.ss2tf(PLANT)
+    y = scipy.signal.lfilter(transfer.num[0][0], transfer.den[0][0], u) + noise
     assert rid.prepare.record_faults(rid.TimeRecord(u, y, dt=DT)) == ()
     (said,) = rid.prepare.record_faults(rid.TimeRecord(y, u, dt=DT))
     assert "the two are exchanged" in str(said)
@@ -278,11 +279,6 @@ def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_i
     assert rid.prepare.record_faults(rid.TimeRecord(driven, answer, dt=DT, reference=u)) == ()
     (said,) = rid.prepare.record_faults(rid.TimeRecord(*loop(0 * u, noise, 0.8), dt=DT))
     assert "a controller computes it" in str(said)
-
-
-def _tf():
-    system = control.ss2tf(PLANT)
-    return system.num[0][0], system.den[0][0]
 
 
 def test_a_period_that_is_missing_or_wrong_is_given():

@@ -3,7 +3,6 @@
 import pickle
 import re
 
-import control
 import numpy as np
 import pytest
 
@@ -13,6 +12,7 @@ from robustid.data.multisines import log_norm, low_crest_phases, random_phases, 
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats import load_excitation
 from support.cases import seeds, slow
+from support.mimo_data import real_poles
 from support.refusals import refusals
 
 DT = 0.01
@@ -209,22 +209,16 @@ def played(model, play):
         yield rid.TimeRecord(u[play.period :], y[play.period :], dt=play.dt, initial="periodic")
 
 
-def plant(nu):
-    rng = np.random.default_rng(5)
-    a = np.diag([0.5, 0.3, -0.4])
-    return control.ss(a, rng.standard_normal((3, nu)), rng.standard_normal((2, 3)), rng.standard_normal((2, nu)), DT)
-
-
 @pytest.mark.parametrize("nu", [2, 3])
 def test_what_was_played_finds_the_plant(nu, tmp_path):
     """Through a file, as in a laboratory: design, save, play, record, read the lines back, estimate."""
     design = {"band_hz": (2, 40), "period": 100, "dt": DT, "inputs": nu, "periods": 2, "spacing": "odd"}
     rid.prepare.multisine(**design).save(tmp_path / "play.csv")
     play = rid.load(tmp_path / "play.csv")
-    records = list(played(plant(nu), play))
+    records = list(played(real_poles(5, 2, nu), play))
     frf = rid.estimate_frf(records, period=play.period, lines=play.lines)
     np.testing.assert_allclose(frf.freq_hz, play.freq_hz, rtol=1e-15)
-    truth = [plant(nu)(np.exp(1j * w * DT)) for w in frf.omega]
+    truth = [real_poles(5, 2, nu)(np.exp(1j * w * DT)) for w in frf.omega]
     np.testing.assert_allclose(frf.values, truth, atol=1e-11)
     # without telling the lines, they are found
     np.testing.assert_array_equal(rid.estimate_frf(records, period=play.period).omega, frf.omega)
@@ -235,7 +229,7 @@ def test_accuracy_is_that_of_the_formula(nu):
     """sigma/rms sqrt(2 F/(nu P period)): 2 nu F entries and 100 seeds make the mean square known to 1.4 or 2 %."""
     sigma, periods, count = 0.1, 2, 25
     play = rid.prepare.multisine(band_hz=(1, 25), period=100, dt=DT, inputs=nu, periods=periods, rms=2.0)
-    clean = list(played(plant(nu), play))
+    clean = list(played(real_poles(5, 2, nu), play))
     truth = rid.estimate_frf(clean, period=100, lines=play.lines).values
     rng, errors = np.random.default_rng(1), []
     for _ in range(100):

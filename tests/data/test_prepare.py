@@ -165,9 +165,7 @@ def test_a_line_is_taken_from_every_signal_of_a_record_from_an_unknown_state():
     assert level.past_input_bound >= 10 + np.abs(record.u).max() - 1e-9
 
 
-def detrended(options, how):
-    return rid.prepare.detrend(rid.TimeRecord([0.0, 0.0, 1.0, 2.0], np.ones(4), dt=DT, **options), **how)
-
+RISING = {"u": [0.0, 0.0, 1.0, 2.0], "y": np.ones(4), "dt": DT}
 
 test_detrend_refuses = refusals(
     (({}, {}), "`until` is needed for a record from zero initial conditions"),
@@ -178,7 +176,7 @@ test_detrend_refuses = refusals(
     (({"initial": "periodic"}, {"until": 0.02}), "`until` is for records from zero initial conditions"),
     (({"initial": "free", "bound": 1.0}, {}), "a bound and an unknown initial state"),
     (({"bound": [np.inf, 1, 1, 1]}, {"until": 0.02}), "has unused samples"),
-    of=detrended,
+    of=lambda options, how: rid.prepare.detrend(rid.TimeRecord(**RISING, **options), **how),
 )
 
 
@@ -240,15 +238,11 @@ def test_unused_samples_stay_unused():
     np.testing.assert_array_equal(np.isinf(slow.bound[:, 0]), touched)
 
 
-def decimated(samples, factor, initial):
-    return rid.prepare.decimate(rid.TimeRecord(np.ones(samples), np.ones(samples), dt=DT, initial=initial), factor)
-
-
 test_decimate_refuses = refusals(
-    ((1001, 2, "periodic"), "`factor` = 2 must divide the 1001 samples"),
-    ((100, 2, "rest"), "`record` has 100 samples, fewer than the filter of `factor` = 2, which has 105"),
-    ((1000, 1, "rest"), "`factor` must be at least 2"),
-    of=decimated,
+    ((np.ones(1001), 2, "periodic"), "`factor` = 2 must divide the 1001 samples"),
+    ((np.ones(100), 2, "rest"), "`record` has 100 samples, fewer than the filter of `factor` = 2, which has 105"),
+    ((np.ones(1000), 1, "rest"), "`factor` must be at least 2"),
+    of=lambda u, factor, initial: rid.prepare.decimate(rid.TimeRecord(u, u, dt=DT, initial=initial), factor),
 )
 
 

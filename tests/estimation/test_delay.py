@@ -10,6 +10,8 @@ from robustid.core import simulate
 from robustid.errors import InputTypeError
 from robustid.estimation import estimate_delay
 from support.cases import slow
+from support.mfd_systems import noisy
+from support.mimo_data import real_poles
 from support.refusals import refusals
 
 DT = 1e-3
@@ -45,11 +47,6 @@ def held(plant, tau):
     return np.array([(C @ np.linalg.solve(q * np.eye(n) - a, now + early @ late / q))[0, 0] * q**-whole for q in z])
 
 
-def noisy(values, rng, relative):
-    e = rng.standard_normal((2, *values.shape))
-    return values * (1 + relative * (e[0] + 1j * e[1]) / np.sqrt(2))
-
-
 # --- the estimate
 
 
@@ -73,7 +70,7 @@ def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, d
         rng = np.random.default_rng(seed)
         count = int(rng.integers(1, 4))
         plant, tau = modes(rng, count), rng.uniform(0, 10) * DT
-        frf = rid.FrequencyResponse(OMEGA, noisy(respond(plant, tau), rng, 0.01), dt=dt)
+        frf = rid.FrequencyResponse(OMEGA, noisy(rng, respond(plant, tau)), dt=dt)
         found = estimate_delay(frf, order=None if seed == 0 and (dt is None or seeds > 2) else 2 * count)
         assert 0.008 < found.misfit < 0.012
         errors.append(abs(found.seconds - tau) / DT)
@@ -106,13 +103,13 @@ def test_several_entries_share_their_poles_and_feed_through_is_allowed():
     for p in poles:
         gain = np.abs(p) * rng.standard_normal((2, 2))
         values += gain * (1 / (s - p) + 1 / (s - np.conj(p)))[:, None, None]
-    frf = rid.FrequencyResponse(OMEGA, noisy((values + 1.0) * np.exp(-s * tau)[:, None, None], rng, 0.01))
+    frf = rid.FrequencyResponse(OMEGA, noisy(rng, (values + 1.0) * np.exp(-s * tau)[:, None, None]))
     assert abs(estimate_delay(frf, order=4, feedthrough=True).seconds - tau) < 0.02 * DT
 
 
 def test_units_scale_exactly():
     rng = np.random.default_rng(2)
-    values = noisy(continuous(modes(rng, 2), 2 * DT), rng, 0.01)
+    values = noisy(rng, continuous(modes(rng, 2), 2 * DT))
     plain = estimate_delay(rid.FrequencyResponse(OMEGA, values), order=4)
     scaled = estimate_delay(rid.FrequencyResponse(OMEGA * 2.0**60, values * 2.0**-60), order=4)
     assert scaled.seconds == pytest.approx(plain.seconds * 2.0**-60, rel=1e-9)
@@ -224,15 +221,9 @@ test_a_record_without_delay_refuses = refusals(
 # --- put back into models
 
 
-def two_by_two():
-    rng = np.random.default_rng(3)
-    a = np.diag([0.9, 0.5, -0.3])
-    return control.ss(a, rng.standard_normal((3, 2)), rng.standard_normal((2, 3)), rng.standard_normal((2, 2)), DT)
-
-
 @pytest.mark.parametrize("samples", [0, 1, 5])
 def test_whole_samples_are_exact(samples):
-    model = two_by_two()
+    model = real_poles(3, 2, 2, (0.9, 0.5, -0.3), DT)
     delayed = rid.prepare.with_delay(model, samples * DT)
     assert (delayed.all_pass, delayed.model.nstates) == (0, 3 + 2 * samples)
     assert np.all(delayed.error(OMEGA) == 0)
@@ -243,7 +234,7 @@ def test_whole_samples_are_exact(samples):
 
 @pytest.mark.parametrize("samples", [0.3, 0.8, 2.5, 3.3, 7.9, 12.6])
 def test_a_fraction_costs_the_error_that_is_stated(samples):
-    model = two_by_two()
+    model = real_poles(3, 2, 2, (0.9, 0.5, -0.3), DT)
     delayed = rid.prepare.with_delay(model, samples * DT)
     assert np.all(np.abs(delayed.model.poles()) < 1)
     assert delayed.all_pass == min(max(round(samples), 1), 8)

@@ -1,6 +1,7 @@
 """estimate_frf against known plants, and the probability of its bound against simulation."""
 
-import control
+import functools
+
 import numpy as np
 import pytest
 
@@ -9,6 +10,8 @@ from robustid.data import TimeRecord
 from robustid.errors import InputTypeError
 from robustid.estimation import estimate_frf
 from support.cases import slow
+from support.mfd_systems import by_control as truth
+from support.mimo_data import real_poles
 from support.refusals import refusals
 
 PERIOD, DT = 64, 0.01
@@ -20,15 +23,8 @@ def multisine(rng, lines=LINES, period=PERIOD):
     return np.cos(2 * np.pi * np.outer(np.arange(period), lines) / period + phase).sum(axis=1)
 
 
-def plant(ny, nu):
-    """Poles of modulus up to 0.5: after 3 periods of 64 samples nothing of a transient is left (0.5^192)."""
-    rng = np.random.default_rng(5)
-    a = np.diag([0.5, 0.3, -0.4])
-    return control.ss(a, rng.standard_normal((3, nu)), rng.standard_normal((ny, 3)), rng.standard_normal((ny, nu)), DT)
-
-
-def truth(model, omega):
-    return np.moveaxis(model(np.exp(1j * omega * DT), squeeze=False), -1, 0)
+# Poles of modulus up to 0.5: after 3 periods of 64 samples nothing of a transient is left (0.5^192).
+plant = functools.partial(real_poles, 5)
 
 
 def steady_record(model, u, periods, **options):

@@ -22,12 +22,6 @@ def ratios(data, model):
     return np.abs(record.y[:, 0] - step) / example.BOUND, np.abs(frf.values[:, 0, 0] - lines) / example.BOUND
 
 
-def used(data, method, model):
-    """The largest ratio at the samples that a method uses."""
-    step, lines = ratios(data, model)
-    return max(step[: method.samples].max(initial=0), lines[example.used_lines(data, method)].max(initial=0))
-
-
 @pytest.mark.parametrize("output", ["y1", "y2"])
 def test_the_truth_is_inside_every_bound_of_both_outputs(output):
     for seed in range(3):
@@ -120,7 +114,8 @@ def smallest_order(seed, method):
     data = example.measure(seed)
     result = rid.identify(example.state_problem(data, method)[0])
     small = rid.reduce_within_bounds(result)
-    worst = used(data, method, small.model)
+    step, lines = ratios(data, small.model)
+    worst = max(step[: method.samples].max(initial=0), lines[example.used_lines(data, method)].max(initial=0))
     assert worst <= 1 + 1e-5
     assert worst == pytest.approx(small.margin, abs=1e-6)
     assert np.abs(small.model.poles()).max() < 1

@@ -10,7 +10,7 @@ import robustid as rid
 from robustid.errors import InputTypeError
 from robustid.fitting import FractionProblem, Weight, fit_fraction, fit_mfd, retract
 from support.mfd_systems import OMEGA as FEW
-from support.mfd_systems import identity, noisy, random_modal_system, relative_error
+from support.mfd_systems import by_control, identity, noisy, random_modal_system, relative_error
 from support.refusals import refusals
 
 OMEGA = 2 * np.pi * np.logspace(np.log10(4), np.log10(1200), 1000)
@@ -28,17 +28,13 @@ def from_truth(truth, values, order, weight, omega=OMEGA):
     return fit_fraction(problem, start=retract(problem, truth, identity(problem), steps=8), method="lm")
 
 
-def response(fit, omega):
-    return np.moveaxis(fit.model(1j * omega, squeeze=False), -1, 0)
-
-
 def fitted(seed, outputs, inputs, modes):
     """(cost over the optimum from the truth, pointwise-relative rms error, fit) from a cold start on 1 % noise."""
     _, truth, values = case(seed, outputs, inputs, modes)
     weight = Weight(100 / np.abs(truth))
     fit = fit_mfd(rid.FrequencyResponse(OMEGA, values), order=2 * modes, weight=weight)
     best = from_truth(truth, values, 2 * modes, weight)
-    return fit.cost / best.cost, relative_error(response(fit, OMEGA), truth), fit
+    return fit.cost / best.cost, relative_error(by_control(fit.model, OMEGA), truth), fit
 
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(3)])
@@ -84,7 +80,7 @@ def test_the_start_is_the_same_however_the_weight_is_written():
 def test_noise_free_data_are_reproduced(form, shape):
     system, truth, _ = case(5, *shape, 4)
     fit = fit_mfd(rid.FrequencyResponse(OMEGA, truth), order=8, form=form)
-    assert relative_error(response(fit, OMEGA), truth) <= 1e-8
+    assert relative_error(by_control(fit.model, OMEGA), truth) <= 1e-8
     assert fit.stable
     for pole in system.poles:
         assert np.abs(fit.fraction.poles - pole).min() <= 1e-6 * abs(pole)
@@ -98,8 +94,7 @@ def test_discrete_time_data():
     values = noisy(np.random.default_rng(0), truth, 0.01)
     fit = fit_mfd(rid.FrequencyResponse(omega, values, dt=dt), order=8, feedthrough=True)
     assert fit.model.dt == dt
-    found = np.moveaxis(fit.model(np.exp(1j * omega * dt), squeeze=False), -1, 0)
-    assert relative_error(found, truth) <= 3e-3
+    assert relative_error(by_control(fit.model, omega), truth) <= 3e-3
 
 
 def test_a_given_model_is_a_start():

@@ -18,9 +18,9 @@ from robustid.core import atomic_write
 from robustid.data import Fault, FaultKind, FrequencyResponse, save
 from robustid.errors import InputError, InputTypeError
 from support.bounds import rebound
-from support.data_files import HZ, TIME, G, U, Y, assert_same, full_frf, full_record
+from support.data_files import HZ, TIME, G, U, Y, full_frf, full_record
 from support.matlab_files import write73
-from support.mimo_data import KINDS, response
+from support.mimo_data import KINDS, response, same
 
 pytestmark = pytest.mark.quick
 
@@ -43,7 +43,7 @@ pytestmark = pytest.mark.quick
 )
 def test_round_trip_is_exact(tmp_path, data, suffix):
     save(str(tmp_path / f"data{suffix}"), data)
-    assert_same(load(str(tmp_path / f"data{suffix}")), data)
+    same(load(str(tmp_path / f"data{suffix}")), data)
     assert os.listdir(tmp_path) == [f"data{suffix}"]
 
 
@@ -67,7 +67,7 @@ def test_round_trip_of_any_numbers(tmp_path_factory, values, bound, suffix):
     path = tmp_path_factory.mktemp("any") / f"data{suffix}"
     data = FrequencyResponse(np.arange(5) / 3, values, bound=bound, dt=0.1)
     save(path, data)
-    assert_same(load(path), data)
+    same(load(path), data)
 
 
 def test_saved_text_is_readable_without_its_description(tmp_path):
@@ -94,7 +94,7 @@ def test_arguments_go_before_what_is_stored(tmp_path):
 def test_contents_decide_and_not_the_ending(tmp_path):
     save(tmp_path / "data.npz", full_frf())
     (tmp_path / "data.npz").rename(tmp_path / "data.bin")
-    assert_same(load(tmp_path / "data.bin", kind="frequency"), load(tmp_path / "data.bin"))
+    same(load(tmp_path / "data.bin", kind="frequency"), load(tmp_path / "data.bin"))
     with pytest.raises(InputError, match="`kind` = 'time', but the file holds frequency data"):
         load(tmp_path / "data.bin", kind="time")
 

@@ -24,32 +24,14 @@ def text(content):
     return lambda path: path.write_text(content)
 
 
-def pickled(path):
-    np.savez(path, u=np.array([print, None]), y=np.ones(2))
+def cut(write, size, *content):
+    """A file of that content without its end."""
 
+    def made(path):
+        write(path, *content)
+        path.write_bytes(path.read_bytes()[:size])
 
-def only_pickle(path):
-    path.write_bytes(pickle.dumps({"u": 1}))
-
-
-def truncated_npz(path):
-    save(path, full_record())
-    path.write_bytes(path.read_bytes()[:-300])
-
-
-def truncated_npy(path):
-    np.save(path, np.zeros(1000))
-    path.write_bytes(path.read_bytes()[:130])
-
-
-def truncated_matlab(path):
-    scipy.io.savemat(path, {"u": U, "y": Y})
-    path.write_bytes(path.read_bytes()[:-60])
-
-
-def truncated_hdf5(path):
-    write73(path, {"u": U, "y": Y}, "")
-    path.write_bytes(path.read_bytes()[:1500])
+    return made
 
 
 def linked_hdf5(path):
@@ -96,14 +78,17 @@ BAD_FILES = {
     "image.csv": (lambda path: path.write_bytes(PNG), "isn't UTF-8 text"),
     "image.mat": (lambda path: path.write_bytes(PNG), "can't be read as a MATLAB file"),
     "image.npz": (lambda path: path.write_bytes(PNG), "isn't a file that robustid reads"),
-    "data.pkl": (only_pickle, "isn't a file that robustid reads"),
+    "data.pkl": (lambda path: path.write_bytes(pickle.dumps({"u": 1})), "isn't a file that robustid reads"),
     "objects.npy": (lambda path: np.save(path, np.array([print, None])), "pickled Python objects"),
-    "cut.npy": (truncated_npy, r"array declares .* cut off"),
-    "pickled.npz": (pickled, "pickled Python objects, which can run code and are never loaded"),
+    "cut.npy": (cut(np.save, 130, np.zeros(1000)), r"array declares .* cut off"),
+    "pickled.npz": (
+        lambda path: np.savez(path, u=np.array([print, None]), y=np.ones(2)),
+        "pickled Python objects, which can run code and are never loaded",
+    ),
     "sheet.xlsx": (spreadsheet, "holds no numeric arrays"),
-    "cut.npz": (truncated_npz, "can't be read as .npz .*cut off"),
-    "cut.mat": (truncated_matlab, "can't be read as a MATLAB file"),
-    "cut73.mat": (truncated_hdf5, "can't be read as HDF5 .*cut off"),
+    "cut.npz": (cut(save, -300, full_record()), "can't be read as .npz .*cut off"),
+    "cut.mat": (cut(scipy.io.savemat, -60, {"u": U, "y": Y}), "can't be read as a MATLAB file"),
+    "cut73.mat": (cut(write73, 1500, {"u": U, "y": Y}, ""), "can't be read as HDF5 .*cut off"),
     "linked.h5": (linked_hdf5, "u lies in other files, which are never opened"),
     "lines.csv": (changed_lines(lambda lines: lines[:-1]), "written with 4 samples"),
     "columns.csv": (other_description(shapes={"omega": [], "values": 3}), "doesn't fit its arrays"),

@@ -48,18 +48,22 @@ def test_distinct_values_count_once():
 
 @pytest.mark.parametrize("models", [8, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [False, True])
-def test_bound_holds_at_every_order_of_random_models(discrete, models):
+@pytest.mark.parametrize("match", [None, "static gain"])
+def test_bound_holds_at_every_order_of_random_models(match, discrete, models):
     # 150 models each in continuous and discrete time: 1189 truncations each, all stable and within.
     checked = 0
     for seed in range(models):
         model = random_model(np.random.default_rng(seed), discrete=discrete)
-        points = points_of(model)
+        points, zero = points_of(model), np.array([1.0 if discrete else 0.0])
         floor = 1e-10 * peak(model, points)
         for order in range(model.nstates + 1):
-            reduction = balanced_truncation(model, order=order)
+            reduction = balanced_truncation(model, order=order, match=match)
             assert reduction.model.nstates == reduction.order == order
             assert reduction.model.dt == model.dt
-            assert np.array_equal(reduction.model.D, model.D)
+            if match:
+                assert gap(model, reduction.model, zero) <= floor
+            else:
+                assert np.array_equal(reduction.model.D, model.D)
             poles = reduction.model.poles()
             assert np.all(np.abs(poles) < 1) if discrete else np.all(poles.real < 0)
             assert gap(model, reduction.model, points) <= reduction.bound * (1 + 1e-9) + floor

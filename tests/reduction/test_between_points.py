@@ -139,10 +139,6 @@ def structures(count):
         yield rid.identify(problem), lambda omega, truth=truth: rid.core.responses(truth, omega * 0.01)
 
 
-def slow_edges(kind):
-    return pytest.param(lambda: edge(kind, 10), marks=pytest.mark.slow, id=kind)
-
-
 def mean_error(band, omega, model):
     """Of all frequencies and entries, over the least that there is: that of a model at the centre."""
     _, radius = band.at(omega)
@@ -155,7 +151,10 @@ def mean_error(band, omega, model):
     [
         pytest.param(lambda: structures(1), id="one structure"),
         pytest.param(lambda: structures(10), marks=pytest.mark.slow, id="structures"),
-        *map(slow_edges, ("discrete", "continuous", "record", "symmetric")),
+        *(
+            pytest.param(lambda kind=kind: edge(kind, 10), marks=pytest.mark.slow, id=kind)
+            for kind in ("discrete", "continuous", "record", "symmetric")
+        ),
     ],
 )
 def test_the_order_stays_the_bounds_are_kept_and_the_guaranteed_error_falls(cases):

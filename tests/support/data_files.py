@@ -42,16 +42,3 @@ def full_record():
         past_input_bound=np.pi,
         inputs=["a [A]", "b"],
     )
-
-
-def assert_same(one, two):
-    assert type(one) is type(two)
-    for name in set(one.__dataclass_fields__) - {"_"}:
-        a, b = getattr(one, name), getattr(two, name)
-        if isinstance(a, Bound):
-            assert_same(a, b)
-        elif isinstance(a, np.ndarray):
-            assert a.shape == b.shape
-            assert a.tobytes() == b.tobytes(), name
-        else:
-            assert a == b, name
