@@ -1,5 +1,7 @@
 """A verdict with content: how wide the set is between the frequency points beside on them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,16 +9,14 @@ import robustid as rid
 from robustid.advice import content
 from robustid.errors import InconsistentDataError, InputTypeError
 from robustid.guarantees import consistent_set
+from support.cases import slow
+from support.structure import about_structure
 
 
-def identified(gain_bound, decay_rate, lines=12, value=None):
-    data = rid.datasets.flexible_structure(lines=lines)
-    basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
-    frf = data.frequency
-    if value is not None:
-        frf = rid.FrequencyResponse(frf.omega, frf.values + value, bound=frf.bound, dt=frf.dt)
-    prior = rid.Prior(gain_bound=gain_bound, decay_rate=decay_rate)
-    return rid.identify(rid.MixedProblem(frequency=frf, parametric=basis, prior=prior))
+def identified(gain_bound, decay_rate, lines=12, value=0):
+    problem = about_structure(rid.datasets.flexible_structure(lines=lines), gain_bound, decay_rate)
+    (frf,) = problem.frequency
+    return rid.identify(dataclasses.replace(problem, frequency=dataclasses.replace(frf, values=frf.values + value)))
 
 
 def test_a_class_that_lets_anything_happen_between_the_points_is_empty():
@@ -31,9 +31,7 @@ def test_a_class_that_lets_anything_happen_between_the_points_is_empty():
     assert "as wide as on them" in full.summary()
 
 
-@pytest.mark.parametrize(
-    ("gain_bound", "decay_rate"), [(10.0, 1.005), (0.1, 1.2), pytest.param(1.0, 1.05, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("gain_bound", "decay_rate"), [(10.0, 1.005), (0.1, 1.2), slow(1.0, 1.05)])
 def test_widths_compare_as_guaranteed_ones_do(gain_bound, decay_rate):
     result = identified(gain_bound, decay_rate, lines=8)
     said = content(result)

@@ -10,7 +10,7 @@ import robustid as rid
 from robustid.advice import diagnose
 from robustid.data import FaultKind
 from robustid.errors import InputTypeError
-from support.structure import structure_problem
+from support.structure import about_structure, structure_problem
 
 FINE = np.linspace(17.2, 18.1, 10)
 
@@ -31,20 +31,14 @@ def test_diagnosis_finds_the_missing_mode():
     for trial in found.corrections:
         proved = rid.identify(trial.problem)
         assert proved.margin_lower - 1e-9 <= trial.margin <= proved.margin + 2e-3 * max(1, proved.margin)
-    inflated = dataclasses.replace(
-        problem,
-        frequency=problem.frequency[0].with_bound(found.inflation * problem.frequency[0].bound),
-        time=problem.time[0].with_bound(found.inflation * problem.time[0].bound),
-    )
+    frf, record = (one.with_bound(found.inflation * one.bound) for (one,) in (problem.frequency, problem.time))
+    inflated = dataclasses.replace(problem, frequency=frf, time=record)
     assert rid.identify(inflated).margin == pytest.approx(1, abs=1e-3)
 
 
 def test_diagnosis_sees_that_repetition_absorbs_a_wrong_pole():
     data = rid.datasets.flexible_structure(lines=6, extra_hz=FINE)
-    wrong = rid.kautz(data.modes[:, 0] * [1, 1.001], data.modes[:, 1], dt=0.01, delay=1)
-    problem = rid.MixedProblem(
-        frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=wrong
-    )
+    problem = about_structure(data, 0.2, 1.1, modes=data.modes * [[1, 1], [1.001, 1]])
     found = diagnose(rid.identify(problem))
     repeated = next(t for t in found.corrections if "repeated" in t.name)
     assert repeated.margin < 0.2 * found.inflation
@@ -63,10 +57,7 @@ def test_diagnosis_of_consistent_time_data_without_pairs():
 
 def test_diagnosis_of_a_basis_with_real_poles_only():
     data = rid.datasets.flexible_structure()
-    low_pass = control.ss(0.5, 1, 1, 0, 0.01)
-    problem = rid.MixedProblem(
-        frequency=data.frequency, prior=rid.Prior(gain_bound=0.2, decay_rate=1.1), parametric=low_pass
-    )
+    problem = dataclasses.replace(about_structure(data, 0.2, 1.1), parametric=control.ss(0.5, 1, 1, 0, 0.01))
     changes = [t.name for t in diagnose(rid.identify(problem)).corrections]
     assert len(changes) == 4
     assert changes[0].startswith("one more pair")
@@ -97,9 +88,8 @@ def test_a_missing_rigid_body_is_found():
     mode = rid.kautz(300.0, 0.02, dt=dt)
     true = 50 * dt**2 / 2 * (z + 1) / (z - 1) ** 2 + 1e-6 * mode.response(omega * dt)[:, 0]
     bound = 0.02 * np.abs(true)
-    frf = rid.FrequencyResponse(
-        omega, true + bound * np.exp(2j * np.pi * rng.random(30)) * rng.random(30), bound=bound, dt=dt
-    )
+    error = bound * np.exp(2j * np.pi * rng.random(30)) * rng.random(30)
+    frf = rid.FrequencyResponse(omega, true + error, bound=bound, dt=dt)
     prior = rid.Prior(gain_bound=1e-6, decay_rate=1.05)
     found = rid.diagnose(rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=mode)))
     assert str(found).splitlines()[0].startswith("Most likely cause: a rigid body is missing: 2 poles at z = 1")
@@ -109,9 +99,8 @@ def test_a_missing_rigid_body_is_found():
 
 def test_a_drift_that_was_removed_is_no_cause():
     frf = rid.FrequencyResponse([1.0, 2.0, 3.0], [1.0, 5.0, 1.0], bound=0.01, dt=0.1)
-    removed = rid.prepare.Fault(
-        FaultKind.DRIFT, "output y drifts by 9 % of its rms; the drift over whole periods is removed"
-    )
+    words = "output y drifts by 9 % of its rms; the drift over whole periods is removed"
+    removed = rid.prepare.Fault(FaultKind.DRIFT, words)
     noisy = rid.prepare.Fault(FaultKind.DISTURBED, "noisy", record=2)
     frf = dataclasses.replace(frf, faults=(removed, noisy))
     found = diagnose(rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.5))))

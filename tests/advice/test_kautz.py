@@ -6,11 +6,13 @@ import pytest
 
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
+from robustid.advice.kautz import over_decades
 from robustid.advice.pole_fit import LineData, told_apart, wanted_in_basis
 from robustid.advice.pole_interval import damped_outside
-from robustid.errors import InputError, InputTypeError, RobustIdError
+from robustid.errors import InputTypeError
 from robustid.formats import datasets
 from support.measured import needs
+from support.refusals import refusals
 from support.structure import ANY
 
 FINE = np.linspace(17.2, 18.1, 10)
@@ -26,14 +28,8 @@ def test_modes_of_the_structure_lie_in_their_intervals(extra, determined, seeds)
         assert found.omega.size == 2
         assert found.delay == 1  # a zero-order-hold mode without feed-through
         np.testing.assert_allclose(found.omega, data.modes[:, 0], rtol=0.01)
-        inside = [
-            (interval[:, 0] <= truth) & (truth <= interval[:, 1])
-            for interval, truth in (
-                (found.omega_interval, data.modes[:, 0]),
-                (found.damping_interval, data.modes[:, 1]),
-            )
-        ]
-        held += np.all(inside)
+        intervals = np.stack([found.omega_interval, found.damping_interval], axis=1)
+        held += np.all((intervals[..., 0] <= data.modes) & (data.modes <= intervals[..., 1]))
         # 11 lines 2 Hz apart can't tell the light mode's damping; ten more around it can.
         assert found.undetermined[1] != determined
         assert not found.undetermined[0]
@@ -58,13 +54,8 @@ def test_a_resonance_above_the_points_stays_where_they_refute_that_it_is_damped(
 def smallest_margin(data, pole, other):
     """By a conic solver: pair at `pole`, double pair at `other`, three smooth terms."""
     angle = data.omega * data.dt
-    columns = np.hstack(
-        [
-            rid.kautz(*pole, dt=data.dt).response(angle),
-            rid.kautz(*other, dt=data.dt, repeat=2).response(angle),
-            np.exp(-1j * np.outer(angle, [0, 1, 2])),
-        ]
-    )
+    pair, double = rid.kautz(*pole, dt=data.dt), rid.kautz(*other, dt=data.dt, repeat=2)
+    columns = np.hstack([pair.response(angle), double.response(angle), np.exp(-1j * np.outer(angle, [0, 1, 2]))])
     weights = cp.Variable(columns.shape[1])
     residual = cp.multiply(1 / data.bound[:, 0, 0], data.values[:, 0, 0] - columns @ weights)
     return cp.Problem(cp.Minimize(cp.max(cp.abs(residual)))).solve(solver="CLARABEL")
@@ -87,14 +78,11 @@ def test_poles_outside_the_interval_are_refuted_by_a_conic_solver():
 @pytest.mark.parametrize("power", [60, pytest.param(-60, marks=pytest.mark.slow)])
 def test_modes_do_not_depend_on_units(power):
     frf, factor = rid.datasets.flexible_structure(lines=6, extra_hz=FINE[::2]).frequency, 2.0**power
-    scaled = rid.FrequencyResponse(
-        frf.omega * factor, frf.values / factor, bound=frf.bound / factor, dt=frf.dt / factor
-    )
+    values, bound = frf.values / factor, frf.bound / factor
+    scaled = rid.FrequencyResponse(frf.omega * factor, values, bound=bound, dt=frf.dt / factor)
     one, two = suggest_kautz(frf), suggest_kautz(scaled)
-    np.testing.assert_allclose(two.omega, one.omega * factor, rtol=1e-9)
-    np.testing.assert_allclose(two.damping, one.damping, rtol=1e-9)
-    np.testing.assert_allclose(two.omega_interval, one.omega_interval * factor, rtol=1e-9)
-    np.testing.assert_allclose(two.damping_interval, one.damping_interval, rtol=1e-9)
+    for name, unit in (("omega", factor), ("damping", 1), ("omega_interval", factor), ("damping_interval", 1)):
+        np.testing.assert_allclose(getattr(two, name), getattr(one, name) * unit, rtol=1e-9)
 
 
 def test_exact_data_give_exact_poles():
@@ -105,9 +93,8 @@ def test_exact_data_give_exact_poles():
     found = suggest_kautz(rid.FrequencyResponse(line, values, bound=1e-6, dt=dt))
     np.testing.assert_allclose(found.omega, omega, rtol=1e-6)
     np.testing.assert_allclose(found.damping, zeta, rtol=1e-4)
-    problem = rid.MixedProblem(
-        frequency=rid.FrequencyResponse(line[::12], values[::12], bound=1e-3, dt=dt), prior=ANY, parametric=found.basis
-    )
+    few = rid.FrequencyResponse(line[::12], values[::12], bound=1e-3, dt=dt)
+    problem = rid.MixedProblem(frequency=few, prior=ANY, parametric=found.basis)
     assert suggest_prior(problem, decay_rates=[1.2]).gains[0] == 0
 
 
@@ -132,36 +119,23 @@ def test_options_of_suggest_kautz():
 
 
 LINES = np.arange(1.0, 9.0)
+EIGHT = rid.FrequencyResponse(LINES, np.ones(8), dt=0.1)
 
 
-@pytest.mark.parametrize(
-    ("frf", "options", "error", "sentence"),
-    [
-        ("frf", {}, InputTypeError, "`frf` must be a FrequencyResponse; got str"),
-        (rid.FrequencyResponse(LINES, np.ones(8)), {"dt": 1.0}, InputError, "`dt` = 1 s allows frequencies up to 3.14"),
-        (rid.FrequencyResponse(LINES, np.ones(8)), {"dt": -1.0}, InputError, "`dt` must be positive"),
-        (rid.FrequencyResponse(LINES, np.zeros(8), dt=0.1), {}, InputError, "`frf` is zero at all frequency points"),
-        (
-            rid.FrequencyResponse(LINES[:3], np.ones(3), dt=0.1),
-            {},
-            InputError,
-            "`frf` has 3 frequency points; at least 4",
-        ),
-        (rid.FrequencyResponse(LINES, np.ones(8), dt=0.1), {"modes": 4}, InputError, "can't tell more than 3 modes"),
-        (rid.FrequencyResponse(LINES, np.ones(8), dt=0.1), {"modes": 0}, InputError, "`modes` must be at least 1"),
-        (rid.FrequencyResponse(LINES, np.ones(8), dt=0.1), {"repeat": 0}, InputError, "`repeat` must be at least 1"),
-        (
-            rid.FrequencyResponse(LINES, np.ones(8), dt=0.1),
-            {"delay": 0.5},
-            InputTypeError,
-            "`delay` must be an integer",
-        ),
-    ],
+test_suggest_kautz_refuses = refusals(
+    (lambda: suggest_kautz("frf"), "`frf` must be a FrequencyResponse; got str", InputTypeError),
+    (
+        lambda: suggest_kautz(rid.FrequencyResponse(LINES, np.ones(8)), dt=1.0),
+        "`dt` = 1 s allows frequencies up to 3.14",
+    ),
+    (lambda: suggest_kautz(rid.FrequencyResponse(LINES, np.ones(8)), dt=-1.0), "`dt` must be positive"),
+    (lambda: suggest_kautz(rid.FrequencyResponse(LINES, np.zeros(8), dt=0.1)), "`frf` is zero at all frequency points"),
+    (lambda: suggest_kautz(EIGHT.select(slice(3))), "`frf` has 3 frequency points; at least 4"),
+    (lambda: suggest_kautz(EIGHT, modes=4), "can't tell more than 3 modes"),
+    (lambda: suggest_kautz(EIGHT, modes=0), "`modes` must be at least 1"),
+    (lambda: suggest_kautz(EIGHT, repeat=0), "`repeat` must be at least 1"),
+    (lambda: suggest_kautz(EIGHT, delay=0.5), "`delay` must be an integer", InputTypeError),
 )
-def test_suggest_kautz_refuses(frf, options, error, sentence):
-    with pytest.raises(error, match=sentence) as caught:
-        suggest_kautz(frf, **options)
-    assert isinstance(caught.value, RobustIdError)
 
 
 def torsion():
@@ -209,9 +183,8 @@ def test_a_mode_that_fits_as_well_with_any_damping_is_left_to_the_gain_bound():
         needs(f"fsm_cubespec/{signal}_300mV_train.npy")
     record = datasets.load("fsm/train")
     whole = rid.estimate_frf(record, period=8192).band(500, 1700)
-    frf = rid.FrequencyResponse(
-        whole.omega, whole.values[:, :1, :1], bound=whole.bound.outer_radius[:, :1, :1], dt=whole.dt
-    )
+    radius = whole.bound.outer_radius[:, :1, :1]
+    frf = rid.FrequencyResponse(whole.omega, whole.values[:, :1, :1], bound=radius, dt=whole.dt)
     found = suggest_kautz(frf)
     assert not np.any((found.omega > 2 * np.pi * 850) & (found.omega < 2 * np.pi * 970))
     assert np.all(found.damping_interval[:, 1] < 0.5)
@@ -241,3 +214,32 @@ def test_of_two_modes_that_the_lines_do_not_tell_apart_one_is_left_to_the_gain_b
     band = rid.band(problem, box=found, knots=400)
     assert np.isfinite(band.radius).all()
     assert np.isfinite(band.circle.largest)
+
+
+# --- poles over decades
+
+
+OMEGA = np.geomspace(1, 1e3, 60)
+
+
+def response(values):
+    return rid.FrequencyResponse(OMEGA, values, bound=1e-3 * np.abs(values))
+
+
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 3 else k for k in range(8)])
+def test_damped_modes_over_decades_are_no_relaxations(seed):
+    """Six modes of damping 0.3: pairs follow them, and a real pole would say what is not there."""
+    rng, s = np.random.default_rng(seed), 1j * OMEGA
+    values = sum(rng.uniform(0.5, 2) * f**2 / (s**2 + 0.6 * f * s + f**2) for f in 10 ** rng.uniform(0.3, 2.7, 6))
+    assert over_decades(response(values)) is None
+
+
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 3 else k for k in range(8)])
+def test_real_poles_are_found_and_nothing_over_less_than_two_decades(seed):
+    rng, s = np.random.default_rng(seed), 1j * OMEGA
+    places = np.geomspace(0.5, 500, 4) * np.exp(rng.uniform(-0.3, 0.3, 4))
+    frf = response(0.1 + sum(rng.uniform(0.5, 2) * p / (s + p) for p in places))
+    found = over_decades(frf)
+    assert np.all(found.damping == 1)
+    assert found.largest <= 1
+    assert over_decades(frf.select(frf.omega < 90)) is None

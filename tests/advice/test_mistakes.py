@@ -10,6 +10,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.errors import InputError
+from robustid.estimation import correct
 
 LINES, SAMPLES, DT = 16, 8, 0.01
 DATA = rid.datasets.flexible_structure(lines=LINES, samples=SAMPLES)
@@ -25,26 +26,25 @@ def problem(frf=FRF, record=RECORD, basis=None, prior=CLASS):
     return rid.MixedProblem(frequency=frf, time=record, prior=prior, parametric=basis or modes())
 
 
-def stretched(factor):
-    return dataclasses.replace(FRF, omega=FRF.omega * factor)
+def stretched(factor, frf=FRF):
+    return dataclasses.replace(frf, omega=frf.omega * factor)
 
 
 def as_degrees(frf):
     return dataclasses.replace(frf, values=np.abs(frf.values) * np.exp(1j * np.angle(frf.values) * np.pi / 180))
 
 
+def inverse(frf):
+    return dataclasses.replace(frf, values=1 / frf.values, bound=None)
+
+
 def as_decibels(frf):
     return dataclasses.replace(frf, values=10 ** (np.abs(frf.values) / 20) * np.exp(1j * np.angle(frf.values)))
 
 
-def late(record, samples):
-    return rid.prepare.correct(record, f"delay {samples}")
-
-
 def cut(record, first):
-    return dataclasses.replace(
-        record, u=record.u[first:], y=record.y[first:], bound=record.bound.select(slice(first, None))
-    )
+    parts = {"u": record.u[first:], "y": record.y[first:], "bound": record.bound.select(slice(first, None))}
+    return dataclasses.replace(record, **parts)
 
 
 def periodic_data():
@@ -62,8 +62,8 @@ def percent_data():
     return _with_response(plant, None, 12.0, 0.004)
 
 
-def with_exact(frf):
-    return dataclasses.replace(percent_data(), frequency=frf)
+def corrected(right, correction):
+    return dataclasses.replace(right, frequency=correct(right.frequency[0], correction))
 
 
 def _mode(omega, damping):
@@ -77,9 +77,8 @@ def _with_response(plant, record, hz, damping):
     values = plant(np.exp(1j * omega * DT))
     frf = rid.FrequencyResponse(omega, values, bound=2e-4, dt=DT)
     basis = rid.kautz(2 * np.pi * hz, damping, dt=DT, delay=1)
-    return rid.MixedProblem(
-        frequency=frf, time=record, prior=rid.Prior(gain_bound=0.1, decay_rate=1.2), parametric=basis
-    )
+    prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
+    return rid.MixedProblem(frequency=frf, time=record, prior=prior, parametric=basis)
 
 
 @functools.cache
@@ -103,33 +102,25 @@ def matrix_data():
 
 SHOWN = {
     "Hz as rad/s": (lambda: problem(stretched(1 / (2 * np.pi))), "frequencies are in Hz"),
-    "rad/s as Hz": (
-        lambda: problem(dataclasses.replace(FRF.band(0, 7), omega=2 * np.pi * FRF.band(0, 7).omega)),
-        "frequencies are in rad/s",
-    ),
-    "conjugated": (lambda: problem(rid.prepare.correct(FRF, "conjugate")), "the phase has the wrong sign"),
-    "wrong sign": (lambda: problem(rid.prepare.correct(FRF, "negate")), "the response has the opposite sign"),
-    "mm for m": (lambda: problem(rid.prepare.correct(FRF, "times 1000")), "unit 1000 times smaller"),
-    "one-sided spectrum": (lambda: problem(rid.prepare.correct(FRF, "times 2")), "twice too large (a one-sided"),
-    "one sample late": (lambda: problem(rid.prepare.correct(FRF, "delay 1")), "one sample of delay too much"),
-    "one sample early": (lambda: problem(rid.prepare.correct(FRF, "advance 1")), "delay was taken out of the response"),
-    "velocity for position": (lambda: problem(rid.prepare.correct(FRF, "differentiate")), "velocity for position"),
+    "rad/s as Hz": (lambda: problem(stretched(2 * np.pi, FRF.band(0, 7))), "frequencies are in rad/s"),
+    "conjugated": (lambda: problem(correct(FRF, "conjugate")), "the phase has the wrong sign"),
+    "wrong sign": (lambda: problem(correct(FRF, "negate")), "the response has the opposite sign"),
+    "mm for m": (lambda: problem(correct(FRF, "times 1000")), "unit 1000 times smaller"),
+    "one-sided spectrum": (lambda: problem(correct(FRF, "times 2")), "twice too large (a one-sided"),
+    "one sample late": (lambda: problem(correct(FRF, "delay 1")), "one sample of delay too much"),
+    "one sample early": (lambda: problem(correct(FRF, "advance 1")), "delay was taken out of the response"),
+    "velocity for position": (lambda: problem(correct(FRF, "differentiate")), "velocity for position"),
     "radians as degrees": (lambda: problem(as_degrees(FRF)), "phase is in radians"),
     "linear as dB": (lambda: problem(as_decibels(FRF)), "plain number and was taken as decibels"),
-    "inverse": (lambda: with_exact(rid.prepare.correct(percent_data().frequency[0], "exchange")), "are exchanged"),
-    "transposed": (
-        lambda: dataclasses.replace(
-            matrix_data(), frequency=rid.prepare.correct(matrix_data().frequency[0], "transpose")
-        ),
-        "the matrices are transposed",
-    ),
+    "inverse": (lambda: corrected(percent_data(), "exchange"), "are exchanged"),
+    "transposed": (lambda: corrected(matrix_data(), "transpose"), "the matrices are transposed"),
     "modes in Hz": (lambda: problem(basis=modes(1 / (2 * np.pi))), "frequencies of the modes are in Hz"),
     "damping in per cent": (
         lambda: dataclasses.replace(percent_data(), parametric=rid.kautz(2 * np.pi * 12, 0.4, dt=DT, delay=1)),
         "damping of the modes is in per cent",
     ),
     "bounds ten times too small": (
-        lambda: problem(rid.prepare.correct(FRF, "bound times 0.1"), rid.prepare.correct(RECORD, "bound times 0.1")),
+        lambda: problem(*(correct(data, "bound times 0.1") for data in (FRF, RECORD))),
         "bounds on the errors are too small",
     ),
     "missing mode": (lambda: problem(basis=modes(which=slice(1, None))), "a mode is missing, at 9"),
@@ -197,24 +188,12 @@ def said_of_the_right_response():
 @pytest.mark.parametrize(
     ("wrong", "words", "correction"),
     [
-        (
-            lambda r: dataclasses.replace(r, omega=r.omega / (2 * np.pi)),
-            "in Hz and were taken as rad/s",
-            "frequency in Hz",
-        ),
-        (
-            lambda r: dataclasses.replace(r.band(0, 5), omega=2 * np.pi * r.band(0, 5).omega),
-            "in rad/s and were taken as Hz",
-            "frequency in rad/s",
-        ),
-        (lambda r: rid.prepare.correct(r, "conjugate"), "the phase has the wrong sign", "conjugate"),
+        (lambda r: stretched(1 / (2 * np.pi), r), "in Hz and were taken as rad/s", "frequency in Hz"),
+        (lambda r: stretched(2 * np.pi, r.band(0, 5)), "in rad/s and were taken as Hz", "frequency in rad/s"),
+        (lambda r: correct(r, "conjugate"), "the phase has the wrong sign", "conjugate"),
         (as_degrees, "the phase is in radians and was taken as degrees", "phase in radians"),
         (as_decibels, "a plain number and was taken as decibels", "magnitude linear"),
-        (
-            lambda r: dataclasses.replace(r, values=1 / r.values, bound=None),
-            "input and output of the response are exchanged",
-            "exchange",
-        ),
+        (inverse, "input and output of the response are exchanged", "exchange"),
     ],
 )
 def test_responses_show_mistakes_without_a_class(wrong, words, correction):
@@ -224,7 +203,7 @@ def test_responses_show_mistakes_without_a_class(wrong, words, correction):
     assert words in fault.words
     assert fault.correction == correction
     assert str(fault).endswith(f'after the correction "{correction}"')
-    right = rid.prepare.correct(bad, correction)
+    right = correct(bad, correction)
     wanted = RESPONSE.select(slice(len(right.omega)))
     np.testing.assert_allclose(right.omega, wanted.omega, rtol=1e-12)
     np.testing.assert_allclose(right.values, wanted.values, rtol=1e-9, atol=1e-12)
@@ -232,7 +211,7 @@ def test_responses_show_mistakes_without_a_class(wrong, words, correction):
 
 
 def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_it():
-    bad = rid.prepare.correct(RESPONSE.select(slice(None, None, 10)), "conjugate")
+    bad = correct(RESPONSE.select(slice(None, None, 10)), "conjugate")
     result = rid.identify(rid.MixedProblem(frequency=bad, prior=rid.Prior(gain_bound=1e3, decay_rate=1.0001)))
     assert result.consistent
     found = rid.diagnose(result)
@@ -244,29 +223,23 @@ def test_a_conjugated_response_is_named_where_a_chosen_class_is_consistent_with_
 def test_bounds_below_the_noise_are_named_without_a_class_and_covered_by_the_correction(seed):
     frf = rid.datasets.flexible_structure(lines=50, seed=seed, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
     assert rid.prepare.response_faults(frf) == ()
-    (fault,) = rid.prepare.response_faults(rid.prepare.correct(frf, "bound times 0.1"))
+    (fault,) = rid.prepare.response_faults(correct(frf, "bound times 0.1"))
     assert fault.words == "the bounds are smaller than the noise of the response"
-    right = rid.prepare.correct(frf, "bound times 0.1", fault.correction)
+    right = correct(frf, "bound times 0.1", fault.correction)
     assert 5 < (right.bound.radius / frf.bound.radius).max() * 10 < 20
 
 
 def test_degrees_taken_as_radians_are_named():
-    bad = dataclasses.replace(
-        RESPONSE, values=np.abs(RESPONSE.values) * np.exp(1j * np.angle(RESPONSE.values, deg=True))
-    )
+    turned = np.exp(1j * np.angle(RESPONSE.values, deg=True))
+    bad = dataclasses.replace(RESPONSE, values=np.abs(RESPONSE.values) * turned)
     (said,) = rid.prepare.response_faults(bad)
     assert str(said).startswith("the phase is in degrees and was taken as radians")
 
 
 def test_decibels_taken_as_plain_numbers_are_refused_and_then_read(tmp_path):
-    rows = zip(
-        TONES / (2 * np.pi),
-        20 * np.log10(np.abs(RESPONSE.values.ravel())),
-        np.angle(RESPONSE.values.ravel()),
-        strict=True,
-    )
-    text = "f_hz,magnitude,phase_rad\n" + "\n".join(",".join(f"{x:.17g}" for x in row) for row in rows)
-    (tmp_path / "db.csv").write_text(text)
+    decibels, phase = 20 * np.log10(np.abs(RESPONSE.values.ravel())), np.angle(RESPONSE.values.ravel())
+    table = np.column_stack([TONES / (2 * np.pi), decibels, phase])
+    np.savetxt(tmp_path / "db.csv", table, "%.17g", ",", header="f_hz,magnitude,phase_rad", comments="")
     with pytest.raises(InputError, match="is it in dB"):
         rid.load(tmp_path / "db.csv", dt=DT)
     frf = rid.load(tmp_path / "db.csv", dt=DT, fields={"freq_hz": "f_hz", "magnitude_db": "magnitude"})
@@ -295,7 +268,8 @@ def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_i
     u, noise = rng.standard_normal(2000), 0.3 * rng.standard_normal(2000)
     if seed % 2:
         u = scipy.signal.lfilter([1], [1, -0.9], u)
-    y = scipy.signal.lfilter(*_tf(), u) + noise
+    transfer = control.ss2tf(PLANT)
+    y = scipy.signal.lfilter(transfer.num[0][0], transfer.den[0][0], u) + noise
     assert rid.prepare.record_faults(rid.TimeRecord(u, y, dt=DT)) == ()
     (said,) = rid.prepare.record_faults(rid.TimeRecord(y, u, dt=DT))
     assert "the two are exchanged" in str(said)
@@ -305,11 +279,6 @@ def test_records_show_closed_loops_and_exchanged_signals_and_nothing_where_all_i
     assert rid.prepare.record_faults(rid.TimeRecord(driven, answer, dt=DT, reference=u)) == ()
     (said,) = rid.prepare.record_faults(rid.TimeRecord(*loop(0 * u, noise, 0.8), dt=DT))
     assert "a controller computes it" in str(said)
-
-
-def _tf():
-    system = control.ss2tf(PLANT)
-    return system.num[0][0], system.den[0][0]
 
 
 def test_a_period_that_is_missing_or_wrong_is_given():

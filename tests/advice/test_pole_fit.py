@@ -5,19 +5,8 @@ import pytest
 import scipy.optimize
 
 import robustid as rid
+from robustid.advice import pole_fit
 from robustid.advice.kautz import line_data
-from robustid.advice.pole_fit import (
-    _first_functions,
-    _gains,
-    _projected,
-    design,
-    find_poles,
-    pair_changes,
-    pole_pair,
-    refine,
-    residual_rows,
-    residual_slopes,
-)
 from robustid.core import ZPlane
 
 pytestmark = pytest.mark.quick
@@ -34,8 +23,8 @@ def data():
 def test_pairs_change_as_their_differences_say():
     angle, step = np.linspace(0.1, 3, 50), 1e-6
     for pole in POLES:
-        for e, change in zip(step * np.eye(2), pair_changes(angle, pole), strict=True):
-            quotient = (pole_pair(angle, pole + e) - pole_pair(angle, pole - e)) / (2 * step)
+        for e, change in zip(step * np.eye(2), pole_fit.pair_changes(angle, pole), strict=True):
+            quotient = (pole_fit.pole_pair(angle, pole + e) - pole_fit.pole_pair(angle, pole - e)) / (2 * step)
             np.testing.assert_allclose(change, quotient, atol=1e-8 * np.abs(quotient).max())
 
 
@@ -43,24 +32,26 @@ def test_the_gradient_is_that_of_differences_and_vanishes_at_the_end(data):
     """Kaufman's Jacobian leaves out terms of the size of the residual, which the gradient J'r does not see."""
 
     def gradient(poles):
-        return 2 * residual_slopes(poles, data).T @ residual_rows(poles, data)
+        return 2 * pole_fit.residual_slopes(poles, data).T @ pole_fit.residual_rows(poles, data)
 
     start = POLES.ravel()
-    cost = [[np.sum(residual_rows(start + e, data) ** 2) for e in (step, -step)] for step in 1e-6 * np.eye(4)]
+    cost = [[np.sum(pole_fit.residual_rows(start + e, data) ** 2) for e in (step, -step)] for step in 1e-6 * np.eye(4)]
     np.testing.assert_allclose(gradient(start), np.diff(cost)[:, 0] / -2e-6, rtol=1e-5)
-    end = refine(POLES, data)
+    end = pole_fit.refine(POLES, data)
     assert np.abs(gradient(end.ravel())).max() < 1e-6 * np.abs(gradient(start)).max()
-    finer = scipy.optimize.least_squares(residual_rows, end.ravel(), args=(data,), method="lm", xtol=1e-15, ftol=1e-15)
+    finer = scipy.optimize.least_squares(
+        pole_fit.residual_rows, end.ravel(), args=(data,), method="lm", xtol=1e-15, ftol=1e-15
+    )
     np.testing.assert_allclose(finer.x.reshape(-1, 2), end, atol=1e-7)
 
 
 def test_gains_of_many_pairs_are_those_of_one_fit_after_the_other(data):
     tried = np.log(np.array([[0.4, 0.01], [0.9, 0.1], [1.1, 0.004], [2.0, 0.05]]))
-    before = residual_rows(POLES[:1], data)
-    slow = [before @ before - np.sum(residual_rows(np.vstack([POLES[:1], pole]), data) ** 2) for pole in tried]
-    fast = _gains(data, _projected(data, POLES[:1]), _first_functions(data.angle, tried))
+    before = pole_fit.residual_rows(POLES[:1], data)
+    slow = [before @ before - np.sum(pole_fit.residual_rows(np.vstack([POLES[:1], pole]), data) ** 2) for pole in tried]
+    fast = pole_fit._gains(data, pole_fit._projected(data, POLES[:1]), pole_fit._first_functions(data.angle, tried))
     np.testing.assert_allclose(fast, slow, rtol=1e-7, atol=1e-7 * (before @ before))
-    assert design(data, POLES).shape[1] == 7
+    assert pole_fit.design(data, POLES).shape[1] == 7
 
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 2 else k for k in range(4)])
@@ -69,12 +60,12 @@ def test_modes_that_are_small_beside_others_are_found(seed):
     rng = np.random.default_rng(seed)
     angle = np.linspace(0.05, 3.0, 600)
     values = sum(
-        size * (pole_pair(angle, np.log([turn, zeta])) @ [1.0, -0.9])
+        size * (pole_fit.pole_pair(angle, np.log([turn, zeta])) @ [1.0, -0.9])
         for size, turn, zeta in ((1.0, 0.5, 0.01), (1.0, 1.8, 0.02), (0.01, 1.0, 0.01), (0.01, 2.5, 0.01))
     )
     noise = 0.01 * np.exp(2j * np.pi * rng.random(600)) * np.sqrt(rng.random(600))
     small = rid.FrequencyResponse(angle, values + noise, bound=0.01, dt=1.0)
-    poles, reason = find_poles(line_data([small], ZPlane(1.0)), None)
+    poles, reason = pole_fit.find_poles(line_data([small], ZPlane(1.0)), None)
     found = np.exp(poles[np.argsort(poles[:, 0])])
     assert len(found) == 4, reason
     np.testing.assert_allclose(found[:, 0], [0.5, 1.0, 1.8, 2.5], rtol=0.01)

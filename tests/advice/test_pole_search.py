@@ -1,5 +1,7 @@
 """improve_kautz: the slope of the margin against differences, and wrong poles that are found again."""
 
+import dataclasses
+
 import control
 import numpy as np
 import pytest
@@ -9,7 +11,11 @@ from robustid.advice.moving_pairs import taken_apart
 from robustid.advice.smallest_gain import smallest_gain
 from robustid.bases import as_basis
 from robustid.core import ZPlane
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputTypeError
+from support.bounds import rebound
+from support.cases import slow
+from support.refusals import refusals
+from support.structure import about_structure
 
 FINE = np.linspace(17.2, 18.1, 10)
 FEWER = {"lines": 6, "samples": 8}  # 30 coefficients with every other fine line, for 62: an eighth of the time
@@ -19,13 +25,7 @@ DT = 0.01
 def structure(factors, extra=FINE[::2], seed=0, K=0.2, rho=1.1, repeat=1, data=None):
     """The simulated structure with natural frequencies and dampings off by these factors, (2, 2)."""
     data = data or rid.datasets.flexible_structure(extra_hz=extra, seed=seed, **FEWER)
-    modes = data.modes * np.asarray(factors)
-    return rid.MixedProblem(
-        frequency=data.frequency,
-        time=data.time,
-        prior=rid.Prior(gain_bound=K, decay_rate=rho),
-        parametric=rid.kautz(*modes.T, dt=DT, delay=1, repeat=repeat),
-    )
+    return about_structure(data, K, rho, time=True, modes=data.modes * np.asarray(factors), repeat=repeat)
 
 
 def one_percent(seed):
@@ -41,10 +41,8 @@ def records(kind):
     if kind == "lines":
         return {"frequency": data.frequency, "prior": prior}, modes
     if kind == "ellipses":
-        frf = data.frequency
-        tilt = 0.4 * np.exp(1j * np.arange(frf.omega.size))
-        ellipses = rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(frf.bound, tilt=tilt), dt=DT)
-        return {"frequency": ellipses, "prior": prior}, modes
+        tilt = 0.4 * np.exp(1j * np.arange(data.frequency.omega.size))
+        return {"frequency": rebound(data.frequency, tilt=tilt), "prior": prior}, modes
     u = rng.choice([-1.0, 1.0], 30)
     drive = np.tile(u, 200) if kind == "periodic" else u
     y = np.ravel(control.forced_response(data.truth, np.arange(drive.size) * DT, drive).y)[-u.size :]
@@ -60,7 +58,7 @@ def records(kind):
         ("ellipses", 1),
         ("rest", 1),
         ("periodic", 2),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("lines", 1), ("lines", 2), ("free", 1))),
+        *(slow(*each) for each in (("lines", 1), ("lines", 2), ("free", 1))),
     ],
 )
 def test_slope_of_the_margin_is_that_of_differences(kind, repeat):
@@ -104,11 +102,7 @@ def test_wrong_pole_contradicts_the_data_or_needs_a_large_rest():
     [
         ("around the mode", 0.2, [0], FEWER),
         ("far apart", 0.05, [0], {}),
-        *(
-            pytest.param(lines, K, range(20), {}, marks=pytest.mark.slow)
-            for lines in ("around the mode", "far apart")
-            for K in (0.2, 0.05)
-        ),
+        *(slow(lines, K, range(20), {}) for lines in ("around the mode", "far apart") for K in (0.2, 0.05)),
     ],
 )
 def test_wrong_poles_are_moved_back(lines, K, seeds, size):
@@ -157,11 +151,7 @@ def test_result_says_where_its_poles_come_from():
     assert "mode 2: 17.67 Hz" in found.note
     assert "poles were taken from these data" in rid.worst_case_error(result, omega=[30.0], directions=3).summary()
     # The box is in the form that the guarantee over all its poles takes.
-    lines = rid.MixedProblem(
-        frequency=found.problem.frequency[0].select(slice(0, None, 3)),
-        prior=found.problem.prior,
-        parametric=found.problem.parametric,
-    )
+    lines = dataclasses.replace(found.problem, frequency=found.problem.frequency[0].select(slice(0, None, 3)), time=())
     box = found.box.omega_interval, found.box.damping_interval
     band = rid.guarantee.worst_case_over_poles(rid.identify(lines), *box, omega=[30.0], directions=3, cells=1)
     assert np.isfinite(band.upper).all()
@@ -200,8 +190,6 @@ def test_the_time_ends_the_search_with_the_best_pairs_so_far():
     found = rid.advise.improve_kautz(problem, repeat=False, progress=lambda *at: told.append(at))
     assert told == [(step, 40) for step in range(1, len(told) + 1)]
     assert found.margin <= 1
-    with pytest.raises(rid.InputError, match="`time_limit` must be positive"):
-        rid.advise.improve_kautz(problem, time_limit=0.0)
 
 
 def test_consistent_pairs_stay_as_they_are():
@@ -222,11 +210,7 @@ def test_exact_data_give_exact_poles_in_few_steps():
     w = 2 * np.pi * np.concatenate([np.linspace(1, 21, 11), FINE])
     exact = rid.FrequencyResponse(w, truth.truth(np.exp(1j * w * DT)), bound=0.03, dt=DT)
     wrong = truth.modes * [[1.005, 1.5], [0.99, 0.5]]
-    problem = rid.MixedProblem(
-        frequency=exact,
-        prior=rid.Prior(gain_bound=1e-4, decay_rate=1.1),
-        parametric=rid.kautz(*wrong.T, dt=DT, delay=1),
-    )
+    problem = dataclasses.replace(about_structure(truth, 1e-4, 1.1, modes=wrong), frequency=exact)
     found = rid.advise.improve_kautz(problem, target=1e-3, repeat=False)
     np.testing.assert_allclose(found.omega, truth.modes[:, 0], rtol=1e-4)
     np.testing.assert_allclose(found.damping, truth.modes[:, 1], rtol=1e-3)
@@ -251,9 +235,8 @@ def test_diagnosis_offers_moved_poles():
 
 def test_class_without_a_mode_is_not_repaired():
     problem = structure(np.ones((2, 2)))
-    problem = rid.MixedProblem(
-        frequency=problem.frequency, prior=problem.prior, parametric=rid.kautz(2 * np.pi * 17.67, 0.004, dt=DT, delay=1)
-    )
+    light = rid.kautz(2 * np.pi * 17.67, 0.004, dt=DT, delay=1)
+    problem = rid.MixedProblem(frequency=problem.frequency, prior=problem.prior, parametric=light)
     found = rid.advise.improve_kautz(problem)
     assert found.margin_lower > 1
     assert found.margin == min(trial.margin for trial in found.trials)
@@ -289,36 +272,22 @@ def test_pairs_are_found_among_other_functions(repeat, delay):
     assert same.labels == basis.labels
     np.testing.assert_allclose(np.sort_complex(same.poles), np.sort_complex(basis.poles), atol=1e-9)
     moved = found.at(found.start + np.array([[0, 0.1], [0.01, 0]]))
-    expected = rid.kautz(
-        [30.0, 157.07963267948966 * np.exp(0.01)], [0.02 * np.exp(0.1), 1e-4], dt=DT, repeat=repeat, delay=delay
-    )
+    omega, damping = [30.0, 157.07963267948966 * np.exp(0.01)], [0.02 * np.exp(0.1), 1e-4]
+    expected = rid.kautz(omega, damping, dt=DT, repeat=repeat, delay=delay)
     np.testing.assert_allclose(moved.response(angles)[:, 2:-2], expected.response(angles), rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(moved.response(angles)[:, :2], basis.response(angles)[:, :2], rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("make", "error", "sentence"),
-    [
-        (lambda: rid.advise.improve_kautz(3), InputTypeError, "`problem` must be a MixedProblem; got int"),
-        (lambda: rid.advise.improve_kautz(structure(np.ones((2, 2))), target=0), InputError, "`target`"),
-        (lambda: rid.advise.improve_kautz(without()), InputError, "must have pairs made by `kautz`"),
-        (
-            lambda: rid.advise.improve_kautz(without(control.ss(0.5, 1, 1, 0, DT))),
-            InputError,
-            "must have pairs made by",
-        ),
-        (
-            lambda: rid.advise.improve_kautz(without(rid.kautz(30.0, 0.1, dt=DT), [[-1, 1], [-1, 1]])),
-            InputError,
-            "intervals of coefficients mean other functions",
-        ),
-    ],
+def improved(target=1.0, time_limit=None, **changes):
+    problem = dataclasses.replace(structure(np.ones((2, 2))), **changes)
+    return rid.advise.improve_kautz(problem, target=target, time_limit=time_limit)
+
+
+test_improve_kautz_refuses = refusals(
+    (lambda: improved(target=0), "`target`"),
+    (lambda: improved(time_limit=0.0), "`time_limit` must be positive"),
+    (lambda: improved(parametric=None), "must have pairs made by `kautz`"),
+    (lambda: improved(parametric=control.ss(0.5, 1, 1, 0, DT)), "must have pairs made by"),
+    (lambda: improved(parameter_bounds=[[-1, 1]] * 4), "intervals of coefficients mean other functions"),
+    (lambda: rid.advise.improve_kautz(3), "`problem` must be a MixedProblem; got int", InputTypeError),
 )
-def test_improve_kautz_refuses(make, error, sentence):
-    with pytest.raises(error, match=sentence):
-        make()
-
-
-def without(parametric=None, bounds=None):
-    data, prior = rid.datasets.flexible_structure(), rid.Prior(gain_bound=1.0, decay_rate=1.1)
-    return rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=parametric, parameter_bounds=bounds)

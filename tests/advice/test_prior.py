@@ -1,12 +1,17 @@
 """Priors from data: closed forms, and the threshold at which an identification becomes consistent."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import robustid as rid
 from robustid.advice import suggest_prior
-from robustid.errors import InputError, InputTypeError, RobustIdError, SizeError
-from support.structure import ANY, structure_problem
+from robustid.advice.sensitivity import guaranteed
+from robustid.advice.smallest_gain import missed, selected, thinned
+from robustid.errors import InputTypeError, SizeError
+from support.refusals import refusals
+from support.structure import ANY, about_structure, structure_problem
 
 
 def test_smallest_gain_of_two_taylor_coefficients():
@@ -49,12 +54,8 @@ def test_placeholder_prior_is_not_used():
 @pytest.mark.parametrize("power", [60, -60])
 def test_prior_does_not_depend_on_units(power):
     factor, data = 2.0**power, rid.datasets.flexible_structure()
-    frequency = rid.FrequencyResponse(
-        data.frequency.omega * factor,
-        data.frequency.values * factor,
-        bound=data.frequency.bound * factor,
-        dt=0.01 / factor,
-    )
+    omega, values, bound = (factor * getattr(data.frequency, name) for name in ("omega", "values", "bound"))
+    frequency = rid.FrequencyResponse(omega, values, bound=bound, dt=0.01 / factor)
     time = rid.TimeRecord(data.time.u, data.time.y * factor, bound=data.time.bound * factor, dt=0.01 / factor)
     one = suggest_prior(structure_problem(slice(0, 0)), decay_rates=[1.05, 1.1])
     two = suggest_prior(rid.MixedProblem(frequency=frequency, time=time, prior=ANY), decay_rates=[1.05, 1.1])
@@ -63,11 +64,10 @@ def test_prior_does_not_depend_on_units(power):
 
 
 def test_parametric_part_alone_gives_a_small_multiple_of_the_bounds():
-    held = sum(
-        np.all(found.gains == 0) and found.prior.gain_bound == pytest.approx(2 * 0.03)
-        for found in (suggest_prior(structure_problem(slice(0, 2), seed=k), decay_rates=[1.1, 1.3]) for k in range(3))
-    )
-    assert held == 3  # of 3: the truth is in the span of the two pairs
+    for seed in range(3):  # the truth is in the span of the two pairs
+        found = suggest_prior(structure_problem(slice(0, 2), seed=seed), decay_rates=[1.1, 1.3])
+        assert np.all(found.gains == 0)
+        assert found.prior.gain_bound == pytest.approx(2 * 0.03)
 
 
 def test_contradictory_samples_have_no_prior():
@@ -78,18 +78,139 @@ def test_contradictory_samples_have_no_prior():
     assert "samples contradict each other" in found.summary()
 
 
-@pytest.mark.parametrize(
-    ("problem", "rates", "error", "sentence"),
-    [
-        (None, None, InputTypeError, "`problem` must be a MixedProblem; got NoneType"),
-        (structure_problem(slice(0, 0)), [1.0, 1.1], InputError, "`decay_rates` must hold numbers above 1"),
-        (structure_problem(slice(0, 0)), [], InputError, "`decay_rates` must hold numbers above 1"),
-        (structure_problem(slice(0, 0)), [np.nan], InputError, "`decay_rates` must be finite"),
-        (structure_problem(slice(0, 0)), 1.1, InputError, "`decay_rates` must have 1 dimension"),
-        (structure_problem(slice(0, 0), samples=300), [1.0005], SizeError, "322 coefficients where up to"),
-    ],
+test_suggest_prior_refuses = refusals(
+    ((None, None), "`problem` must be a MixedProblem; got NoneType", InputTypeError),
+    ((structure_problem(slice(0, 0)), [1.0, 1.1]), "`decay_rates` must hold numbers above 1"),
+    ((structure_problem(slice(0, 0)), []), "`decay_rates` must hold numbers above 1"),
+    ((structure_problem(slice(0, 0)), [np.nan]), "`decay_rates` must be finite"),
+    ((structure_problem(slice(0, 0)), 1.1), "`decay_rates` must have 1 dimension"),
+    ((structure_problem(slice(0, 0), samples=300), [1.0005]), "322 coefficients where up to", SizeError),
+    of=lambda problem, rates: suggest_prior(problem, decay_rates=rates),
 )
-def test_suggest_prior_refuses(problem, rates, error, sentence):
-    with pytest.raises(error, match=sentence) as caught:
-        suggest_prior(problem, decay_rates=rates)
-    assert isinstance(caught.value, RobustIdError)
+
+
+# --- weights from tables
+
+
+@pytest.mark.parametrize("dt", [None, 0.01])
+def test_the_weight_is_above_its_table_and_near_to_it(dt):
+    omega, level = np.array([0.0, 2.0, 30.0, 60.0, 300.0]), np.array([3.0, 3.0, 2.0, 0.5, 0.02])
+    weight = rid.advise.prior_weight(omega, level, dt=dt)
+    grid = np.geomspace(0.01, 314.0, 800)
+    inside = np.maximum(grid, 2.0)
+    known = np.exp(np.interp(np.log(inside), np.log(omega[1:]), np.log(level[1:])))
+    ratio = np.abs(weight(np.exp(1j * grid * dt) if dt else 1j * grid)) / known
+    assert ratio.min() >= 1 - 1e-9
+    assert ratio.max() < 2.0
+    assert weight.nstates <= 4
+    prior = rid.Prior(gain_bound=1.0, decay=1.5, weight=weight)
+    frf = rid.FrequencyResponse([20.0, 100.0], [1.0, 0.1], bound=0.05, dt=dt)
+    found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior)).require()
+    # A level that the data exceed.
+    far = frf.select([1])
+    low = rid.advise.prior_weight(omega, level / 20, dt=dt)
+    small = rid.Prior(gain_bound=1.0, decay=1.5, weight=low)
+    assert not rid.identify(rid.MixedProblem(frequency=far, prior=small)).consistent
+    assert found.verification.passed
+
+
+test_wrong_tables_are_refused_with_a_sentence = refusals(
+    (([1.0], [1.0]), "two at least; got 1 frequencies"),
+    (([1.0, 2.0], [1.0]), "got 2 frequencies and 1 levels"),
+    (([2.0, 1.0], [1.0, 1.0]), "must rise"),
+    (([1.0, 2.0], [1.0, -20.0]), "not in dB"),
+    (([1.0, 400.0], [1.0, 1.0]), "must not exceed pi/dt"),
+    (([1.0, np.nan], [1.0, 1.0]), "`omega`"),
+    of=lambda omega, level: rid.advise.prior_weight(omega, level, dt=0.01),
+)
+
+
+# --- roll-off
+
+
+def problem_of(values, omega, dt=None, **more):
+    frf = rid.FrequencyResponse(omega, values, bound=0.002, dt=dt)
+    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay=4.0, **more))
+
+
+@pytest.mark.parametrize("dt", [None, pytest.param(0.02, marks=pytest.mark.slow)])
+def test_a_roll_off_that_the_data_show(dt):
+    omega = np.linspace(1.0, 60.0, 16)
+    problem = problem_of(1 / (1 + 1j * omega / 8) ** 2, omega, dt)
+    found = rid.advise.suggest_roll_off(problem)
+    assert found.roll_off == 2
+    assert 5 < found.corner < 25
+    plain = rid.suggest_prior(problem, decay_rates=[found.rate]).prior
+    assert found.gain_bound < 1.3 * plain.gain_bound
+    far = [150.0]
+    both = [rid.identify(rid.MixedProblem(frequency=problem.frequency, prior=p)).require() for p in (found, plain)]
+    widths = [rid.worst_case_error(one, omega=far, directions=4).upper.item() for one in both]
+    assert widths[0] < (0.1 if dt is None else 0.5) * widths[1]
+
+
+def test_none_where_the_data_do_not_fall_or_the_modes_do_all():
+    omega = np.linspace(1.0, 60.0, 12)
+    assert rid.advise.suggest_roll_off(problem_of((8 - 1j * omega) / (8 + 1j * omega), omega)) is None
+    assert rid.advise.suggest_roll_off(problem_of(np.zeros(12), omega)) is None
+    with pytest.raises(rid.InputError, match="roll-off or a weight already"):
+        rid.advise.suggest_roll_off(problem_of(np.ones(12), omega, roll_off=2, corner=10.0))
+
+
+# --- a part of many frequency points
+
+
+def dense(lines=150, seed=0):
+    """Many frequency points of the structure, its light mode in the parametric part, the damped one left to the rest."""
+    return about_structure(rid.datasets.flexible_structure(seed=seed, lines=lines), 1.0, 1.5)
+
+
+def test_points_lie_densely_at_the_modes_and_everywhere_a_few():
+    problem = dense()
+    (mask,) = thinned(problem, 40)
+    hz = problem.frequency[0].freq_hz
+    assert 35 <= mask.sum() <= 40
+    assert mask[0]
+    assert mask[-1]
+    assert np.diff(hz[mask]).max() < 3 * (hz[-1] - hz[0]) / 40
+    near = np.abs(hz - 17.67) < 0.25
+    assert mask[near].mean() > 2 * mask[~near].mean()
+    (few,) = thinned(problem, 400)
+    assert few.all()
+
+
+def test_points_that_a_model_misses_join():
+    problem = dense()
+    masks = thinned(problem, 40)
+    model = rid.identify(selected(problem, masks).with_prior(gain_bound=0.06, decay_rate=1.3)).model
+    assert missed(problem, masks, model) is None
+    frf = problem.frequency[0]
+    values = frf.values.copy()
+    left = int(np.flatnonzero(~masks[0])[50])
+    values[left] += 1.0
+    wrong = dataclasses.replace(problem, frequency=dataclasses.replace(frf, values=values))
+    (joined,) = missed(wrong, masks, model)
+    assert np.flatnonzero(joined & ~masks[0]).tolist() == [left]
+
+
+def test_prior_of_many_points_is_consistent_with_all_of_them_and_says_something():
+    problem = dense(70)
+    found = suggest_prior(problem)
+    assert found.points < 56
+    assert found.decay_rates[0] - 1 > 2 * np.median(np.diff(problem.angles))
+    stated = dataclasses.replace(problem, prior=found.prior)
+    assert rid.identify(stated).consistent
+    omega = problem.frequency[0].omega
+    on, between = omega[[20, 60]], (omega[[20, 60]] + omega[[21, 61]]) / 2
+    assert guaranteed(stated, between)[1] < 3 * guaranteed(stated, on)[1]
+
+
+def test_a_search_that_ran_out_of_time_or_was_interrupted_returns_what_is_there():
+    problem = dense(lines=20)
+    assert suggest_prior(problem, time_limit=1e-9).decay_rates.size == 1
+
+    def stop(done, count):
+        assert count == 9
+        if done == 2:
+            raise KeyboardInterrupt
+
+    assert suggest_prior(problem, progress=stop).decay_rates.size == 2

@@ -6,13 +6,11 @@ import pytest
 import robustid as rid
 from robustid.advice.sensitivity import guaranteed
 from robustid.advice.smallest_gain import smallest_gain
+from support.structure import about_structure
 
 
 def structure(lines, gain=0.2, rate=1.2):
-    data = rid.datasets.flexible_structure(lines=lines, samples=2)
-    modes = rid.kautz(*data.modes.T, dt=0.01, delay=1)
-    prior = rid.Prior(gain_bound=gain, decay_rate=rate)
-    return rid.MixedProblem(frequency=data.frequency, time=data.time, parametric=modes, prior=prior)
+    return about_structure(rid.datasets.flexible_structure(lines=lines, samples=2), gain, rate, time=True)
 
 
 def test_larger_classes_and_fewer_lines_have_wider_bands():

@@ -5,18 +5,11 @@ import pickle
 
 import pytest
 
+from robustid import errors
 from robustid.app.cli.screen import in_words
 from robustid.app.run.checks import too_large
 from robustid.app.run.reading import in_options, in_run_file
-from robustid.errors import (
-    DatasetNotFoundError,
-    FileFormatError,
-    InputError,
-    Remedy,
-    RobustIdError,
-    SizeError,
-    SolverError,
-)
+from robustid.errors import FileFormatError, InputError, Remedy, SizeError
 
 pytestmark = pytest.mark.quick
 
@@ -32,7 +25,8 @@ def test_copies_keep_the_data(copied):
 
 
 def test_every_kind_of_error_takes_parts():
-    kinds = [RobustIdError, InputError, FileFormatError, DatasetNotFoundError, SolverError, SizeError]
+    names = ("RobustIdError", "InputError", "FileFormatError", "DatasetNotFoundError", "SolverError", "SizeError")
+    kinds = [getattr(errors, name) for name in names]
     assert {str(kind("a ", Remedy({"dt": 1.0}))) for kind in kinds} == {"a `dt=1.0`"}
     assert (InputError("a").remedy, str(InputError())) == ({}, "")
 
@@ -61,6 +55,5 @@ def test_a_place_is_said_once():
 def test_too_large_data_are_made_smaller_in_the_words_of_the_program():
     with pytest.raises(SizeError) as caught, too_large("--first N"):
         raise SizeError("`problem` has 9 coefficients; up to 3 are possible. ", Remedy({}, 'Use form="taylor"'))
-    assert (
-        str(caught.value) == "the problem has 9 coefficients; up to 3 are possible. Use a part of the data: --first N"
-    )
+    words = "the problem has 9 coefficients; up to 3 are possible. Use a part of the data: --first N"
+    assert str(caught.value) == words

@@ -3,14 +3,17 @@
 import pickle
 import re
 
-import control
 import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import simulate
 from robustid.data.multisines import log_norm, low_crest_phases, random_phases, schroeder_phases, synthesise
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats import load_excitation
+from support.cases import seeds, slow
+from support.mimo_data import real_poles
+from support.refusals import refusals
 
 DT = 0.01
 BAND = {"band_hz": (1, 31), "period": 1000, "dt": 0.001}
@@ -53,9 +56,7 @@ def test_objective_and_gradient_by_brute_force(p, rotations):
     np.testing.assert_allclose(gradient, differences, atol=2e-8)
 
 
-@pytest.mark.parametrize(
-    "lines", [*(pytest.param(each, marks=pytest.mark.slow) for each in ([1, 2], [1, 3], [1, 2, 3])), [2, 5], [1, 3, 7]]
-)
+@pytest.mark.parametrize("lines", [*(slow(each) for each in ([1, 2], [1, 3], [1, 2, 3])), [2, 5], [1, 3, 7]])
 def test_few_lines_reach_the_best_of_all_phases(lines):
     """All phases on a grid; a shift in time makes one of them free, so one is held at 0."""
     lines, amplitude, period = np.array(lines), np.ones(len(lines)), 420
@@ -68,7 +69,7 @@ def test_few_lines_reach_the_best_of_all_phases(lines):
     assert min(peaks) <= best * 1.003
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 25))])
+@pytest.mark.parametrize("seed", seeds(4, 25))
 def test_crest_is_never_worse_than_schroeder_or_random(seed):
     rng = np.random.default_rng(seed)
     count, period = int(rng.integers(1, 40)), int(rng.integers(122, 600))
@@ -96,9 +97,7 @@ def test_schroeder_phases_of_a_flat_spectrum():
     np.testing.assert_allclose(schroeder_phases(np.ones(10)), -np.pi * k * (k - 1) / 10, atol=1e-13)
 
 
-@pytest.mark.parametrize(
-    "nu", [pytest.param(k, marks=pytest.mark.slow) if k in (2, 5, 6, 8) else k for k in range(1, 9)]
-)
+@pytest.mark.parametrize("nu", [slow(k) if k in (2, 5, 6, 8) else k for k in range(1, 9)])
 def test_spectra_are_as_asked_and_orthogonal(nu):
     lines, rng = np.array([1, 2, 5, 11, 30, 49]), np.random.default_rng(nu)
     shape, rms = rng.uniform(0.5, 2, (6, nu)), rng.uniform(0.5, 2, nu)
@@ -114,10 +113,7 @@ def test_spectra_are_as_asked_and_orthogonal(nu):
         np.testing.assert_allclose(np.abs(block[lines]), amplitude[:, :, None] * np.ones(nu), rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("nu", "limit"),
-    [(2, 1.5), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((3, 1.7), (4, 1.5), (5, 1.7)))],
-)
+@pytest.mark.parametrize(("nu", "limit"), [(2, 1.5), *(slow(*each) for each in ((3, 1.7), (4, 1.5), (5, 1.7)))])
 def test_crest_of_orthogonal_sets(nu, limit):
     play = rid.prepare.multisine(band_hz=(1, 31), period=500, dt=0.002, inputs=nu)
     assert play.crest_factors.max() < limit
@@ -146,12 +142,8 @@ def test_lines_of_a_band():
 
 
 def test_random_odd_lines_leave_one_in_four_for_detection():
-    grids = [
-        rid.prepare.multisine(
-            band_hz=(1, 401), period=1000, dt=0.001, spacing="random-odd", minimise_crest=False, seed=seed
-        ).lines
-        for seed in range(20)
-    ]
+    design = {"band_hz": (1, 401), "period": 1000, "dt": 0.001, "spacing": "random-odd", "minimise_crest": False}
+    grids = [rid.prepare.multisine(**design, seed=seed).lines for seed in range(20)]
     odd, left_out = np.arange(1, 402, 2), []
     for lines in grids:
         assert np.all(np.isin(lines, odd))
@@ -186,7 +178,7 @@ def test_the_seed_makes_the_signals_and_realisations_differ():
     assert pairs.max() < 0.8
 
 
-@pytest.mark.parametrize("power", [pytest.param(-60, marks=pytest.mark.slow), 60])
+@pytest.mark.parametrize("power", [slow(-60), 60])
 def test_units_do_not_matter(power):
     scale, options = 2.0**power, {**BAND, "inputs": 2}
     play = rid.prepare.multisine(**options)
@@ -209,22 +201,12 @@ def test_signals_to_play():
         again.u[0, 0, 0] = 1
 
 
-def played(model, play, noise, rng):
+def played(model, play):
     """The records of all experiments: one period more is played, and dropped with its transient."""
     for e in range(len(play.u)):
         u = np.concatenate([play.u[e], play.signal(e)])
-        y, x = np.empty((len(u), model.noutputs)), np.zeros(model.nstates)
-        for n, sample in enumerate(u):
-            y[n] = model.C @ x + model.D @ sample
-            x = model.A @ x + model.B @ sample
-        y += noise * rng.standard_normal(y.shape)
+        y = simulate(model, u)[0]
         yield rid.TimeRecord(u[play.period :], y[play.period :], dt=play.dt, initial="periodic")
-
-
-def plant(nu):
-    rng = np.random.default_rng(5)
-    a = np.diag([0.5, 0.3, -0.4])
-    return control.ss(a, rng.standard_normal((3, nu)), rng.standard_normal((2, 3)), rng.standard_normal((2, nu)), DT)
 
 
 @pytest.mark.parametrize("nu", [2, 3])
@@ -233,21 +215,21 @@ def test_what_was_played_finds_the_plant(nu, tmp_path):
     design = {"band_hz": (2, 40), "period": 100, "dt": DT, "inputs": nu, "periods": 2, "spacing": "odd"}
     rid.prepare.multisine(**design).save(tmp_path / "play.csv")
     play = rid.load(tmp_path / "play.csv")
-    records = list(played(plant(nu), play, 0.0, np.random.default_rng(0)))
+    records = list(played(real_poles(5, 2, nu), play))
     frf = rid.estimate_frf(records, period=play.period, lines=play.lines)
     np.testing.assert_allclose(frf.freq_hz, play.freq_hz, rtol=1e-15)
-    truth = [plant(nu)(np.exp(1j * w * DT)) for w in frf.omega]
+    truth = [real_poles(5, 2, nu)(np.exp(1j * w * DT)) for w in frf.omega]
     np.testing.assert_allclose(frf.values, truth, atol=1e-11)
     # without telling the lines, they are found
     np.testing.assert_array_equal(rid.estimate_frf(records, period=play.period).omega, frf.omega)
 
 
-@pytest.mark.parametrize("nu", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("nu", [slow(1), 2])
 def test_accuracy_is_that_of_the_formula(nu):
     """sigma/rms sqrt(2 F/(nu P period)): 2 nu F entries and 100 seeds make the mean square known to 1.4 or 2 %."""
     sigma, periods, count = 0.1, 2, 25
     play = rid.prepare.multisine(band_hz=(1, 25), period=100, dt=DT, inputs=nu, periods=periods, rms=2.0)
-    clean = list(played(plant(nu), play, 0.0, np.random.default_rng(0)))
+    clean = list(played(real_poles(5, 2, nu), play))
     truth = rid.estimate_frf(clean, period=100, lines=play.lines).values
     rng, errors = np.random.default_rng(1), []
     for _ in range(100):
@@ -260,14 +242,8 @@ def test_accuracy_is_that_of_the_formula(nu):
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".CSV"])
 def test_files_come_back_exactly(suffix, tmp_path):
-    play = rid.prepare.multisine(
-        **{**BAND, "dt": 0.1 / 3, "band_hz": (0.1, 1)},
-        inputs=2,
-        realisations=2,
-        periods=3,
-        seed=4,
-        minimise_crest=False,
-    )
+    design = {"band_hz": (0.1, 1), "period": 1000, "dt": 0.1 / 3, "inputs": 2, "minimise_crest": False}
+    play = rid.prepare.multisine(**design, realisations=2, periods=3, seed=4)
     path = tmp_path / f"play{suffix}"
     play.save(path)
     again = rid.load(path)
@@ -326,56 +302,42 @@ def test_other_arrays_are_refused(tmp_path):
     assert not (tmp_path / "play.mat").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "sentence"),
-    [
-        ({"band_hz": None}, InputError, "`band_hz` and `lines` both say .* give one of them"),
-        ({"lines": [1, 2]}, InputError, "`band_hz` and `lines` both say .* give one of them"),
-        ({"band_hz": (5,)}, InputError, r"`band_hz` must be \(low, high\) with 0 < low <= high < 500 Hz"),
-        ({"band_hz": (0, 10)}, InputError, r"`band_hz` must be .* got \(0, 10\)"),
-        ({"band_hz": (10, 5)}, InputError, r"`band_hz` must be .* got \(10, 5\)"),
-        ({"band_hz": (10, 500)}, InputError, r"`band_hz` must be .* < 500 Hz, half the sampling rate; got \(10, 500\)"),
-        ({"band_hz": (1.2, 1.8)}, InputError, r"holds no spectral line: they are multiples of 1 Hz, 1/\(period\*dt\)"),
-        ({"band_hz": (4, 4), "spacing": "odd"}, InputError, "holds no odd spectral line"),
-        ({"band_hz": "wide"}, InputTypeError, "`band_hz` must be an array of numbers"),
-        ({"spacing": "even"}, InputError, "`spacing` must be one of all, odd, random-odd, log; got 'even'"),
-        ({"band_hz": None, "lines": [1], "spacing": "odd"}, InputError, "`spacing` = 'odd' chooses lines in a band"),
-        ({"spacing": "log", "lines_per_decade": 0}, InputError, "`lines_per_decade` must be at least 1"),
-        ({"band_hz": None, "lines": [0, 1]}, InputError, "`lines` must be whole numbers from 1 to 499"),
-        ({"band_hz": None, "lines": [500]}, InputError, "between 0 and Nyquist for a period of 1000 samples"),
-        ({"band_hz": None, "lines": [1.5]}, InputError, "`lines` must be whole numbers"),
-        ({"band_hz": None, "lines": []}, InputError, "`lines` must be whole numbers"),
-        ({"band_hz": None, "lines": [3, 2]}, InputError, r"`lines` must ascend, each line once; got \[3, 2\]"),
-        ({"period": 0.5}, InputTypeError, "`period` must be an integer"),
-        ({"period": 2}, InputError, "`period` must be at least 3; got 2"),
-        ({"dt": 0}, InputError, "`dt` must be positive"),
-        ({"inputs": 0}, InputError, "`inputs` must be at least 1"),
-        ({"realisations": 0}, InputError, "`realisations` must be at least 1"),
-        ({"periods": 0}, InputError, "`periods` must be at least 1"),
-        ({"seed": -1}, InputError, "`seed` must be at least 0"),
-        ({"amplitude": 0}, InputError, "`amplitude` must be positive; got 0"),
-        (
-            {"amplitude": [1, 2]},
-            InputError,
-            r"`amplitude` must be one number or one for each of 1 inputs; got shape \(2,\)",
-        ),
-        ({"rms": [1, 2]}, InputError, "`rms` must be one number"),
-        ({"amplitude": 1, "rms": 1}, InputError, "`amplitude` and `rms` both set the size"),
-        (
-            {"spectrum": [1, 2]},
-            InputError,
-            r"`spectrum` must have shape \(F,\) or \(F, inputs\) with F = 31 spectral lines; got \(2,\)",
-        ),
-        ({"spectrum": np.zeros(31)}, InputError, "`spectrum` must be positive; got 0"),
-        ({"spectrum": lambda hz: hz * np.nan}, InputError, "`spectrum` must be finite"),
-    ],
+test_multisine_refuses = refusals(
+    ({"band_hz": None}, "`band_hz` and `lines` both say .* give one of them"),
+    ({"lines": [1, 2]}, "`band_hz` and `lines` both say .* give one of them"),
+    ({"band_hz": (5,)}, r"`band_hz` must be \(low, high\) with 0 < low <= high < 500 Hz"),
+    ({"band_hz": (0, 10)}, r"`band_hz` must be .* got \(0, 10\)"),
+    ({"band_hz": (10, 5)}, r"`band_hz` must be .* got \(10, 5\)"),
+    ({"band_hz": (10, 500)}, r"`band_hz` must be .* < 500 Hz, half the sampling rate; got \(10, 500\)"),
+    ({"band_hz": (1.2, 1.8)}, r"holds no spectral line: they are multiples of 1 Hz, 1/\(period\*dt\)"),
+    ({"band_hz": (4, 4), "spacing": "odd"}, "holds no odd spectral line"),
+    ({"band_hz": "wide"}, "`band_hz` must be an array of numbers", InputTypeError),
+    ({"spacing": "even"}, "`spacing` must be one of all, odd, random-odd, log; got 'even'"),
+    ({"band_hz": None, "lines": [1], "spacing": "odd"}, "`spacing` = 'odd' chooses lines in a band"),
+    ({"spacing": "log", "lines_per_decade": 0}, "`lines_per_decade` must be at least 1"),
+    ({"band_hz": None, "lines": [0, 1]}, "`lines` must be whole numbers from 1 to 499"),
+    ({"band_hz": None, "lines": [500]}, "between 0 and Nyquist for a period of 1000 samples"),
+    ({"band_hz": None, "lines": [1.5]}, "`lines` must be whole numbers"),
+    ({"band_hz": None, "lines": []}, "`lines` must be whole numbers"),
+    ({"band_hz": None, "lines": [3, 2]}, r"`lines` must ascend, each line once; got \[3, 2\]"),
+    ({"period": 0.5}, "`period` must be an integer", InputTypeError),
+    ({"period": 2}, "`period` must be at least 3; got 2"),
+    ({"dt": 0}, "`dt` must be positive"),
+    ({"inputs": 0}, "`inputs` must be at least 1"),
+    ({"realisations": 0}, "`realisations` must be at least 1"),
+    ({"periods": 0}, "`periods` must be at least 1"),
+    ({"seed": -1}, "`seed` must be at least 0"),
+    ({"amplitude": 0}, "`amplitude` must be positive; got 0"),
+    ({"amplitude": [1, 2]}, r"`amplitude` must be one number or one for each of 1 inputs; got shape \(2,\)"),
+    ({"rms": [1, 2]}, "`rms` must be one number"),
+    ({"amplitude": 1, "rms": 1}, "`amplitude` and `rms` both set the size"),
+    ({"spectrum": [1, 2]}, r"must have shape \(F,\) or \(F, inputs\) with F = 31 spectral lines; got \(2,\)"),
+    ({"spectrum": np.zeros(31)}, "`spectrum` must be positive; got 0"),
+    ({"spectrum": lambda hz: hz * np.nan}, "`spectrum` must be finite"),
+    of=lambda **options: rid.prepare.multisine(**{**BAND, "minimise_crest": False, **options}),
 )
-def test_multisine_refuses(options, error, sentence):
-    with pytest.raises(error, match=sentence):
-        rid.prepare.multisine(**{**BAND, "minimise_crest": False, **options})
 
-
-@pytest.mark.parametrize("shape", [(3, 10, 2), (10, 2), (0, 10, 2)])
-def test_excitation_refuses_other_shapes(shape):
-    with pytest.raises(InputError, match="`u` must have"):
-        rid.data.Excitation(np.ones(shape), dt=0.1, lines=[1])
+test_excitation_refuses_other_shapes = refusals(
+    *((lambda shape=shape: rid.data.Excitation(np.ones(shape), dt=0.1, lines=[1]), "`u` must have")
+      for shape in [(3, 10, 2), (10, 2), (0, 10, 2)]),
+)  # fmt: skip

@@ -1,9 +1,7 @@
 """Frequency responses of several channels: entries that were not measured, bounds of columns and of whole matrices."""
 
-import copy
 import dataclasses
 import itertools
-import pickle
 
 import control
 import numpy as np
@@ -11,13 +9,12 @@ import pytest
 from scipy.special import chdtri
 
 import robustid as rid
-from robustid import load
-from robustid.data import save
 from robustid.errors import InputError
 from robustid.report.fit_charts import response_charts
 from robustid.report.fit_view import FitView
 from support.bounds import rebound
 from support.mimo_data import DT, KINDS, complex_normal, positive_definite, response, same
+from support.refusals import refusals
 
 # --- what a bound means -------------------------------------------------------------------------------------------------
 
@@ -100,16 +97,12 @@ def test_permuted_channels(joint, missing):
     rows, columns = [2, 0, 1], [1, 0]
     flat = [3 * j + i for j in columns for i in rows]  # columns stacked
     E = None if frf.bound.ellipsoid is None else frf.bound.ellipsoid[:, flat][:, :, flat]
-    other = rid.FrequencyResponse(
-        frf.omega,
-        frf.values[:, rows][:, :, columns],
-        bound=rid.Bound(frf.bound[:, rows][:, :, columns], joint=joint, ellipsoid=E),
-        dt=DT,
-    )
+    bound = rid.Bound(frf.bound[:, rows][:, :, columns], joint=joint, ellipsoid=E)
+    other = rid.FrequencyResponse(frf.omega, frf.values[:, rows][:, :, columns], bound=bound, dt=DT)
     assert np.array_equal(other.missing, frf.missing[:, rows][:, :, columns])
     error = complex_normal(np.random.default_rng(1), *frf.values.shape)
     expected = frf.ratio(error)
-    expected = {"entry": lambda r: r[:, rows], "column": lambda r: r, "matrix": lambda r: r}[joint](expected)
+    expected = expected[:, rows] if joint == "entry" else expected
     expected = expected if joint == "matrix" else expected[:, :, columns]
     np.testing.assert_allclose(other.ratio(error[:, rows][:, :, columns]), expected, rtol=1e-9)
 
@@ -121,23 +114,12 @@ def test_units_do_not_matter(joint, missing, power):
     rows = 2.0 ** np.array([power, 0, -power // 2])[:, None]  # another unit for every output
     flat = np.tile(rows.ravel(), 2)
     E = None if frf.bound.ellipsoid is None else frf.bound.ellipsoid * np.outer(flat, flat)
-    other = dataclasses.replace(
-        frf, values=rows * frf.values, bound=rid.Bound(rows * frf.bound, joint=joint, ellipsoid=E)
-    )
+    bound = rid.Bound(rows * frf.bound, joint=joint, ellipsoid=E)
+    other = dataclasses.replace(frf, values=rows * frf.values, bound=bound)
     error = complex_normal(np.random.default_rng(2), *frf.values.shape)
     assert np.array_equal(other.ratio(rows * error), frf.ratio(error))
     if E is not None:
         assert np.array_equal(rebound(other, radius=None).bound, rows * frf.bound)
-
-
-@pytest.mark.parametrize(("joint", "missing"), KINDS)
-@pytest.mark.parametrize("ending", ["npz", "csv", "mat"])
-def test_copies_pickles_and_files_keep_everything(joint, missing, ending, tmp_path):
-    frf = response(6, joint, missing=missing)
-    for again in (copy.deepcopy(frf), pickle.loads(pickle.dumps(frf))):
-        same(again, frf)
-    save(tmp_path / f"frf.{ending}", frf)
-    same(load(tmp_path / f"frf.{ending}"), frf)
 
 
 @pytest.mark.parametrize(("joint", "missing"), KINDS)
@@ -190,15 +172,15 @@ def test_column_bounds_of_every_shape():
 
 # --- refusals -----------------------------------------------------------------------------------------------------------
 
-TWO = {"omega": [1.0], "values": np.ones((1, 2, 1))}
-BAD = [
-    ({"bound": np.inf}, "`bound` is infinite everywhere"),
-    ({"values": [[[1], [np.nan]]], "bound": 1.0}, r"`values` must be finite; got \(nan\+0j\) at index \(0, 1, 0\)"),
-    ({"values": [[[1], [np.nan]]]}, "A `bound` of inf marks"),
-]
-BAD_BOUNDS = [
+TWO = rid.FrequencyResponse([1.0], np.ones((1, 2, 1)))
+GAPS = response(9, missing=True)
+EVERY_ENTRY = r"every entry at every frequency point; \d+ of 30 are missing, the first at"
+
+
+test_what_a_bound_of_a_response_refuses = refusals(
     ({"joint": "row"}, "`joint` must be one of"),
     ({"joint": "column"}, "`radius` of a bound is missing"),
+    ({"tilt": [0.1]}, "`radius` of a bound is missing"),
     ({"joint": "matrix", "radius": 1.0}, "give both or none"),
     ({"ellipsoid": [np.eye(2)]}, "give both or none"),
     ({"joint": "column", "radius": 1.0, "tilt": [0.1]}, "`tilt` shapes the disc of one entry"),
@@ -208,42 +190,26 @@ BAD_BOUNDS = [
     ({"joint": "matrix", "ellipsoid": [np.ones((2, 2))]}, "must be positive definite"),
     ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": 2.0}, "square root of the diagonal"),
     ({"joint": "matrix", "ellipsoid": [np.eye(2)], "radius": [[[1], [np.inf]]]}, "needs every entry of the matrix"),
-]
+    ({"radius": 1, "tilt": [0.1, 0.1]}, r"`tilt` must have shape \(F,\) = \(1,\) or \(1, 2, 1\); got \(2,\)"),
+    ({"radius": 1, "tilt": 0.5}, "`tilt` must have shape"),
+    ({"radius": 1, "tilt": [1j]}, "`tilt` must be smaller than 1 in modulus"),
+    ({"radius": 1, "tilt": [np.nan]}, "`tilt` must be finite"),
+    of=lambda **parts: dataclasses.replace(TWO, bound=rid.Bound(**parts)),
+)
 
-
-@pytest.mark.parametrize(("options", "sentence"), BAD)
-def test_what_a_response_refuses(options, sentence):
-    with pytest.raises(InputError, match=sentence):
-        rid.FrequencyResponse(**(TWO | options))
-
-
-@pytest.mark.parametrize(("parts", "sentence"), BAD_BOUNDS)
-def test_what_a_bound_of_a_response_refuses(parts, sentence):
-    with pytest.raises(InputError, match=sentence):
-        rid.FrequencyResponse(**TWO, bound=rid.Bound(**parts))
-
-
-def test_what_needs_every_entry_says_so():
-    frf = response(9, missing=True)
-    for refused in (frf.to_control, lambda: frf.with_ellipsoid(2.0), lambda: rid.prepare.estimate_delay(frf)):
-        with pytest.raises(
-            InputError, match=r"every entry at every frequency point; \d+ of 30 are missing, the first at"
-        ):
-            refused()
-    with pytest.raises(InputError, match="`bound` is needed"):
-        frf.with_bound(None)
-    with pytest.raises(InputError, match="`covariance` is needed"):
-        rid.FrequencyResponse(**TWO).with_ellipsoid(2.0)
-    with pytest.raises(InputError, match="`ratio` needs the bound"):
-        rid.FrequencyResponse(**TWO).ratio(np.ones((1, 2, 1)))
-    with pytest.raises(InputError, match=r"`error` must have shape \(1, 2, 1\)"):
-        rid.FrequencyResponse(**TWO, bound=1.0).ratio(1.0)
-    with pytest.raises(InputError, match=r"`radius` must be a scalar or have shape"):
-        rid.FrequencyResponse(**TWO).with_column_bound(np.ones(3))
-    with pytest.raises(InputError, match=r"`radius` must be positive"):
-        rid.FrequencyResponse(**TWO).with_column_bound(-1)
-    with pytest.raises(InputError, match=r"'y2'.* was measured at no frequency point"):
-        rid.FrequencyResponse(**TWO, bound=[[[1], [np.inf]]]).entry(1, 0)
+test_what_needs_more_says_so = refusals(
+    (GAPS.to_control, EVERY_ENTRY),
+    (lambda: GAPS.with_ellipsoid(2.0), EVERY_ENTRY),
+    (lambda: rid.prepare.estimate_delay(GAPS), EVERY_ENTRY),
+    (lambda: GAPS.with_bound(None), "`bound` is needed"),
+    (lambda: TWO.with_ellipsoid(2.0), "`covariance` is needed"),
+    (lambda: TWO.with_ellipses(np.eye(2)[None], 1.0), "one entry at a time"),
+    (lambda: TWO.ratio(np.ones((1, 2, 1))), "`ratio` needs the bound"),
+    (lambda: TWO.with_bound(1.0).ratio(1.0), r"`error` must have shape \(1, 2, 1\)"),
+    (lambda: TWO.with_column_bound(np.ones(3)), "`radius` must be a scalar or have shape"),
+    (lambda: TWO.with_column_bound(-1), "`radius` must be positive"),
+    (lambda: TWO.with_bound([[[1], [np.inf]]]).entry(1, 0), "'y2'.* was measured at no frequency point"),
+)
 
 
 # --- those who read it --------------------------------------------------------------------------------------------------
@@ -304,20 +270,12 @@ def test_bounds_from_rest_are_of_entries():
     u = np.tile(rng.standard_normal(100), 4)
     y = np.stack([2 * u, -u], axis=1) + 0.01 * rng.standard_normal((400, 2))
     record = rid.TimeRecord(u, y, dt=DT, initial="periodic")
-    noise = rid.prepare.bounds_from_noise_floor(
-        rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT)
-    )
+    quiet = rid.TimeRecord(np.zeros(400), 0.01 * rng.standard_normal((400, 2)), dt=DT)
+    noise = rid.prepare.bounds_from_noise_floor(quiet)
     frf = rid.estimate_frf(record, period=100)
     expected = noise.bound_response(frf, record, period=100)
     assert expected.bound.joint == "entry"
     same(noise.bound_response(frf.with_column_bound(1.0), record, period=100), expected)
-
-
-def test_an_identification_keeps_how_a_bound_is_meant(tmp_path):
-    frf = rebound(rid.datasets.flexible_structure().frequency, joint="column")
-    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=50, decay_rate=1.05)))
-    result.save(tmp_path / "result")
-    same(rid.load(tmp_path / "result").problem.frequency[0], frf)
 
 
 def test_a_weight_of_one_s_own():
@@ -332,9 +290,8 @@ def test_modes_come_from_the_measured_lines():
     data = rid.datasets.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10)).frequency
     gone = np.zeros(data.values.shape, bool)
     gone[[1, 5]] = True
-    gaps = dataclasses.replace(
-        data, values=np.where(gone, np.nan, data.values), bound=np.where(gone, np.inf, data.bound)
-    )
+    values, bound = np.where(gone, np.nan, data.values), np.where(gone, np.inf, data.bound)
+    gaps = dataclasses.replace(data, values=values, bound=bound)
     found, expected = rid.suggest_kautz(gaps), rid.suggest_kautz(data.select(~gone[:, 0, 0]))
     np.testing.assert_array_equal(found.omega, expected.omega)
 

@@ -5,7 +5,8 @@ import pytest
 
 import robustid as rid
 from robustid.data import NONLINEAR, nonlinear, nonlinear_records
-from robustid.errors import InputError
+from support.cases import slow
+from support.refusals import refusals
 
 LINES = np.arange(5, 61)
 
@@ -55,24 +56,17 @@ def test_records_are_as_asked():
     np.testing.assert_array_equal(quiet[0].y[: nonlinear.PERIOD], quiet[0].y[-nonlinear.PERIOD :])
 
 
-@pytest.mark.parametrize(
-    ("kind", "options", "sentence"),
-    [
-        ("friction", {}, "`kind` must be one of"),
-        ("backlash", {"count": 0}, "`count` must be at least 1"),
-        ("backlash", {"noise": -0.1}, "`noise` must be >= 0; got -0.1"),
-        ("backlash", {"rms": 0.0}, "`rms` must be positive"),
-        ("backlash", {"spacing": "even"}, "`spacing` must be one of"),
-    ],
+test_refused = refusals(
+    ({"kind": "friction"}, "`kind` must be one of"),
+    ({"count": 0}, "`count` must be at least 1"),
+    ({"noise": -0.1}, "`noise` must be >= 0; got -0.1"),
+    ({"rms": 0.0}, "`rms` must be positive"),
+    ({"spacing": "even"}, "`spacing` must be one of"),
+    of=lambda **options: nonlinear_records(**{"kind": "backlash", **options}),
 )
-def test_refused(kind, options, sentence):
-    with pytest.raises(InputError, match=sentence):
-        nonlinear_records(kind, **options)
 
 
-@pytest.mark.parametrize(
-    ("seeds", "fresh"), [(3, 100), pytest.param(20, 200, marks=pytest.mark.slow)], ids=["3 seeds", "20 seeds"]
-)
+@pytest.mark.parametrize(("seeds", "fresh"), [(3, 100), slow(20, 200)], ids=["3 seeds", "20 seeds"])
 @pytest.mark.parametrize(
     "kind", [pytest.param(k, marks=() if k == "dry friction" else pytest.mark.slow) for k in NONLINEAR]
 )

@@ -6,7 +6,9 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate
+from robustid.errors import InputTypeError
 from robustid.identification import model_residuals
+from support.refusals import refusals
 
 pytestmark = pytest.mark.quick
 DT = 0.01
@@ -86,28 +88,17 @@ def test_instants_are_not_missed_by_rounding(k):
     assert record.window((k - 0.5) * 0.1, past="unknown").u[0, 0] == k
 
 
-@pytest.mark.parametrize(
-    ("window", "options", "sentence"),
-    [
-        ((0.3, 0.3), {}, "must enclose samples of the record, which lasts from 0 to 0.5 s"),
-        ((-0.1, 0.3), {}, "must enclose samples"),
-        ((0.1, 0.7), {}, "must enclose samples"),
-        ((0.1, 0.2), {"past": "zero"}, "`past` must be one of"),
-        ((np.nan, 0.2), {}, "`start` must be finite"),
-    ],
+FIVE = rid.TimeRecord(np.ones(5), np.ones(5), dt=0.1, bound=1.0)
+
+test_window_refuses = refusals(
+    (lambda: FIVE.window(0.3, 0.3), "must enclose samples of the record, which lasts from 0 to 0.5 s"),
+    (lambda: FIVE.window(-0.1, 0.3), "must enclose samples"),
+    (lambda: FIVE.window(0.1, 0.7), "must enclose samples"),
+    (lambda: FIVE.window(0.1, 0.2, past="zero"), "`past` must be one of"),
+    (lambda: FIVE.window(np.nan, 0.2), "`start` must be finite"),
+    (lambda: rid.TimeRecord(np.ones(5), np.ones(5), dt=0.1).window(0.1), "call with_bound"),
+    (lambda: FIVE.with_bound([1, 1, 1, np.inf, np.inf]).window(0.3), "no sample from `start` = 0.3 s on is used"),
 )
-def test_window_refuses(window, options, sentence):
-    record = rid.TimeRecord(np.ones(5), np.ones(5), dt=0.1, bound=1.0)
-    with pytest.raises(rid.InputError, match=sentence):
-        record.window(*window, **options)
-
-
-def test_window_needs_a_bound_to_mark_samples_and_used_samples_inside():
-    with pytest.raises(rid.InputError, match="call with_bound"):
-        rid.TimeRecord(np.ones(5), np.ones(5), dt=0.1).window(0.1)
-    record = rid.TimeRecord(np.ones(5), np.ones(5), dt=0.1, bound=[1, 1, 1, np.inf, np.inf])
-    with pytest.raises(rid.InputError, match=r"no sample from `start` = 0.3 s on is used"):
-        record.window(0.3)
 
 
 # --- offsets and drifts
@@ -174,23 +165,19 @@ def test_a_line_is_taken_from_every_signal_of_a_record_from_an_unknown_state():
     assert level.past_input_bound >= 10 + np.abs(record.u).max() - 1e-9
 
 
-@pytest.mark.parametrize(
-    ("options", "how", "sentence"),
-    [
-        ({}, {}, "`until` is needed for a record from zero initial conditions"),
-        ({}, {"until": 0.03}, "`until` = 0.03 s: the input acts from 0.02 s on"),
-        ({}, {"until": 0.01}, "holds 1 sample; give at least two"),
-        ({}, {"kind": "cubic"}, '`kind` must be "mean" or "linear"'),
-        ({"initial": "periodic"}, {"kind": "linear"}, "a drift can't be told from the response"),
-        ({"initial": "periodic"}, {"until": 0.02}, "`until` is for records from zero initial conditions"),
-        ({"initial": "free", "bound": 1.0}, {}, "a bound and an unknown initial state"),
-        ({"bound": [np.inf, 1, 1, 1]}, {"until": 0.02}, "has unused samples"),
-    ],
+RISING = {"u": [0.0, 0.0, 1.0, 2.0], "y": np.ones(4), "dt": DT}
+
+test_detrend_refuses = refusals(
+    (({}, {}), "`until` is needed for a record from zero initial conditions"),
+    (({}, {"until": 0.03}), "`until` = 0.03 s: the input acts from 0.02 s on"),
+    (({}, {"until": 0.01}), "holds 1 sample; give at least two"),
+    (({}, {"kind": "cubic"}), '`kind` must be "mean" or "linear"'),
+    (({"initial": "periodic"}, {"kind": "linear"}), "a drift can't be told from the response"),
+    (({"initial": "periodic"}, {"until": 0.02}), "`until` is for records from zero initial conditions"),
+    (({"initial": "free", "bound": 1.0}, {}), "a bound and an unknown initial state"),
+    (({"bound": [np.inf, 1, 1, 1]}, {"until": 0.02}), "has unused samples"),
+    of=lambda options, how: rid.prepare.detrend(rid.TimeRecord(**RISING, **options), **how),
 )
-def test_detrend_refuses(options, how, sentence):
-    record = rid.TimeRecord([0.0, 0.0, 1.0, 2.0], np.ones(4), dt=DT, **options)
-    with pytest.raises(rid.InputError, match=sentence):
-        rid.prepare.detrend(record, **how)
 
 
 # --- decimation
@@ -251,17 +238,12 @@ def test_unused_samples_stay_unused():
     np.testing.assert_array_equal(np.isinf(slow.bound[:, 0]), touched)
 
 
-@pytest.mark.parametrize(
-    ("samples", "factor", "initial", "sentence"),
-    [
-        (1001, 2, "periodic", "`factor` = 2 must divide the 1001 samples"),
-        (100, 2, "rest", "`record` has 100 samples, fewer than the filter of `factor` = 2, which has 105"),
-        (1000, 1, "rest", "`factor` must be at least 2"),
-    ],
+test_decimate_refuses = refusals(
+    ((np.ones(1001), 2, "periodic"), "`factor` = 2 must divide the 1001 samples"),
+    ((np.ones(100), 2, "rest"), "`record` has 100 samples, fewer than the filter of `factor` = 2, which has 105"),
+    ((np.ones(1000), 1, "rest"), "`factor` must be at least 2"),
+    of=lambda u, factor, initial: rid.prepare.decimate(rid.TimeRecord(u, u, dt=DT, initial=initial), factor),
 )
-def test_decimate_refuses(samples, factor, initial, sentence):
-    with pytest.raises(rid.InputError, match=sentence):
-        rid.prepare.decimate(rid.TimeRecord(np.ones(samples), np.ones(samples), dt=DT, initial=initial), factor)
 
 
 # --- what is wrong with a record
@@ -290,9 +272,11 @@ def test_sound_records_have_no_faults():
         assert rid.prepare.record_faults(rid.TimeRecord(np.sign(wave + 0.01), y, dt=DT), period=100) == ()
 
 
-def test_time_vectors():
+def test_a_time_vector_has_its_step():
     assert rid.prepare.sample_time(0.25 * np.arange(9)) == 0.25
-    with pytest.raises(rid.InputError, match="the time is not uniform: from 2 s"):
-        rid.prepare.sample_time([0.0, 1.0, 2.0, 4.0, 5.0])
-    with pytest.raises(rid.errors.InputTypeError, match="TimeRecord"):
-        rid.prepare.decimate(np.ones(3), 2)
+
+
+test_what_is_no_record_is_refused = refusals(
+    (lambda: rid.prepare.sample_time([0.0, 1.0, 2.0, 4.0, 5.0]), "the time is not uniform: from 2 s"),
+    (lambda: rid.prepare.decimate(np.ones(3), 2), "TimeRecord", InputTypeError),
+)

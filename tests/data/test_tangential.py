@@ -15,6 +15,7 @@ from robustid import load
 from robustid.data import save
 from robustid.errors import InputError, InputTypeError
 from support.mimo_data import KINDS, complex_normal, response, same
+from support.refusals import refusals
 
 pytestmark = pytest.mark.quick
 DT = 0.01
@@ -217,42 +218,28 @@ def test_a_model_held_against_directions():
 
 # --- refusals -----------------------------------------------------------------------------------------------------------
 
-BAD = [
-    (
-        {"right": np.ones((3, 1, 1))},
-        InputError,
-        r"`right` must have shape \(nu,\), \(nu, r\) or \(F, nu, r\) with F = 2",
-    ),
-    (
-        {"left": np.ones((1, 1, 1, 1))},
-        InputError,
-        r"`left` must have shape \(ny,\), \(l, ny\) or \(F, l, ny\) with F = 2",
-    ),
-    ({"right": np.ones((3, 2))}, InputError, r"`right` must have the 1 columns that `values` \(2, 1, 1\) has; got 2"),
-    ({"left": np.ones((2, 3))}, InputError, r"`left` must have the 1 rows that `values` \(2, 1, 1\) has; got 2"),
-    ({"right": [0.0, 0.0]}, InputError, "`right` has a direction of length zero"),
-    (
-        {"left": [[[0.0, 1.0]], [[0.0, 0.0]]]},
-        InputError,
-        r"`left` has a direction of length zero \(frequency point 1, number 0\)",
-    ),
-    ({"right": [np.nan, 1.0]}, InputError, "`right` must be finite"),
-    ({"right": "x"}, InputTypeError, "`right` must be an array of numbers"),
-    ({"right": np.ones((0, 1))}, InputError, "`right` must have shape"),
-    ({"bound": np.inf}, InputError, "nothing was measured"),
-    ({"bound": [1.0, 2.0, 3.0]}, InputError, "`bound` must be a scalar or have shape"),
-    ({"values": [1.0, np.nan]}, InputError, "`values` must be finite"),
-    ({"values": np.ones((2, 1))}, InputError, r"`values` must have shape \(F,\) or \(F, l, r\)"),
-    ({"inputs": ["a", "b"]}, InputError, "`inputs` must name 1 signal"),
-    ({"dt": 2.0}, InputError, "must not exceed pi/dt"),
-    ({"note": 1}, InputTypeError, "`note` must be text"),
-    ({"bound": rid.Bound(1.0, joint="column")}, InputError, "a disc for every value"),
-]
+test_what_is_refused = refusals(
+    ({"right": np.ones((3, 1, 1))}, r"`right` must have shape \(nu,\), \(nu, r\) or \(F, nu, r\) with F = 2"),
+    ({"left": np.ones((1, 1, 1, 1))}, r"`left` must have shape \(ny,\), \(l, ny\) or \(F, l, ny\) with F = 2"),
+    ({"right": np.ones((3, 2))}, r"`right` must have the 1 columns that `values` \(2, 1, 1\) has; got 2"),
+    ({"left": np.ones((2, 3))}, r"`left` must have the 1 rows that `values` \(2, 1, 1\) has; got 2"),
+    ({"right": [0.0, 0.0]}, "`right` has a direction of length zero"),
+    ({"left": [[[0, 1]], [[0, 0]]]}, r"`left` has a direction of length zero \(frequency point 1, number 0\)"),
+    ({"right": [np.nan, 1.0]}, "`right` must be finite"),
+    ({"right": "x"}, "`right` must be an array of numbers", InputTypeError),
+    ({"right": np.ones((0, 1))}, "`right` must have shape"),
+    ({"bound": np.inf}, "nothing was measured"),
+    ({"bound": [1.0, 2.0, 3.0]}, "`bound` must be a scalar or have shape"),
+    ({"values": [1.0, np.nan]}, "`values` must be finite"),
+    ({"values": np.ones((2, 1))}, r"`values` must have shape \(F,\) or \(F, l, r\)"),
+    ({"inputs": ["a", "b"]}, "`inputs` must name 1 signal"),
+    ({"dt": 2.0}, "must not exceed pi/dt"),
+    ({"note": 1}, "`note` must be text", InputTypeError),
+    ({"bound": rid.Bound(1.0, joint="column")}, "a disc for every value"),
+    of=lambda **options: rid.TangentialResponse(**({"omega": [1.0, 2.0], "values": [1.0, 2.0]} | options)),
+)
 
 
-@pytest.mark.parametrize(("options", "error", "sentence"), BAD)
-def test_what_is_refused(options, error, sentence):
-    with pytest.raises(error, match=sentence):
-        rid.TangentialResponse(**({"omega": [1.0, 2.0], "values": [1.0, 2.0]} | options))
+def test_directions_have_the_inputs_of_the_response():
     with pytest.raises(InputError, match=r"`right` must have shape .* with the 1 inputs of the response"):
         rid.FrequencyResponse([1.0], [1.0]).tangential(right=[1.0, 2.0])

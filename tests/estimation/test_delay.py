@@ -7,6 +7,12 @@ import scipy.linalg
 
 import robustid as rid
 from robustid.core import simulate
+from robustid.errors import InputTypeError
+from robustid.estimation import estimate_delay
+from support.cases import slow
+from support.mfd_systems import noisy
+from support.mimo_data import real_poles
+from support.refusals import refusals
 
 DT = 1e-3
 OMEGA = 2 * np.pi * np.linspace(2, 350, 250)
@@ -41,26 +47,21 @@ def held(plant, tau):
     return np.array([(C @ np.linalg.solve(q * np.eye(n) - a, now + early @ late / q))[0, 0] * q**-whole for q in z])
 
 
-def noisy(values, rng, relative):
-    e = rng.standard_normal((2, *values.shape))
-    return values * (1 + relative * (e[0] + 1j * e[1]) / np.sqrt(2))
-
-
 # --- the estimate
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, slow(3)])
 @pytest.mark.parametrize(("respond", "dt"), [(continuous, None), (held, DT)])
 def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         plant, tau = modes(rng, 2), rng.uniform(0, 10) * DT
-        found = rid.prepare.estimate_delay(rid.FrequencyResponse(OMEGA, respond(plant, tau), dt=dt), order=4)
+        found = estimate_delay(rid.FrequencyResponse(OMEGA, respond(plant, tau), dt=dt), order=4)
         assert abs(found.seconds - tau) < 1e-5 * DT
         assert found.misfit < 1e-5
 
 
-@pytest.mark.parametrize(("seeds", "most"), [(2, 2.6), pytest.param(8, 1.9, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seeds", "most"), [(2, 2.6), slow(8, 1.9)])
 @pytest.mark.parametrize(("respond", "dt"), [(continuous, None), (held, DT)])
 def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, dt, seeds, most):
     """Order unknown for the first of the continuous plants (slow: of the others, too), known for the others."""
@@ -69,8 +70,8 @@ def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, d
         rng = np.random.default_rng(seed)
         count = int(rng.integers(1, 4))
         plant, tau = modes(rng, count), rng.uniform(0, 10) * DT
-        frf = rid.FrequencyResponse(OMEGA, noisy(respond(plant, tau), rng, 0.01), dt=dt)
-        found = rid.prepare.estimate_delay(frf, order=None if seed == 0 and (dt is None or seeds > 2) else 2 * count)
+        frf = rid.FrequencyResponse(OMEGA, noisy(rng, respond(plant, tau)), dt=dt)
+        found = estimate_delay(frf, order=None if seed == 0 and (dt is None or seeds > 2) else 2 * count)
         assert 0.008 < found.misfit < 0.012
         errors.append(abs(found.seconds - tau) / DT)
         scaled.append((found.seconds - tau) / found.deviation)
@@ -78,9 +79,7 @@ def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, d
     assert np.sqrt(np.mean(np.square(scaled))) < most  # chi with as many degrees of freedom: 99.9 %
 
 
-@pytest.mark.parametrize(
-    ("seeds", "least", "most"), [(8, 0.29, 1.87), pytest.param(40, 0.65, 1.37, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("seeds", "least", "most"), [(8, 0.29, 1.87), slow(40, 0.65, 1.37)])
 def test_the_stated_deviation_is_that_of_many_seeds(seeds, least, most):
     """Speeds: one pole more than zeros, where the cost is a parabola in the delay."""
     plant, tau = modes(np.random.default_rng(1), 2), 3.3 * DT
@@ -90,9 +89,8 @@ def test_the_stated_deviation_is_that_of_many_seeds(seeds, least, most):
     for seed in range(seeds):
         e = np.random.default_rng(seed).standard_normal((2, clean.size)) * deviation / np.sqrt(2)
         covariance = np.full((clean.size, 1, 1), deviation**2)
-        found = rid.prepare.estimate_delay(
-            rid.FrequencyResponse(OMEGA, clean + e[0] + 1j * e[1], covariance=covariance), order=4, longest=6 * DT
-        )
+        frf = rid.FrequencyResponse(OMEGA, clean + e[0] + 1j * e[1], covariance=covariance)
+        found = estimate_delay(frf, order=4, longest=6 * DT)
         ratios.append((found.seconds - tau) / found.deviation)
     assert least < np.sqrt(np.mean(np.square(ratios))) < most  # chi with as many degrees of freedom: 99.9 %
 
@@ -105,15 +103,15 @@ def test_several_entries_share_their_poles_and_feed_through_is_allowed():
     for p in poles:
         gain = np.abs(p) * rng.standard_normal((2, 2))
         values += gain * (1 / (s - p) + 1 / (s - np.conj(p)))[:, None, None]
-    frf = rid.FrequencyResponse(OMEGA, noisy((values + 1.0) * np.exp(-s * tau)[:, None, None], rng, 0.01))
-    assert abs(rid.prepare.estimate_delay(frf, order=4, feedthrough=True).seconds - tau) < 0.02 * DT
+    frf = rid.FrequencyResponse(OMEGA, noisy(rng, (values + 1.0) * np.exp(-s * tau)[:, None, None]))
+    assert abs(estimate_delay(frf, order=4, feedthrough=True).seconds - tau) < 0.02 * DT
 
 
 def test_units_scale_exactly():
     rng = np.random.default_rng(2)
-    values = noisy(continuous(modes(rng, 2), 2 * DT), rng, 0.01)
-    plain = rid.prepare.estimate_delay(rid.FrequencyResponse(OMEGA, values), order=4)
-    scaled = rid.prepare.estimate_delay(rid.FrequencyResponse(OMEGA * 2.0**60, values * 2.0**-60), order=4)
+    values = noisy(rng, continuous(modes(rng, 2), 2 * DT))
+    plain = estimate_delay(rid.FrequencyResponse(OMEGA, values), order=4)
+    scaled = estimate_delay(rid.FrequencyResponse(OMEGA * 2.0**60, values * 2.0**-60), order=4)
     assert scaled.seconds == pytest.approx(plain.seconds * 2.0**-60, rel=1e-9)
     assert scaled.misfit == pytest.approx(plain.misfit, rel=1e-9)
 
@@ -122,59 +120,33 @@ def test_units_scale_exactly():
 @pytest.mark.parametrize("side", ["m", "a"])
 def test_measured_speeds_are_low_passed_angles_without_a_delay(side):
     """speed/(j omega angle) of the motor bench is 1/(1 + s tau): it looks like a delay of 20 samples at low frequencies."""
-    from robustid.formats import datasets
-
     angle, speed = {"m": ("theta_mx", "omega_max"), "a": ("theta_my", "omega_may")}[side]
-    path = datasets.find("two_mass/MultisineTypeA.mat")
+    path = rid.datasets.find("two_mass/MultisineTypeA.mat")
     record = rid.load(path, fields={"u": angle, "y": speed}, dt=1 / 2500, initial="periodic")
     lines = np.arange(11, 151)
     frf = rid.estimate_frf(record, period=2500, lines=lines)
     s = 1j * frf.omega
-    ratio = rid.FrequencyResponse(
-        frf.omega, frf.values / s[:, None, None], covariance=frf.covariance / np.abs(s[:, None, None]) ** 2
-    )
-    found = rid.prepare.estimate_delay(ratio, order=1)
+    covariance = frf.covariance / np.abs(s[:, None, None]) ** 2
+    ratio = rid.FrequencyResponse(frf.omega, frf.values / s[:, None, None], covariance=covariance)
+    found = estimate_delay(ratio, order=1)
     assert abs(found.seconds) < 0.1 / 2500
     low_pass = 1 / (1 + s / (2 * np.pi * 20.38))
     np.testing.assert_allclose(ratio.values[:30, 0, 0], low_pass[:30], rtol=0.01)  # below the antiresonance
 
 
-@pytest.mark.parametrize(
-    ("frf", "options", "error", "sentence"),
-    [
-        (np.ones(3), {}, rid.errors.InputTypeError, "`frf` must be a FrequencyResponse; got ndarray"),
-        (rid.TimeRecord([1.0], [1.0], dt=1.0), {}, rid.errors.InputTypeError, "call estimate_frf first"),
-        (
-            rid.FrequencyResponse([1.0], [1.0]),
-            {},
-            rid.InputError,
-            "1 frequency points; a delay needs several frequencies",
-        ),
-        (
-            rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]),
-            {"order": 3},
-            rid.InputError,
-            "too few for a delay and 3 poles",
-        ),
-        (rid.FrequencyResponse([1.0, 2.0], [0.0, 0.0]), {}, rid.InputError, "`frf` is zero at every frequency point"),
-        (
-            rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]),
-            {"longest": 7.0},
-            rid.InputError,
-            "can't tell delays from those",
-        ),
-        (
-            rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]),
-            {"longest": -1.0},
-            rid.InputError,
-            "`longest` must be positive",
-        ),
-        (rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0]), {"order": 0}, rid.InputError, "`order` must be at least 1"),
-    ],
+TWO = rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0])
+
+
+test_estimate_delay_refuses = refusals(
+    (lambda: estimate_delay(np.ones(3)), "`frf` must be a FrequencyResponse; got ndarray", InputTypeError),
+    (lambda: estimate_delay(rid.TimeRecord([1.0], [1.0], dt=1.0)), "call estimate_frf first", InputTypeError),
+    (lambda: estimate_delay(TWO.select([0])), "1 frequency points; a delay needs several frequencies"),
+    (lambda: estimate_delay(TWO, order=3), "too few for a delay and 3 poles"),
+    (lambda: estimate_delay(rid.FrequencyResponse([1.0, 2.0], [0, 0])), "`frf` is zero at every frequency point"),
+    (lambda: estimate_delay(TWO, longest=7.0), "can't tell delays from those"),
+    (lambda: estimate_delay(TWO, longest=-1.0), "`longest` must be positive"),
+    (lambda: estimate_delay(TWO, order=0), "`order` must be at least 1"),
 )
-def test_estimate_delay_refuses(frf, options, error, sentence):
-    with pytest.raises(error, match=sentence):
-        rid.prepare.estimate_delay(frf, **options)
 
 
 # --- taken out of data
@@ -185,9 +157,8 @@ def test_a_response_without_its_delay_keeps_errors_inside_their_ellipses():
     omega, tau = np.array([10.0, 20.0, 31.0]), 0.07
     clean = rng.standard_normal(3) + 1j * rng.standard_normal(3)
     root = rng.standard_normal((3, 2, 2))
-    frf = rid.FrequencyResponse(omega, clean * np.exp(-1j * omega * tau)).with_ellipses(
-        root @ root.swapaxes(1, 2) + 0.1 * np.eye(2), deviations=2
-    )
+    covariance = root @ root.swapaxes(1, 2) + 0.1 * np.eye(2)
+    frf = rid.FrequencyResponse(omega, clean * np.exp(-1j * omega * tau)).with_ellipses(covariance, deviations=2)
     back = frf.without_delay(tau)
     np.testing.assert_allclose(back.values[:, 0, 0], clean, rtol=1e-12)
     error = rng.standard_normal((3, 1, 1)) + 1j * rng.standard_normal((3, 1, 1))
@@ -206,9 +177,8 @@ def test_a_record_without_whole_samples_of_delay_is_that_of_the_plant_alone(init
     u = rng.standard_normal(50)
     alone = simulate(PLANT, u[:, None])[0][:, 0]
     bound = rng.uniform(1, 2, 50)
-    late = rid.TimeRecord(
-        u, np.concatenate([np.zeros(3), alone[:-3]]), dt=DT, bound=bound, initial=initial, reference=2 * u
-    )
+    y = np.concatenate([np.zeros(3), alone[:-3]])
+    late = rid.TimeRecord(u, y, dt=DT, bound=bound, initial=initial, reference=2 * u)
     record = late.without_delay(3 * DT)
     np.testing.assert_array_equal(record.u[:, 0], u[:47])
     np.testing.assert_array_equal(record.y[:, 0], alone[:47])
@@ -234,38 +204,26 @@ def test_a_periodic_record_loses_any_delay_exactly(samples, length):
     np.testing.assert_allclose(np.fft.irfft(np.fft.rfft(record.u[:, 0]) * plant, length), y, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("seconds", "initial", "sentence"),
-    [
-        (
-            0.5 * DT,
-            "rest",
-            "is 0.5 samples of 0.001 s: a record that isn't periodic can be moved by whole samples only",
-        ),
-        (10 * DT, "rest", "must be from 0 to less than the record's 0.01 s"),
-        (-DT, "free", "must be from 0 to less"),
-        (0.5 * DT, "periodic", "the input has power at pi/dt"),
-        (np.nan, "rest", "`seconds` must be finite"),
-    ],
+def without_delay(seconds, initial):
+    return rid.TimeRecord((-1.0) ** np.arange(10), np.ones(10), dt=DT, initial=initial).without_delay(seconds)
+
+
+test_a_record_without_delay_refuses = refusals(
+    ((0.5 * DT, "rest"), "is 0.5 samples of 0.001 s: a record that isn't periodic can be moved by whole samples only"),
+    ((10 * DT, "rest"), "must be from 0 to less than the record's 0.01 s"),
+    ((-DT, "free"), "must be from 0 to less"),
+    ((0.5 * DT, "periodic"), "the input has power at pi/dt"),
+    ((np.nan, "rest"), "`seconds` must be finite"),
+    of=without_delay,
 )
-def test_a_record_without_delay_refuses(seconds, initial, sentence):
-    record = rid.TimeRecord((-1.0) ** np.arange(10), np.ones(10), dt=DT, initial=initial)
-    with pytest.raises(rid.InputError, match=sentence):
-        record.without_delay(seconds)
 
 
 # --- put back into models
 
 
-def two_by_two():
-    rng = np.random.default_rng(3)
-    a = np.diag([0.9, 0.5, -0.3])
-    return control.ss(a, rng.standard_normal((3, 2)), rng.standard_normal((2, 3)), rng.standard_normal((2, 2)), DT)
-
-
 @pytest.mark.parametrize("samples", [0, 1, 5])
 def test_whole_samples_are_exact(samples):
-    model = two_by_two()
+    model = real_poles(3, 2, 2, (0.9, 0.5, -0.3), DT)
     delayed = rid.prepare.with_delay(model, samples * DT)
     assert (delayed.all_pass, delayed.model.nstates) == (0, 3 + 2 * samples)
     assert np.all(delayed.error(OMEGA) == 0)
@@ -276,7 +234,7 @@ def test_whole_samples_are_exact(samples):
 
 @pytest.mark.parametrize("samples", [0.3, 0.8, 2.5, 3.3, 7.9, 12.6])
 def test_a_fraction_costs_the_error_that_is_stated(samples):
-    model = two_by_two()
+    model = real_poles(3, 2, 2, (0.9, 0.5, -0.3), DT)
     delayed = rid.prepare.with_delay(model, samples * DT)
     assert np.all(np.abs(delayed.model.poles()) < 1)
     assert delayed.all_pass == min(max(round(samples), 1), 8)
@@ -295,23 +253,18 @@ def test_a_fraction_costs_the_error_that_is_stated(samples):
 def test_a_found_delay_is_taken_out_and_put_back():
     plant, tau = modes(np.random.default_rng(5), 2), 4 * DT
     frf = rid.FrequencyResponse(OMEGA, held(plant, tau), dt=DT)
-    found = rid.prepare.estimate_delay(frf, order=4)
+    found = estimate_delay(frf, order=4)
     fit = rid.fit_mfd(frf.without_delay(found.seconds), order=4)
     model = rid.prepare.with_delay(fit.model, round(found.seconds / DT) * DT).model
     values = np.array([model(np.exp(1j * w * DT)) for w in OMEGA])
     np.testing.assert_allclose(values, frf.values[:, 0, 0], atol=1e-4 * np.abs(frf.values).max())
 
 
-@pytest.mark.parametrize(
-    ("model", "seconds", "error", "sentence"),
-    [
-        ("plant", DT, rid.errors.InputTypeError, "`model` must be a control.StateSpace; got str"),
-        (control.ss(-1.0, 1.0, 1.0, 0.0), DT, rid.InputError, "of a continuous one take control.pade"),
-        (control.ss(0.5, 1.0, 1.0, 0.0, True), DT, rid.InputError, "discrete with its sample time"),
-        (PLANT, -DT, rid.InputError, "must be from 0 to 1000 samples"),
-        (PLANT, 2.0, rid.InputError, "must be from 0 to 1000 samples"),
-    ],
+test_with_delay_refuses = refusals(
+    (("plant", DT), "`model` must be a control.StateSpace; got str", InputTypeError),
+    ((control.ss(-1.0, 1.0, 1.0, 0.0), DT), "of a continuous one take control.pade"),
+    ((control.ss(0.5, 1.0, 1.0, 0.0, True), DT), "discrete with its sample time"),
+    ((PLANT, -DT), "must be from 0 to 1000 samples"),
+    ((PLANT, 2.0), "must be from 0 to 1000 samples"),
+    of=rid.prepare.with_delay,
 )
-def test_with_delay_refuses(model, seconds, error, sentence):
-    with pytest.raises(error, match=sentence):
-        rid.prepare.with_delay(model, seconds)

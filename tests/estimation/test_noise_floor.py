@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.errors import InputTypeError
+from support.cases import slow
+from support.refusals import refusals
 
 DT, PERIOD = 0.01, 64
 
@@ -52,9 +55,7 @@ def test_a_stretch_of_a_record_will_do():
     assert np.abs(bounded.y[300:] - 1).max() < found.level[0]
 
 
-@pytest.mark.parametrize(
-    "distribution", ["laplace", *(pytest.param(k, marks=pytest.mark.slow) for k in ("uniform", "normal"))]
-)
+@pytest.mark.parametrize("distribution", ["laplace", *(slow(k) for k in ("uniform", "normal"))])
 def test_the_probability_of_the_order_statistics_holds_in_simulation(distribution):
     T, N, trials = 100, 40, 3000
     samples = getattr(np.random.default_rng(7), distribution)(size=(trials, T + N))
@@ -72,11 +73,8 @@ def test_the_probability_of_the_order_statistics_holds_in_simulation(distributio
 def test_normal_noise_stays_within_the_default_factor(factor, low, high):
     rng = np.random.default_rng(1)
     rows = rng.standard_normal((500, 2000))
-    inside = [
-        np.abs(row[1000:] - found.mean).max() <= found.level[0]
-        for row in rows
-        for found in [rid.prepare.bounds_from_noise_floor(at_rest(row[:1000]), factor=factor)]
-    ]
+    floors = [rid.prepare.bounds_from_noise_floor(at_rest(row[:1000]), factor=factor) for row in rows]
+    inside = [np.abs(row[1000:] - floor.mean).max() <= floor.level[0] for row, floor in zip(rows, floors, strict=True)]
     assert low <= np.mean(inside) <= high
 
 
@@ -91,14 +89,10 @@ def test_one_tone_at_rest_gives_the_bound_by_hand():
     tone = 0.1 * np.cos(2 * np.pi * 7 * np.arange(16 * PERIOD) / PERIOD)
     outputs = np.stack([tone, 3 * tone], axis=1)
     records = [periodic(u, u @ np.array([[1.0, 2.0], [0.0, 1.0]])) for u in experiments]
-    frf = rid.estimate_frf(
-        [rid.TimeRecord(r.u, r.y + 1e-6 * rng.standard_normal(r.y.shape), dt=DT, initial="periodic") for r in records],
-        period=PERIOD,
-        lines=range(1, 31),
-    )
-    bounded = rid.prepare.bounds_from_noise_floor(at_rest(outputs, inputs=2), factor=1.25).bound_response(
-        frf, records, period=PERIOD
-    )
+    played = [periodic(r.u, r.y + 1e-6 * rng.standard_normal(r.y.shape)) for r in records]
+    frf = rid.estimate_frf(played, period=PERIOD, lines=range(1, 31))
+    noise = rid.prepare.bounds_from_noise_floor(at_rest(outputs, inputs=2), factor=1.25)
+    bounded = noise.bound_response(frf, records, period=PERIOD)
     by_hand = 1.25 * np.outer([0.05, 0.15], [2, 4 / 3])
     np.testing.assert_allclose(bounded.bound[6], by_hand, rtol=1e-9)
     assert np.all(bounded.bound[25] < 1e-12)  # 304 bins away from the tone
@@ -114,15 +108,14 @@ def simulate_bounds(seeds, factor, rest_periods, periods, lines=range(1, 31)):
         u = multisine(rng, periods)
         record = periodic(u, 2 * u + 0.1 * rng.standard_normal(u.size))
         frf = rid.estimate_frf(record, period=PERIOD, lines=lines)
-        noise = rid.prepare.bounds_from_noise_floor(
-            at_rest(0.1 * rng.standard_normal(rest_periods * PERIOD)), factor=factor
-        )
+        rest = at_rest(0.1 * rng.standard_normal(rest_periods * PERIOD))
+        noise = rid.prepare.bounds_from_noise_floor(rest, factor=factor)
         bounded = noise.bound_response(frf, record, period=PERIOD)
         out.append(np.abs(bounded.values - 2)[:, 0, 0] / bounded.bound[:, 0, 0])
     return np.array(out), bounded.note
 
 
-@pytest.mark.parametrize("seeds", [100, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [100, slow(300)])
 def test_a_line_goes_beyond_as_often_as_the_formula_says(seeds):
     """Factor 1: prod i/(i + 1) = 1/(m + 1), m = 100."""
     ratio, _ = simulate_bounds(seeds, 1.0, 32, 8)
@@ -164,9 +157,8 @@ def test_units_scale_exactly():
     frf = rid.estimate_frf(periodic(u, y), period=PERIOD)
     plain = rid.prepare.bounds_from_noise_floor(at_rest(rest)).bound_response(frf, periodic(u, y), period=PERIOD)
     s = 2.0**-60
-    scaled = rid.prepare.bounds_from_noise_floor(at_rest(s * rest)).bound_response(
-        frf, periodic(u, s * y), period=PERIOD
-    )
+    noise = rid.prepare.bounds_from_noise_floor(at_rest(s * rest))
+    scaled = noise.bound_response(frf, periodic(u, s * y), period=PERIOD)
     np.testing.assert_array_equal(scaled.bound, s * plain.bound)
 
 
@@ -174,49 +166,31 @@ def test_units_scale_exactly():
 
 U = multisine(np.random.default_rng(0), 2)
 FRF = rid.estimate_frf(periodic(U, U + 0.1 * np.random.default_rng(1).standard_normal(U.size)), period=PERIOD)
+TWO = rid.FrequencyResponse(FRF.omega, np.ones((FRF.omega.size, 2, 1)), dt=DT)
 NOISE = np.random.default_rng(2).standard_normal(200)
 
 
-@pytest.mark.parametrize(
-    ("rest", "options", "error", "sentence"),
-    [
-        (np.ones(4), {}, rid.errors.InputTypeError, "`record` must be a TimeRecord"),
-        (at_rest(NOISE), {"factor": 0.9}, rid.InputError, "`factor` must be at least 1"),
-        (at_rest(np.ones(9)), {}, rid.InputError, "output y is exactly constant"),
-        (at_rest(NOISE, bound=np.where(np.arange(200) == 5, 1.0, np.inf)), {}, rid.InputError, "has 1 used sample"),
-    ],
+test_bounds_from_rest_refuses = refusals(
+    ((np.ones(4),), "`record` must be a TimeRecord", InputTypeError),
+    ({"record": at_rest(NOISE), "factor": 0.9}, "`factor` must be at least 1"),
+    ((at_rest(np.ones(9)),), "output y is exactly constant"),
+    ((at_rest(NOISE, bound=np.where(np.arange(200) == 5, 1.0, np.inf)),), "has 1 used sample"),
+    of=rid.prepare.bounds_from_noise_floor,
 )
-def test_bounds_from_rest_refuses(rest, options, error, sentence):
-    with pytest.raises(error, match=sentence):
-        rid.prepare.bounds_from_noise_floor(rest, **options)
 
 
-@pytest.mark.parametrize(
-    ("rest", "frf", "record", "period", "sentence"),
-    [
-        (at_rest(NOISE[:60]), FRF, periodic(U, U), PERIOD, "has 60 samples, fewer than one period of 64"),
-        (at_rest(NOISE), FRF, periodic(U, U), 50, "`period` = 50 must divide the 128 samples"),
-        (at_rest(NOISE), FRF, periodic(U, U), 32, "frequency points between the spectral lines of `period` = 32"),
-        (at_rest(NOISE), FRF, rid.TimeRecord(U, U, dt=0.02), PERIOD, "dt = 0.02 s, the noise-floor record 0.01 s"),
-        (
-            at_rest(NOISE[:, None] * [1, 1]),
-            FRF,
-            periodic(U, U),
-            PERIOD,
-            "1 outputs and 1 inputs, the noise-floor record 2 and 1",
-        ),
-        (rid.TimeRecord(U[:100], NOISE[:100], dt=DT), FRF, periodic(U, U), PERIOD, "it was not still"),
-    ],
+def bounded(rest, frf=FRF, records=periodic(U, U), period=PERIOD):  # noqa: B008
+    return rid.prepare.bounds_from_noise_floor(rest).bound_response(frf, records, period=period)
+
+
+test_bound_response_refuses = refusals(
+    ({"rest": at_rest(NOISE[:60])}, "has 60 samples, fewer than one period of 64"),
+    ({"rest": at_rest(NOISE), "period": 50}, "`period` = 50 must divide the 128 samples"),
+    ({"rest": at_rest(NOISE), "period": 32}, "frequency points between the spectral lines of `period` = 32"),
+    ({"rest": at_rest(NOISE), "records": rid.TimeRecord(U, U, dt=0.02)}, "dt = 0.02 s, the noise-floor record 0.01 s"),
+    ({"rest": at_rest(NOISE[:, None] * [1, 1])}, "1 outputs and 1 inputs, the noise-floor record 2 and 1"),
+    ({"rest": rid.TimeRecord(U[:100], NOISE[:100], dt=DT)}, "it was not still"),
+    ({"rest": at_rest(NOISE), "frf": TWO}, "the records 1 outputs and 1 inputs"),
+    ({"rest": at_rest(NOISE), "frf": periodic(U, U)}, "`frf` must be a FrequencyResponse", InputTypeError),
+    of=bounded,
 )
-def test_bound_response_refuses(rest, frf, record, period, sentence):
-    with pytest.raises(rid.InputError, match=sentence):
-        rid.prepare.bounds_from_noise_floor(rest).bound_response(frf, record, period=period)
-
-
-def test_bound_response_needs_the_response_of_these_records():
-    noise = rid.prepare.bounds_from_noise_floor(at_rest(NOISE))
-    with pytest.raises(rid.errors.InputTypeError, match="`frf` must be a FrequencyResponse"):
-        noise.bound_response(periodic(U, U), periodic(U, U), period=PERIOD)
-    two = rid.FrequencyResponse(FRF.omega, np.ones((FRF.omega.size, 2, 1)), dt=DT)
-    with pytest.raises(rid.InputError, match="the records 1 outputs and 1 inputs"):
-        noise.bound_response(two, periodic(U, U), period=PERIOD)

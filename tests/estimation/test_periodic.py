@@ -1,12 +1,18 @@
 """estimate_frf against known plants, and the probability of its bound against simulation."""
 
-import control
+import functools
+
 import numpy as np
 import pytest
 
+from robustid.core import simulate
 from robustid.data import TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputTypeError
 from robustid.estimation import estimate_frf
+from support.cases import slow
+from support.mfd_systems import by_control as truth
+from support.mimo_data import real_poles
+from support.refusals import refusals
 
 PERIOD, DT = 64, 0.01
 LINES = np.array([2, 3, 7, 12, 20])
@@ -17,35 +23,20 @@ def multisine(rng, lines=LINES, period=PERIOD):
     return np.cos(2 * np.pi * np.outer(np.arange(period), lines) / period + phase).sum(axis=1)
 
 
-def plant(ny, nu):
-    """Poles of modulus up to 0.5: after 3 periods of 64 samples nothing of a transient is left (0.5^192)."""
-    rng = np.random.default_rng(5)
-    a = np.diag([0.5, 0.3, -0.4])
-    return control.ss(a, rng.standard_normal((3, nu)), rng.standard_normal((ny, 3)), rng.standard_normal((ny, nu)), DT)
-
-
-def truth(model, omega):
-    return np.moveaxis(model(np.exp(1j * omega * DT), squeeze=False), -1, 0)
+# Poles of modulus up to 0.5: after 3 periods of 64 samples nothing of a transient is left (0.5^192).
+plant = functools.partial(real_poles, 5)
 
 
 def steady_record(model, u, periods, **options):
-    """Simulated sample by sample from rest; the first three periods dropped."""
-    u, x, y = np.tile(u, (periods + 3, 1)), np.zeros(3), []
-    for sample in u:
-        y.append(model.C @ x + model.D @ sample)
-        x = model.A @ x + model.B @ sample
-    y = np.array(y)
+    """Simulated from rest; the first three periods dropped."""
+    u = np.tile(u, (periods + 3, 1))
     start = 3 * PERIOD
-    return TimeRecord(u[start:], y[start:], dt=DT, initial="periodic", **options)
+    return TimeRecord(u[start:], simulate(model, u)[0][start:], dt=DT, initial="periodic", **options)
 
 
 def noisy(record, rng, *, output=0.0, input=0.0):
-    return TimeRecord(
-        record.u + input * rng.standard_normal(record.u.shape),
-        record.y + output * rng.standard_normal(record.y.shape),
-        dt=record.dt,
-        initial="periodic",
-    )
+    u = record.u + input * rng.standard_normal(record.u.shape)
+    return TimeRecord(u, record.y + output * rng.standard_normal(record.y.shape), dt=record.dt, initial="periodic")
 
 
 def test_noise_free_single_channel_is_exact():
@@ -102,7 +93,7 @@ def test_plain_formula_at_one_line():
 
 
 def measure(model, rng, *, periods, output, input=0.0, distortion=0.0, offset=0.0):
-    """One experiment in steady state, by the DFT (quick; the tests above simulate sample by sample)."""
+    """One experiment in steady state, by the DFT (quick; the tests above simulate)."""
     u = np.column_stack([multisine(rng) for _ in range(model.ninputs)])
     u += offset * (1 + np.cos(np.pi * np.arange(PERIOD)))[:, None]
     spectrum = np.fft.rfft(u, axis=0)
@@ -125,10 +116,8 @@ SCENARIOS = {
 }
 
 
-@pytest.mark.parametrize("seeds", [60, pytest.param(300, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "name", [pytest.param(k, marks=pytest.mark.slow) if k == "output noise" else k for k in SCENARIOS]
-)
+@pytest.mark.parametrize("seeds", [60, slow(300)])
+@pytest.mark.parametrize("name", [slow(k) if k == "output noise" else k for k in SCENARIOS])
 def test_probability_of_the_bound(name, seeds):
     """All errors lie within the bound as often as stated, and not much more often.
 
@@ -161,7 +150,7 @@ def test_within_one_realisation_distortion_is_invisible():
     assert held == 0
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [150, slow(400)])
 def test_covariance_is_that_of_the_estimate(count):
     """Mean of the estimated covariance against that of many estimates: 2 x 2, off-diagonal entries too."""
     model, rng = plant(2, 2), np.random.default_rng(7)
@@ -236,8 +225,7 @@ def test_offsets_are_no_excitation_unless_asked_for():
 def good(**changes):
     rng = np.random.default_rng(12)
     record = measure(plant(1, 1), rng, periods=4, output=0.01)
-    given = {"u": record.u, "y": record.y, "dt": DT, **changes}
-    return TimeRecord(given.pop("u"), given.pop("y"), **given)
+    return TimeRecord(**{"u": record.u, "y": record.y, "dt": DT, **changes})
 
 
 def pair(second):
@@ -245,42 +233,34 @@ def pair(second):
     return [good(u=first), good(u=second(first))]
 
 
-@pytest.mark.parametrize(
-    ("record", "options", "error", "sentence"),
-    [
-        (good(), {"method": "fft"}, InputError, "`method` must be one of"),
-        (
-            good(),
-            {"period": None, "method": "periodic"},
-            InputError,
-            "holds one period of 256 samples .* at least two periods",
-        ),
-        (good(), {"period": 100}, InputError, "256 samples, not a whole number of periods of 100; cut it to 200"),
-        (good(), {"period": 256}, InputError, "one period of 256 samples"),
-        (good(), {"period": 64.0}, InputTypeError, "`period` must be an integer"),
-        (good(), {"period": 1}, InputError, "`period` must be at least 2; got 1"),
-        (good(), {"probability": 1}, InputError, "`probability` must be between 0 and 1; got 1"),
-        (good(), {"probability": 0}, InputError, "`probability` must be between 0 and 1; got 0"),
-        (good(), {"lines": [33]}, InputError, r"`lines` must be whole numbers from 0 to period//2 = 32"),
-        (good(), {"lines": [1.5]}, InputError, "`lines` must be whole numbers"),
-        (good(), {"lines": []}, InputError, "`lines` must be whole numbers"),
-        (good(), {"lines": [2, 2]}, InputError, "`lines` must be all different"),
-        (good(u=np.zeros(256)), {}, InputError, "no spectral line is excited in every input"),
-        (good(u=np.zeros(256)), {"lines": [3]}, InputError, "an input is zero at a spectral line"),
-        (good(y=np.full(256, 3.0)), {}, InputError, r"output y is constant \(3\): a sensor that is not connected"),
-        ([], {}, InputTypeError, "`record` must be a TimeRecord or a sequence of them; got list"),
-        ("record", {}, InputTypeError, "`record` must be a TimeRecord or a sequence of them; got str"),
-        ([good(), good(dt=0.02)], {}, InputError, r"same sample time; got 0\.01 and 0\.02 \(number 1\)"),
-        ([good(), good(u=np.ones((256, 2)))], {}, InputError, "same shape of u"),
-        ([good(), good(y=np.ones((256, 2)))], {}, InputError, "same shape of y"),
-        (good(u=np.ones((256, 2))), {}, InputError, "2 inputs need 2 experiments, or a multiple of that; got 1"),
-        (pair(lambda first: first), {}, InputError, r"not independent at .* Hz"),
-        (pair(lambda first: 0 * first), {}, InputError, r"not independent at .* Hz"),
-    ],
+TWO_INPUTS, RECORD = np.ones((256, 2)), "`record` must be a TimeRecord or a sequence of them"
+
+test_estimate_frf_refuses = refusals(
+    ({"method": "fft"}, "`method` must be one of"),
+    ({"period": None, "method": "periodic"}, "holds one period of 256 samples .* at least two periods"),
+    ({"period": 100}, "256 samples, not a whole number of periods of 100; cut it to 200"),
+    ({"period": 256}, "one period of 256 samples"),
+    ({"period": 64.0}, "`period` must be an integer", InputTypeError),
+    ({"period": 1}, "`period` must be at least 2; got 1"),
+    ({"probability": 1}, "`probability` must be between 0 and 1; got 1"),
+    ({"probability": 0}, "`probability` must be between 0 and 1; got 0"),
+    ({"lines": [33]}, r"`lines` must be whole numbers from 0 to period//2 = 32"),
+    ({"lines": [1.5]}, "`lines` must be whole numbers"),
+    ({"lines": []}, "`lines` must be whole numbers"),
+    ({"lines": [2, 2]}, "`lines` must be all different"),
+    ({"record": good(u=np.zeros(256))}, "no spectral line is excited in every input"),
+    ({"record": good(u=np.zeros(256)), "lines": [3]}, "an input is zero at a spectral line"),
+    ({"record": good(y=np.full(256, 3.0))}, r"output y is constant \(3\): a sensor that is not connected"),
+    ({"record": []}, f"{RECORD}; got list", InputTypeError),
+    ({"record": "record"}, f"{RECORD}; got str", InputTypeError),
+    ({"record": [good(), good(dt=0.02)]}, r"same sample time; got 0\.01 and 0\.02 \(number 1\)"),
+    ({"record": [good(), good(u=TWO_INPUTS)]}, "same shape of u"),
+    ({"record": [good(), good(y=TWO_INPUTS)]}, "same shape of y"),
+    ({"record": good(u=TWO_INPUTS)}, "2 inputs need 2 experiments, or a multiple of that; got 1"),
+    ({"record": pair(lambda first: first)}, r"not independent at .* Hz"),
+    ({"record": pair(lambda first: 0 * first)}, r"not independent at .* Hz"),
+    of=lambda **options: estimate_frf(**{"record": good(), "period": PERIOD, **options}),
 )
-def test_estimate_frf_refuses(record, options, error, sentence):
-    with pytest.raises(error, match=sentence):
-        estimate_frf(record, **{"period": PERIOD, **options})
 
 
 def test_a_saturated_output_is_said(caplog):

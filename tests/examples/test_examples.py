@@ -4,28 +4,21 @@ Two on measured data, the torsion margin and the steering mirror, run whole with
 """
 
 import functools
+import re
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import robustid as rid
-from support.example_runs import FOLDER, check_files, load
+from support.example_runs import check_files, load
 from support.measured import needs
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Pictures get their names only: half a second each to draw."""
-    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: path.write_bytes(b"\x89PNG"))
 
 
 @pytest.fixture
 def fewer_samples(monkeypatch):
     """The simulated structure with 6 lines and 6 time samples for 11 and 20: beside the suite (.ci/run) it is as it stands."""
-    monkeypatch.setattr(
-        rid.datasets, "flexible_structure", functools.partial(rid.datasets.flexible_structure, lines=6, samples=6)
-    )
+    smaller = functools.partial(rid.datasets.flexible_structure, lines=6, samples=6)
+    monkeypatch.setattr(rid.datasets, "flexible_structure", smaller)
 
 
 @pytest.mark.parametrize(
@@ -41,28 +34,21 @@ def fewer_samples(monkeypatch):
         ("model_reduction", [], "SLICOT"),
     ],
 )
-def test_without_data_an_example_says_where_to_get_them(tmp_path, capsys, monkeypatch, name, options, origin):
+def test_without_data_an_example_says_where_to_get_them(tmp_path, run, monkeypatch, name, options, origin):
     monkeypatch.delenv("ROBUSTID_DATA", raising=False)
-    monkeypatch.syspath_prepend(FOLDER)
-    load(name).main(["--out", str(tmp_path), *options])
-    printed = capsys.readouterr().out
+    printed = run(load(name), [], *options)
     assert origin.lower() in printed.lower()
     assert "ROBUSTID_DATA" in printed
     assert list(tmp_path.iterdir()) == []
 
 
-def test_flexible_structure(tmp_path, capsys, undrawn, fewer_samples):
-    load("flexible_structure").main(["--out", str(tmp_path)])
-    stems = ("no_mode", "the_light_mode", "both_modes")
-    check_files(tmp_path, [f"{kind}_{stem}.png" for kind in ("response", "residuals") for stem in stems])
+def test_flexible_structure(tmp_path, run, undrawn, fewer_samples):
+    names = ("no mode", "the light mode", "both modes")
+    stems = [name.replace(" ", "_") for name in names]
+    pictures = [f"{kind}_{stem}.png" for kind in ("response", "residuals") for stem in stems]
+    printed = run(load("flexible_structure"), pictures)
     assert "<html" in (tmp_path / "report.html").read_text(encoding="utf-8")[:2000].lower()
-    printed = capsys.readouterr().out
-    rows = {
-        name: line.split()
-        for name in ("no mode", "the light mode", "both modes")
-        for line in printed.splitlines()
-        if line.startswith(name)
-    }
+    rows = {name: line.split() for name in names for line in printed.splitlines() if line.startswith(name)}
     # order after reduction and error of the full model, counted from the end of the row
     orders = {name: int(row[-4]) for name, row in rows.items()}
     errors = {name: float(row[-3]) for name, row in rows.items()}
@@ -70,11 +56,9 @@ def test_flexible_structure(tmp_path, capsys, undrawn, fewer_samples):
     assert 10 * errors["both modes"] < errors["the light mode"] < errors["no mode"]
 
 
-def test_conditioning(tmp_path, capsys, undrawn):
+def test_conditioning(run, undrawn):
     example = load("conditioning")
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["conditioning.png"])
-    assert "Lemma 1 is exact" in capsys.readouterr().out
+    assert "Lemma 1 is exact" in run(example, ["conditioning.png"])
     for count in example.COUNTS:
         for rho in (1.02, 1.1):
             paper, orthonormal = example.conditions(example.roots_of_unity(count), rho)
@@ -85,15 +69,13 @@ def test_conditioning(tmp_path, capsys, undrawn):
 
 @pytest.mark.realdata
 @pytest.mark.parametrize("lines", [(40, 3), pytest.param((12, 8), marks=pytest.mark.slow)])
-def test_motor_torsion(tmp_path, capsys, monkeypatch, undrawn, lines):
+def test_motor_torsion(tmp_path, run, monkeypatch, undrawn, lines):
     needs("two_mass/MultisineTypeA.mat")
     example = load("motor_torsion")
     monkeypatch.setattr(example, "EVERY", lines[0])
     monkeypatch.setattr(example, "NEAR_HZ", lines[1])
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["response.png", "time.png", "residuals.png"])
+    printed = run(example, ["response.png", "time.png", "residuals.png"])
     assert (tmp_path / "report.html").exists()
-    printed = capsys.readouterr().out
     assert "inconsistent: proved" in printed
     assert "status     consistent" in printed
     assert "FAILED" not in printed
@@ -101,11 +83,8 @@ def test_motor_torsion(tmp_path, capsys, monkeypatch, undrawn, lines):
 
 
 @pytest.mark.slow
-def test_modal_stage(tmp_path, capsys, monkeypatch, undrawn):
-    monkeypatch.syspath_prepend(FOLDER)
-    load("modal_stage").main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["modal_stage_shapes.png"])
-    printed = capsys.readouterr().out
+def test_modal_stage(run, undrawn):
+    printed = run(load("modal_stage"), ["modal_stage_shapes.png"])
     errors = [float(line.split()[-1]) for line in printed.splitlines() if line.startswith(("rigid body", "and modes"))]
     assert errors[1] < 0.8 * errors[0]
     lines = printed.split("at sensor\n")[1].split("\n\n")[0].splitlines()
@@ -117,18 +96,15 @@ def test_modal_stage(tmp_path, capsys, monkeypatch, undrawn):
     assert np.all(error < 5 * there)
 
 
-def test_worst_case(tmp_path, capsys, monkeypatch, undrawn, fewer_samples):
+def test_worst_case(tmp_path, run, monkeypatch, undrawn, fewer_samples):
     example = load("worst_case")
     monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
     monkeypatch.setattr(example, "TUBE", 5)
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["guaranteed.png", "guaranteed_reduced.png", "nyquist.png", "step.png"])
+    printed = run(example, ["guaranteed.png", "guaranteed_reduced.png", "nyquist.png", "step.png"])
     assert "What is guaranteed" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    printed = capsys.readouterr().out
     assert "solver: all hold" in printed
-    rows = [
-        line.rsplit(maxsplit=4)[1:] for line in printed.splitlines() if ", up to 21 Hz" in line or ", above" in line
-    ]
+    lines = [line for line in printed.splitlines() if ", up to 21 Hz" in line or ", above" in line]
+    rows = [line.rsplit(maxsplit=4)[1:] for line in lines]
     assert len(rows) == 4
     for upper, lower, off, where in rows:
         assert where == "inside"
@@ -136,12 +112,10 @@ def test_worst_case(tmp_path, capsys, monkeypatch, undrawn, fewer_samples):
         assert 0.9 * float(upper) < float(lower) <= float(upper)
 
 
-def run_torsion_margin(example, tmp_path, capsys):
+def run_torsion_margin(example, tmp_path, run):
     needs("two_mass/MultisineTypeA.mat")
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["guaranteed.png", "nyquist.png"])
+    printed = run(example, ["guaranteed.png", "nyquist.png"])
     assert "Over the whole circle" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    printed = capsys.readouterr().out
     assert "solver: all hold" in printed
     rows = [line.split() for line in printed.splitlines() if line.startswith("   crossover")]
     margins = [float(row[4].rstrip(",;")) for row in rows]
@@ -167,9 +141,8 @@ def test_small_models_of_short_records_predict_the_other_half(tmp_path, name):
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_torsion_margin(tmp_path, capsys, monkeypatch, undrawn):
+def test_torsion_margin(tmp_path, run, monkeypatch, undrawn):
     """Ten lines, a coarse circle and three controllers: enough for the claims."""
-    monkeypatch.syspath_prepend(FOLDER)
     example = load("torsion_margin")
 
     def ten_lines(frf, resonance):
@@ -179,33 +152,29 @@ def test_torsion_margin(tmp_path, capsys, monkeypatch, undrawn):
     smaller = {"DIRECTIONS": 4, "CIRCLE": 2.0, "BETWEEN_HZ": np.zeros(1), "CROSSOVERS_HZ": (0.5, 2.0, 4.0)}
     for name, value in (smaller | {"few_lines": ten_lines}).items():
         monkeypatch.setattr(example, name, value)
-    run_torsion_margin(example, tmp_path, capsys)
+    run_torsion_margin(example, tmp_path, run)
 
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_the_whole_torsion_margin(tmp_path, capsys, monkeypatch):
-    monkeypatch.syspath_prepend(FOLDER)
-    run_torsion_margin(load("torsion_margin"), tmp_path, capsys)
+def test_the_whole_torsion_margin(tmp_path, run):
+    run_torsion_margin(load("torsion_margin"), tmp_path, run)
 
 
 @pytest.mark.parametrize("size", [(3, 200), pytest.param((9, 600), marks=pytest.mark.slow)])
-def test_wafer_stage(tmp_path, capsys, monkeypatch, undrawn, size):
+def test_wafer_stage(run, monkeypatch, undrawn, size):
     example = load("wafer_stage")
     monkeypatch.setattr(example, "SIZE", size)
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["wafer_stage.png", "wafer_stage_low.png", "wafer_stage_steps.png"])
-    rows = {line.split("  ")[0]: line for line in capsys.readouterr().out.splitlines()}
+    printed = run(example, ["wafer_stage.png", "wafer_stage_low.png", "wafer_stage_steps.png"])
+    rows = {line.split("  ")[0]: line for line in printed.splitlines()}
     assert rows["rigid body"].endswith("[0. 0. 0. 0. 0. 0.]")
     low = [float(rows[name][14:].split()[0]) for name in ("rigid body", "unconstrained")]
     assert low[0] < 0.1 * low[1]  # below 5 Hz the constraint is what keeps the noise out
 
 
-def run_beam_damping(example, tmp_path, capsys):
+def run_beam_damping(example, run):
     needs("beam_ring/symexc_1.mat")
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, ["damping.png"])
-    printed = capsys.readouterr().out
+    printed = run(example, ["damping.png"])
     assert "consistent, margin 0.9" in printed
     table = printed.split("(its share)\n")[1].splitlines()[: len(example.GAINS)]
     gains, damping, margins, plain = np.array([[float(part) for part in row.split()[:4]] for row in table]).T
@@ -224,25 +193,19 @@ def run_beam_damping(example, tmp_path, capsys):
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_beam_damping(tmp_path, capsys, undrawn, monkeypatch):
+def test_beam_damping(run, undrawn, monkeypatch):
     """The first two modes, two gains and weights of order 1: enough for the claims."""
     example = load("beam_damping")
-    smaller = {
-        "MODES_HZ": example.MODES_HZ[:2],
-        "DAMPING": example.DAMPING[:2],
-        "BAND_HZ": (9.0, 25.5),
-        "WIDE": 6,
-        "ORDER": 8,
-    }
-    for name, value in (smaller | {"GAINS": (4.0, 32.0), "SHOWN": 0, "WEIGHT_ORDER": 0}).items():
+    smaller = {"MODES_HZ": example.MODES_HZ[:2], "DAMPING": example.DAMPING[:2], "BAND_HZ": (9.0, 25.5), "WIDE": 6}
+    for name, value in (smaller | {"ORDER": 8, "GAINS": (4.0, 32.0), "SHOWN": 0, "WEIGHT_ORDER": 0}).items():
         monkeypatch.setattr(example, name, value)
-    run_beam_damping(example, tmp_path, capsys)
+    run_beam_damping(example, run)
 
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_the_whole_beam_damping(tmp_path, capsys):
-    run_beam_damping(load("beam_damping"), tmp_path, capsys)
+def test_the_whole_beam_damping(run):
+    run_beam_damping(load("beam_damping"), run)
 
 
 def mirror_table(printed):
@@ -251,17 +214,15 @@ def mirror_table(printed):
     return {name: np.array([float(v) for v in values]) for name, *values in rows}
 
 
-def run_mirror(tmp_path, capsys, *orders):
+def run_mirror(run, *options):
     needs("fsm_cubespec/u_300mV_train.npy")
-    load("steering_mirror").main(["--out", str(tmp_path), *(["--orders", *map(str, orders)] if orders else [])])
-    check_files(tmp_path, ["response.png", "stabilisation.png", "time.png"])
-    return capsys.readouterr().out
+    return run(load("steering_mirror"), ["response.png", "stabilisation.png", "time.png"], *options)
 
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_steering_mirror(tmp_path, capsys, undrawn):
-    printed = run_mirror(tmp_path, capsys, 16)
+def test_steering_mirror(run, undrawn):
+    printed = run_mirror(run, "--orders", "16")
     table = mirror_table(printed)
     nonlinear, lines = (values for name, values in table.items() if "order" not in name)
     (model,) = (values for name, values in table.items() if "order 16" in name)
@@ -274,12 +235,11 @@ def test_steering_mirror(tmp_path, capsys, undrawn):
 @pytest.mark.slow
 @pytest.mark.realdata
 @pytest.mark.parametrize("entry", range(3))
-def test_mirror_family(tmp_path, capsys, undrawn, entry):
+def test_mirror_family(run, undrawn, entry):
     """All records of both amplitudes inside the band of the family, entry by entry of the diagonal."""
     needs("fsm_cubespec/u_200mV_train.npy")
-    load("mirror_family").main(["--out", str(tmp_path), "--entries", str(entry)])
-    check_files(tmp_path, [f"{kind}_{entry + 1}.png" for kind in ("band", "amplitude")])
-    printed = capsys.readouterr().out
+    pictures = [f"{kind}_{entry + 1}.png" for kind in ("band", "amplitude")]
+    printed = run(load("mirror_family"), pictures, "--entries", str(entry))
     assert printed.count("consistent, margin") == 2
     assert printed.count(" mV: 100 % of the samples of both blocks that were used are inside") == 2
     assert "Not contradicted by withheld data: 100 % of the samples of 2 " in printed
@@ -288,8 +248,8 @@ def test_mirror_family(tmp_path, capsys, undrawn, entry):
 
 @pytest.mark.slow
 @pytest.mark.realdata
-def test_steering_mirror_at_all_orders(tmp_path, capsys):
-    printed = run_mirror(tmp_path, capsys)
+def test_steering_mirror_at_all_orders(run):
+    printed = run_mirror(run)
     table = mirror_table(printed)
     nonlinear, lines = (values for name, values in table.items() if "order" not in name)
     best = next(values for name, values in table.items() if "order 34" in name)
@@ -326,10 +286,78 @@ def test_passive_beam(tmp_path, capsys, undrawn, monkeypatch):
     check_files(tmp_path, ["gap.png"])
     printed = capsys.readouterr().out
     assert printed.count("inside: True") == 3
-    bands = {
-        line[:24].strip(): [float(v) for v in line[24:].split()[:5]]
-        for line in printed.splitlines()
-        if "inside" in line
-    }
+    lines = [line for line in printed.splitlines() if "inside" in line]
+    bands = {line[:24].strip(): [float(v) for v in line[24:].split()[:5]] for line in lines}
     assert bands["positive real"][2] < 0.1 * bands["smallest K that holds"][2]
     assert "the response with the opposite sign: margin 0.858, consistent" in printed
+
+
+# --- measured plants with several channels
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("options", "file"), [([], "beam_ring/symexc_1.mat"), (["--fsm"], "fsm_cubespec/u_300mV_train.npy")]
+)
+def test_measured_plants(tmp_path, run, options, file):
+    needs(file)
+    printed = run(load("beam_mimo"), ["response.png", "residuals.png"], *options)
+    assert (tmp_path / "report.html").exists()
+    assert "status     consistent" in printed
+    assert "FAILED" not in printed
+    assert ("inconsistent: proved" in printed) == (not options)  # the beam is not linear down to its noise
+    table = printed.split("shape of the outputs\n")[1].split("\n\n")[0].splitlines()
+    rows = [[float(number) for number in line.split()[:4]] for line in table]
+    if not options:
+        assert [round(row[0], 1) for row in rows] == [11.2, 22.6, 28.1, 33.2, 58.3, 65.4]
+        assert max(row[3] for row in rows) < 0.05  # residues of rank one, almost
+    found = re.search(r"at .* Hz \(index .*\); (\d+) outside", printed)
+    lines = int(re.search(r"(\d+) frequency points that were not used", printed)[1])
+    assert int(found[1]) < 0.02 * lines * (9 if options else 4)
+
+
+# --- reduction with limits
+
+
+@pytest.mark.realdata
+def test_limits_gain_where_they_are_meant_to(run):
+    needs("slicot/build.mat")
+    printed = run(load("model_reduction"), ["model_reduction.png"], "--models", "build")
+    rows = {}
+    for line in printed.splitlines():
+        method, *numbers = line.replace("static gain", "static_gain").replace("unstable", "").split() or [""]
+        if method in ("plain", "static_gain", "band", "horizon", "weight"):
+            rows[method, int(numbers[0])] = np.array([float(value) for value in numbers[1:]])
+    for (method, _), (bound, error, *_) in rows.items():
+        if method in ("plain", "static_gain"):
+            assert error <= bound
+        else:
+            assert np.isinf(bound)
+    assert "of all others 0" in printed
+    assert "The bound holds in 12 of 12" in printed
+    assert rows["band", 24][2] < 0.2 * rows["plain", 24][2]
+    assert rows["horizon", 24][3] < 0.2 * rows["plain", 24][3]
+
+
+# --- proved band
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_bands_hold_the_plant(tmp_path, capsys, monkeypatch):
+    example = load("proved_band")
+    monkeypatch.setattr(example, "SHOWN_HZ", np.array([0.0, 50.0, 76.5, 77.0, 77.5, 200.0, 500.0]))
+    exact, over = example.main(["--out", str(tmp_path)]).values()
+    check_files(tmp_path, ["proved_band.png"])
+    printed = capsys.readouterr().out
+    assert printed.count("the plant is inside") == 2
+    assert printed.count("evaluated again: all discs hold") == 2
+    assert "NOT ALL" not in printed
+    for fitted, low, high, true in re.findall(r"fitted ([\d.]+).* leave ([\d.]+) to ([\d.]+).*true ([\d.]+)", printed):
+        assert float(low) < float(fitted) < float(high)
+        assert float(low) < float(true) < float(high)
+    peak = 3
+    assert exact.radius[peak] < over.radius[peak] < 2 * exact.radius[peak]
+    # Nothing between the frequency points is left out, nor above them.
+    assert over.hinf >= over.upper[peak, 0, 0]
+    assert over.hinf < 0.1 * np.abs(over.centre[peak, 0, 0])

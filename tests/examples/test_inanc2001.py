@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from support.example_runs import check_files, load
+from support.example_runs import load
 
 example = load("inanc2001")
 MIXED = {m.modes: m for m in example.METHODS if m.samples and m.lines and m.relax == 1}  # (), the light mode, both
@@ -20,12 +20,6 @@ def ratios(data, model):
     step = control.forced_response(model, record.time, record.u[:, 0]).outputs
     lines = model(np.exp(1j * frf.omega * frf.dt))
     return np.abs(record.y[:, 0] - step) / example.BOUND, np.abs(frf.values[:, 0, 0] - lines) / example.BOUND
-
-
-def used(data, method, model):
-    """The largest ratio at the samples that a method uses."""
-    step, lines = ratios(data, model)
-    return max(step[: method.samples].max(initial=0), lines[example.used_lines(data, method)].max(initial=0))
 
 
 @pytest.mark.parametrize("output", ["y1", "y2"])
@@ -120,7 +114,8 @@ def smallest_order(seed, method):
     data = example.measure(seed)
     result = rid.identify(example.state_problem(data, method)[0])
     small = rid.reduce_within_bounds(result)
-    worst = used(data, method, small.model)
+    step, lines = ratios(data, small.model)
+    worst = max(step[: method.samples].max(initial=0), lines[example.used_lines(data, method)].max(initial=0))
     assert worst <= 1 + 1e-5
     assert worst == pytest.approx(small.margin, abs=1e-6)
     assert np.abs(small.model.poles()).max() < 1
@@ -152,10 +147,9 @@ def tables(printed, methods):
     return found
 
 
-def run_example(tmp_path, capsys):
-    example.main(["--out", str(tmp_path)])
-    check_files(tmp_path, [*(f"figure{k}.png" for k in (4, 5, 6, 7)), "guaranteed.png"])
-    table = tables(capsys.readouterr().out, example.METHODS)
+def run_example(run):
+    printed = run(example, [*(f"figure{k}.png" for k in (4, 5, 6, 7)), "guaranteed.png"])
+    table = tables(printed, example.METHODS)
     for (*_, K, least, truth, _, _, order, truncated), (small, margin, *rms), guaranteed in table.values():
         assert small <= truncated <= order
         assert least <= truth <= K
@@ -165,12 +159,12 @@ def run_example(tmp_path, capsys):
 
 
 @pytest.mark.slow  # the example itself runs beside the suite
-def test_the_example(tmp_path, capsys, monkeypatch):
+def test_the_example(run, monkeypatch):
     """One output, two frequencies of the worst case: enough for what it claims."""
     monkeypatch.setattr(example, "WORST_HZ", np.array([10.5, 17.67]))
     y2 = [m for m in example.METHODS if m.output == "y2" and m.relax == 1]
     monkeypatch.setattr(example, "METHODS", [m for m in y2 if m.modes != example.LIGHT])
-    table = run_example(tmp_path, capsys)
+    table = run_example(run)
     _, (order, *_), best = table.pop(MIXED[example.BOTH])
     assert order <= 4
     for _, _, others in table.values():
@@ -183,5 +177,5 @@ def test_the_example(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_whole_example(tmp_path, capsys):
-    run_example(tmp_path, capsys)
+def test_the_whole_example(run):
+    run_example(run)

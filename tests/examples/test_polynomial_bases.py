@@ -19,9 +19,8 @@ OTHERS = BASES[:3]
 def case(seed, outputs, inputs, order, *, lines=80, band_hz=(5.0, 50.0), dt=None, feedthrough=False, spare=0):
     """A problem on noisy data (order + spare sought where order is there) and the identity to start from."""
     frequency = 2 * np.pi * np.geomspace(band_hz[0] / 2, band_hz[1] * 1.2, lines)
-    system = random_modal_system(
-        seed, outputs, inputs, order // 2, band_hz=band_hz, damping=(0.02, 0.1), dt=dt, feedthrough=feedthrough
-    )
+    options = {"band_hz": band_hz, "damping": (0.02, 0.1), "dt": dt, "feedthrough": feedthrough}
+    system = random_modal_system(seed, outputs, inputs, order // 2, **options)
     truth = system.response(1j * frequency if dt is None else np.exp(1j * frequency * dt))
     values = noisy(np.random.default_rng([seed, 2]), truth)
     problem = FractionProblem(frequency, values, order + spare, Weight.relative(values), dt=dt, feedthrough=feedthrough)

@@ -1,21 +1,20 @@
 """The wafer-stage example: its plant in closed form, the paper's problem on exact data, and what the run claims."""
 
 import importlib
-from pathlib import Path
 
 import control
 import numpy as np
 import pytest
 import scipy.linalg
-from matplotlib.figure import Figure
 
 import robustid as rid
 from robustid.fitting import RollOff, fit_fraction, into_form
+from support.example_runs import FOLDER
 
 
 @pytest.fixture
 def example(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "examples")
+    monkeypatch.syspath_prepend(FOLDER)
     return importlib.import_module("voorhoeve2016")
 
 
@@ -103,20 +102,14 @@ def test_handing_over(example):
     assert end.steps < ends["cold, D = I"].steps
 
 
-def test_run(example, tmp_path, capsys, monkeypatch):
+def test_run(example, run, undrawn, monkeypatch, tmp_path):
     monkeypatch.setattr(example, "CASES", ())  # that part has its own test
     monkeypatch.setattr(example, "SIZE", (9, 150, 4, 0))
-    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: path.write_bytes(b""))  # drawn beside the suite
-    example.main(["--out", str(tmp_path)])
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["figure_4.png", "figure_5.png"]
-    printed = capsys.readouterr().out
+    printed = run(example, ["figure_4.png", "figure_5.png"])
+    assert len(list(tmp_path.iterdir())) == 2
     assert "slowest |pole|: 0, 0, 0, 0, 0, 0, 628." in printed
     assert "size and number: {2: 3}" in printed
-    least = {
-        name: [float(value) for value in line.split()[-3:]]
-        for line in printed.splitlines()
-        for name in example.BASES
-        if line.startswith(name)
-    }
+    lines = [(name, line) for line in printed.splitlines() for name in example.BASES if line.startswith(name)]
+    least = {name: [float(value) for value in line.split()[-3:]] for name, line in lines}
     assert least["data-dependent orthonormal"][1] < 1e-12
     assert least["monomial"][0] > 1e20 * least["scaled monomial"][1] > 1e24

@@ -1,11 +1,15 @@
 """Linear constraints on a fraction: they hold in the model that is returned, and the condition number stays one."""
 
+import functools
+
 import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.errors import InputTypeError
 from robustid.fitting import RollOff, StaticGain, Zero, ZeroEntries, fit_mfd, suggest_order
 from support.mfd_systems import noisy, random_modal_system, relative_error
+from support.refusals import refusals
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 100)
 POINTS = [-30000.0, 2 * np.pi * 2000j, -500.0 + 2 * np.pi * 2500j]  # beyond the band: within it the data say otherwise
@@ -154,48 +158,36 @@ def test_true_constraints_cost_no_more_than_their_degrees_of_freedom(seeds):
     assert 0.3 <= np.mean(rises) <= 12  # |e|^2 = 1 per complex number: half a unit per real constraint
 
 
-@pytest.mark.parametrize(
-    ("constraints", "options", "words"),
-    [
-        ([StaticGain([[1.0]]), StaticGain([[2.0]])], {}, "contradict"),
-        ([StaticGain([[1.0]]), Zero(0.0)], {}, "contradict"),
-        ([StaticGain([[1.0, 2.0]])], {}, "gain"),
-        ([Zero(1j, direction=[1.0, 2.0])], {}, "direction"),
-        ([RollOff(5)], {}, "degree"),
-        ([Zero(2e4j), Zero(3e4j)], {}, "order is too small"),  # four real conditions on four states: zero everywhere
-        ([ZeroEntries(np.zeros((2, 2), dtype=bool))], {}, "mask"),
-        ([RollOff(2)], {"feedthrough": True}, "feedthrough"),
-        ([StaticGain([[1.0]])], {"method": "iv"}, "iv"),  # instruments take none
-    ],
+def asked(*constraints, **options):
+    return fit_mfd(data(0, 1, 1, 2)[2], order=4, constraints=constraints, **options)
+
+
+test_contradictory_or_wrong = refusals(
+    (lambda: asked(StaticGain([[1.0]]), StaticGain([[2.0]])), "contradict"),
+    (lambda: asked(StaticGain([[1.0]]), Zero(0.0)), "contradict"),
+    (lambda: asked(StaticGain([[1.0, 2.0]])), "gain"),
+    (lambda: asked(Zero(1j, direction=[1.0, 2.0])), "direction"),
+    (lambda: asked(RollOff(5)), "degree"),
+    (
+        lambda: asked(Zero(2e4j), Zero(3e4j)),
+        "order is too small",
+    ),  # four real conditions on four states: zero everywhere
+    (lambda: asked(ZeroEntries(np.zeros((2, 2), dtype=bool))), "mask"),
+    (lambda: asked(RollOff(2), feedthrough=True), "feedthrough"),
+    (lambda: asked(StaticGain([[1.0]]), method="iv"), "iv"),  # instruments take none
+    (lambda: Zero(np.inf), "point"),
+    (lambda: RollOff(0), "degree"),
+    (lambda: StaticGain([1.0, 2.0]), "gain"),
+    (lambda: StaticGain([[np.nan]]), "gain"),
+    (lambda: ZeroEntries(np.zeros((2, 2))), "mask", (rid.InputError, InputTypeError)),
+    (lambda: Zero("a"), "`point` must be a number", (rid.InputError, InputTypeError)),
 )
-def test_contradictory_or_wrong(constraints, options, words):
-    _, _, frf = data(0, 1, 1, 2)
-    with pytest.raises(rid.InputError, match=words):
-        fit_mfd(frf, order=4, constraints=constraints, **options)
 
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Zero(np.inf), "point"),
-        (lambda: RollOff(0), "degree"),
-        (lambda: StaticGain([1.0, 2.0]), "gain"),
-        (lambda: StaticGain([[np.nan]]), "gain"),
-        (lambda: ZeroEntries(np.zeros((2, 2))), "mask"),
-        (lambda: Zero("a"), "`point` must be a number"),
-    ],
+test_what_is_no_sequence_of_constraints_is_refused = refusals(
+    *(
+        ((ask, constraints), f"`constraints` must be a sequence .* got {got}", InputTypeError)
+        for constraints, got in ((None, "NoneType"), (RollOff(2), "RollOff"), ([3], "int"))
+        for ask in (functools.partial(fit_mfd, order=4), suggest_order)
+    ),
+    of=lambda ask, constraints: ask(data(0, 1, 1, 2)[2], constraints=constraints),
 )
-def test_bad_arguments(make, words):
-    with pytest.raises((rid.InputError, rid.errors.InputTypeError), match=words):
-        make()
-
-
-@pytest.mark.parametrize(("constraints", "got"), [(None, "NoneType"), (RollOff(2), "RollOff"), ([3], "int")])
-def test_what_is_no_sequence_of_constraints_is_refused(constraints, got):
-    _, _, frf = data(0, 1, 1, 2)
-    for ask in (
-        lambda: fit_mfd(frf, order=4, constraints=constraints),
-        lambda: suggest_order(frf, constraints=constraints),
-    ):
-        with pytest.raises(rid.errors.InputTypeError, match=f"`constraints` must be a sequence .* got {got}"):
-            ask()

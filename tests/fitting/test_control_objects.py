@@ -24,9 +24,8 @@ def test_what_an_frd_does_not_say_is_asked_for():
     frd = control.FRD([1 - 0.1j, 0.5j, 0.1j], [1.0, 2.0, 3.0], dt=True)
     with pytest.raises(rid.InputError, match=r"without a sample time; give `dt`"):
         rid.fit_mfd(frd, order=1)
-    with pytest.raises(
-        rid.errors.InputTypeError, match=r"`frf` must be a FrequencyResponse or a control.FRD; got StateSpace"
-    ):
+    sentence = "`frf` must be a FrequencyResponse or a control.FRD; got StateSpace"
+    with pytest.raises(rid.errors.InputTypeError, match=sentence):
         rid.fit_mfd(PLANT, order=1)
     with pytest.raises(rid.errors.InputTypeError, match=r"`frf` must be .* got list"):
         rid.fits.suggest_order([1.0], orders=[1])

@@ -17,18 +17,18 @@ def vec(matrix):
 def test_weight_is_the_kronecker_product_it_stands_for():
     rng = np.random.default_rng(0)
     lines, ny, nu = 4, 3, 2
-    weight = Weight(
-        rng.uniform(0, 2, (lines, ny, nu)),
-        output=gaussian(rng, lines, ny, ny),
-        input=gaussian(rng, lines, nu, nu),
-        matrix=gaussian(rng, lines, ny * nu, ny * nu),
-    )
+    parts = {"output": ny, "input": nu, "matrix": ny * nu}
+    parts = {name: gaussian(rng, lines, size, size) for name, size in parts.items()}
+    weight = Weight(rng.uniform(0, 2, (lines, ny, nu)), **parts)
     residual, inverse, left = gaussian(rng, lines, ny, nu), gaussian(rng, lines, nu, nu), gaussian(rng, lines, ny, 5)
     columns = weight.linearised(inverse.transpose(0, 2, 1), left)
     for k in range(lines):
         W = weight.matrix[k] @ np.diag(vec(weight.entries[k])) @ np.kron(weight.input[k].T, weight.output[k])
         np.testing.assert_allclose(weight.apply(residual)[k], W @ vec(residual[k]), rtol=1e-12)
         np.testing.assert_allclose(columns[k], W @ np.kron(inverse[k].T, left[k]), rtol=1e-11)
+        lengths = np.linalg.norm(W, axis=0)
+        np.testing.assert_allclose(vec(weight.entrywise[k]), lengths, rtol=1e-13)
+        assert weight.size[k] == pytest.approx(np.sqrt(np.mean(lengths**2)), rel=1e-13)
     turned = weight.transposed().apply(residual.transpose(0, 2, 1))
     np.testing.assert_allclose(np.sum(np.abs(turned) ** 2), np.sum(np.abs(weight.apply(residual)) ** 2), rtol=1e-12)
 
@@ -70,14 +70,3 @@ def test_bad_weights_are_named():
         Weight(ones).banded(np.arange(3.0), [(7, 9, 2.0)])
     with pytest.raises(InputError, match="`factors` must have shape"):
         Weight(ones).scaled(np.ones(2))
-
-
-def test_weights_of_single_entries_are_the_column_lengths():
-    rng = np.random.default_rng(2)
-    parts = {"output": gaussian(rng, 5, 2, 2), "input": gaussian(rng, 5, 3, 3), "matrix": gaussian(rng, 5, 6, 6)}
-    weight = Weight(rng.uniform(0.5, 2, (5, 2, 3)), **parts)
-    for k in range(5):
-        W = np.kron(parts["input"][k].T, parts["output"][k])
-        columns = np.linalg.norm(parts["matrix"][k] @ (vec(weight.entries[k])[:, None] * W), axis=0)
-        np.testing.assert_allclose(vec(weight.entrywise[k]), columns, rtol=1e-13)
-        assert weight.size[k] == pytest.approx(np.sqrt(np.mean(columns**2)), rel=1e-13)

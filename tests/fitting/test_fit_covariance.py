@@ -83,10 +83,9 @@ def assert_agrees(fit, weight, omega, tolerance):
         s = pole if dt is None else np.log(pole) / dt
         ds = (root[0] + 1j * root[-1] * (pole.imag > 0)) / (1 if dt is None else pole * dt)
         hz = np.linalg.norm(np.real(ds * s.conjugate())) / abs(s) / 2 / np.pi
-        turned = [
-            -np.real(s + e * ds) / np.abs(s + e * ds) for e in (1e-7 * abs(s) / np.abs(ds).max() * np.array([1, -1]))
-        ]
-        damping = np.linalg.norm(turned[0] - turned[1]) / (2e-7 * abs(s) / np.abs(ds).max())
+        e = 1e-7 * abs(s) / np.abs(ds).max()
+        up, down = (-np.real(s + change) / np.abs(s + change) for change in (e * ds, -e * ds))
+        damping = np.linalg.norm(up - down) / (2 * e)
         assert found.hz[k] == pytest.approx(abs(s) / 2 / np.pi, rel=1e-6)
         assert found.hz_std[k] == pytest.approx(hz, rel=tolerance)
         assert found.damping_std[k] == pytest.approx(damping, rel=max(tolerance, 1e-5))

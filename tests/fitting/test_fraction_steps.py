@@ -23,6 +23,7 @@ from robustid.fitting.fraction.fraction_steps import (
     relaxed_step,
 )
 from robustid.fitting.fraction.node_fraction import Held
+from support.cases import slow
 from support.mfd_systems import gaussian, identity, noisy, poles_and_residues, problem_of, relative_error
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 300)
@@ -50,7 +51,7 @@ def test_derivatives_and_highest_coefficients_are_those_of_the_monomials(dt):
     np.testing.assert_allclose(basis.derivatives_of(np.inf, 1, monic)[0], top, atol=1e-12)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 @pytest.mark.parametrize("step", [sk_step, relaxed_step, minimum_norm_step, column_step])
 @pytest.mark.parametrize("shape", [(1, 1), (3, 1), (2, 2), (3, 4)])
 def test_every_normalisation_reproduces_exact_data(step, shape, seeds):
@@ -82,9 +83,7 @@ def test_the_tangent_space_has_the_dimension_of_the_model_set(order, inputs, pai
     assert basis.size - len(problem.forbidden(basis, fraction)) == expected
 
 
-@pytest.mark.parametrize(
-    ("seeds", "every"), [pytest.param(1, 3, marks=pytest.mark.slow), pytest.param(2, 1, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("seeds", "every"), [slow(1, 3), slow(2, 1)])
 def test_the_degrees_that_a_fit_chooses_are_as_good_as_any(seeds, every):
     """4x4 with 6 modes: no worse than by ones, or by twos with any two inputs ahead (some stop early)."""
     omega = OMEGA[::every]
@@ -104,7 +103,7 @@ def test_the_degrees_that_a_fit_chooses_are_as_good_as_any(seeds, every):
         assert min(costs) <= fit.cost * (1 + 1e-5)
 
 
-@pytest.mark.parametrize("every", [2, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [2, slow(1)])
 def test_degrees_by_twos_keep_odd_numbers_of_modes_well_conditioned(every):
     """Noise-free, 2 to 4 channels, modes no multiple of them: 1e-9 in all 8 (by ones: up to 1e-5)."""
     cases = enumerate([(2, 3), (2, 7), (3, 5), (3, 10), (4, 5), (4, 6), (4, 7), (4, 9)])

@@ -7,7 +7,7 @@ import scipy.linalg
 
 import robustid as rid
 from robustid.fitting import Weight, fit_covariance, fit_mfd, modal_form, mode_table
-from support.mfd_systems import noisy, random_modal_system
+from support.mfd_systems import by_control, noisy, random_modal_system
 
 
 def hidden(rng, A, B, C, D, dt=None, spread=30.0):
@@ -31,8 +31,7 @@ def with_rigid_body(seed, count, dt=None):
 
 
 def assert_same_response(model, other, omega, tolerance):
-    points = np.exp(1j * omega * model.dt) if model.dt else 1j * omega
-    one, two = (np.moveaxis(m(points, squeeze=False), -1, 0) for m in (model, other))
+    one, two = (by_control(m, omega) for m in (model, other))
     assert np.max(np.linalg.norm(one - two, axis=(1, 2)) / np.linalg.norm(one, axis=(1, 2))) <= tolerance
 
 

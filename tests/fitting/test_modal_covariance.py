@@ -62,11 +62,8 @@ def test_models_are_read_back_from_their_state_space(discrete):
         model, coefficients = model_of(kind, discrete)
         C = np.tensordot(coefficients, model.tied_outputs(), 1)
         found = model.realised(C, np.zeros((3, 3)))
-        again = (
-            real_modes_in(found, model.directions, model.free, discrete=discrete, power=0)
-            if kind == "real"
-            else blocks_in(found, model.directions, model.free, discrete=discrete)
-        )
+        read, more = (real_modes_in, {"power": 0}) if kind == "real" else (blocks_in, {})
+        again = read(found, model.directions, model.free, discrete=discrete, **more)
         xi = np.exp(1j * np.linspace(0.2, 3, 7)) if discrete else 1j * np.linspace(0.2, 3, 7)
         assert np.allclose(again.states(xi), model.states(xi), rtol=1e-9)
 
@@ -117,9 +114,8 @@ def test_the_structure_leaves_its_own_number_of_parameters_free(name):
     wanted += 3 * bool(options.get("rigid"))  # a gain and two free entries of the direction
     wanted += ny * nu * (system.power == 2)
     assert covariance.parameters == wanted
-    free = rid.fit_mfd(
-        measured(system, 0, LEVEL), order=system.order, weight=fit.problem.weight, feedthrough=system.power == 2
-    )
+    options = {"order": system.order, "weight": fit.problem.weight, "feedthrough": system.power == 2}
+    free = rid.fit_mfd(measured(system, 0, LEVEL), **options)
     ratio = covariance.response_std(BETWEEN) / rid.fits.fit_covariance(free, noise=1.0).response_std(BETWEEN)
     assert np.median(ratio) < (1.01 if name == "general" else 0.9)
 

@@ -1,18 +1,18 @@
 """Fits of records against brute force in the time domain, against fits of responses, on measured data; bad input."""
 
-import os
+import dataclasses
 import pickle
 
 import control
 import numpy as np
 import pytest
-import scipy.io
 import scipy.optimize
 
 import robustid as rid
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputTypeError
 from robustid.fitting import FitStatus, Weight, subspace_estimate
 from support.measured import realdata
+from support.refusals import refusals
 
 DT = 0.1
 A = 0.98 * np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.7]])
@@ -71,19 +71,14 @@ def brute_force(records, fit, *, feedthrough, offset=False):
 
     def unknowns(system, states):
         own = [
-            np.concatenate([state if was_free else [], np.zeros(ny) if offset else []])
-            for state, was_free in zip(states, free, strict=True)
+            [*(state if was_free else []), *np.zeros(ny * offset)] for state, was_free in zip(states, free, strict=True)
         ]
         return np.concatenate([np.ravel(M) for M in system] + own)
 
-    starts = (
-        unknowns(fit.matrices, fit.initial_states),
-        unknowns(plant(ny, nu), [np.array([3.0, -2, 1])] * len(records)),
-    )
-    return min(
-        2 * scipy.optimize.least_squares(residuals, start, xtol=1e-14, ftol=1e-14, x_scale="jac").cost
-        for start in starts
-    )
+    truth = unknowns(plant(ny, nu), [np.array([3.0, -2, 1])] * len(records))
+    options = {"xtol": 1e-14, "ftol": 1e-14, "x_scale": "jac"}
+    starts = (unknowns(fit.matrices, fit.initial_states), truth)
+    return min(2 * scipy.optimize.least_squares(residuals, start, **options).cost for start in starts)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +128,6 @@ def test_periodic_records_are_the_frequency_response_weighted_by_the_input():
     """One input, one period: the criterion is that of Y/U with the weight |U|, and so are cost and poles."""
     record = experiment("periodic", 128, ny=1, nu=1, noise=0.1, feedthrough=False)
     fit = rid.fit_records(record, order=3, offset=True)
-    lines = np.arange(1, 64)
     U, Y = (np.fft.rfft(x[:, 0], norm="ortho") for x in (record.u, record.y))
     lines = np.arange(1, 65)  # to Nyquist, which is real and counts once
     factor = np.where(lines == 64, 1, np.sqrt(2)) * fit.weight[0]
@@ -163,13 +157,9 @@ def test_records_and_a_response_each_by_its_noise(seeds):
     truth = np.sort_complex(np.linalg.eigvals(A))
     for seed in range(seeds):
         record, frf = experiment("free", 90, seed, noise=0.5), response_of(system, omega, 0.35, seed)
-        fits = (
-            rid.fit_records(record, order=3, feedthrough=True, frf=frf),
-            rid.fit_records(record, order=3, feedthrough=True),
-            rid.fit_mfd(frf, order=3, feedthrough=True),
-        )
+        both, alone = (rid.fit_records(record, order=3, feedthrough=True, frf=given) for given in (frf, None))
+        fits = both, alone, rid.fit_mfd(frf, order=3, feedthrough=True)
         errors.append([np.linalg.norm(np.sort_complex(fit.poles) - truth) for fit in fits])
-        both = fits[0]
         assert both.record_cost == pytest.approx(2 * 90, rel=0.05)
         assert both.cost - both.record_cost == pytest.approx(2 * 4 * 60, rel=0.25)
     both, alone, response = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -196,9 +186,8 @@ def test_a_delay_is_taken_out():
 
 def test_what_a_fit_is_and_that_it_comes_back(tmp_path):
     steps = []
-    fit = rid.fit_records(
-        [experiment("free", 60), experiment("rest", 50)], order=3, feedthrough=True, progress=steps.append
-    )
+    records = [experiment("free", 60), experiment("rest", 50)]
+    fit = rid.fit_records(records, order=3, feedthrough=True, progress=steps.append)
     assert isinstance(fit.to_control(), control.StateSpace)
     assert fit.to_control().dt == DT
     assert (fit.order, len(fit.history) >= len(steps)) == (3, True)
@@ -224,66 +213,37 @@ def test_a_start_and_a_time_limit():
 
 
 GOOD = experiment("free", 60)
-BAD = {
-    "no record": ([], {}, InputTypeError, "`records` must be a TimeRecord"),
-    "an array": ([GOOD, GOOD.y], {}, InputTypeError, "ndarray at position 1"),
-    "another dt": ([GOOD, rid.TimeRecord(GOOD.u, GOOD.y, dt=0.2)], {}, InputError, "one sample time"),
-    "other signals": ([GOOD, rid.TimeRecord(GOOD.u[:, :1], GOOD.y, dt=DT)], {}, InputError, "the same inputs"),
-    "other names": (
-        [GOOD, rid.TimeRecord(GOOD.u, GOOD.y, dt=DT, outputs=["a", "b"])],
-        {},
-        InputError,
-        "the same outputs",
-    ),
-    "shorter than the order": (
-        rid.TimeRecord(GOOD.u[:3], GOOD.y[:3], dt=DT),
-        {},
-        InputError,
-        "3 samples at position 0",
-    ),
-    "too few equations": (rid.TimeRecord(GOOD.u[:6], GOOD.y[:6], dt=DT), {}, InputError, "unknowns"),
-    "unused samples": (
-        rid.TimeRecord(GOOD.u, GOOD.y, dt=DT, bound=np.where(np.arange(60) < 9, np.inf, 1.0)),
-        {},
-        InputError,
-        "not used",
-    ),
-    "an input of zeros": (
-        rid.TimeRecord(GOOD.u * [1, 0], GOOD.y, dt=DT),
-        {},
-        InputError,
-        "`u` = 0 throughout in signal u2",
-    ),
-    "a continuous response": (
-        GOOD,
-        {"frf": rid.FrequencyResponse([1.0, 2.0], np.ones((2, 2, 2)))},
-        InputError,
-        "`frf` must have the sample time",
-    ),
-    "another response": (GOOD, {"frf": rid.FrequencyResponse([1.0, 2.0], [1, 1], dt=DT)}, InputError, "2 inputs"),
-    "a weight for one output": (GOOD, {"weight": [1.0]}, InputError, "each of the 2 outputs"),
-    "another start": (GOOD, {"start": control.ss(0.5, 1, 1, 0, DT)}, InputError, "`start` must be a discrete model"),
-    "no time": (GOOD, {"time_limit": 0}, InputError, "`time_limit`"),
-}
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input(case):
-    records, options, error, words = BAD[case]
-    with pytest.raises(error, match=words):
-        rid.fit_records(records, order=3, **options)
+def other(**changes):
+    return dataclasses.replace(GOOD, **changes)
+
+
+test_bad_input = refusals(
+    ({"records": [GOOD, other(dt=0.2)]}, "one sample time"),
+    ({"records": [GOOD, other(u=GOOD.u[:, :1], inputs=None)]}, "the same inputs"),
+    ({"records": [GOOD, other(outputs=["a", "b"])]}, "the same outputs"),
+    ({"records": other(u=GOOD.u[:3], y=GOOD.y[:3])}, "3 samples at position 0"),
+    ({"records": other(u=GOOD.u[:6], y=GOOD.y[:6], initial="rest")}, "unknowns"),
+    ({"records": other(bound=np.where(np.arange(60) < 9, np.inf, 1.0))}, "not used"),
+    ({"records": other(u=GOOD.u * [1, 0])}, "`u` = 0 throughout in signal u2"),
+    ({"frf": rid.FrequencyResponse([1.0], np.ones((1, 2, 2)))}, "`frf` must have the sample time"),
+    ({"frf": rid.FrequencyResponse([1.0, 2.0], [1, 1], dt=DT)}, "2 inputs"),
+    ({"weight": [1.0]}, "each of the 2 outputs"),
+    ({"start": control.ss(0.5, 1, 1, 0, DT)}, "`start` must be a discrete model"),
+    ({"time_limit": 0}, "`time_limit`"),
+    ({"records": []}, "`records` must be a TimeRecord", InputTypeError),
+    ({"records": [GOOD, GOOD.y]}, "ndarray at position 1", InputTypeError),
+    of=lambda **changes: rid.fit_records(**{"records": GOOD, "order": 3, **changes}),
+)
 
 
 def measured(name, dt):
-    """Halves of a measured record, means of the first taken off; columns are inputs, then outputs."""
-    path = os.path.join(os.environ["ROBUSTID_DATA"], "daisy", f"{name}.mat")
-    (table,) = (value for key, value in scipy.io.loadmat(path).items() if not key.startswith("_"))
-    half, nu = len(table) // 2, table.shape[1] // 2
-    table = table - table[:half].mean(axis=0)
-    return [
-        rid.TimeRecord(part[:, :nu], part[:, nu:], dt=dt, initial="free")
-        for part in (table[:half], table[half : 2 * half])
-    ]
+    """Halves of a measured record, means of the first taken off."""
+    record = rid.datasets.load(name)
+    half = len(record.u) // 2
+    u, y = record.u - record.u[:half].mean(axis=0), record.y - record.y[:half].mean(axis=0)
+    return [rid.TimeRecord(u[k:][:half], y[k:][:half], dt=dt, initial="free") for k in (0, half)]
 
 
 def difference_equation(record, order):

@@ -77,10 +77,9 @@ def test_conditions_hold_and_the_gradient_is_that_of_differences(asked, kind, tr
     assert left_over(problem, fitted) <= 1e-10
     assert fitted.condition - 1 <= 1e-10
     assert fitted.cost == pytest.approx(np.linalg.norm(problem.residual(fitted.response)) ** 2, rel=1e-9)
-    free = Outputs(
-        FractionProblem(OMEGA, problem.values, 9, problem.weight, dt=problem.dt, feedthrough=problem.feedthrough)
-    )
-    assert fitted.cost >= free.fitted(start).cost
+    options = {"dt": problem.dt, "feedthrough": problem.feedthrough}
+    free = FractionProblem(OMEGA, problem.values, 9, problem.weight, **options)
+    assert fitted.cost >= Outputs(free).fitted(start).cost
     gradient = -2 * outputs.directions(fitted).T @ fitted.residual.ravel()
     for k, size in enumerate(1e-5 * start.reach(problem.xi)):
         step = np.zeros(gradient.size)

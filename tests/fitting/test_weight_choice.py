@@ -92,9 +92,8 @@ def test_few_degrees_of_freedom_let_the_points_decide_and_many_do_not():
     few, many = (fit_mfd(measured(covariance, dof), order=2, restart=False) for dof in (4.0, 2000.0))
     assert few.weight_choice.startswith("one number an entry, the inverse of its level: it predicts")
     assert few.poles[0] == pytest.approx(-0.05 + 3j, abs=0.01)
-    assert many.weight_choice.startswith(
-        "the covariance of the data, shrunk as it is known from 2000 degrees of freedom"
-    )
+    shrunk = "the covariance of the data, shrunk as it is known from 2000 degrees of freedom"
+    assert many.weight_choice.startswith(shrunk)
 
 
 def test_fits_of_all_orders_have_one_weight():
@@ -108,13 +107,8 @@ def test_fits_of_all_orders_have_one_weight():
 def test_a_response_with_missing_entries_is_judged_without_them():
     values = TRUTH.copy()
     values[::7, 0] = np.nan
-    frf = rid.FrequencyResponse(
-        OMEGA,
-        values,
-        covariance=np.broadcast_to(1e-6 * np.eye(2), (121, 2, 2)),
-        dof=4.0,
-        bound=np.where(np.isnan(values), np.inf, 1e-5),
-    )
+    known = measured(np.broadcast_to(1e-6 * np.eye(2), (121, 2, 2)), 4.0)
+    frf = dataclasses.replace(known, values=values, bound=np.where(np.isnan(values), np.inf, 1e-5))
     fit = fit_mfd(frf, order=4)
     np.testing.assert_allclose(fit.fraction.response(OMEGA), TRUTH, atol=1e-6)
     assert rid.fits.suggest_order(frf, orders=[2, 4]).suggested == 4

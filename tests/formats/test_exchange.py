@@ -47,11 +47,6 @@ def test_units_of_frequency(tmp_path, changes, scale):
         (lambda: matrix(abscissa_axis_units_lab="RPM"), "the unit 'RPM', which isn't a frequency; store Hz"),
         (lambda: matrix(abscissa_axis_units_lab="", abscissa_spec_data_type=0), "the unit '', which isn't a frequency"),
         (lambda: matrix()[:3], "of 2 outputs and 2 inputs the entries 7X- / 3Y[+] are missing"),
-        (lambda: [*matrix(), matrix()[0]], r"the function 12Z\+ / 12Z\+ is there twice"),
-        (
-            lambda: [*matrix()[:3], function(4, OUTPUTS[1], INPUTS[1], 2 * HZ, HZ + 0j)],
-            r"7X- / 3Y\+ has another axis than the function 12Z\+ / 12Z\+",
-        ),
         (
             lambda: [*matrix()[:3], function(4, OUTPUTS[1], INPUTS[1], HZ, HZ + 0j, orddenom_axis_units_lab="V")],
             r"3Y\+ is in 'N' in one function and in 'V' in another",

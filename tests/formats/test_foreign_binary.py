@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from robustid import load
+from robustid.app.run.reading import in_options, in_run_file
+from robustid.errors import InputError
 from robustid.formats import datasets
 from support.foreign_files import (
     DT,
@@ -21,6 +23,7 @@ from support.foreign_files import (
     same_response,
     uff58,
 )
+from support.matlab_files import write73
 
 pytestmark = pytest.mark.quick
 
@@ -34,17 +37,6 @@ EVEN = np.arange(1.0, 9.0)
 def same_even(frf):
     np.testing.assert_array_equal(frf.values[:, 0, 0], G)
     np.testing.assert_allclose(frf.freq_hz, EVEN, rtol=1e-14)
-
-
-def matlab73(path, variables):
-    """As MATLAB writes them: axes reversed, the class as an attribute, behind 512 bytes of its own."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, value in variables.items():
-            array = np.atleast_2d(np.asarray(value, dtype=complex if np.iscomplexobj(value) else float)).T
-            if np.iscomplexobj(array):
-                array = np.rec.fromarrays([array.real, array.imag], names="real,imag")
-            file[name] = array
-            file[name].attrs["MATLAB_class"] = np.bytes_("double")
 
 
 def hdf5(path):
@@ -67,16 +59,6 @@ def signal(node, values, **changes):
 
 
 IDDATA = {"OutputData": Y[:, None], "InputData": U[:, None], "Ts": DT, "TimeUnit": "seconds"}
-
-
-def frd(path):
-    """G of MATLAB has the axes (ny, nu, F), here (2, 1, 8), and HDF5 shows them reversed."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        both = np.stack([G, 2 * G], axis=-1)[:, None, :]
-        file["G"] = np.rec.fromarrays([both.real, both.imag], names="real,imag")
-        file["omega"] = 2 * np.pi * HZ[:, None]
-        for name in ("G", "omega"):
-            file[name].attrs["MATLAB_class"] = np.bytes_("double")
 
 
 def one_first(records):
@@ -109,7 +91,7 @@ CASES = {
     "signals first.mat": (lambda p: matlab5(p, {"u": U, "y": np.stack([Y] * 3), "dt": DT}), {"axes": "signal,time"}, same_record),
     "four.mat": (lambda p: matlab4(p, {"rig": LONG[:, :2, 0, 0]}),
                  {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
-    "seven.mat": (lambda p: matlab73(p, {"rig": LONG[:, :2, 0, 0]}),
+    "seven.mat": (lambda p: write73(p, {"rig": LONG[:, :2, 0, 0]}, ""),
                   {"fields": {"u": "rig[:,0]", "y": "rig[:,1]"}, "dt": 1.0}, both(LONG[:, :2, 0, 0])),
     "values.mat": (lambda p: matlab5(p, {"inputvalues": U[:, None], "outputvalues": Y[:, None], "times": T}), {}, same_record),
     "struct.mat": (lambda p: matlab5(p, {"d": {"u": U[:, None], "y": Y[:, None], "Ts": DT}}),
@@ -118,7 +100,8 @@ CASES = {
     "times.mat": (lambda p: matlab5(p, {"t": T, "force": U, "acc": Y}),
                   {"fields": {"time": "t", "u": "force", "y": "acc"}}, same_record),
     "complex.mat": (lambda p: matlab4(p, {"omega": 2 * np.pi * HZ, "G": G}), {}, same_response),
-    "axes.mat": (frd, {"axes": "output,input,frequency"}, same_response),
+    "axes.mat": (lambda p: write73(p, {"G": np.stack([G, 2 * G])[:, None], "omega": 2 * np.pi * HZ}, ""),
+                 {"axes": "output,input,frequency"}, same_response),
     "groups.h5": (hdf5, {"fields": {"u": "run.drive [V]", "y": "run.sensor"}}, same_record),
     "ascii.uff": (universal(frequencies(1, G)), {}, same_even),
     "binary.unv": (universal(frequencies(1, G), binary=True), {}, same_even),
@@ -139,33 +122,27 @@ def test_foreign_binary_files(tmp_path, name):
     check(followed(tmp_path / name, options))
 
 
-MEASURED = {
-    "daisy/hairdryer.mat": {"fields": {"u": "hairdryer[:,0]", "y": "hairdryer[:,1]"}, "dt": 1.0},
-    "daisy/cdplayer.mat": {
-        "fields": {"u": ["cdplayer[:,0]", "cdplayer[:,1]"], "y": ["cdplayer[:,2]", "cdplayer[:,3]"]},
-        "dt": 1.0,
-    },
-    "fsm_cubespec/u_300mV_test.npy": {
-        "fields": {"u": "[:]", "y": "y_300mV_test.npy"},
-        "axes": "time,signal,realisation,period",
-        "dt": 1.0,
-    },
-    "two_mass/MultisineTypeA.mat": {"fields": {"time": "time", "u": "iq_adx", "y": "iq_refx"}},
-    "beam_ring/symexc_1.mat": {"dt": 0.001},
-}
-SETS = {
-    "daisy/hairdryer.mat": "hairdryer",
-    "daisy/cdplayer.mat": "cdplayer",
-    "fsm_cubespec/u_300mV_test.npy": "fsm/test",
-}
+CD = [f"cdplayer[:,{k}]" for k in range(4)]
+AXES = "time,signal,realisation,period"
+MEASURED = [
+    ("daisy/hairdryer.mat", "hairdryer", {"fields": {"u": "hairdryer[:,0]", "y": "hairdryer[:,1]"}, "dt": 1.0}),
+    ("daisy/cdplayer.mat", "cdplayer", {"fields": {"u": CD[:2], "y": CD[2:]}, "dt": 1.0}),
+    (
+        "fsm_cubespec/u_300mV_test.npy",
+        "fsm/test",
+        {"fields": {"u": "[:]", "y": "y_300mV_test.npy"}, "axes": AXES, "dt": 1.0},
+    ),
+    ("two_mass/MultisineTypeA.mat", None, {"fields": {"time": "time", "u": "iq_adx", "y": "iq_refx"}}),
+    ("beam_ring/symexc_1.mat", None, {"dt": 0.001}),
+]
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("name", MEASURED)
-def test_measured_files_lead_to_the_arguments_that_read_them(name):
-    found = followed(datasets.fetch(name), MEASURED[name])
-    if name in SETS:
-        known = datasets.load(SETS[name])
+@pytest.mark.parametrize(("name", "known", "options"), MEASURED)
+def test_measured_files_lead_to_the_arguments_that_read_them(name, known, options):
+    found = followed(datasets.fetch(name), options)
+    if known:
+        known = datasets.load(known)
         pairs = zip(found, known, strict=True) if isinstance(known, list) else [(found, known)]
         for mine, theirs in pairs:
             np.testing.assert_array_equal(mine.u, theirs.u)
@@ -176,9 +153,6 @@ def test_measured_files_lead_to_the_arguments_that_read_them(name):
 
 def test_sentences_are_written_for_the_one_who_reads_them(tmp_path):
     """The line of a refusal as options of the command line, and as keys of a run file."""
-    from robustid.app.run.reading import in_options, in_run_file
-    from robustid.errors import InputError
-
     matlab5(tmp_path / "rig.mat", {"rig": LONG[:, :2, 0, 0]})
     with pytest.raises(InputError) as refused:
         load(tmp_path / "rig.mat")

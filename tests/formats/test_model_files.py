@@ -10,8 +10,8 @@ import robustid as rid
 from robustid.errors import FileFormatError
 from robustid.formats import load_model, save_model
 from robustid.formats.model_files import of_polynomials, of_roots
-from support.data_files import write_matlab73
 from support.foreign_files import matlab5
+from support.matlab_files import write73
 
 pytestmark = pytest.mark.quick
 A, B, C = np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1))
@@ -87,7 +87,7 @@ def matlab_structure(form, dt=None):
 def test_models_of_matlab_as_plain_numbers(tmp_path, form, version):
     path, fields = tmp_path / "g.mat", matlab_structure(form)
     if version == "v7.3":
-        write_matlab73(path, {f"G.{name}": np.atleast_2d(value) for name, value in fields.items()})
+        write73(path, fields)
     else:
         matlab5(path, fields if version == "top level" else {"G": fields})
     model = rid.load(path)
@@ -120,10 +120,8 @@ def test_polynomials_do_not_depend_on_units():
 
 
 def test_discrete_models_have_their_sample_time(tmp_path):
-    path = matlab5(
-        tmp_path / "g.mat", {"G": {"z": np.zeros((0, 1)), "p": [[0.5]], "k": 2.0, "Ts": 0.1, "TimeUnit": "seconds"}}
-    )
-    model = rid.load(path)
+    fields = {"z": np.zeros((0, 1)), "p": [[0.5]], "k": 2.0, "Ts": 0.1, "TimeUnit": "seconds"}
+    model = rid.load(matlab5(tmp_path / "g.mat", {"G": fields}))
     assert model.dt == 0.1
     np.testing.assert_allclose(model(1j), 2 / (1j - 0.5), rtol=1e-14)
     path = matlab5(tmp_path / "g.mat", {"num": [[2.0]], "den": [[1.0, -0.5]], "Ts": -1.0})

@@ -32,8 +32,8 @@ def test_a_column_of_responses(tmp_path, binary, double, rtol):
     ("change", "sentence"),
     [
         ({"reference": (2, 3)}, "are missing; store a full matrix"),
-        ({"response": (1, 3)}, "is there twice"),
-        ({"step": 0.25}, "has another axis"),
+        ({"response": (1, 3)}, r"the function 1Z\+ / 1Z\+ is there twice"),
+        ({"step": 0.25}, r"2Z\+ / 1Z\+ has another axis than the function 1Z\+ / 1Z\+"),
     ],
 )
 def test_functions_that_make_no_matrix_are_listed_and_taken_by_number(tmp_path, binary, change, sentence):

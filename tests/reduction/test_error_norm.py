@@ -4,9 +4,10 @@ import control
 import numpy as np
 import pytest
 
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
 from support.reduction_models import flexible, gap, mode, points_of, random_model, response
+from support.refusals import refusals
 
 NOTHING = control.StateSpace([], [], [], [[0.0]])
 
@@ -54,26 +55,20 @@ def test_error_is_attained_and_nowhere_exceeded(discrete, seeds):
 
 def test_equal_unstable_parts_cancel_and_others_do_not():
     stable = random_model(np.random.default_rng(2), discrete=False)
-    rigid = control.StateSpace(
-        [[0.0, 1], [0, 0]], np.ones((2, stable.ninputs)), np.ones((stable.noutputs, 2)), 0 * stable.D
-    )
+    b, c = np.ones((2, stable.ninputs)), np.ones((stable.noutputs, 2))
+    rigid = control.StateSpace([[0.0, 1], [0, 0]], b, c, 0 * stable.D)
     small = balanced_truncation(stable + rigid, order=stable.nstates, unstable="keep").model
     alone = balanced_truncation(stable, order=stable.nstates - 2).model
     assert hinf_error(stable + rigid, small).value == pytest.approx(hinf_error(stable, alone).value, rel=1e-5)
     assert hinf_error(stable + rigid, stable).value == np.inf
 
 
-@pytest.mark.parametrize(
-    ("other", "says"),
-    [
-        (control.tf([1], [1, 1]), "`reduced` must be a control.StateSpace"),
-        (control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.1), "time base"),
-        (control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0), "1 inputs"),
-    ],
+test_bad_input_is_named = refusals(
+    (control.tf([1], [1, 1]), "`reduced` must be a control.StateSpace", InputTypeError),
+    (control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.1), "time base"),
+    (control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0), "1 inputs"),
+    of=lambda other: hinf_error(mode(0.1, 1.0)[0], other),
 )
-def test_bad_input_is_named(other, says):
-    with pytest.raises((InputError, InputTypeError), match=says):
-        hinf_error(mode(0.1, 1.0)[0], other)
 
 
 def rounding(model, omega):
@@ -85,7 +80,7 @@ def rounding(model, omega):
     return np.finfo(float).eps * np.linalg.norm(model.A, 2) * np.linalg.norm(before, 2) * np.linalg.norm(after, 2)
 
 
-def check_bound(model, orders, matches=(None, "static gain")):
+def check_bound(model, orders, matches):
     """Bound at least the true error, up to the rounding of the two models; the truncation stable."""
     for match in matches:
         for order in orders:
@@ -98,19 +93,23 @@ def check_bound(model, orders, matches=(None, "static gain")):
 
 
 @pytest.mark.realdata
-def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model):
-    # On a grid, every order: test_reduction.py. The true error at every order: below, slow.
-    large = benchmark_model.nstates > 200
-    check_bound(benchmark_model, [12] if large else [1, 20], (None,) if large else (None, "static gain"))
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model, every):
+    # On a grid, every order: test_balanced.py.
+    large = benchmark_model.nstates > 200 and not every
+    orders = range(benchmark_model.nstates) if every else [12] if large else [1, 20]
+    check_bound(benchmark_model, orders, (None,) if large else (None, "static gain"))
 
 
-@pytest.mark.slow
-@pytest.mark.realdata
-def test_bound_holds_for_the_true_error_at_every_order(benchmark_model):
-    check_bound(benchmark_model, range(benchmark_model.nstates))
-
-
-def check_flexible(model, orders):
+@pytest.mark.parametrize(
+    ("modes", "orders"),
+    [
+        (60, (1, 7, 40, 99, 119)),
+        pytest.param(500, (1, 2, 10, 50, 101, 200, 400, 700, 998, 999), marks=pytest.mark.slow),
+    ],
+)
+def test_lightly_damped_model_with_four_channels(modes, orders):
+    model = flexible(modes, 4, seed=0)
     points = points_of(model, 20)
     points = points[:: max(1, points.size // 100)]
     values = response(model.A, model.B, model.C, model.D, points)
@@ -122,12 +121,3 @@ def check_flexible(model, orders):
         assert np.max(small.poles().real) < 0
         left = values - response(small.A, small.B, small.C, small.D, points)
         assert np.max(np.linalg.norm(left, 2, axis=(1, 2))) <= reduction.bound + floor
-
-
-def test_lightly_damped_model_with_four_channels():
-    check_flexible(flexible(60, 4, seed=0), (1, 7, 40, 99, 119))
-
-
-@pytest.mark.slow
-def test_a_thousand_lightly_damped_states_with_four_channels():
-    check_flexible(flexible(500, 4, seed=0), (1, 2, 10, 50, 101, 200, 400, 700, 998, 999))

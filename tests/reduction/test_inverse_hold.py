@@ -7,11 +7,12 @@ import scipy.linalg as sla
 
 from robustid.errors import InputError, InputTypeError
 from robustid.reduction import to_continuous
+from support.reduction_models import response as response_of
+from support.refusals import refusals
 
 
 def response(model, omega):
-    values = [model.D + model.C @ np.linalg.solve(1j * w * np.eye(model.nstates) - model.A, model.B) for w in omega]
-    return np.array(values)
+    return response_of(model.A, model.B, model.C, model.D, 1j * omega)
 
 
 def sampled(rng, *, dt=0.1):
@@ -121,34 +122,26 @@ def test_delays_are_refused_in_any_coordinates(delay):
         a = sla.block_diag(np.eye(delay, k=-1), 0.98 * np.array([[0.8, 0.6], [-0.6, 0.8]]))
         n = delay + 2
         q = np.linalg.qr(rng.standard_normal((n, n)))[0]
-        model = control.StateSpace(
-            q @ a @ q.T, q @ rng.standard_normal((n, 1)), rng.standard_normal((1, n)) @ q.T, 0, 0.1
-        )
+        b, c = q @ rng.standard_normal((n, 1)), rng.standard_normal((1, n)) @ q.T
+        model = control.StateSpace(q @ a @ q.T, b, c, 0, 0.1)
         with pytest.raises(InputError, match="balanced_truncation"):
             to_continuous(model)
 
 
 ROTATION = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+TURNED = ROTATION @ np.diag([0.9, -0.3, 0.5]) @ ROTATION.T
 
 
-@pytest.mark.parametrize(
-    ("model", "says"),
-    [
-        (control.StateSpace([[-0.5]], [[1]], [[1]], 0, 0.1), "5 Hz.*negative real axis.*balanced_truncation"),
-        (control.StateSpace([[0.0]], [[1]], [[1]], 0, 0.1), "z = 0.*balanced_truncation"),
-        (control.StateSpace([[1e-17, 0], [0, 0.9]], [[1], [1]], [[1, 1]], 0, 0.1), "balanced_truncation"),
-        (control.StateSpace([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0, 0.1), "z = 0"),
-        (
-            control.StateSpace(ROTATION @ np.diag([0.9, -0.3, 0.5]) @ ROTATION.T, [[1], [1], [1]], [[1, 1, 1]], 0, 0.1),
-            "negative real axis",
-        ),
-        (control.StateSpace([[-0.5]], [[1]], [[1]], 0, 0), "must be discrete"),
-        (control.StateSpace([[0.5]], [[1]], [[1]], 0, True), "sample time"),
-        (control.StateSpace([[0.5]], [[1]], [[1]], 0, None), "dt = None"),
-        (control.StateSpace([[0.5]], [[np.inf]], [[1]], 0, 0.1), "matrix B"),
-        (control.tf([1], [1, 0.5], 0.1), "control.ss"),
-    ],
+test_bad_input_is_named = refusals(
+    (control.StateSpace([[-0.5]], [[1]], [[1]], 0, 0.1), "5 Hz.*negative real axis.*balanced_truncation"),
+    (control.StateSpace([[0.0]], [[1]], [[1]], 0, 0.1), "z = 0.*balanced_truncation"),
+    (control.StateSpace([[1e-17, 0], [0, 0.9]], [[1], [1]], [[1, 1]], 0, 0.1), "balanced_truncation"),
+    (control.StateSpace([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0, 0.1), "z = 0"),
+    (control.StateSpace(TURNED, [[1], [1], [1]], [[1, 1, 1]], 0, 0.1), "negative real axis"),
+    (control.StateSpace([[-0.5]], [[1]], [[1]], 0, 0), "must be discrete"),
+    (control.StateSpace([[0.5]], [[1]], [[1]], 0, True), "sample time"),
+    (control.StateSpace([[0.5]], [[1]], [[1]], 0, None), "dt = None"),
+    (control.StateSpace([[0.5]], [[np.inf]], [[1]], 0, 0.1), "matrix B"),
+    (control.tf([1], [1, 0.5], 0.1), "control.ss", InputTypeError),
+    of=to_continuous,
 )
-def test_bad_input_is_named(model, says):
-    with pytest.raises((InputError, InputTypeError), match=says):
-        to_continuous(model)

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import Budget, points_of
 from robustid.identification import largest_ratio
-from robustid.reduction import model_worth_having, reduce_within_bounds, why_not_compared
+from robustid.reduction import model_worth_having, reduce_within_bounds, why_not_compared, without_doubtful_modes
+from robustid.reduction.drawn_inside import Bounds, drawn_fits
 from robustid.reduction.record_simulations import with_transients
 from support.two_mode_models import rigid_body
 
@@ -24,9 +26,8 @@ def measured(seed, wide=40.0, lines=32, noise=0.02):
     return rid.FrequencyResponse(omega, values, bound=wide * 4 * level, dt=0.01), basis
 
 
-ORDERS = pytest.mark.parametrize(
-    "most", [6, pytest.param(12, marks=pytest.mark.slow)]
-)  # of the fits that are looked at
+# Of the fits that are looked at.
+ORDERS = pytest.mark.parametrize("most", [6, pytest.param(12, marks=pytest.mark.slow)])
 
 
 def try_orders_up_to(most, monkeypatch):
@@ -97,11 +98,8 @@ def resonant(seed, samples=300, noise=0.02, dt=0.01):
     plant = control.ss(basis.A, basis.B, np.array([[0.5, 0.3, 0.2, 0.3]]) @ basis.C, 0, dt)
     u = rng.standard_normal(samples)
     clean = control.forced_response(plant, U=u, X0=3 * rng.standard_normal(4)).outputs
-    return (
-        rid.TimeRecord(u, clean + noise * clean.std() * rng.standard_normal(samples), dt=dt, initial="free"),
-        basis,
-        clean,
-    )
+    y = clean + noise * clean.std() * rng.standard_normal(samples)
+    return rid.TimeRecord(u, y, dt=dt, initial="free"), basis, clean
 
 
 @pytest.mark.parametrize(("most", "samples"), [(5, 150), pytest.param(12, 300, marks=pytest.mark.slow)])
@@ -147,3 +145,107 @@ def test_records_in_steady_state_or_too_long_say_no_more_than_their_spectrum():
     long = rid.TimeRecord(np.zeros(30000), np.zeros(30000), dt=0.01)
     assert with_transients([record, steady]) == [record]
     assert with_transients([record, long]) == []
+
+
+# --- modes that the data hardly show
+
+
+def structure(extra):
+    """A resonance at 10 Hz, and what is said to be beside it: data, identification, model."""
+    dt, omega = 0.01, 2 * np.pi * np.arange(1.0, 31.0)
+    basis = rid.kautz(2 * np.pi * 10.0, 0.05, dt=dt, delay=1)
+    values = basis.response(omega * dt) @ [1.0, 0.5]
+    frf = rid.FrequencyResponse(omega, values, bound=0.02, dt=dt)
+    prior = rid.Prior(gain_bound=0.05, decay_rate=1.3)
+    found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=basis))
+    own = control.ss(basis.A, basis.B, np.array([[1.0, 0.5]]) @ basis.C, np.array([[1.0, 0.5]]) @ basis.D, dt)
+    hz, damping, size = extra
+    other = rid.kautz(2 * np.pi * hz, damping, dt=dt, delay=1)
+    more = control.ss(other.A, other.B, np.array([[size, 0.0]]) @ other.C, np.zeros((1, 1)), dt)
+    return found, control.parallel(own, more)
+
+
+def test_a_mode_that_a_zero_almost_cancels_is_left_out():
+    found, model = structure((9.7, 0.03, 0.003))
+    assert largest_ratio(found.problem, model) < 1
+    smaller, modes = without_doubtful_modes(found, model)
+    assert smaller.nstates == 2
+    (mode,) = modes
+    assert mode.removed
+    np.testing.assert_allclose([mode.hz, mode.damping], [9.7, 0.03], rtol=1e-6)
+    assert "a zero almost cancels" in mode.summary()
+    assert largest_ratio(found.problem, smaller) <= 1
+
+
+def test_a_mode_between_the_points_and_one_at_the_limit_of_damping_are_named():
+    for extra, words in (((20.5, 0.001, 0.002), "narrower"), ((20.5, 1e-5, 1e-4), "limit of damping")):
+        found, model = structure(extra)
+        smaller, modes = without_doubtful_modes(found, model)
+        assert [words in mode.why for mode in modes] == [True]
+        assert smaller.nstates == 2
+
+
+def test_points_that_were_not_used_and_samples_that_need_a_mode_keep_it():
+    found, model = structure((20.5, 0.001, 0.002))
+    unused = 2 * np.pi * np.array([20.5])
+    shown = rid.FrequencyResponse(unused, model(np.exp(1j * unused * 0.01)), bound=0.01, dt=0.01)
+    kept, modes = without_doubtful_modes(found, model, [shown])
+    assert kept is model
+    assert [mode.removed for mode in modes] == [False]
+    assert "measure more points" in modes[0].summary()
+
+
+def test_a_mode_that_the_data_show_is_not_doubtful():
+    found, _ = structure((20.0, 0.05, 0.0))
+    plain, modes = without_doubtful_modes(found, found.model)
+    assert plain is found.model
+    assert modes == ()
+
+
+# --- fits drawn inside the bounds
+
+
+def data(dt, seed):
+    """Two modes, a well-damped third one that fits of order 4 have no place for, and errors; bounds that one value of it breaks."""
+    rng = np.random.default_rng(seed)
+    omega = np.linspace(2.0, 25.0, 120)
+    s = points_of(omega, dt)
+    modes = ((20.0, 0.2, 25.0), (30.0, 0.4, 144.0), (15.0, 12.0, 324.0))
+    plant = sum(control.tf([gain], [1, twice, square]) for gain, twice, square in modes)
+    plant = control.sample_system(plant, dt) if dt else plant
+    deviation = 1e-3
+    noise = deviation * (rng.normal(size=120) + 1j * rng.normal(size=120)) / np.sqrt(2)
+    values = np.asarray(plant(s)) + noise
+    frf = rid.FrequencyResponse(omega, values, dt=dt, bound=1.0, covariance=np.full((120, 1, 1), deviation**2))
+    fit = rid.fit_mfd(frf, order=4, domain="z" if dt else "s", feedthrough=True)
+    left = np.abs(frf.values - np.asarray(fit.to_control()(s)).reshape(-1, 1, 1))
+    bound = np.full(120, 2.0 * left.max())
+    worst = int(np.argmax(left))
+    bound[worst] = 0.85 * left.max()
+    return frf.with_bound(bound[:, None, None]), fit
+
+
+@pytest.mark.parametrize("dt", [None, 0.05])
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(3)])
+def test_a_fit_outside_at_one_point_ends_inside_and_hardly_worse(dt, seed):
+    frf, fit = data(dt, seed)
+
+    def ratio(model):
+        return rid.validate(model, frf).ratio
+
+    def misfit(model):
+        return np.linalg.norm(rid.validate(model, frf).residuals)
+
+    bounds = Bounds(ratio, lambda _: None)
+    found = list(drawn_fits(frf, fit, bounds, Budget(), domain="z" if dt else "s", feedthrough=True))
+    assert ratio(found[0]) > 1.1
+    assert ratio(found[-1]) <= 1
+    assert misfit(found[-1]) < 1.3 * misfit(found[0])
+    assert found[-1].nstates == 4
+
+
+def test_a_sequence_that_goes_astray_is_ended():
+    frf, fit = data(0.05, 0)
+    ratios = iter([1.5, 1.4, 1.4, 1.4, 9.0, 9.0, 9.0, 9.0])
+    bounds = Bounds(lambda _: next(ratios, 9.0), lambda _: None)
+    assert len(list(drawn_fits(frf, fit, bounds, Budget(), feedthrough=True))) <= 4

@@ -10,17 +10,8 @@ import pytest
 import robustid as rid
 from robustid.core import response
 from robustid.identification import model_residuals
+from robustid.reduction import sample_fits
 from robustid.reduction.pole_starts import sanathanan_koerner, statespace
-from robustid.reduction.sample_fits import (
-    descended,
-    evaluated,
-    least_squares,
-    levelled,
-    moved,
-    numerators_levelled,
-    pole_columns,
-    pole_functions,
-)
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
 from support.paper_plant import mixed, structure
@@ -38,7 +29,7 @@ def test_residuals_of_the_map_are_those_of_the_judge(kind, integrators):
     samples = sample_map(problem, integrators)
     v = rng.standard_normal(5 + samples.fixed.shape[1])
     v[5 + 1 + integrators :] = 0  # no free response: the judge takes the best one
-    fit = evaluated(samples, pole_functions(POLES), v)
+    fit = sample_fits.evaluated(samples, sample_fits.pole_functions(POLES), v)
     model = statespace(samples, fit, rid.datasets.flexible_structure().truth)
     assert np.sum(model.poles() == 1) == integrators
     found = model_residuals(problem, model)
@@ -56,7 +47,7 @@ def test_residuals_of_the_map_are_those_of_the_judge(kind, integrators):
 def test_functions_are_orthonormal_also_for_close_poles_near_the_circle():
     angles = 2 * np.pi * np.arange(400000) / 400000
     close = 0.9995 * np.exp(1j * np.array([0.5, 0.5002]))
-    A, C, _ = pole_functions(np.concatenate([close, close.conj(), [0.9]]))
+    A, C, _ = sample_fits.pole_functions(np.concatenate([close, close.conj(), [0.9]]))
     z = np.exp(1j * angles[:, None])
     T, values = np.eye(5), np.empty((angles.size, 5), complex)
     values = np.linalg.solve((z[::10, :, None] * T - A).transpose(0, 2, 1), C[0, None, :, None])[..., 0]
@@ -65,13 +56,13 @@ def test_functions_are_orthonormal_also_for_close_poles_near_the_circle():
 
 def test_columns_of_the_poles_are_the_derivatives():
     samples = sample_map(mixed("rest"), 0)
-    pair = pole_functions(POLES)
+    pair = sample_fits.pole_functions(POLES)
     v = np.random.default_rng(0).standard_normal(6)
-    fit, step = evaluated(samples, pair, v), 1e-6
-    J = pole_columns(samples, pair, fit.outputs)
+    fit, step = sample_fits.evaluated(samples, pair, v), 1e-6
+    J = sample_fits.pole_columns(samples, pair, fit.outputs)
     for k in range(5):
         d = step * np.eye(5)[:, k : k + 1]
-        plus, minus = (evaluated(samples, moved(pair, s * d), v).error for s in (1, -1))
+        plus, minus = (sample_fits.evaluated(samples, sample_fits.moved(pair, s * d), v).error for s in (1, -1))
         np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
 
 
@@ -102,8 +93,10 @@ def test_noise_free_samples_give_the_poles_back_from_a_cold_start():
         problem = dataclasses.replace(structure(seed), frequency=data.frequency, time=data.time)
         samples = sample_map(problem, 0)
         exact = np.linalg.eigvals(data.truth.A)
-        rich = least_squares(samples, pole_functions(np.concatenate([exact, [0.1, 0.2]])))
-        fit = descended(samples, least_squares(samples, sanathanan_koerner(samples, rich, 4)), 0.99999)
+        rich = sample_fits.least_squares(samples, sample_fits.pole_functions(np.concatenate([exact, [0.1, 0.2]])))
+        fit = sample_fits.descended(
+            samples, sample_fits.least_squares(samples, sanathanan_koerner(samples, rich, 4)), 0.99999
+        )
         assert np.sort_complex(fit.poles) == pytest.approx(np.sort_complex(exact), abs=1e-6)
 
 
@@ -112,29 +105,31 @@ def test_minimax_model_is_a_local_optimum_with_equal_extremes():
     for seed in range(5):
         problem = structure(seed)
         samples = sample_map(problem, 0)
-        start = descended(
-            samples, least_squares(samples, pole_functions(rid.datasets.flexible_structure().truth.poles())), 0.9999
+        start = sample_fits.least_squares(
+            samples, sample_fits.pole_functions(rid.datasets.flexible_structure().truth.poles())
         )
-        fit = levelled(samples, start, 0.9999, 1e-3, 60)  # a limit out of reach: to the end
-        assert fit.worst < numerators_levelled(samples, start).worst
-        pair = pole_functions(fit.poles)
-        G = np.hstack([samples.columns(pair.A, pair.C), samples.fixed, pole_columns(samples, pair, fit.outputs)])
+        start = sample_fits.descended(samples, start, 0.9999)
+        fit = sample_fits.levelled(samples, start, 0.9999, 1e-3, 60)  # a limit out of reach: to the end
+        assert fit.worst < sample_fits.numerators_levelled(samples, start).worst
+        pair = sample_fits.pole_functions(fit.poles)
+        G = np.hstack(
+            [samples.columns(pair.A, pair.C), samples.fixed, sample_fits.pole_columns(samples, pair, fit.outputs)]
+        )
         extreme = np.abs(fit.error) > 0.999 * fit.worst
         turn = (fit.error / np.abs(fit.error)).conj()
         slopes = np.real(turn[:, None] * G)[extreme]
         x = cp.Variable(9)
         reach = np.concatenate([np.full(5, np.inf), 0.01 * pair.size])
         norms = np.linalg.norm(G, axis=0)
-        gain = cp.Problem(
-            cp.Maximize(cp.min(slopes / norms @ x)), [cp.abs(x[5:]) <= (reach * norms)[5:], cp.norm(x, "inf") <= 100]
-        ).solve(solver=cp.CLARABEL)
+        limits = [cp.abs(x[5:]) <= (reach * norms)[5:], cp.norm(x, "inf") <= 100]
+        gain = cp.Problem(cp.Maximize(cp.min(slopes / norms @ x)), limits).solve(solver=cp.CLARABEL)
         assert gain < 0.02 * fit.worst
 
 
 def test_response_of_a_model_is_that_of_its_states():
     """`response` and the map agree on an ill-conditioned basis: two pairs 1e-7 apart, 1e-6 from the circle."""
     pair = (1 - 1e-6) * np.exp(1j * np.array([0.5, 0.5 + 1e-7]))
-    A, C, _ = pole_functions(np.concatenate([pair, pair.conj()]))
+    A, C, _ = sample_fits.pole_functions(np.concatenate([pair, pair.conj()]))
     samples = sample_map(structure(0), 0)
     model = control.ss(A, np.ones((4, 1)), C, 0, 0.01)
     (frf,) = structure(0).frequency

@@ -8,20 +8,14 @@ import pytest
 import robustid as rid
 from robustid.core import simulate
 from robustid.identification import largest_ratio, model_residuals
+from robustid.reduction import sample_fits
 from robustid.reduction.pole_starts import statespace
-from robustid.reduction.sample_fits import (
-    Pair,
-    direction_columns,
-    evaluated,
-    least_squares,
-    moved,
-    normal_functions,
-    numerators,
-    pole_columns,
-)
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import smallest_maximum
+from support.cases import slow
 from support.matrix_lines import DT, found_at, lines, plant
+
+PRIOR = rid.Prior(gain_bound=1, decay_rate=1.2)
 
 
 def record(rng, truth, kind="rest", bound=0.05):
@@ -42,17 +36,11 @@ def every_kind(rng, truth):
     size = shape[1] * shape[2]
     root = rng.standard_normal((shape[0], size, size)) + 1j * rng.standard_normal((shape[0], size, size))
     E = root @ root.conj().swapaxes(1, 2) + 0.1 * np.eye(size)
-    common = {"dt": DT}
     directions = rng.standard_normal((shape[0], shape[2], 1))
-    return [
-        rid.FrequencyResponse(frf.omega, frf.values, bound=holes, **common),
-        rid.FrequencyResponse(
-            frf.omega, frf.values, bound=rid.Bound(0.05, tilt=0.3 * np.exp(1j * np.arange(6))), **common
-        ),
-        rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(0.05, joint="column"), **common),
-        rid.FrequencyResponse(frf.omega, frf.values, bound=rid.Bound(joint="matrix", ellipsoid=0.01 * E), **common),
-        rid.TangentialResponse(frf.omega, frf.values @ directions, right=directions, bound=0.05, **common),
-    ]
+    tilted, columns = rid.Bound(0.05, tilt=0.3 * np.exp(1j * np.arange(6))), rid.Bound(0.05, joint="column")
+    bounds = holes, tilted, columns, rid.Bound(joint="matrix", ellipsoid=0.01 * E)
+    along = rid.TangentialResponse(frf.omega, frf.values @ directions, right=directions, bound=0.05, dt=DT)
+    return [*(frf.with_bound(bound) for bound in bounds), along]
 
 
 @pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 2), (2, 3), (3, 1)])
@@ -61,41 +49,40 @@ def test_residuals_of_the_map_are_those_of_the_judge(outputs, inputs, integrator
     rng = np.random.default_rng(outputs + 10 * inputs)
     truth, basis = plant(rng, 2, outputs, inputs)
     records = [record(rng, truth), *([] if integrators else [record(rng, truth, "periodic")])]
-    problem = rid.MixedProblem(
-        frequency=every_kind(rng, truth), time=records, prior=rid.Prior(gain_bound=1, decay_rate=1.2), parametric=basis
-    )
+    problem = rid.MixedProblem(frequency=every_kind(rng, truth), time=records, prior=PRIOR, parametric=basis)
     samples = sample_map(problem, integrators)
-    pair = Pair(np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]), rng.standard_normal((samples.heads, 3)))
+    pair = sample_fits.Pair(
+        np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]), rng.standard_normal((samples.heads, 3))
+    )
     v = rng.standard_normal(3 * samples.tails + samples.fixed.shape[1])
-    fit = evaluated(samples, pair, v)
+    fit = sample_fits.evaluated(samples, pair, v)
     model = statespace(samples, fit, truth)
     assert model.nstates == 3 + integrators * samples.heads
     assert np.sum(np.abs(model.poles() - 1) < 1e-12) == integrators * samples.heads
     assert fit.worst == pytest.approx(largest_ratio(problem, model), rel=1e-9)
-    assert np.sort(fit.sizes) == pytest.approx(
-        np.sort(np.concatenate([r.ratio for r in model_residuals(problem, model)])), rel=1e-9
-    )
-    np.testing.assert_allclose(
-        fit.error, samples.y - numerators(samples, pair) @ v, atol=1e-9 * np.abs(fit.error).max()
-    )
+    ratios = np.concatenate([r.ratio for r in model_residuals(problem, model)])
+    assert np.sort(fit.sizes) == pytest.approx(np.sort(ratios), rel=1e-9)
+    left = samples.y - sample_fits.numerators(samples, pair) @ v
+    np.testing.assert_allclose(fit.error, left, atol=1e-9 * np.abs(fit.error).max())
 
 
 @pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 2)])
 def test_columns_of_poles_and_directions_are_the_derivatives(outputs, inputs):
     rng = np.random.default_rng(1)
     truth, _ = plant(rng, 2, outputs, inputs)
-    problem = rid.MixedProblem(
-        frequency=lines(rng, truth), time=record(rng, truth), prior=rid.Prior(gain_bound=1, decay_rate=1.2)
-    )
+    problem = rid.MixedProblem(frequency=lines(rng, truth), time=record(rng, truth), prior=PRIOR)
     samples = sample_map(problem, 0)
-    pair = Pair(0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0], rng.standard_normal((2, 4)))
+    pair = sample_fits.Pair(0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0], rng.standard_normal((2, 4)))
     v = rng.standard_normal(4 * samples.tails + outputs * inputs)
-    fit, step = evaluated(samples, pair, v), 1e-6
-    along_d, along_C = pole_columns(samples, pair, fit.outputs), direction_columns(samples, pair, fit.X)
+    fit, step = sample_fits.evaluated(samples, pair, v), 1e-6
+    along_d, along_C = (
+        sample_fits.pole_columns(samples, pair, fit.outputs),
+        sample_fits.direction_columns(samples, pair, fit.X),
+    )
     for k in range(8):
         change = step * np.eye(8)[k].reshape(2, 4)
-        by_poles = [evaluated(samples, moved(pair, s * change.T), v).error for s in (1, -1)]
-        by_C = [evaluated(samples, Pair(pair.A, pair.C + s * change), v).error for s in (1, -1)]
+        by_poles = [sample_fits.evaluated(samples, sample_fits.moved(pair, s * change.T), v).error for s in (1, -1)]
+        by_C = [sample_fits.evaluated(samples, sample_fits.Pair(pair.A, pair.C + s * change), v).error for s in (1, -1)]
         for (plus, minus), J in ((by_poles, along_d), (by_C, along_C)):
             np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
 
@@ -103,24 +90,19 @@ def test_columns_of_poles_and_directions_are_the_derivatives(outputs, inputs):
 def test_normal_form_spans_the_same_functions():
     rng = np.random.default_rng(3)
     truth, _ = plant(rng, 2)
-    samples = sample_map(
-        rid.MixedProblem(frequency=lines(rng, truth), prior=rid.Prior(gain_bound=1, decay_rate=1.2)), 0
-    )
+    samples = sample_map(rid.MixedProblem(frequency=lines(rng, truth), prior=PRIOR), 0)
     weights = np.array([2.0, 5.0])
-    pair = Pair(truth.A, truth.C)
-    A, C, size = normal_functions(pair, weights)
+    pair = sample_fits.Pair(truth.A, truth.C)
+    A, C, size = sample_fits.normal_functions(pair, weights)
     np.testing.assert_allclose(A.T @ A + (weights[:, None] * C).T @ (weights[:, None] * C), np.eye(4), atol=1e-9)
     assert np.sort(1 - size**2) == pytest.approx(np.sort(np.abs(truth.poles()) ** 2), rel=1e-9)
-    assert least_squares(samples, pair).cost == pytest.approx(least_squares(samples, Pair(A, C)).cost, rel=1e-9)
+    costs = [sample_fits.least_squares(samples, one).cost for one in (pair, sample_fits.Pair(A, C))]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
 
 
 @pytest.mark.parametrize(
     ("size", "modes", "count", "seed"),
-    [
-        (2, 2, 12, 0),
-        pytest.param(2, 3, 20, 1, marks=pytest.mark.slow),
-        *(pytest.param(size, 3, 30, seed, marks=pytest.mark.slow) for size in (2, 3) for seed in range(10)),
-    ],
+    [(2, 2, 12, 0), slow(2, 3, 20, 1), *(slow(size, 3, 30, seed) for size in (2, 3) for seed in range(10))],
 )
 def test_truth_of_known_order_bounds_the_order_found(size, modes, count, seed):
     """Its own samples keep to the truth: an order above its order would be a miss."""

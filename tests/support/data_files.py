@@ -1,6 +1,5 @@
-"""What the tests of files share: a frequency response and a record with every field set, and MATLAB's layout of HDF5."""
+"""What the tests of files share: a frequency response and a record with every field set."""
 
-import h5py
 import numpy as np
 
 from robustid.data import Bound, FrequencyResponse, TimeRecord
@@ -43,34 +42,3 @@ def full_record():
         past_input_bound=np.pi,
         inputs=["a [A]", "b"],
     )
-
-
-def assert_same(one, two):
-    assert type(one) is type(two)
-    for name in set(one.__dataclass_fields__) - {"_"}:
-        a, b = getattr(one, name), getattr(two, name)
-        if isinstance(a, Bound):
-            assert_same(a, b)
-        elif isinstance(a, np.ndarray):
-            assert a.shape == b.shape
-            assert a.tobytes() == b.tobytes(), name
-        else:
-            assert a == b, name
-
-
-def write_matlab73(path, variables):
-    """As MATLAB does: user block with a text, classes as attributes, axes reversed, structures as groups."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, value in variables.items():
-            value = np.atleast_2d(value)
-            if np.iscomplexobj(value):
-                pair = np.empty(value.T.shape, dtype=[("real", float), ("imag", float)])
-                pair["real"], pair["imag"] = value.T.real, value.T.imag
-                data = file.create_dataset(name.replace(".", "/"), data=pair)
-            else:
-                data = file.create_dataset(name.replace(".", "/"), data=value.T)
-            data.attrs["MATLAB_class"] = np.bytes_("double")
-        text = file.create_dataset("comment", data=np.frombuffer(b"hello", np.uint8))
-        text.attrs["MATLAB_class"] = np.bytes_("char")
-    with open(path, "r+b") as file:
-        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")

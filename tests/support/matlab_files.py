@@ -25,12 +25,13 @@ def write5(path, structure, name="G"):
 
 
 def write73(path, structure, name="G"):
-    """As MATLAB does: axes reversed, texts as numbers, cells as references."""
+    """As MATLAB does: user block with a text, axes reversed, texts as numbers, cells as references, dots as groups."""
     with h5py.File(path, "w", userblock_size=512) as file:
         top = file.create_group(name) if name else file
         if name:
             top.attrs["MATLAB_class"] = np.bytes_("struct")
         for field, value in structure.items():
+            field = field.replace(".", "/")
             if isinstance(value, str):
                 write_text(top, field, value)
             elif np.asarray(value).dtype == object:

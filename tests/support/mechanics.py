@@ -83,3 +83,16 @@ def check_tangent(tangent, response, h=1e-6):
     for k, column in enumerate(np.moveaxis(tangent, 3, 0)):
         there, back = (response(sign * h * np.eye(tangent.shape[3])[k]) for sign in (1, -1))
         assert np.allclose(column, (there - back) / (2 * h), rtol=1e-6, atol=1e-7 * np.abs(column).max())
+
+
+def check_symmetric_tangent(model, xi, moved):
+    """C moves with the poles and the inputs, its coefficients held: a symmetric response, and its tangent."""
+    gains = np.random.default_rng(4).standard_normal(len(model.tied_outputs()))
+
+    def response(model):
+        return np.tensordot(gains, model.tied_outputs(), 1) @ model.states(xi)
+
+    values, states, C = response(model), model.states(xi), np.tensordot(gains, model.tied_outputs(), 1)
+    assert np.allclose(values, values.transpose(0, 2, 1), rtol=1e-13, atol=1e-13 * np.abs(values).max())
+    tangent = model.tied_changes(states, C, model.tangent(xi, states, C))
+    check_tangent(tangent, lambda step: response(moved(step)))

@@ -97,6 +97,12 @@ def relative_error(estimate, truth):
     return float(np.sqrt(np.mean(ratio**2)))
 
 
+def by_control(model, omega):
+    """Response (F, ny, nu) of a model, by python-control."""
+    points = np.exp(1j * omega * model.dt) if model.dt else 1j * omega
+    return np.moveaxis(model(points, squeeze=False), -1, 0)
+
+
 def gaussian(rng, *shape):
     """Complex numbers with independent real and imaginary parts."""
     return rng.normal(size=shape) + 1j * rng.normal(size=shape)

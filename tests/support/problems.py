@@ -139,10 +139,6 @@ def judge_margin(problem, whitening=None):
     return float(s.value)
 
 
-def truth_response(model, omega):
-    return model(np.exp(1j * omega * model.dt))
-
-
 def truth_of(seed, case):
     """The truth behind `random_problem`: impulse response of (count), frequency response of (omega, rad/s)."""
     truth = random_experiment(seed, case, 8)[1]

@@ -9,9 +9,8 @@ SLICOT = {"build": 48, "CDplayer": 120, "iss1R": 270, "beam": 348}
 
 def response(a, b, c, d, points):
     """Judge of its own: one dense solve a point."""
-    return d + c @ np.linalg.solve(
-        points[:, None, None] * np.eye(a.shape[0]) - a, np.broadcast_to(b, (points.size, *b.shape))
-    )
+    pencil = points[:, None, None] * np.eye(a.shape[0]) - a
+    return d + c @ np.linalg.solve(pencil, np.broadcast_to(b, (points.size, *b.shape)))
 
 
 def points_of(model, lines=40):
@@ -19,9 +18,8 @@ def points_of(model, lines=40):
     poles = model.poles()
     if model.dt == 0:
         speeds = np.abs(poles)
-        return 1j * np.concatenate(
-            [[0.0], np.abs(poles.imag), np.geomspace(speeds.min() / 10, speeds.max() * 10, lines)]
-        )
+        between = np.geomspace(speeds.min() / 10, speeds.max() * 10, lines)
+        return 1j * np.concatenate([[0.0], np.abs(poles.imag), between])
     return np.exp(1j * np.concatenate([np.abs(np.angle(poles)), np.linspace(0, np.pi, lines)]))
 
 

@@ -12,8 +12,8 @@ def structure_problem(which, **options):
     return rid.MixedProblem(frequency=data.frequency, time=data.time, prior=ANY, parametric=basis)
 
 
-def about_structure(data, gain_bound, decay_rate, *, time=False, modes=None, **options):
+def about_structure(data, gain_bound, decay_rate, *, time=False, modes=None, repeat=1, **options):
     """What is asked about simulated data: their lines and perhaps their record, pairs at their own modes or at others."""
-    basis = rid.kautz(*(data.modes if modes is None else modes).T, dt=0.01, delay=1)
+    basis = rid.kautz(*(data.modes if modes is None else modes).T, dt=0.01, delay=1, repeat=repeat)
     prior, record = rid.Prior(gain_bound=gain_bound, decay_rate=decay_rate), data.time if time else None
     return rid.MixedProblem(frequency=data.frequency, time=record, prior=prior, parametric=basis, **options)
