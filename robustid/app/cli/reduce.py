@@ -9,7 +9,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, words_of
-from robustid.app.cli.screen import counting, in_words, step
+from robustid.app.cli.screen import in_words, step, telling
 from robustid.app.run.checks import low_high
 
 if TYPE_CHECKING:
@@ -97,11 +97,16 @@ def reduce(
 
 
 def _within_bounds(console: Console, identification: Identification, time_limit: float | None) -> Reduction:
-    from robustid.reduction import reduce_within_bounds
+    from robustid.app.run.run_file import RunFile
+    from robustid.app.run.sequence import reduced
+    from robustid.app.run.settings import SmallModel
+    from robustid.app.run.work import Surroundings, Work
 
-    words = "searching for the smallest order"
-    with counting(console, words) as progress:
-        reduction = reduce_within_bounds(identification, time_limit=time_limit, progress=progress)
+    with telling(console) as progress:
+        asked = RunFile(small_model=SmallModel(time_limit=time_limit))
+        work = Work(run=asked, identification=identification, around=Surroundings(progress))
+        reduced(work)
+    reduction = work.small
     for tried, margin in reduction.tried:
         screen.say(console, f"order {tried:3d}: {margin:.4g} of what is allowed")
     screen.say(console, f"order {reduction.order}: {reduction.status.value}")

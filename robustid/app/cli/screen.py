@@ -13,6 +13,9 @@ from robustid.errors import InputError, InputTypeError, SolverError, Status
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from robustid.app.run.measurements import Say
+    from robustid.core import Progress
+
 
 class Warned(Protocol):
     """Result with sentences that must not scroll away."""
@@ -94,6 +97,28 @@ def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], Non
             last = 10 * done // count
             rest = (now - first[1]) * (count - done) / max(done - first[0], 1)
             show(f"{words}: {done} of {count}" + (f", about {rest:.0f} s left" if rest >= _WORTH_SAYING else ""))
+
+    return progress
+
+
+@contextlib.contextmanager
+def telling(out: Console) -> Generator[Say]:
+    """Show the steps of a command as they begin; receiver of their words and their progress."""
+    with out.status("") if out.is_terminal else contextlib.nullcontext() as status:
+        yield told(
+            lambda words: say(out, words) if status is None else status.update(plain(words)), " …" * (status is None)
+        )
+
+
+def told(show: Callable[[str], None], ending: str = "") -> Say:
+    """One line for every step, and at most ten for what is counted."""
+    counters: dict[str, Progress] = {}
+
+    def progress(text: str, done: int | None = None, count: int | None = None) -> None:
+        if done is None or count is None:
+            show(text + ending)
+        else:
+            counters.setdefault(text, counted(show, text))(done, count)
 
     return progress
 

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from robustid.app.run.measurements import Measured, Say, measured, without_points
-from robustid.app.run.proved_band import Box, box_of_modes
+from robustid.app.run.modes import Box, box_of_modes
+from robustid.app.run.posing import posed
 from robustid.app.run.reading import Tables
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.sequence import Surroundings, posed
 from robustid.app.run.settings import Fit
+from robustid.app.run.work import Surroundings
 from robustid.core import Frozen
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError

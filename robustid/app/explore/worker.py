@@ -11,16 +11,17 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from robustid.app.explore.session import Choice, Session
-from robustid.app.run.proved_band import band_at_once
+from robustid.app.run.modes import Box, held_box
 from robustid.core import Real, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import RobustIdError
-from robustid.guarantees import Band, SampleCheck, WorstCaseError, check_samples, default_grid, growing_error
-from robustid.identification import Identification, identify
+from robustid.guarantees import Band, SampleCheck, WorstCaseError, band, check_samples, default_grid, growing_error
+from robustid.identification import Identification, MixedProblem, identify
 
 _log = logging.getLogger("robustid")
 
 _DIRECTIONS, _GAP = 4, 0.1  # coarse: what a person sees
+_KNOTS, _KNOTS_OF_BOX = 400, 300
 _THIN = 3  # of so many frequencies of the usual grid one is bounded, and those of the modes
 MARGIN = "margin and model"
 BAND = "guaranteed error"
@@ -45,8 +46,14 @@ def look(session: Session, choice: Choice) -> Look:
     """Look at a choice: over the pole-uncertainty box where the data gave the modes, at the poles where they are moved."""
     problem, withheld = session.problem(choice)
     check = check_samples(problem)
-    band = None if check.contradicts else band_at_once(problem, session.box(choice))
-    return Look(choice, check, band, tuple(withheld))
+    found = None if check.contradicts else _band_at_once(problem, session.box(choice))
+    return Look(choice, check, found, tuple(withheld))
+
+
+def _band_at_once(problem: MixedProblem, box: Box | None) -> Band:
+    """The band around its centres with few knots, for whoever waits for it; over a box fewer: each takes longer there."""
+    held = held_box(box, problem)
+    return band(problem, box=held, knots=_KNOTS if held is None else _KNOTS_OF_BOX)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

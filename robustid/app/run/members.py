@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,19 +13,20 @@ from robustid.app.run.class_choice import inflated_problem, with_inflation, with
 from robustid.app.run.class_settings import prior_keys
 from robustid.app.run.kept_out import compared, looked_at
 from robustid.app.run.measurements import Measured, measured
-from robustid.app.run.modes import with_fit, with_modes
-from robustid.app.run.proved_band import Box
+from robustid.app.run.modes import Box, with_fit, with_modes
+from robustid.app.run.posing import without_class
 from robustid.app.run.reading import Tables
 from robustid.app.run.results import FamilyRun
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import RunFolder
-from robustid.app.run.sequence import Surroundings, Untouched, without_class
+from robustid.app.run.sequence import diagnosis_of, identified
 from robustid.app.run.settings import Modes
 from robustid.app.run.sources import MemberChoice
+from robustid.app.run.work import Surroundings, Untouched
 from robustid.core import Source
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import Member, family, frequencies_of
-from robustid.identification import Identification, MixedProblem, Prior, identify
+from robustid.identification import Identification, MixedProblem, Prior
 
 _AS_STATED = (
     "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
@@ -59,15 +61,7 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
     found: dict[str, Identification] = {}
     for k, (name, problem) in enumerate(problems.items(), start=1):
         posed = dataclasses.replace(problem, prior=prior)
-        before = folder.identification(posed, run.identify.objective, member=k)
-        if before is not None:
-            around.say(f"margin and model of {name}: taken from the unfinished run")
-            found[name] = before
-            continue
-        words = f"margin and model of {name}: {problem.coefficients} coefficients, {problem.samples} samples"
-        result = identify(posed, **run.identify.arguments, progress=around.begun(words))
-        found[name] = dataclasses.replace(result, choices=result.choices | run.choices)
-        folder.identified(found[name], member=k)
+        found[name] = identified(run, posed, around, of=f" of {name}", member=k)
     return _united(run, found, left, folder, around)
 
 
@@ -170,7 +164,9 @@ def _united(
         )
         for m in run.members
     ]
-    said = [f"{name}: {words}" for name, one in found.items() for words in findings.class_words(run, one, around.say)]
+    said: list[str] = []
+    for name, one in found.items():
+        said += [f"{name}: {words}" for words in findings.class_words(run, one, diagnosis_of(one, around))]
     asked = run.worst_case
     if asked.at_hz is None:
         grid = frequencies_of(members)
@@ -181,7 +177,7 @@ def _united(
         run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
         folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
-    how = asked.arguments | {"order": run.family.order}
+    how: dict[str, Any] = asked.arguments | {"order": run.family.order}
     spread = around.counted("bounding the members at every frequency")
     how |= {"omega": omega, "schedule": run.family.schedule, "interval": run.family.interval}
     try:

@@ -19,7 +19,7 @@ from robustid.app.run.run_folder import RunFolder
 from robustid.app.run.settings import Modes
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
-from robustid.core import Budget, Source
+from robustid.core import Budget, Real, Source
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting import (
@@ -32,7 +32,10 @@ from robustid.fitting import (
     mode_table,
     suggest_order,
 )
-from robustid.identification import validate
+from robustid.guarantees import has_box
+from robustid.identification import MixedProblem, validate
+
+Box = tuple[Real, Real]  # (M, 2) each: natural frequencies in rad/s, damping ratios
 
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side
@@ -78,6 +81,22 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=modes)
+
+
+def box_of_modes(modes: Modes) -> Box | None:
+    """The box that data leave to modes, by rising frequency; None where there is none. Real poles (damping 1) have none."""
+    if not modes.hz or modes.damping is None or modes.hz_interval is None or modes.damping_interval is None:
+        return None
+    order = [k for k in np.argsort(modes.hz).tolist() if modes.damping[k] < 1]
+    if not order:
+        return None
+    hz, damping = (np.asarray(ends, dtype=float)[order] for ends in (modes.hz_interval, modes.damping_interval))
+    return 2 * np.pi * hz, damping
+
+
+def held_box(box: Box | None, problem: MixedProblem) -> Box | None:
+    """The box, where it goes with the poles of a problem."""
+    return box if box is not None and has_box(problem.parametric, len(box[0])) else None
 
 
 def _from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:

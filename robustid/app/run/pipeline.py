@@ -22,9 +22,10 @@ from robustid.app.run.reading import Data
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.app.run.run_folder import RunFolder
-from robustid.app.run.sequence import Surroundings, from_data, from_problem
+from robustid.app.run.sequence import from_data, from_problem
 from robustid.app.run.settings import SECTIONS
 from robustid.app.run.toml import is_array
+from robustid.app.run.work import Surroundings
 from robustid.core import as_flag, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
