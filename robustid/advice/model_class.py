@@ -17,7 +17,7 @@ from robustid.advice.prior import suggest_prior
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.core import Budget, Progress, Real, as_array, as_count, one_thread
+from robustid.core import Budget, Interruptible, Progress, Real, as_array, as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.guarantees import PoleCell, box_of
@@ -166,11 +166,9 @@ def _evaluated(parts: list[_Part], omega: Real, budget: Budget) -> list[ClassCan
             late = bool(rows) and budget.over
             waiting = sum(not (one.note or one.late) for one, _ in asked[k:])
             mine = budget.share(1 / max(waiting, 1))
-            try:
+            with Interruptible(lambda: bool(rows)) as search:
                 rows.append(part.candidate(problem, omega, mine, late=late))
-            except KeyboardInterrupt:
-                if not rows:
-                    raise
+            if search.interrupted:
                 rows.append(part.candidate(problem, omega, mine, late=True))
                 return False
             budget.tell(len(rows), len(parts) + _PRIORS - 1)

@@ -20,7 +20,7 @@ from robustid.advice.smallest_gain import (
     smallest_gain,
     thinned,
 )
-from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, Real, as_array, as_kind, freeze, one_thread
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior, identify
 from robustid.identification.formulation import formulate
@@ -228,7 +228,7 @@ def _suggested(
     gains = np.full(rates.size, np.inf)
     # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
     done, ceilings = 0, CEILINGS if part is problem else CEILINGS[:1]
-    try:
+    with Interruptible(lambda: done > 0):
         for k, rho in enumerate(rates):
             gains[k] = smallest_gain(_lighter(problem, part, float(rho)), float(rho), problem, ceilings)
             done = k + 1
@@ -238,9 +238,6 @@ def _suggested(
                 done = rates.size  # a larger rho makes the class smaller still
             if done == rates.size or budget.over:
                 break
-    except KeyboardInterrupt:
-        if not done:
-            raise
     rates, gains = rates[:done], gains[:done]
     errors = np.full(rates.size, np.nan)
     if criterion == "error":

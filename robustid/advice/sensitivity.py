@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Frozen, Progress, Real, as_kind, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, Real, as_kind, one_thread
 from robustid.errors import InputError, SolverError
 from robustid.guarantees import as_frequencies, norm_of_bounds, worst_case_error
 from robustid.identification import MixedProblem, identify
@@ -130,16 +130,13 @@ def sensitivity(
     grid = default_points(problem) if omega is None else as_frequencies(omega, problem)
     budget, asked = Budget(time_limit, progress), list(_variations(problem))
     rows: list[Variation] = []
-    try:
+    with Interruptible(lambda: bool(rows)):
         for what, kind, changed in asked:
             if rows and budget.over:
                 break
             prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
             rows.append(Variation(what, kind, prior.gain_bound, prior.rate, lines, *guaranteed(changed, grid)))
             budget.tell(len(rows), len(asked))
-    except KeyboardInterrupt:
-        if not rows:
-            raise
     return Sensitivity(grid, tuple(rows), tuple(what for what, _, _ in asked[len(rows) :]))
 
 

@@ -6,6 +6,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from types import TracebackType
 from typing import Any
 
 from robustid.core.validation import as_function, as_positive
@@ -54,6 +55,36 @@ class Budget:
         """Tell how far it is."""
         if self._progress is not None:
             self._progress(done, count)
+
+
+class Interruptible:
+    """Ctrl-C in a loop that returns the best so far: kept back where something is there, else raised.
+
+    Used in a `with` block around the loop; `interrupted` tells of it afterwards. A loop over loops that keep it back passes it on.
+
+    Parameters
+    ----------
+    there : callable () -> bool
+        True if there is something to return.
+    """
+
+    def __init__(self, there: Callable[[], bool] = lambda: True) -> None:
+        self.interrupted, self._there = False, there
+
+    def __enter__(self) -> Interruptible:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt) and self._there()
+        return self.interrupted
+
+
+def pass_on(interrupted: bool) -> None:
+    """Raise the Ctrl-C again that an inner loop has kept back: the outer one ends too."""
+    if interrupted:
+        raise KeyboardInterrupt
 
 
 class ShowProgress:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Frozen, Savable, StateMatrices, as_flag, as_function, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Savable, StateMatrices, as_flag, as_function, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.figures import Drawable
@@ -261,9 +261,9 @@ def fit_mfd(
         held = constraint_of(constraint, form, shape)
         problem, others = held.apply(problem), tuple((held.apply(other), samples) for other, samples in others)
     begin = functools.partial(first_model, start=start, form=form, body=rigid_body, budget=budget)
-    try:
+    with Interruptible() as choosing:
         problem, data = chosen([(problem, data), *others], begin, settings)
-    except KeyboardInterrupt:
+    if choosing.interrupted:
         settings = dataclasses.replace(settings, budget=Budget(1e-9))  # the start is what there is so far
     search: Callable[..., FitEnd] = fit_from
     if structure is not None:

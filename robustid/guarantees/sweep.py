@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustid.core import (
     Budget,
     Complex,
+    Interruptible,
     Progress,
     Real,
     Workers,
@@ -121,28 +122,27 @@ def value_sets(
         first = loose(consistent, np.array(missing), known)
         order = [*first, *(k for k in order if k not in set(first))]
     missing = [missing[k] for k in order]
-    try:
-        # Closed at once, whatever happens: the processes of our own end with it.
-        about = {} if model is None else _values_of(model, missing, consistent)
-        ask = functools.partial(_one, directions=directions, gap=gap, about=about)
-        with contextlib.closing(answers(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
-            for w, value in each:
-                if store is not None:
-                    store.write(value)
-                found[w] = value
-                if progress is not None:
-                    progress(len(found), omega.size)
-                if budget is not None and budget.over:
-                    break
-    except KeyboardInterrupt:
-        if store is not None or not found:
-            raise
+    with Interruptible(lambda: store is None and bool(found)) as sweep:
+        try:
+            # Closed at once, whatever happens: the processes of our own end with it.
+            about = {} if model is None else _values_of(model, missing, consistent)
+            ask = functools.partial(_one, directions=directions, gap=gap, about=about)
+            with contextlib.closing(answers(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
+                for w, value in each:
+                    if store is not None:
+                        store.write(value)
+                    found[w] = value
+                    if progress is not None:
+                        progress(len(found), omega.size)
+                    if budget is not None and budget.over:
+                        break
+        except SolverError as error:
+            kept = "give `resume` a folder to keep what is finished"
+            if store is not None:
+                kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
+            raise SolverError(f"{error}; {kept}") from error
+    if sweep.interrupted:
         _log.warning("interrupted: %d of %d frequencies are finished, and returned", len(found), omega.size)
-    except SolverError as error:
-        kept = "give `resume` a folder to keep what is finished"
-        if store is not None:
-            kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
-        raise SolverError(f"{error}; {kept}") from error
     return [one for w in omega.tolist() for one in found.get(w, ())]
 
 

@@ -12,7 +12,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Budget, Frozen, Progress, Real, as_kind, as_positive, freeze, one_thread, simulate
+from robustid.core import (
+    Budget,
+    Frozen,
+    Interruptible,
+    Progress,
+    Real,
+    as_kind,
+    as_positive,
+    freeze,
+    one_thread,
+    simulate,
+)
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme, which
@@ -374,15 +385,13 @@ def _bounded(
     work = functools.partial(_ends, outputs, output, gap)
     found: dict[int, tuple[Extreme, Extreme]] = {}
     bounded = (map if executor is None else executor.map)(work, samples[list(order)].tolist())
-    try:
+    with Interruptible(lambda: bool(found)) as sweep:
         for k, pair in zip(order, bounded, strict=False):
             found[k] = pair
             budget.tell(len(found), samples.size)
             if budget.over:
                 break
-    except KeyboardInterrupt:
-        if not found:
-            raise
+    if sweep.interrupted:
         _log.warning("interrupted: %d of %d samples are finished, and returned", len(found), samples.size)
     done = sorted(found)
     return samples[done], [found[k] for k in done]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.special
 
-from robustid.core import Budget, Real
+from robustid.core import Budget, Real, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction, OrderSweep, RigidBody, suggest_order
 from robustid.identification import Identification
@@ -71,8 +71,7 @@ def response_sweep(
         progress=budget.tell,
         **structure_of(identification, smallest),
     )
-    if sweep.interrupted:
-        raise KeyboardInterrupt
+    pass_on(sweep.interrupted)
     return sweep
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import enum
 import logging
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Budget, Progress, as_kind, one_thread
+from robustid.core import Budget, Interruptible, Progress, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.fitting import RigidBody
 from robustid.identification import Identification, from_image, image_of, in_image
@@ -179,11 +180,10 @@ class _Search:
 
     def reduction(self) -> Reduction:
         """The smallest order within the bounds; of inconsistent data, else, within the bounds times their margin."""
-        try:
+        stopped = "stopped at the time limit"
+        with Interruptible() as search, contextlib.suppress(_TimeIsOver):
             return self._result(self._searched())
-        except _TimeIsOver:
-            stopped = "stopped at the time limit"
-        except KeyboardInterrupt:
+        if search.interrupted:
             stopped = "interrupted"
             _log.warning("interrupted; the smallest order found so far is returned")
         return dataclasses.replace(self._result(self._so_far()), stopped=f"{stopped}: a smaller order may suffice")

@@ -133,12 +133,13 @@ def counting(out: Console, words: str) -> Generator[Callable[[int, int], None]]:
 @contextlib.contextmanager
 def resumable(out: Console, words: str, there: Callable[[], bool]) -> Generator[None]:
     """Say on Ctrl-C how an unfinished computation goes on, where something of it is there."""
-    try:
+    from robustid.core import Interruptible, pass_on
+
+    with Interruptible() as steps:
         yield
-    except KeyboardInterrupt:
-        if there():
-            warn(out, words)
-        raise
+    if steps.interrupted and there():
+        warn(out, words)
+    pass_on(steps.interrupted)
 
 
 @contextlib.contextmanager

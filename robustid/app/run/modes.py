@@ -19,7 +19,7 @@ from robustid.app.run.run_folder import RunFolder
 from robustid.app.run.settings import Modes
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
-from robustid.core import Budget, Real, Source
+from robustid.core import Budget, Real, Source, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting import (
@@ -238,8 +238,7 @@ def _fitted(run: RunFile, frf: FrequencyResponse, say: Say) -> tuple[MatrixFract
         say("fitting a range of orders")
         limited: dict[str, Any] = {**asked, "time_limit": asked["time_limit"] or _SWEEP}
         sweep = suggest_order(frf, progress=partial(say, "fitting a range of orders"), **limited)
-        if sweep.interrupted:
-            raise KeyboardInterrupt
+        pass_on(sweep.interrupted)
         order, why = (
             sweep.suggested,
             f", which {sweep.reason} (orders {sweep.orders[0]} to {sweep.orders[-1]} were tried)",

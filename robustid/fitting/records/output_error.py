@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Real, StateMatrices, as_count, as_flag, as_float, threads_for
+from robustid.core import Budget, Interruptible, Real, StateMatrices, as_count, as_flag, as_float, threads_for
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, former, former_weight
@@ -176,7 +176,7 @@ def _best_start(
     these levels.
     """
     best, lowest = None, math.inf
-    try:
+    with Interruptible(lambda: best is not None) as search:
         for A, C in candidates:
             levels = np.append(posed.size if given is None else given, 1.0)
             outputs = Outputs(posed.criterion(levels[:-1], 1.0))
@@ -194,9 +194,7 @@ def _best_start(
                 best, lowest = (one._replace(history=first.history + one.history), levels), height
             if one.status is FitStatus.INTERRUPTED:
                 break
-    except KeyboardInterrupt:
-        if best is None:
-            raise
+    if search.interrupted and best is not None:
         best = best[0]._replace(status=FitStatus.INTERRUPTED), best[1]
     if best is None:
         raise InputError("`records` gave no first model of this `order`; lower it, or give a `start`")
