@@ -143,7 +143,7 @@ def diagnose(
     time_limit : float, optional
         Seconds after which no further change is tried; margins that were reached by then are kept. So it is on Ctrl-C. None: no
         limit.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Changes.
 
     Returns
@@ -176,7 +176,7 @@ def diagnose(
     changes, causes, tried = changes_of(problem), list[Cause](), list[Cause]()
     waiting = [*(change.name for change in changes), *([_MOVED] * _may_move(identification))]
     count = len(waiting)
-    tell = Budget(None, progress).tell
+    tell = Budget(None, progress, "what would help").tell
     with Interruptible() as search:
         causes += causes_without_class(problem, identification.margin, budget)
         if inconsistent and not (problem.prior.physical or any(one.solves for one in causes)):

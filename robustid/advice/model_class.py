@@ -64,7 +64,7 @@ def suggest_class(
     time_limit : float, optional
         Seconds, of which every candidate gets its part; one that needs more has the errors at the frequencies that were finished,
         and stands behind those that have all. On Ctrl-C it stands there too, and no further one is evaluated.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Candidates.
 
     Returns
@@ -99,7 +99,10 @@ def suggest_class(
     if not data.entries.single:
         scaling = suggest_scaling(data) if scaling is None else scaling
         data = dataclasses.replace(data, prior=dataclasses.replace(data.prior, scaling=scaling))
-    wanted, budget = None if delay is None else as_count("delay", delay), Budget(time_limit, progress)
+    wanted, budget = (
+        None if delay is None else as_count("delay", delay),
+        Budget(time_limit, progress, "comparing classes"),
+    )
     preparing = budget.share(_PREPARING)
     if modes is None:
         parts, resonances = _from_data(data, wanted, preparing)

@@ -164,7 +164,7 @@ def improve_kautz(
         False: move the poles at once, without repeated pairs.
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the best pairs found so far are returned, and `reason` says so.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Steps of the search; all are seldom needed.
 
     Returns
@@ -206,7 +206,7 @@ def improve_kautz(
     target, pairs, repeat = as_positive("target", target), pairs_of(problem), as_flag("repeat", repeat)
     formulation = formulate(problem, accuracy=_DIGITS)
     with threads_for(formulation.count):
-        search = _Search(formulation, pairs, target, Budget(time_limit, progress))
+        search = _Search(formulation, pairs, target, Budget(time_limit, progress, "moving the poles"))
         best, reason = search.run(repeat)
         return _result(search, best, reason)
 

@@ -136,7 +136,7 @@ def suggest_prior(
         poles from data.
     time_limit : float, optional
         Seconds after which no further decay rate is tried. Ctrl-C ends the search in the same way.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Decay rates.
 
     Returns
@@ -182,7 +182,7 @@ def suggest_prior(
     least = 1 if problem.dt else 0
     if rates is not None and (rates.size == 0 or rates[0] <= least):
         raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
-    budget = Budget(time_limit, progress)
+    budget = Budget(time_limit, progress, "looking for a prior")
     masks = representatives(problem)
     while True:
         part = problem if masks is None else selected(problem, masks)

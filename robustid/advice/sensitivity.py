@@ -106,7 +106,7 @@ def sensitivity(
         Where the error is evaluated; default 7 frequencies over the range of the frequency points.
     time_limit : float, optional
         Seconds after which no further variation is evaluated; the first one always is. So it is on Ctrl-C.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Variations.
 
     Returns
@@ -128,7 +128,10 @@ def sensitivity(
     """
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
     grid = default_points(problem) if omega is None else as_frequencies(omega, problem)
-    budget, asked = Budget(time_limit, progress), list(_variations(problem))
+    budget, asked = (
+        Budget(time_limit, progress, "bounding the error under other assumptions"),
+        list(_variations(problem)),
+    )
     rows: list[Variation] = []
     with Interruptible(lambda: bool(rows)):
         for what, kind, changed in asked:

@@ -45,6 +45,7 @@ Found = TypeVar("Found")
 _log = logging.getLogger("robustid")
 Sets = tuple[ValueSet, ...]  # of the entries at one frequency
 Folder = str | os.PathLike[str]
+_WORDS = "bounding the error at every frequency"
 _LOOSE = 8.0  # radius of a known disc over the half-width of an ellipsoid inside the set, where it may be twice what can be proved
 _TOGETHER = 24  # frequencies whose widths are estimated at once, where each is a node of its own
 
@@ -107,7 +108,7 @@ def value_sets(
     model: control.StateSpace | None = None,
     known: Known | None = None,
 ) -> list[ValueSet]:
-    """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
+    """The value sets of all entries at each frequency, in their order; `progress` is told of them.
 
     Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; `resume` holds
     those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, one at least.
@@ -115,7 +116,7 @@ def value_sets(
     store = None if resume is None else _Store(resume, consistent, directions, gap)
     found = {} if store is None else store.load(omega.tolist())
     if found and progress is not None:
-        progress(len(found), omega.size)
+        progress(_WORDS, len(found), omega.size)
     missing = [w for w in omega.tolist() if w not in found]
     order = _order(consistent, missing)
     if known is not None and len(missing) > 1:
@@ -133,7 +134,7 @@ def value_sets(
                         store.write(value)
                     found[w] = value
                     if progress is not None:
-                        progress(len(found), omega.size)
+                        progress(_WORDS, len(found), omega.size)
                     if budget is not None and budget.over:
                         break
         except SolverError as error:

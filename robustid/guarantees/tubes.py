@@ -313,7 +313,7 @@ def response_tube(
         Aim for the distance between a proved end and an attained one, relative to the distance from the centre.
     executor : concurrent.futures.Executor, optional
         Spreads the samples. Default: in this process.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the tube has the samples that are finished, spread over the horizon.
 
@@ -354,7 +354,9 @@ def response_tube(
     samples = as_samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
     outputs = consistent_outputs(identification, driven(u, at, identification))
-    samples, found = _bounded(outputs, at[0], samples, gap, executor, Budget(time_limit, progress))
+    samples, found = _bounded(
+        outputs, at[0], samples, gap, executor, Budget(time_limit, progress, "bounding the response")
+    )
     attained = np.array([[-low.attained, high.attained] for low, high in found])
     return ResponseTube(
         identification=identification,

@@ -69,7 +69,7 @@ def identify(
         Seconds. When they are over the step at hand is finished, and what is proved by then is returned, verified, with the width
         of the interval as its `accuracy` and a note; so it is on Ctrl-C. A margin of at most 1 decides by itself, however wide
         the interval; the model keeps it, if it isn't the centre.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Parts of the proof of the margin.
 
     Returns
@@ -100,7 +100,7 @@ def identify(
     (True, 1)
     """
     _check_arguments(problem, objective, form)
-    accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress)
+    accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress, "margin and model")
     formulation = formulate(problem, form, accuracy)
     with threads_for(formulation.count * max(1, problem.entries.count // 2)):
         return _identify(formulation, objective, solver, accuracy, budget)

@@ -68,7 +68,7 @@ def response_sweep(
         orders=range(max(1, integrators_of(identification, smallest)), _largest_order(identification, frf) + 1),
         weight=_weight(frf),
         time_limit=budget.seconds,
-        progress=budget.tell,
+        progress=budget.receive,
         **structure_of(identification, smallest),
     )
     pass_on(sweep.interrupted)

@@ -83,7 +83,7 @@ def reduce_within_bounds(
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the smallest order within the bounds that was found so far, or else by truncation; `stopped`
         says so.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Orders on the way up to that of the identified model (of a MIMO model those known not to suffice); most searches end long
         before it.
 
@@ -124,7 +124,7 @@ def reduce_within_bounds(
     as_kind("identification", identification, Identification, "the result of identify()")
     if band is not None:
         as_kind("band", band, Known, "the result of band()")
-    budget = Budget(time_limit, progress)
+    budget = Budget(time_limit, progress, "searching for the smallest order")
     image, plane = image_of(identification), identification.problem.plane
     found = _Search(image, _integrators(image, rigid_body), budget, band).reduction()
     kept = found.status is SearchStatus.UNREDUCED

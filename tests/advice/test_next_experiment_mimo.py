@@ -99,7 +99,11 @@ def test_the_time_ends_it_with_what_is_finished(measured, caplog):
     told = []
     with caplog.at_level(logging.WARNING, "robustid"):
         found = suggest_next(
-            error, candidates=np.linspace(0.1, 3, 50), time_limit=0.2, progress=lambda *at: told.append(at), count=100
+            error,
+            candidates=np.linspace(0.1, 3, 50),
+            time_limit=0.2,
+            progress=lambda text, *at: told.append(at),
+            count=100,
         )
     assert 2 <= len(found) < 100
     assert told[-1][1] == 50

@@ -111,7 +111,7 @@ def test_frequency_points_that_are_left_out_are_none_of_a_run_and_must_be_there(
 def test_the_error_of_a_watched_computation_is_the_guaranteed_one(explored):
     result = rid.identify(explored.problem(explored.start)[0])
     omega, sides = np.array([20.0, 60.0, 111.0]), []
-    found = list(growing_error(result, omega, directions=4, gap=0.01, progress=lambda *one: sides.append(one)))
+    found = list(growing_error(result, omega, directions=4, gap=0.01, progress=lambda _, *one: sides.append(one)))
     assert [one.omega.size for one in found] == [1, 2, 3]
     assert sides == [(k, 12) for k in range(1, 13)]
     whole = rid.worst_case_error(result, omega=omega, directions=4)

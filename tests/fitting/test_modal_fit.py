@@ -197,7 +197,7 @@ def test_a_mode_in_the_wrong_place_is_exchanged(name):
 def test_an_interrupted_fit_keeps_the_structure():
     _, frf, asked = posed("proportional", level=0.03)
 
-    def interrupt(_):
+    def interrupt(*_):
         raise KeyboardInterrupt
 
     fit = rid.fit_mfd(frf, **asked, progress=interrupt)

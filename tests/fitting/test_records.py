@@ -197,7 +197,10 @@ def test_a_delay_is_taken_out():
 def test_what_a_fit_is_and_that_it_comes_back(tmp_path):
     steps = []
     fit = rid.fit_records(
-        [experiment("free", 60), experiment("rest", 50)], order=3, feedthrough=True, progress=steps.append
+        [experiment("free", 60), experiment("rest", 50)],
+        order=3,
+        feedthrough=True,
+        progress=lambda *step: steps.append(step),
     )
     assert isinstance(fit.to_control(), control.StateSpace)
     assert fit.to_control().dt == DT

@@ -3,8 +3,8 @@
 from robustid.app.run.measurements import Measured
 from robustid.app.run.posing import posed
 from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Withheld
-from robustid.app.run.work import Surroundings
 
 
 def proposed(frequency=(), time=(), **sections):

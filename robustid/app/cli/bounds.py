@@ -75,8 +75,9 @@ def bounds(
     """
     from robustid.app.load_save import load_result
     from robustid.app.run.run_file import RunFile
+    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import bounded, circled, proved
-    from robustid.app.run.work import Step, Surroundings, Work, carry_out
+    from robustid.app.run.work import Step, Work, carry_out
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")

@@ -54,8 +54,8 @@ def explore(
     with in_words({"entry": "--entry", "port": "--port"}):
         with shown(console, "choosing what is not stated") as show:
 
-            def said(text: str, done: int | None = None, count: int | None = None) -> None:
-                if done is None:
+            def said(text: str, _: int, count: int) -> None:
+                if not count:
                     show(text)
 
             session = Session.of(run, folder, said, tables)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from robustid.core import Real
     from robustid.data import FrequencyResponse
-    from robustid.fitting import FitStep, MatrixFraction, OrderSweep, Weight
+    from robustid.fitting import MatrixFraction, OrderSweep, Weight
 
 _WIDTH = 56  # characters of the frequency axis
 _MARKS = {"stable": "o", "frequency": "+", "damping": ".", "new": "."}
@@ -138,14 +138,9 @@ def _fitted(console: Console, frf: FrequencyResponse, order: int, asked: dict[st
 
     text = f"fitting order {order}: {frf.omega.size} frequency points"
     with shown(console, text) as show:
-        count = 0
 
-        def progress(line: FitStep) -> None:
-            nonlocal count
-            count += 1
-            show(
-                f"{text}; iteration {count}, {line.method}, cost {line.cost:.6g}, kappa - 1 = {line.condition - 1:.1e}"
-            )
+        def progress(line: str, number: int, _: int) -> None:
+            show(f"{text}; iteration {number}, {line}")
 
         return fit_mfd(frf, order=order, progress=progress, **asked)
 
@@ -158,8 +153,8 @@ def _swept(console: Console, frf: FrequencyResponse, asked: dict[str, Any]) -> O
     diagram = Stabilisation(frf.omega)
     with shown(console, "fitting a range of orders") as show, worker_pool() as pool:
 
-        def progress(done: int, count: int) -> None:
-            show(f"fitting a range of orders: {done} of {count}")
+        def progress(line: str, done: int, count: int) -> None:
+            show(f"{line}: {done} of {count}")
 
         def grown(sweep: OrderSweep) -> None:
             screen.say(console, *diagram.lines(sweep))

@@ -22,8 +22,8 @@ from robustid.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robustid.app.run.measurements import Say
     from robustid.app.run.work import Step, Work
+    from robustid.core import Progress
     from robustid.data import FrequencyResponse, TimeRecord
 
 
@@ -152,22 +152,23 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
 
 
 def identified(
-    frequency: Sequence[FrequencyResponse], time: Sequence[TimeRecord], progress: Say, **stated: Unpack[Stated]
+    frequency: Sequence[FrequencyResponse], time: Sequence[TimeRecord], progress: Progress, **stated: Unpack[Stated]
 ) -> Work:
     """The identification of data as the sections of a run file state it, with all choices; nothing is kept out."""
     from robustid.app.run.measurements import Measured
     from robustid.app.run.modes import box_of_modes
     from robustid.app.run.posing import posed
     from robustid.app.run.run_file import RunFile
+    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import identified as solved
-    from robustid.app.run.work import Surroundings, Work
+    from robustid.app.run.work import Work
 
     around = Surroundings(progress)
     asked = RunFile(withheld=Withheld(every=0), small_model=SmallModel(time_limit=None), **stated)
     with too_large(
         "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples"
     ):
-        progress("choosing modes and prior from the data")
+        around.say("choosing modes and prior from the data")
         run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), Surroundings(), reference=False)
         result = solved(run, problem, around)
     return Work(run=run, identification=result, around=around, box=box_of_modes(run.modes))

@@ -98,9 +98,10 @@ def reduce(
 
 def _within_bounds(console: Console, identification: Identification, time_limit: float | None) -> Reduction:
     from robustid.app.run.run_file import RunFile
+    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import reduced
     from robustid.app.run.settings import SmallModel
-    from robustid.app.run.work import Surroundings, Work
+    from robustid.app.run.work import Work
 
     with telling(console) as progress:
         asked = RunFile(small_model=SmallModel(time_limit=time_limit))

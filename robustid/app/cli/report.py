@@ -46,9 +46,10 @@ def report(
     """
     from robustid.app.load_save import load_result
     from robustid.app.run.run_file import RunFile
+    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, reduced
     from robustid.app.run.settings import SmallModel
-    from robustid.app.run.work import Surroundings, Work
+    from robustid.app.run.work import Work
     from robustid.report import render_summary, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
@@ -64,7 +65,7 @@ def report(
         shown: Parts = {"tube": None if steps is None else _tube(work, steps)}
         shown["sensitivity"] = _sensitivity(work) if sensitivity else None
         diagnosed(work)
-        progress("verifying every certificate")
+        work.around.say("verifying every certificate")
         write_report(result, output, title=title, static=static, **{**work.parts, **shown})
     console.print(render_summary(result, work.reduction))
     screen.say_written(console, output)

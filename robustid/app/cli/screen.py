@@ -13,7 +13,6 @@ from robustid.errors import InputError, InputTypeError, SolverError, Status
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robustid.app.run.measurements import Say
     from robustid.core import Progress
 
 
@@ -84,7 +83,7 @@ def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
         yield lambda words: say(out, words)
 
 
-def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
+def _counter(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
     """Progress in at most ten steps, with an estimate of the rest, where there is one that is worth saying."""
     last, began = -1, time.monotonic()
     first: tuple[int, float] | None = None  # what comes before the first one doesn't tell how long the others take
@@ -102,7 +101,7 @@ def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], Non
 
 
 @contextlib.contextmanager
-def telling(out: Console) -> Generator[Say]:
+def telling(out: Console) -> Generator[Progress]:
     """Show the steps of a command as they begin; receiver of their words and their progress."""
     with out.status("") if out.is_terminal else contextlib.nullcontext() as status:
         yield told(
@@ -110,24 +109,17 @@ def telling(out: Console) -> Generator[Say]:
         )
 
 
-def told(show: Callable[[str], None], ending: str = "") -> Say:
+def told(show: Callable[[str], None], ending: str = "") -> Progress:
     """One line for every step, and at most ten for what is counted."""
-    counters: dict[str, Progress] = {}
+    counters: dict[str, Callable[[int, int], None]] = {}
 
-    def progress(text: str, done: int | None = None, count: int | None = None) -> None:
-        if done is None or count is None:
-            show(text + ending)
+    def progress(text: str, done: int, count: int) -> None:
+        if count:
+            counters.setdefault(text, _counter(show, text))(done, count)
         else:
-            counters.setdefault(text, counted(show, text))(done, count)
+            show(text + ending)
 
     return progress
-
-
-@contextlib.contextmanager
-def counting(out: Console, words: str) -> Generator[Callable[[int, int], None]]:
-    """Show a long step; receiver of its progress."""
-    with shown(out, words) as show:
-        yield counted(show, words)
 
 
 @contextlib.contextmanager

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from robustid.app.run.measurements import Measured, Say, measured, without_points
+from robustid.app.run.measurements import Measured, measured, without_points
 from robustid.app.run.modes import Box, box_of_modes
 from robustid.app.run.posing import posed
 from robustid.app.run.reading import Tables
 from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Fit
-from robustid.app.run.work import Surroundings
-from robustid.core import Frozen
+from robustid.core import Frozen, Progress
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
@@ -67,7 +67,7 @@ class Session(Frozen):
     folder: Path
 
     @classmethod
-    def of(cls, run: RunFile, folder: Path, say: Say, tables: Tables | None = None) -> Session:
+    def of(cls, run: RunFile, folder: Path, progress: Progress, tables: Tables | None = None) -> Session:
         """Read the data of a run file, and make the choices that it leaves open.
 
         Raises
@@ -81,8 +81,8 @@ class Session(Frozen):
             )
         if run.prior.passive is not None:
             raise InputError("explore moves modes and a gain bound, which a passive class has not: leave passive out")
-        left_out = run.frequency_points.leave_out_hz
-        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, say, tables)
+        around, left_out = Surroundings(progress), run.frequency_points.leave_out_hz
+        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, around, tables)
         if not data.responses:
             raise InputError(
                 "explore needs a frequency response: a [[frequency]], or a [[record]] that is used for one"
@@ -95,7 +95,7 @@ class Session(Frozen):
                 " give `entry` OUTPUT,INPUT by number or name"
             )
         run = run.changed("frequency_points", leave_out_hz=left_out)
-        run, _, _ = posed(run, without_points(data, left_out or ()), Surroundings(say))
+        run, _, _ = posed(run, without_points(data, left_out or ()), around)
         return cls(run, data, folder)
 
     @property

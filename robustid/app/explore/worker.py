@@ -165,7 +165,7 @@ class Worker:
     def _compute(self, ticket: int, choice: Choice) -> None:
         say = functools.partial(self._say, ticket)
 
-        def told(done: int, count: int) -> None:
+        def told(_: str, done: int, count: int) -> None:
             say(done=done, count=count)
 
         seen = self._look(ticket, choice)

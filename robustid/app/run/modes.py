@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,9 @@ import numpy as np
 from robustid.advice import KautzSuggestion, suggest_kautz
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL
-from robustid.app.run.measurements import Measured, Say
+from robustid.app.run.measurements import Measured
 from robustid.app.run.run_file import MODES_NOTE, RECORD_MODES_NOTE, RunFile
-from robustid.app.run.run_folder import RunFolder
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
@@ -48,7 +47,7 @@ _FAST = 0.7  # decay of a pole per sample that any non-parametric part holds as 
 _SLOW = {1: 0.2, 2: 0.05}  # decay over the longest record below which a pole, or a pair, is a guess: drift or sustained
 
 
-def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
+def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     """The poles of the parametric part, from the response where they aren't stated."""
     if run.modes.hz is not None:
         return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
@@ -62,9 +61,9 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         said = {"source": Source.DATA, "note": MODES_NOTE + found.summary()}
         return run.changed("modes", hz=hz, damping=tuple(found.damping.tolist()), delay=0, **said)
     if not data.responses:
-        say("looking for modes in the records")
+        around.say("looking for modes in the records")
         return dataclasses.replace(run, modes=_from_records(chosen, data.records))
-    say("looking for modes in the frequency response")
+    around.say("looking for modes in the frequency response")
     found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
     hz_interval = damping_interval = None
     if found.omega.size:
@@ -189,7 +188,7 @@ def _relaxations(frequency: Sequence[FrequencyResponse], kind: str, decay: float
     return found if slow and np.any(found.damping == 1) else None
 
 
-def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFile:
+def with_fit(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     """The poles of the parametric part from a fit, where one is asked for and they aren't stated; the fit is kept."""
     if run.fit.order is None or run.modes.hz is not None:
         return run
@@ -197,10 +196,10 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
         raise InputError("[fit] needs a frequency response; the run has samples alone. Leave [fit] out")
     frf = data.responses[0]
     try:
-        fit, why = _fitted(run, frf, say)
+        fit, why = _fitted(run, frf, around)
     except InputError as error:
         raise InputError(f"[fit]: {error}") from None
-    folder.fitted(fit)
+    around.folder.fitted(fit)
     rows = mode_table(fit, fit_covariance(fit))
     rigid = sum(row.count for row in rows if row.rigid)
     if rigid + run.modes.integrators > _MOST:
@@ -231,19 +230,19 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
     return dataclasses.replace(run, modes=found).changed("fit", order=len(fit.poles))
 
 
-def _fitted(run: RunFile, frf: FrequencyResponse, say: Say) -> tuple[MatrixFraction, str]:
+def _fitted(run: RunFile, frf: FrequencyResponse, around: Surroundings) -> tuple[MatrixFraction, str]:
     """The fit, and why it has its order."""
     asked, order, why = run.fit.arguments, run.fit.order, ""
     if order == AUTO:
-        say("fitting a range of orders")
+        around.say("fitting a range of orders")
         limited: dict[str, Any] = {**asked, "time_limit": asked["time_limit"] or _SWEEP}
-        sweep = suggest_order(frf, progress=partial(say, "fitting a range of orders"), **limited)
+        sweep = suggest_order(frf, progress=around.told, **limited)
         pass_on(sweep.interrupted)
         order, why = (
             sweep.suggested,
             f", which {sweep.reason} (orders {sweep.orders[0]} to {sweep.orders[-1]} were tried)",
         )
-    say(f"fitting a matrix fraction of order {order}")
+    around.say(f"fitting a matrix fraction of order {order}")
     return fit_mfd(frf, order=int(order or 0), **asked), why
 
 

@@ -18,8 +18,9 @@ from robustid.app.run.kept_out import split_points
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of, with_fit, with_modes
 from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
-from robustid.app.run.work import Surroundings, Untouched
+from robustid.app.run.work import Untouched
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
@@ -33,15 +34,15 @@ def posed(
     `reference` is what becomes of a class that says nothing; see `with_prior`.
     """
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
-    say, folder = around.say, around.folder
+    folder = around.folder
     _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
     folder.responses(data.responses)
-    run = with_modes(with_fit(run, data, say, folder), data, say)
+    run = with_modes(with_fit(run, data, around), data, around)
     run, problem, left = without_class(run, data, run.modes)
-    run = with_inflation(run, problem, say)
+    run = with_inflation(run, problem, around)
     problem = inflated_problem(problem, run)
     folder.choices(run)
-    run, problem = with_prior(run, problem, say, reference=reference)
+    run, problem = with_prior(run, problem, around, reference=reference)
     folder.choices(run)
     return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
 
@@ -82,7 +83,7 @@ def posed_as_stated(
     note = "Parametric part as stated in the problem that was given in Python."
     run = dataclasses.replace(run, prior=PriorChoice.of(problem.prior), modes=Modes(note=note))
     _check(run, problem)
-    run = with_inflation(run, problem, around.say)
+    run = with_inflation(run, problem, around)
     left = Untouched(measured=problem.frequency, records=() if problem.frequency else problem.time)
     return run, inflated_problem(problem, run), left
 

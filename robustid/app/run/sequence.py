@@ -15,7 +15,8 @@ from robustid.app.run.modes import box_of_modes, held_box
 from robustid.app.run.posing import posed, posed_as_stated
 from robustid.app.run.results import IdentifiedReduced
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.work import Step, Surroundings, Untouched, Work, carry_out
+from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.work import Step, Untouched, Work, carry_out
 from robustid.core import Real
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple
 
 from robustid.advice import Content, Diagnosis
-from robustid.app.run.measurements import Say, silent
 from robustid.app.run.modes import Box
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.run_folder import RunFolder
-from robustid.core import Progress, Real
+from robustid.app.run.run_folder import Surroundings
+from robustid.core import Real
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.guarantees import Band, Contradiction, Coverage, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
@@ -23,41 +20,6 @@ if TYPE_CHECKING:
     import control
 
     from robustid.report import Parts
-
-
-class Counted(TypedDict):
-    """Arguments of what is computed at many frequencies."""
-
-    executor: Executor | int | None
-    resume: Path | None
-    progress: Progress
-
-
-@dataclasses.dataclass(frozen=True)
-class Surroundings:
-    """Receiver of progress, folder of results, folder of finished frequencies where it is another one, and workers."""
-
-    say: Say = silent
-    folder: RunFolder = dataclasses.field(default_factory=RunFolder)
-    executor: Executor | int | None = None
-    resume: Path | None = None
-
-    def counted(self, words: str) -> Counted:
-        """Workers, finished frequencies and progress, under these words."""
-        return {
-            "executor": self.executor,
-            "resume": self.resume or self.folder.unfinished,
-            "progress": self.progress(words),
-        }
-
-    def progress(self, words: str) -> Progress:
-        """Receiver of the progress of something."""
-        return lambda done, count: self.say(words, done, count)
-
-    def begun(self, words: str) -> Progress:
-        """Say what begins; receiver of its progress."""
-        self.say(words)
-        return self.progress(words)
 
 
 class Untouched(NamedTuple):
