@@ -10,7 +10,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Static, only
-from robustid.app.cli.identify import conclude, identified
+from robustid.app.cli.identify import conclude, work_on
 from robustid.app.cli.screen import in_words, say, shown, telling
 from robustid.app.run.settings import General
 from robustid.app.run.sources import RecordSource, ResponseSource
@@ -149,7 +149,7 @@ def demo(
     page = folder / "report.html"
     hz = (0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50)
     with telling(console) as progress:
-        work = identified([data.frequency], [data.time], progress)
+        work = work_on([data.frequency], [data.time], progress)
         work.run = work.run.changed("worst_case", at_hz=hz, directions=_SIDES)
         carry_out(work, [gridded, bounded, lambda work: _keep(work, folder), proved, reduced, diagnosed, refined])
     conclude(console, work, folder / "result", page, static=static, title="robustid demo")

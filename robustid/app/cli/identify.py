@@ -98,7 +98,7 @@ def identify(
     changed: list[Step] = [lambda work: _apply(console, work)] if apply else []
     smaller: list[Step] = [reduced] if reduce else []
     with telling(console) as progress:
-        work = identified(lines, samples, progress, modes=modes, prior=prior, identify=how)
+        work = work_on(lines, samples, progress, modes=modes, prior=prior, identify=how)
         carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
     conclude(console, work, output, report, static=static)
     raise typer.Exit(screen.EXIT[work.identification.status])
@@ -151,7 +151,7 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
     return hz, damping
 
 
-def identified(
+def work_on(
     frequency: Sequence[FrequencyResponse], time: Sequence[TimeRecord], progress: Progress, **stated: Unpack[Stated]
 ) -> Work:
     """The identification of data as the sections of a run file state it, with all choices; nothing is kept out."""
@@ -160,7 +160,7 @@ def identified(
     from robustid.app.run.posing import posed
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
-    from robustid.app.run.sequence import identified as solved
+    from robustid.app.run.sequence import identified
     from robustid.app.run.work import Work
 
     around = Surroundings(progress)
@@ -170,7 +170,7 @@ def identified(
     ):
         around.say("choosing modes and prior from the data")
         run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), Surroundings(), reference=False)
-        result = solved(run, problem, around)
+        result = identified(run, problem, around)
     return Work(run=run, identification=result, around=around, box=box_of_modes(run.modes))
 
 

@@ -100,10 +100,8 @@ def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
 
 
 def inflated(data: D, run: RunFile) -> D:
-    """Data with all bounds multiplied by the factor of the run file, which their note says.
-
-    What the bound is about stays, and from how many excitations it was taken: a wider bound doesn't measure how the plant varies.
-    Its probability goes: it was stated of the narrower bound.
+    """Data with all bounds multiplied by the factor of the run file, which their note says; about what they were, of as many
+    excitations. Their probability goes: it was stated of the narrower bound.
     """
     factor = run.identify.inflate
     if factor == 1:
@@ -123,9 +121,8 @@ def with_prior(
     run: RunFile, problem: MixedProblem, around: Surroundings, *, double: bool = True, reference: bool = True
 ) -> tuple[RunFile, MixedProblem]:
     """Gain bound and decay rate; modes that the program chose are taken twice where they contradict the data, if `double`.
-
-    Where only a class of anything at all fits, a `reference` class that is then refuted; else that class, or where none fits one so
-    large that it shows the contradiction of the data themselves.
+    Where only a class of anything at all fits, a `reference` class that is then refuted; else that class, or where none fits
+    one so large that it shows the contradiction of the data themselves.
     """
     if (stated := run.prior.stated(problem.dt)) is not None:
         problem = dataclasses.replace(problem, prior=stated)
@@ -166,10 +163,9 @@ def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, curve: s
 
 
 def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, MixedProblem] | None:
-    """The class with twice the gain bound, where the program chose one that all data together contradict by a little.
-
-    A prior is taken from frequency points that stand for all; where some beside them ask for slightly more, the class was chosen
-    too small, and nothing about the plant was found. None where the class was stated, or is far from the data.
+    """The class with twice the gain bound, where the program chose one that all data together contradict by a little: it was
+    taken from points that stand for all, and some beside them ask for more. None where the class was stated, or is far from the
+    data.
     """
     chosen = run.prior.source is Source.DATA and run.prior.gain_bound is not None
     if result.status is not Status.INCONSISTENT or not chosen or result.margin > SLIGHTLY:
@@ -238,13 +234,7 @@ def _says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
 
 
 def _chosen_decay(problem: MixedProblem, kind: str, slack: float | None) -> tuple[Prior, str]:
-    """The passive class beside the modes of a problem, with half the fastest decay at which the data are consistent, and words.
-
-    Raises
-    ------
-    InputError
-        No modes, or no continuous time.
-    """
+    """The passive class beside the modes of a problem, with half the fastest decay at which the data are consistent, and words."""
     if kind != POSITIVE_REAL or problem.dt or problem.parametric is None:
         raise InputError(PriorChoice.without_decay("`passive`", "`decay`"))
     rates = possible_rates(problem)

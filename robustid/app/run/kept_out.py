@@ -31,10 +31,8 @@ class Split(NamedTuple):
 
 
 def split(run: RunFile, records: list[TimeRecord]) -> tuple[RunFile, Split]:
-    """Keep out some of the records for a response, or the last periods of the only one, as stated or as many as can be spared.
-
-    Of so many blocks (as many records as inputs) as there are, the second half from four on, one of three; of two both are needed
-    to see that they differ. Every withheld block is estimated by itself.
+    """Keep out some of the records for a response, or the last periods of the only one, as stated or as many as can be spared:
+    of the blocks (as many records as inputs) half from four on, one of three; of two both are needed to see that they differ.
     """
     asked, nothing = run.withheld, Split(records, (), "records")
     count = len(records[0].inputs)

@@ -89,13 +89,7 @@ def measured(
 
 
 def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
-    """The data without the frequency points at these frequencies in Hz.
-
-    Raises
-    ------
-    InputError
-        No response has a frequency point there; a response would have no others.
-    """
+    """The data without the frequency points at these frequencies in Hz, each of which a response must have beside others."""
     found: set[float] = set()
 
     def without(frf: FrequencyResponse) -> FrequencyResponse:

@@ -37,11 +37,9 @@ POLES = ("hz", *_NO_BOX)  # keys that say which poles a plant has
 
 
 def run_members(run: RunFile, place: Path, around: Surroundings) -> FamilyRun:
-    """The family that a run file with [[members]] describes; the class from the data of all where it isn't stated.
-
-    Modes are those of the first member's response, or of a fit of it; with ``over_poles = true`` every member has poles of its own,
-    as many, and the box that its data leave them. The prior has the largest gain bound and the smallest decay rate that any member
-    asks for, in a class that holds those of all.
+    """The family that a run file with [[members]] describes: modes of the first member, or with ``over_poles = true`` as many
+    of every member with the box that its data leave them; the largest gain bound and the smallest decay rate that any member
+    asks for.
     """
     data: dict[str, Measured] = {}
     tables = Tables()  # a record of the noise floor may be of all

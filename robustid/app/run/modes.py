@@ -131,11 +131,6 @@ def stated_modes(modes: object) -> dict[str, object]:
     """Keys of the section [modes] for the argument `modes`: pairs (Hz, damping), a fit, or rows of its mode table.
 
     The poles at z = 1 of a fit become integrators.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        Something else; more than two integrators.
     """
     if isinstance(modes, MatrixFraction | RecordFit):
         modes = mode_table(modes if isinstance(modes, MatrixFraction) else modes.model)
@@ -164,13 +159,7 @@ def _pair(row: Any) -> tuple[float, float]:
 
 
 def _passive_basis(modes: Modes, dt: float, kind: str) -> ParametricBasis:
-    """The modes that are stated beside a passive class.
-
-    Raises
-    ------
-    InputError
-        A class that takes none.
-    """
+    """The modes that are stated beside a passive class; refused of one that takes none."""
     if kind != POSITIVE_REAL or dt:
         what = "is of continuous time" if kind == POSITIVE_REAL else f'is "{POSITIVE_REAL}", of continuous time'
         raise InputError(f"modes have a place beside a passive class only where it {what}; leave them out")
@@ -268,10 +257,8 @@ def modes_of_records(
     records: Sequence[TimeRecord], count: int | None = None, seconds: float = _SECONDS
 ) -> tuple[tuple[ModeRow, ...], str]:
     """Poles that decay slowly, as rows of a mode table, of `count` modes or as many as the bounds ask for; and words on them.
-
-    The order is the first whose output-error fit, from free initial states where the record has them, keeps the samples within 1.2
-    times their bounds; else the one of least description length. The fit has a direct term, as the class may. No rows where no
-    fit says anything.
+    The order is the first whose output-error fit, from free initial states where the record has them, keeps the samples within
+    1.2 times their bounds; else the one of least description length.
     """
     budget = Budget(seconds)
     lengths: dict[int, float] = {}
