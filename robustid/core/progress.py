@@ -95,38 +95,51 @@ def pass_on(interrupted: bool) -> None:
         raise KeyboardInterrupt
 
 
+class Pace:
+    """The pace of something that is counted, from the first time that it is told."""
+
+    def __init__(self, done: int) -> None:
+        self._began, self._first, self._tenth = time.monotonic(), done, -1
+
+    @property
+    def seconds(self) -> float:
+        """Seconds so far."""
+        return time.monotonic() - self._began
+
+    def another_tenth(self, done: int, count: int) -> bool:
+        """Tell whether another tenth is done than when this was asked last."""
+        before, self._tenth = self._tenth, 10 * done // count
+        return self._tenth != before
+
+    def line(self, text: str, done: int, count: int) -> str:
+        """The text, how much of how much, and the seconds that are left where they are worth saying."""
+        share = f"{text + ': ' if text else ''}{done} of {count}"
+        left = self.seconds * (count - done) / max(done - self._first, 1)  # the first one doesn't tell of the others
+        return share + (f", about {left:.0f} s left" if done > self._first and left >= _WORTH_SAYING else "")
+
+
 class ShowProgress:
     """Receiver of progress, with the line that it wrote last; see `show_progress`."""
 
     def __init__(self) -> None:
-        self._began, self._first, self._wrote, self._width, self._tenth = 0.0, 0, 0.0, 0, -1
-        self._last: tuple[str, int, int] = ("", 0, 0)
+        self._pace, self._last, self._wrote, self._width = Pace(0), ("", 0, 0), 0.0, 0
 
     def __call__(self, text: str, done: int = 0, count: int = 0) -> None:
         """Write the line, seldom enough."""
-        now = time.monotonic()
-        if (text, count) != (self._last[0], self._last[2]) or done < self._last[1]:
+        new = (text, count) != (self._last[0], self._last[2]) or done < self._last[1]
+        if new:
             self._end()
-            self._began, self._first, self._wrote, self._tenth = now, done, 0.0, -1
+            self._pace, self._wrote = Pace(done), 0.0
         self._last = text, done, count
-        finished = bool(count) and done >= count
+        line = self._pace.line(text, done, count) if count else text
         if not _rewritable():
-            tenth = 10 * done // count if count else done
-            if tenth != self._tenth:
-                _write(self._line(now) + "\n")
-            self._tenth = tenth
-        elif finished or now - self._wrote >= _OFTEN:
-            line = self._line(now)
+            if self._pace.another_tenth(done, count) if count else new:
+                _write(line + "\n")
+            return
+        now, finished = time.monotonic(), bool(count) and done >= count
+        if finished or now - self._wrote >= _OFTEN:
             _write("\r" + line.ljust(self._width) + "\n" * finished)
             self._wrote, self._width = now, 0 if finished else len(line)
-
-    def _line(self, now: float) -> str:
-        text, done, count = self._last
-        if not count:
-            return text
-        share = f"{text + ': ' if text else ''}{done} of {count}"
-        left = (now - self._began) * (count - done) / max(done - self._first, 1)
-        return share + (f", about {left:.0f} s left" if done > self._first and left >= _WORTH_SAYING else "")
 
     def _end(self) -> None:
         if self._width:

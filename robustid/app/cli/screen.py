@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -25,7 +24,7 @@ class Warned(Protocol):
         ...
 
 
-_WORTH_SAYING = 2.0  # seconds that are left
+_WORTH_SAYING = 2.0  # seconds that a step has taken
 EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
@@ -83,23 +82,6 @@ def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
         yield lambda words: say(out, words)
 
 
-def _counter(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
-    """Progress in at most ten steps, with an estimate of the rest, where there is one that is worth saying."""
-    last, began = -1, time.monotonic()
-    first: tuple[int, float] | None = None  # what comes before the first one doesn't tell how long the others take
-
-    def progress(done: int, count: int) -> None:
-        nonlocal last, first
-        now = time.monotonic()
-        first = first or (done, now)
-        if 10 * done // count != last and now - began > _WORTH_SAYING:
-            last = 10 * done // count
-            rest = (now - first[1]) * (count - done) / max(done - first[0], 1)
-            show(f"{words}: {done} of {count}" + (f", about {rest:.0f} s left" if rest >= _WORTH_SAYING else ""))
-
-    return progress
-
-
 @contextlib.contextmanager
 def telling(out: Console) -> Generator[Progress]:
     """Show the steps of a command as they begin; receiver of their words and their progress."""
@@ -111,13 +93,17 @@ def telling(out: Console) -> Generator[Progress]:
 
 def told(show: Callable[[str], None], ending: str = "") -> Progress:
     """One line for every step, and at most ten for what is counted."""
-    counters: dict[str, Callable[[int, int], None]] = {}
+    from robustid.core import Pace
+
+    paces: dict[str, Pace] = {}
 
     def progress(text: str, done: int, count: int) -> None:
-        if count:
-            counters.setdefault(text, _counter(show, text))(done, count)
-        else:
+        if not count:
             show(text + ending)
+            return
+        pace = paces.setdefault(text, Pace(done))
+        if pace.seconds > _WORTH_SAYING and pace.another_tenth(done, count):
+            show(pace.line(text, done, count))
 
     return progress
 
