@@ -85,28 +85,22 @@ def bounds(
         raise InputError("--controller needs the bound between the frequencies too: add --circle")
     found = _Bounds(screen.console(), output, report, static, {})
     written_files.check_static(report, static)
-    written_files.check_outputs(
-        [*found.files(how.over_poles), report], [*written_files.sources(source), *(controller or [])], force
-    )
+    read = [*written_files.sources(source), *(controller or [])]
+    written_files.check_outputs([*found.files(how.over_poles), report], read, force)
     found.loops = {path.stem: _controller(path) for path in controller or []}
     identification = load_result(source, "identification")
     at, suggested = _frequencies(identification, omega, points), _suggested(identification.problem)
     executor = _processes(identification, at, how.directions, workers)
-    over_box: list[Step] = []
-    if how.over_poles:
-        over_box = [lambda work: _over_box(work, suggested), found.say_over_box]
+    over_box: list[Step] = [lambda work: _over_box(work, suggested), found.say_over_box]
     words = words_of(bounds, executor="--workers", identification="the identification")
     found_again = f"finished frequencies are in {resume}: the same command goes on from there"
-    told = resumable(found.console, found_again, lambda: resume is not None)
-    with in_words(words), told, telling(found.console) as progress:
-        work = Work(
-            run=RunFile(worst_case=how),
-            identification=identification,
-            around=Surroundings(progress, executor=executor, resume=resume),
-            box=_box(suggested),
-            omega=at,
-        )
-        carry_out(work, [proved, found.say_proved, bounded, circled, found.say_bounded, *over_box, found.draw])
+    kept = resumable(found.console, found_again, lambda: resume is not None)
+    with in_words(words), kept, telling(found.console) as progress:
+        around = Surroundings(progress, executor=executor, resume=resume)
+        asked = RunFile(worst_case=how)
+        work = Work(run=asked, identification=identification, around=around, box=_box(suggested), omega=at)
+        carry_out(work, [proved, found.say_proved, bounded, circled, found.say_bounded])
+        carry_out(work, [*(over_box if how.over_poles else []), found.draw])
     screen.repeat_warnings(found.console, identification)
     if not found.certified:
         screen.warn(found.console, "a certificate does not hold: robustid verify names it")

@@ -11,7 +11,7 @@ import typer
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Static, only
 from robustid.app.cli.identify import conclude, work_on
-from robustid.app.cli.screen import in_words, say, shown, telling
+from robustid.app.cli.screen import in_words, say, shown, telling, told
 from robustid.app.run.settings import General
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
@@ -53,12 +53,7 @@ def explore(
     run, folder, title = _asked(console, file, responses, general, tables)
     with in_words({"entry": "--entry", "port": "--port"}):
         with shown(console, "choosing what is not stated") as show:
-
-            def said(text: str, _: int, count: int) -> None:
-                if not count:
-                    show(text)
-
-            session = Session.of(run, folder, said, tables)
+            session = Session.of(run, folder, told(show), tables)
         serve(session, title, port, lambda address: _opened(console, address, browser))
     say(console, "closed")
 

@@ -83,14 +83,13 @@ def fit(
     written_files.check_outputs([model_file, report], [source], force)
     console = screen.console()
     (frf,) = asked_files.read(console)
-    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method}
-    asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
+    constraints = (RollOff(roll_off),) if roll_off else ()
+    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "constraints": constraints}
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
     words |= {"frf": source.name, "values": source.name}
     with in_words(words_of(fit, **words)):
         both = dataclasses.replace(structure, feedthrough=limits.feedthrough, time_limit=limits.time_limit)
-        asked |= both.arguments
-        asked |= _weight(source, frf, relative)
+        asked |= both.arguments | _weight(source, frf, relative)
         sweep = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
     page = None

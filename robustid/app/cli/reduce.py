@@ -74,22 +74,22 @@ def reduce(
     from robustid.reduction import ReductionStatus
 
     written_files.check_ending(output, (".npz", ".mat", ".m", ".json", ".h", ".sos", ".zpk"))
-    limits: dict[str, Any] = {"band_hz": None if band is None else low_high("--band", band), "horizon": horizon}
+    match = "static gain" if static_gain else None
+    asked: dict[str, Any] = {"order": order, "tol": tol, "match": match, "horizon": horizon}
+    asked["band_hz"] = None if band is None else low_high("--band", band)
     written_files.check_outputs([output], [*written_files.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
-        limits["weight"] = load_model(weight)
+        asked["weight"] = load_model(weight)
     console = screen.console()
     identification = _load_identification(source)
-    asked = {"order": order, "tol": tol, "match": "static gain" if static_gain else None, **limits}
-    if identification is not None and all(value is None for value in asked.values()):
-        with in_words(words_of(reduce)):
+    with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
+        if identification is None:
+            asked["unstable"] = "keep" if keep_unstable else "refuse"
+            reduction = _truncated(console, load_model(source), asked)
+        elif all(value is None for value in asked.values()):
             reduction = _within_bounds(console, identification, time_limit)
-    else:
-        model = load_model(source) if identification is None else identification.model
-        asked["unstable"] = "keep" if keep_unstable or identification is not None else "refuse"
-        with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
-            reduction = _truncated(console, model, asked)
-        if identification is not None:
+        else:
+            reduction = _truncated(console, identification.model, asked | {"unstable": "keep"})
             _say_margin(console, identification, reduction)
     save(output, reduction.model)
     screen.say_written(console, output)

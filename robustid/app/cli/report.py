@@ -1,4 +1,4 @@
-"""robustid report: the page of a saved identification; robustid export: a file for another program."""
+"""robustid report: the page of a saved identification."""
 
 from __future__ import annotations
 
@@ -103,37 +103,3 @@ def _sensitivity(work: Work) -> Sensitivity:
 
     work.around.say("bounding the error under other assumptions")
     return sensitivity(work.identification.problem)
-
-
-def export(
-    source: Annotated[
-        Path, typer.Argument(help="A saved result (NAME, NAME.npz or NAME.json), a model or measurements.")
-    ],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Of a model: .m, .mat, .npz, .json, .h (C), .sos, .zpk, or .csv (poles); of a response .csv, .mat, .npz, .uff or"
-            " .s2p; of bounds .csv; of an identification its model, or with .csv its verdict.",
-        ),
-    ],
-    force: Force = False,
-) -> None:
-    """Write a model, a response or a table for another program: MATLAB, C, JSON, filters, universal files, CSV.
-
-    [bold]Example[/bold]: robustid export small.mat -o filter.h
-    """
-    from robustid.app.load_save import load, save
-
-    written_files.check_outputs([output], written_files.sources(source), force)
-    console = screen.console()
-    thing = load(source)
-    if output.suffix.lower() != ".csv" and type(thing).__name__ in (
-        "Identification",
-        "MatrixFraction",
-        "WorstCaseError",
-    ):
-        thing = thing.model
-    save(output, thing)
-    screen.say_written(console, output)
