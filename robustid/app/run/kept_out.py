@@ -95,6 +95,16 @@ def split_points(run: RunFile, frf: FrequencyResponse) -> tuple[RunFile, Frequen
     return run, frf.select(~out), frf.select(out)
 
 
+def with_frequencies(
+    run: RunFile, grid: Real, poles: Sequence[complex] | np.ndarray, plane: Plane, withheld: Sequence[FrequencyResponse]
+) -> RunFile:
+    """The frequencies of the worst case: as stated, or those of a grid and some that were kept out."""
+    if run.worst_case.at_hz is not None:
+        return run
+    omega = looked_at(grid, poles, plane, withheld)
+    return run.changed("worst_case", at_hz=tuple((omega / (2 * np.pi)).tolist()))
+
+
 def looked_at(
     grid: Real, poles: Sequence[complex] | np.ndarray, plane: Plane, withheld: Sequence[FrequencyResponse]
 ) -> Real:

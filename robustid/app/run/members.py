@@ -11,7 +11,7 @@ import numpy as np
 from robustid.app.run import findings
 from robustid.app.run.class_choice import inflated_problem, with_inflation, with_prior
 from robustid.app.run.class_settings import prior_keys
-from robustid.app.run.kept_out import compared, looked_at
+from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.modes import Box, with_fit, with_modes
 from robustid.app.run.posing import without_class
@@ -165,14 +165,12 @@ def _united(
     for name, one in found.items():
         said += [f"{name}: {words}" for words in findings.class_words(run, one, diagnosis_of(one, around))]
     asked = run.worst_case
-    if asked.at_hz is None:
-        grid = frequencies_of(members)
-        bases = [one.problem.parametric for one in found.values()]
-        poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))
-        withheld = [frf for one in left.values() for frf in one.withheld]
-        grid = looked_at(grid, tuple(poles), members[0].identification.problem.plane, withheld)
-        run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
-        around.folder.choices(run)
+    bases = [one.problem.parametric for one in found.values()]
+    poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))
+    withheld = [frf for one in left.values() for frf in one.withheld]
+    plane = members[0].identification.problem.plane
+    run = with_frequencies(run, frequencies_of(members), tuple(poles), plane, withheld)
+    around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
     how: dict[str, Any] = asked.arguments | {"order": run.family.order}
     spread = around.counted("bounding the members at every frequency")

@@ -20,7 +20,7 @@ from robustid.app.run.members import run_members
 from robustid.app.run.modes import stated_modes
 from robustid.app.run.reading import Data
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
-from robustid.app.run.run_file import RunFile, read_run_file
+from robustid.app.run.run_file import read_run_file
 from robustid.app.run.run_folder import RunFolder, Surroundings
 from robustid.app.run.sequence import from_data, from_problem
 from robustid.app.run.settings import SECTIONS
@@ -231,30 +231,21 @@ def run(
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume, static)
     around = Surroundings(as_function("progress", progress), kept, executor)
+    moved = asked.moved(path.parent, folder)
+    before = kept.asked(moved)
     if asked.members:
-        return _family(asked, path, force, around)
-    if (before := kept.asked(asked.moved(path.parent, folder))) is not None:
-        stated, data = measured(before, folder, around)
+        kept.open(force)
+        result = run_members(before or moved, folder, around)
     else:
-        stated, data = measured(asked, path.parent, around)
-        stated = stated.moved(path.parent, folder)
-    kept.open(force)
-    with too_large("band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"):
-        result = from_data(stated, data, around)
+        place, stated = (path.parent, asked) if before is None else (folder, before)
+        stated, data = measured(stated, place, around)
+        kept.open(force)
+        with too_large(
+            "band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"
+        ):
+            result = from_data(stated.moved(place, folder), data, around)
     around.say("writing the report")
     kept.finish(result)
-    return result
-
-
-def _family(asked: RunFile, path: Path, force: bool, around: Surroundings) -> FamilyRun:
-    """The family of a run file with members; frequencies that are finished are found again."""
-    kept, folder = around.folder, Path(str(around.folder.folder))
-    before = kept.asked(asked.moved(path.parent, folder))
-    stated = asked.moved(path.parent, folder) if before is None else before
-    kept.open(force)
-    result = run_members(stated, folder, around)
-    around.say("writing the report")
-    kept.finish_family(result)
     return result
 
 

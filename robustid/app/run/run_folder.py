@@ -128,32 +128,16 @@ class RunFolder:
         if self.folder is not None:
             band.save(self.folder / "band")
 
-    def finish(self, result: IdentifiedReduced) -> list[Path]:
-        """Keep everything that isn't kept yet; the names of all files."""
-        if self.folder is None:
-            return []
-        result.identification.save(self.folder / "identification")
-        if result.error is not None:
-            result.error.save(self.folder / "worst_case")
-        if result.over_poles is not None:
-            result.over_poles.save(self.folder / "over_poles")
-        if result.band is not None:
-            self.proved(result.band)  # refined
-        save_model(result.model, self.folder / _MODEL)
+    def finish(self, result: IdentifiedReduced | FamilyRun) -> None:
+        """Keep everything that isn't kept yet; of members that refute the class the sentences."""
         self.choices(result.run_file)
         self._text(_SUMMARY, result.summary() + "\n")
-        result.report(self.folder / _PAGE, static=self.static)
-        self._clear()
-        return self._written()
-
-    def finish_family(self, result: FamilyRun) -> None:
-        """Keep the family, its nominal and its page; of members that refute the class the sentences."""
-        self.choices(result.run_file)
-        self._text(_SUMMARY, result.summary() + "\n")
-        if self.folder is None or result.family is None:
+        if self.folder is None or result.model is None:
             return
-        result.family.save(self.folder / "family")
-        save_model(result.family.model, self.folder / _MODEL)
+        for name, numbers in result.numbers.items():
+            if numbers is not None:
+                numbers.save(self.folder / name)
+        save_model(result.model, self.folder / _MODEL)
         result.report(self.folder / _PAGE, static=self.static)
         self._clear()
 

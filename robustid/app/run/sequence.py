@@ -9,7 +9,7 @@ import numpy as np
 from robustid.advice import Diagnosis, content, diagnose
 from robustid.app.run import findings
 from robustid.app.run.class_choice import with_larger_gain
-from robustid.app.run.kept_out import compared, looked_at
+from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import box_of_modes, held_box
 from robustid.app.run.posing import posed, posed_as_stated
@@ -56,7 +56,7 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
     if not work.identification.consistent:
         carry_out(work, [*small, diagnosed])
     else:
-        carry_out(work, [*([proved] if asked.compute else []), *small, refined, told_between])
+        carry_out(work, [*([proved] if asked.compute else []), *small, refined, seen_between])
         nothing_said = work.content is not None and work.content.empty and asked.at_hz is None
         if asked.compute and not nothing_said:
             carry_out(work, [gridded, bounded, circled, refined, judged])
@@ -176,7 +176,7 @@ def diagnosis_of(result: Identification, around: Surroundings) -> Diagnosis | No
     return diagnose(result, progress=around.begun("what would help: units, signs, other modes, other priors"))
 
 
-def told_between(work: Work) -> None:
+def seen_between(work: Work) -> None:
     """The content of the class: what it says between the frequency points."""
     if work.identification.problem.frequency:
         work.content = content(work.identification)
@@ -197,12 +197,10 @@ def refined_band(found: Band, error: WorstCaseError | None, over_poles: WorstCas
 
 def gridded(work: Work) -> None:
     """The frequencies of the worst case: as stated, or the usual ones and some that were kept out."""
-    if work.run.worst_case.at_hz is None:
-        problem = work.identification.problem
-        poles = () if problem.parametric is None else problem.parametric.poles
-        grid = looked_at(default_grid(problem), poles, problem.plane, work.left.withheld)
-        work.run = work.run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
-        work.around.folder.choices(work.run)
+    problem = work.identification.problem
+    poles = () if problem.parametric is None else problem.parametric.poles
+    work.run = with_frequencies(work.run, default_grid(problem), poles, problem.plane, work.left.withheld)
+    work.around.folder.choices(work.run)
     work.omega = 2 * np.pi * np.array(work.run.worst_case.at_hz)
 
 
