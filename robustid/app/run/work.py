@@ -90,8 +90,7 @@ class Work:
 Step = Callable[[Work], None]
 
 
-def carry_out(work: Work, steps: Sequence[Step]) -> Work:
-    """Each step in its order."""
+def carry_out(work: Work, steps: Sequence[Step]) -> None:
+    """Carry out the steps in their order."""
     for step in steps:
         step(work)
-    return work
