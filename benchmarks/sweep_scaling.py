@@ -41,7 +41,7 @@ def on_cluster(result, omega):
         distributed.Client(cluster) as client,
     ):
 
-        def kill_one(done, count):
+        def kill_one(text, done, count):
             if not lost and done < count:
                 lost.append(next(iter(cluster.workers.values())).pid)
                 os.kill(lost[0], signal.SIGKILL)

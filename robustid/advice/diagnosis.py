@@ -20,7 +20,7 @@ from robustid.advice.causes import (
 )
 from robustid.advice.class_changes import changes_of, found_modes, mode_options
 from robustid.advice.pole_search import improve_kautz
-from robustid.core import Budget, Frozen, Progress, as_kind, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, as_kind, one_thread
 from robustid.errors import InputError, SolverError
 from robustid.identification import Identification, MixedProblem, contradictions
 from robustid.identification.formulation import QUICK_EXACT
@@ -143,7 +143,7 @@ def diagnose(
     time_limit : float, optional
         Seconds after which no further change is tried; margins that were reached by then are kept. So it is on Ctrl-C. None: no
         limit.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Changes.
 
     Returns
@@ -176,8 +176,8 @@ def diagnose(
     changes, causes, tried = changes_of(problem), list[Cause](), list[Cause]()
     waiting = [*(change.name for change in changes), *([_MOVED] * _may_move(identification))]
     count = len(waiting)
-    tell = Budget(None, progress).tell
-    try:
+    tell = Budget(None, progress, "what would help").tell
+    with Interruptible() as search:
         causes += causes_without_class(problem, identification.margin, budget)
         if inconsistent and not (problem.prior.physical or any(one.solves for one in causes)):
             causes += tried_causes(problem, identification.margin, active, budget)
@@ -207,7 +207,7 @@ def diagnose(
             unsolved = not tried[-1].solves
         if unsolved:
             causes += unit_cause(problem, identification.margin, budget)
-    except KeyboardInterrupt:
+    if search.interrupted:
         _log.warning("interrupted: the changes that were tried so far are returned")
     return Diagnosis(
         inflation=identification.margin,

@@ -17,7 +17,7 @@ from robustid.advice.prior import suggest_prior
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import default_points
 from robustid.bases import kautz
-from robustid.core import Budget, Progress, Real, as_array, as_count, one_thread
+from robustid.core import Budget, Interruptible, Progress, Real, as_array, as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, SizeError, SolverError
 from robustid.guarantees import PoleCell, box_of
@@ -64,7 +64,7 @@ def suggest_class(
     time_limit : float, optional
         Seconds, of which every candidate gets its part; one that needs more has the errors at the frequencies that were finished,
         and stands behind those that have all. On Ctrl-C it stands there too, and no further one is evaluated.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Candidates.
 
     Returns
@@ -99,7 +99,10 @@ def suggest_class(
     if not data.entries.single:
         scaling = suggest_scaling(data) if scaling is None else scaling
         data = dataclasses.replace(data, prior=dataclasses.replace(data.prior, scaling=scaling))
-    wanted, budget = None if delay is None else as_count("delay", delay), Budget(time_limit, progress)
+    wanted, budget = (
+        None if delay is None else as_count("delay", delay),
+        Budget(time_limit, progress, "comparing classes"),
+    )
     preparing = budget.share(_PREPARING)
     if modes is None:
         parts, resonances = _from_data(data, wanted, preparing)
@@ -166,11 +169,9 @@ def _evaluated(parts: list[_Part], omega: Real, budget: Budget) -> list[ClassCan
             late = bool(rows) and budget.over
             waiting = sum(not (one.note or one.late) for one, _ in asked[k:])
             mine = budget.share(1 / max(waiting, 1))
-            try:
+            with Interruptible(lambda: bool(rows)) as search:
                 rows.append(part.candidate(problem, omega, mine, late=late))
-            except KeyboardInterrupt:
-                if not rows:
-                    raise
+            if search.interrupted:
                 rows.append(part.candidate(problem, omega, mine, late=True))
                 return False
             budget.tell(len(rows), len(parts) + _PRIORS - 1)

@@ -118,7 +118,7 @@ def suggest_next(
         Length of the list at most.
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the candidates that are finished are ranked, spread over the range, and a warning says so.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Frequencies.
 
     Returns

@@ -16,6 +16,7 @@ from robustid.core import (
     Choice,
     Complex,
     Frozen,
+    Interruptible,
     Progress,
     Real,
     Source,
@@ -163,7 +164,7 @@ def improve_kautz(
         False: move the poles at once, without repeated pairs.
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the best pairs found so far are returned, and `reason` says so.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Steps of the search; all are seldom needed.
 
     Returns
@@ -205,7 +206,7 @@ def improve_kautz(
     target, pairs, repeat = as_positive("target", target), pairs_of(problem), as_flag("repeat", repeat)
     formulation = formulate(problem, accuracy=_DIGITS)
     with threads_for(formulation.count):
-        search = _Search(formulation, pairs, target, Budget(time_limit, progress))
+        search = _Search(formulation, pairs, target, Budget(time_limit, progress, "moving the poles"))
         best, reason = search.run(repeat)
         return _result(search, best, reason)
 
@@ -259,45 +260,46 @@ class _Search:
     def _move(self, at: _Point) -> tuple[_Point, str]:
         """Steps of the minimax problem with linearised pairs, in a trust region."""
         radius, slopes = _RADIUS, None
-        for step in range(1, _MOST_STEPS + 1):
-            unit = units(self.problem, at.poles)
-            if self.budget.over:
-                return at, f"the time was over after {step - 1} steps"
-            self.budget.tell(step, _MOST_STEPS)
-            if slopes is None:
-                slopes = moved_samples(at.pairs, at.formulation, at.claim.p, at.poles) * unit.ravel()
-            try:
-                claim = _linearised(at.formulation.data, slopes, radius, self._limit)
-                d, promised = claim.p[-slopes.shape[1] :], claim.margin
-                if claim.stopped:
-                    return at, f"{claim.stopped} in step {step}"
-                if promised > (1 - _WORTH) * at.margin:
-                    reach = 100 * radius * float(unit[:, 0].max())
-                    return at, f"no step of up to {reach:.2g} % in frequency promises {100 * _WORTH:g} % less"
-                new = self._at(at.pairs, at.pairs.inside(at.poles + unit * d.reshape(-1, 2)))
-                if new.claim.stopped:
-                    return at, f"{new.claim.stopped} in step {step}"
-            except KeyboardInterrupt:
-                return at, f"interrupted in step {step}"
-            except (InputError, SolverError) as error:  # poles that meet, or that the samples don't feel
-                _log.info("step %d: shortened (%s)", step, error)
-                radius /= 4
-            else:
-                kept = at.margin - new.margin
-                taken = kept > _TAKEN * (at.margin - promised)
-                self._note(f"step {step}", new, taken)
-                length = float(np.abs(d).max())
-                if not taken:
-                    radius = min(radius, length) / 4
+        step = 1
+        with Interruptible():
+            for step in range(1, _MOST_STEPS + 1):
+                unit = units(self.problem, at.poles)
+                if self.budget.over:
+                    return at, f"the time was over after {step - 1} steps"
+                self.budget.tell(step, _MOST_STEPS)
+                if slopes is None:
+                    slopes = moved_samples(at.pairs, at.formulation, at.claim.p, at.poles) * unit.ravel()
+                try:
+                    claim = _linearised(at.formulation.data, slopes, radius, self._limit)
+                    d, promised = claim.p[-slopes.shape[1] :], claim.margin
+                    if claim.stopped:
+                        return at, f"{claim.stopped} in step {step}"
+                    if promised > (1 - _WORTH) * at.margin:
+                        reach = 100 * radius * float(unit[:, 0].max())
+                        return at, f"no step of up to {reach:.2g} % in frequency promises {100 * _WORTH:g} % less"
+                    new = self._at(at.pairs, at.pairs.inside(at.poles + unit * d.reshape(-1, 2)))
+                    if new.claim.stopped:
+                        return at, f"{new.claim.stopped} in step {step}"
+                except (InputError, SolverError) as error:  # poles that meet, or that the samples don't feel
+                    _log.info("step %d: shortened (%s)", step, error)
+                    radius /= 4
                 else:
-                    if kept > _GOOD * (at.margin - promised) and length > 0.9 * radius:
-                        radius *= 2
-                    at, slopes = new, None
-            if at.margin <= self.target:
-                return at, f"the margin wanted, {self.target:.4g}, is reached"
-            if radius < _SMALLEST:
-                return at, "no further step makes it smaller"
-        return at, f"after {_MOST_STEPS} steps"
+                    kept = at.margin - new.margin
+                    taken = kept > _TAKEN * (at.margin - promised)
+                    self._note(f"step {step}", new, taken)
+                    length = float(np.abs(d).max())
+                    if not taken:
+                        radius = min(radius, length) / 4
+                    else:
+                        if kept > _GOOD * (at.margin - promised) and length > 0.9 * radius:
+                            radius *= 2
+                        at, slopes = new, None
+                if at.margin <= self.target:
+                    return at, f"the margin wanted, {self.target:.4g}, is reached"
+                if radius < _SMALLEST:
+                    return at, "no further step makes it smaller"
+            return at, f"after {_MOST_STEPS} steps"
+        return at, f"interrupted in step {step}"
 
     def _at(self, pairs: MovingPairs, poles: Real) -> _Point:
         return self._point(dataclasses.replace(self.problem, parametric=pairs.at(poles)), pairs, poles)

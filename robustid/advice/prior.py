@@ -20,7 +20,7 @@ from robustid.advice.smallest_gain import (
     smallest_gain,
     thinned,
 )
-from robustid.core import Budget, Frozen, Progress, Real, as_array, as_kind, freeze, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, Real, as_array, as_kind, freeze, one_thread
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior, identify
 from robustid.identification.formulation import formulate
@@ -136,7 +136,7 @@ def suggest_prior(
         poles from data.
     time_limit : float, optional
         Seconds after which no further decay rate is tried. Ctrl-C ends the search in the same way.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Decay rates.
 
     Returns
@@ -182,7 +182,7 @@ def suggest_prior(
     least = 1 if problem.dt else 0
     if rates is not None and (rates.size == 0 or rates[0] <= least):
         raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
-    budget = Budget(time_limit, progress)
+    budget = Budget(time_limit, progress, "looking for a prior")
     masks = representatives(problem)
     while True:
         part = problem if masks is None else selected(problem, masks)
@@ -228,7 +228,7 @@ def _suggested(
     gains = np.full(rates.size, np.inf)
     # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
     done, ceilings = 0, CEILINGS if part is problem else CEILINGS[:1]
-    try:
+    with Interruptible(lambda: done > 0):
         for k, rho in enumerate(rates):
             gains[k] = smallest_gain(_lighter(problem, part, float(rho)), float(rho), problem, ceilings)
             done = k + 1
@@ -238,9 +238,6 @@ def _suggested(
                 done = rates.size  # a larger rho makes the class smaller still
             if done == rates.size or budget.over:
                 break
-    except KeyboardInterrupt:
-        if not done:
-            raise
     rates, gains = rates[:done], gains[:done]
     errors = np.full(rates.size, np.nan)
     if criterion == "error":

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Frozen, Progress, Real, as_kind, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, Real, as_kind, one_thread
 from robustid.errors import InputError, SolverError
 from robustid.guarantees import as_frequencies, norm_of_bounds, worst_case_error
 from robustid.identification import MixedProblem, identify
@@ -106,7 +106,7 @@ def sensitivity(
         Where the error is evaluated; default 7 frequencies over the range of the frequency points.
     time_limit : float, optional
         Seconds after which no further variation is evaluated; the first one always is. So it is on Ctrl-C.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Variations.
 
     Returns
@@ -128,18 +128,18 @@ def sensitivity(
     """
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
     grid = default_points(problem) if omega is None else as_frequencies(omega, problem)
-    budget, asked = Budget(time_limit, progress), list(_variations(problem))
+    budget, asked = (
+        Budget(time_limit, progress, "bounding the error under other assumptions"),
+        list(_variations(problem)),
+    )
     rows: list[Variation] = []
-    try:
+    with Interruptible(lambda: bool(rows)):
         for what, kind, changed in asked:
             if rows and budget.over:
                 break
             prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
             rows.append(Variation(what, kind, prior.gain_bound, prior.rate, lines, *guaranteed(changed, grid)))
             budget.tell(len(rows), len(asked))
-    except KeyboardInterrupt:
-        if not rows:
-            raise
     return Sensitivity(grid, tuple(rows), tuple(what for what, _, _ in asked[len(rows) :]))
 
 

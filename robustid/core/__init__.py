@@ -7,7 +7,7 @@ from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
-from robustid.core.progress import Budget, Progress, show_progress
+from robustid.core.progress import Budget, Interruptible, Pace, Progress, pass_on, show_progress
 from robustid.core.state_space import (
     Complex,
     Model,
@@ -59,8 +59,10 @@ __all__ = [
     "Complex",
     "DampedSteps",
     "Frozen",
+    "Interruptible",
     "Model",
     "Numbers",
+    "Pace",
     "Plane",
     "Progress",
     "Projection",
@@ -100,6 +102,7 @@ __all__ = [
     "made",
     "one_thread",
     "part",
+    "pass_on",
     "paths",
     "plane_of",
     "points_of",

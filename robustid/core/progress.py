@@ -6,29 +6,34 @@ import math
 import sys
 import time
 from collections.abc import Callable
-from typing import Any
+from types import TracebackType
 
 from robustid.core.validation import as_function, as_positive
 
-Progress = Callable[[int, int], None]
+Progress = Callable[
+    [str, int, int], None
+]  # (text, done, count): what is done, how much of how much; count 0: not counted
 
 _OFTEN = 0.1  # seconds between two writings of the line
 _WORTH_SAYING = 2.0  # seconds that are left
 
 
 class Budget:
-    """Seconds of wall clock that a computation may take from now on, and its receiver of (done, all).
+    """Seconds of wall clock that a computation may take from now on, and the receiver of its progress.
 
     Parameters
     ----------
     time_limit : float or None
         None: no limit.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
+    text : str
+        The computation in words, which the receiver is told.
     """
 
-    def __init__(self, time_limit: float | None = None, progress: Progress | None = None) -> None:
+    def __init__(self, time_limit: float | None = None, progress: Progress | None = None, text: str = "") -> None:
         limit = math.inf if time_limit is None else as_positive("time_limit", time_limit)
         self._deadline, self._progress = time.monotonic() + limit, as_function("progress", progress)
+        self._text = text
 
     @property
     def left(self) -> float:
@@ -48,47 +53,93 @@ class Budget:
     def share(self, part: float) -> Budget:
         """The budget of a first stage: a part of what is left, and the same receiver."""
         limit = None if math.isinf(self.left) else max(part * self.left, 1e-9)
-        return Budget(limit, self._progress)
+        return Budget(limit, self._progress, self._text)
 
     def tell(self, done: int, count: int) -> None:
         """Tell how far it is."""
         if self._progress is not None:
-            self._progress(done, count)
+            self._progress(self._text, done, count)
+
+    def receive(self, text: str, done: int, count: int) -> None:
+        """Receive the progress of a stage, which is told as that of the whole."""
+        self.tell(done, count)
+
+
+class Interruptible:
+    """Ctrl-C in a loop that returns the best so far: kept back where something is there, else raised.
+
+    Used in a `with` block around the loop; `interrupted` tells of it afterwards. A loop over loops that keep it back passes it on.
+
+    Parameters
+    ----------
+    there : callable () -> bool
+        True if there is something to return.
+    """
+
+    def __init__(self, there: Callable[[], bool] = lambda: True) -> None:
+        self.interrupted, self._there = False, there
+
+    def __enter__(self) -> Interruptible:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt) and self._there()
+        return self.interrupted
+
+
+def pass_on(interrupted: bool) -> None:
+    """Raise the Ctrl-C again that an inner loop has kept back: the outer one ends too."""
+    if interrupted:
+        raise KeyboardInterrupt
+
+
+class Pace:
+    """The pace of something that is counted, from the first time that it is told."""
+
+    def __init__(self, done: int) -> None:
+        self._began, self._first, self._tenth = time.monotonic(), done, -1
+
+    @property
+    def seconds(self) -> float:
+        """Seconds so far."""
+        return time.monotonic() - self._began
+
+    def another_tenth(self, done: int, count: int) -> bool:
+        """Tell whether another tenth is done than when this was asked last."""
+        before, self._tenth = self._tenth, 10 * done // count
+        return self._tenth != before
+
+    def line(self, text: str, done: int, count: int) -> str:
+        """The text, how much of how much, and the seconds that are left where they are worth saying."""
+        share = f"{text + ': ' if text else ''}{done} of {count}"
+        left = self.seconds * (count - done) / max(done - self._first, 1)  # the first one doesn't tell of the others
+        return share + (f", about {left:.0f} s left" if done > self._first and left >= _WORTH_SAYING else "")
 
 
 class ShowProgress:
-    """Receiver of progress of every kind, with the line that it wrote last; see `show_progress`."""
+    """Receiver of progress, with the line that it wrote last; see `show_progress`."""
 
     def __init__(self) -> None:
-        self._began, self._first, self._wrote, self._width, self._tenth = 0.0, 0, 0.0, 0, -1
-        self._last: tuple[str, int, int] = ("", 0, 0)
+        self._pace, self._last, self._wrote, self._width = Pace(0), ("", 0, 0), 0.0, 0
 
-    def __call__(self, *said: object) -> None:
-        """Write the line, seldom enough; of (done, all), (text, done, all), or a step of a fit."""
-        words, done, count = _parts(said)
-        now = time.monotonic()
-        if (words, count) != (self._last[0], self._last[2]) or done < self._last[1]:
+    def __call__(self, text: str, done: int = 0, count: int = 0) -> None:
+        """Write the line, seldom enough."""
+        new = (text, count) != (self._last[0], self._last[2]) or done < self._last[1]
+        if new:
             self._end()
-            self._began, self._first, self._wrote, self._tenth = now, done, 0.0, -1
-        self._last = words, done, count
-        finished = bool(count) and done >= count
+            self._pace, self._wrote = Pace(done), 0.0
+        self._last = text, done, count
+        line = self._pace.line(text, done, count) if count else text
         if not _rewritable():
-            tenth = 10 * done // count if count else done
-            if tenth != self._tenth:
-                _write(self._line(now) + "\n")
-            self._tenth = tenth
-        elif finished or now - self._wrote >= _OFTEN:
-            line = self._line(now)
+            if self._pace.another_tenth(done, count) if count else new:
+                _write(line + "\n")
+            return
+        now, finished = time.monotonic(), bool(count) and done >= count
+        if finished or now - self._wrote >= _OFTEN:
             _write("\r" + line.ljust(self._width) + "\n" * finished)
             self._wrote, self._width = now, 0 if finished else len(line)
-
-    def _line(self, now: float) -> str:
-        words, done, count = self._last
-        if not count:
-            return words
-        share = f"{words + ': ' if words else ''}{done} of {count}"
-        left = (now - self._began) * (count - done) / max(done - self._first, 1)
-        return share + (f", about {left:.0f} s left" if done > self._first and left >= _WORTH_SAYING else "")
 
     def _end(self) -> None:
         if self._width:
@@ -99,15 +150,17 @@ class ShowProgress:
 _SHOWN = ShowProgress()
 
 
-def show_progress(*said: object) -> None:
+def show_progress(text: str, done: int = 0, count: int = 0) -> None:
     """Show how far a long computation is, in one line that is written over: the argument `progress` of every function.
 
     In notebooks and at terminals; in a file at most a line for every tenth.
 
     Parameters
     ----------
-    *said
-        (done, all), (text, done, all), or a step of a fit.
+    text : str
+        The computation in words.
+    done, count : int
+        How much of how much; `count` is 0 where nothing is counted.
 
     Examples
     --------
@@ -118,19 +171,12 @@ def show_progress(*said: object) -> None:
     counting: 2 of 3
     counting: 3 of 3
     """
-    _SHOWN(*said)
+    _SHOWN(text, done, count)
 
 
 def _write(text: str) -> None:
     sys.stdout.write(text)
     sys.stdout.flush()
-
-
-def _parts(said: tuple[Any, ...]) -> tuple[str, int, int]:
-    if len(said) == 1 and hasattr(said[0], "cost"):
-        return f"{said[0].words}: cost {said[0].cost:.6g}", 0, 0
-    text, done, count = said if len(said) == 3 else ("", *said)
-    return str(text), int(done or 0), int(count or 0)
 
 
 def _rewritable() -> bool:

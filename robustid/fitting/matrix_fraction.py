@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Frozen, Savable, StateMatrices, as_flag, as_function, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, Savable, StateMatrices, as_flag, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.figures import Drawable
@@ -20,7 +20,7 @@ from robustid.fitting.fraction.first_models import EXTRA, first_model, strongest
 from robustid.fitting.fraction.fit_search import FitEnd, fit_from, unstable_poles
 from robustid.fitting.fraction.fit_statement import stated
 from robustid.fitting.fraction.fraction_forms import constraint_of
-from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, phases_of
+from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, counted_steps, phases_of
 from robustid.fitting.fraction.fraction_model import FractionModel
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.node_fraction import NodeFraction
@@ -167,7 +167,7 @@ def fit_mfd(
     stable: bool = True,
     restart: bool = True,
     time_limit: float | None = None,
-    progress: Callable[[FitStep], None] | None = None,
+    progress: Progress | None = None,
 ) -> MatrixFraction:
     """Fit a matrix fraction of a given McMillan degree by least squares on the weighted residuals.
 
@@ -221,8 +221,8 @@ def fit_mfd(
         two to four times as long.
     time_limit : float, optional
         Seconds after which the best model so far is returned, with the status that says so; so does Ctrl-C.
-    progress : callable, optional
-        Called with every FitStep.
+    progress : callable (text, done, count), optional
+        Told the number of every step, and its criterion in words; `count` is 0.
 
     Returns
     -------
@@ -252,7 +252,7 @@ def fit_mfd(
     through = as_flag("feedthrough", feedthrough) or (structure is not None and structure.power == 2)
     problem, data, form, shape, relative, others = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
-    settings = Settings(phases_of(method), rigid_body, form, stable, as_function("progress", progress), rounds, budget)
+    settings = Settings(phases_of(method), rigid_body, form, stable, counted_steps(progress), rounds, budget)
     if structure is not None:
         _check_modal(structure, problem, settings, constraints)
     for constraint in as_constraints(constraints):
@@ -261,9 +261,9 @@ def fit_mfd(
         held = constraint_of(constraint, form, shape)
         problem, others = held.apply(problem), tuple((held.apply(other), samples) for other, samples in others)
     begin = functools.partial(first_model, start=start, form=form, body=rigid_body, budget=budget)
-    try:
+    with Interruptible() as choosing:
         problem, data = chosen([(problem, data), *others], begin, settings)
-    except KeyboardInterrupt:
+    if choosing.interrupted:
         settings = dataclasses.replace(settings, budget=Budget(1e-9))  # the start is what there is so far
     search: Callable[..., FitEnd] = fit_from
     if structure is not None:

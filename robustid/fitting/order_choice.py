@@ -146,7 +146,7 @@ def suggest_order(
     )
     step = 2 if as_modal(options.get("modal")) is not None else 1  # states of a mode
     tried = _orders(orders, int(np.sum(singular_values > edge)), frf, step)
-    budget = Budget(time_limit, progress)
+    budget = Budget(time_limit, progress, "fitting a range of orders")
     settings = options | {"weight": weight, "domain": domain}
     on_wave = as_function("grown", grown)
 

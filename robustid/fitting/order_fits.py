@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Budget, StateMatrices
+from robustid.core import Budget, Interruptible, StateMatrices, pass_on
 from robustid.data import FrequencyResponse
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction, fit_mfd
@@ -62,39 +62,32 @@ def fits_of_orders(
     fits: dict[int, MatrixFraction] = {}
     errors: dict[int, Exception] = {}
     withheld: dict[int, float] = {}
-    done, best, interrupted = 0, math.inf, False
-    try:
-        for first in range(0, len(orders), _WAVE):
-            wave = orders[first : first + _WAVE]
-            for order, outcome in _wave(frf, wave, options, executor):
-                done += 1
-                (errors if isinstance(outcome, Exception) else fits)[order] = outcome  # type: ignore[assignment]
-                _pass_on(outcome)
-                budget.tell(done, len(orders))
-            _refit_local_minima(frf, options, fits)
-            here = {order: withheld_error(fits[order]) for order in wave if order in fits}
-            withheld |= here
-            if fits:
-                growing(Found(fits, _sentences(errors), withheld))
-            reached = min(here.values(), default=math.nan)
-            if budget.over or (may_stop and reached > (1 - _BETTER) * best):
-                break
-            best = min(best, reached) if math.isfinite(reached) else best
-        if not fits:
-            raise errors[orders[0]]
-    except BaseException as stop:
-        finished = ", ".join(f"order {order}: cost {fit.cost:.6g}" for order, fit in sorted(fits.items()))
-        _log.warning("the sweep over the order ended early; finished: %s", finished or "none")
-        interrupted = isinstance(stop, KeyboardInterrupt)
-        if not (interrupted and fits):
+    done, best = 0, math.inf
+    with Interruptible(lambda: bool(fits)) as sweep:
+        try:
+            for first in range(0, len(orders), _WAVE):
+                wave = orders[first : first + _WAVE]
+                for order, outcome in _wave(frf, wave, options, executor):
+                    done += 1
+                    (errors if isinstance(outcome, Exception) else fits)[order] = outcome  # type: ignore[assignment]
+                    pass_on(isinstance(outcome, MatrixFraction) and outcome.status is FitStatus.INTERRUPTED)
+                    budget.tell(done, len(orders))
+                _refit_local_minima(frf, options, fits)
+                here = {order: withheld_error(fits[order]) for order in wave if order in fits}
+                withheld |= here
+                if fits:
+                    growing(Found(fits, _sentences(errors), withheld))
+                reached = min(here.values(), default=math.nan)
+                if budget.over or (may_stop and reached > (1 - _BETTER) * best):
+                    break
+                best = min(best, reached) if math.isfinite(reached) else best
+            if not fits:
+                raise errors[orders[0]]
+        except BaseException:
+            finished = ", ".join(f"order {order}: cost {fit.cost:.6g}" for order, fit in sorted(fits.items()))
+            _log.warning("the sweep over the order ended early; finished: %s", finished or "none")
             raise
-    return Found(fits, _sentences(errors), withheld, interrupted)
-
-
-def _pass_on(outcome: MatrixFraction | Exception) -> None:
-    """Raise the interrupt that a fit has kept back."""
-    if isinstance(outcome, MatrixFraction) and outcome.status is FitStatus.INTERRUPTED:
-        raise KeyboardInterrupt
+    return Found(fits, _sentences(errors), withheld, sweep.interrupted)
 
 
 def _sentences(errors: Mapping[int, Exception]) -> dict[int, str]:
@@ -146,7 +139,7 @@ def _refit_local_minima(frf: FrequencyResponse, options: Options, fits: dict[int
                 _log.warning("order %d from the model of a lower one: %s", order, error)
             else:
                 fits[order] = min(fits[order], other, key=lambda fit: fit.cost)
-                _pass_on(other)
+                pass_on(other.status is FitStatus.INTERRUPTED)
         if best is None or fits[order].cost <= best.cost:
             best = fits[order]
 

@@ -91,7 +91,7 @@ def diameter(
     directions : int
     rtol : float
     executor : concurrent.futures.Executor, optional
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         As for `worst_case_error`.
 
     Returns

@@ -49,9 +49,9 @@ class _Settings(NamedTuple):
         return common | {"progress": told, "resume": folder}
 
 
-def _counted(progress: Progress, number: int, count: int, done: int, each: int) -> None:
+def _counted(progress: Progress, number: int, count: int, text: str, done: int, each: int) -> None:
     """Tell how much is done of all members."""
-    progress(number * each + done, count * each)
+    progress(text, number * each + done, count * each)
 
 
 def family(

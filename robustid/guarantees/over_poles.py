@@ -211,7 +211,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         ----------
         rtol, everywhere, executor, time_limit : optional
             As in `WorstCaseError.on_circle`.
-        progress : callable (done, all), optional
+        progress : callable (text, done, count), optional
             Cells.
 
         Raises
@@ -222,7 +222,10 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         from robustid.guarantees.pole_sweep import circle_over_poles
 
         rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
-        budget, problem = Budget(time_limit, progress), self.identification.problem
+        budget, problem = (
+            Budget(time_limit, progress, "bounding the error between the frequencies"),
+            self.identification.problem,
+        )
         found = circle_over_poles(
             problem, self.kept, self.model, self.omega, rtol, everywhere=everywhere, executor=executor, budget=budget
         )

@@ -106,9 +106,9 @@ def bounded(
     done, count = 0, grid.size * left
     found: list[tuple[PoleCell, dict[float, tuple[ValueSet, ...]] | None]] = []
 
-    def counted(here: int, _: int) -> None:
+    def counted(_: str, here: int, __: int) -> None:
         if progress is not None:
-            progress(done + here, count)
+            progress("bounding the error over the pole-uncertainty box", done + here, count)
 
     with contextlib.ExitStack() as stack:
         if isinstance(executor, int):

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustid.core import (
     Budget,
     Complex,
+    Interruptible,
     Progress,
     Real,
     Workers,
@@ -44,6 +45,7 @@ Found = TypeVar("Found")
 _log = logging.getLogger("robustid")
 Sets = tuple[ValueSet, ...]  # of the entries at one frequency
 Folder = str | os.PathLike[str]
+_WORDS = "bounding the error at every frequency"
 _LOOSE = 8.0  # radius of a known disc over the half-width of an ellipsoid inside the set, where it may be twice what can be proved
 _TOGETHER = 24  # frequencies whose widths are estimated at once, where each is a node of its own
 
@@ -106,7 +108,7 @@ def value_sets(
     model: control.StateSpace | None = None,
     known: Known | None = None,
 ) -> list[ValueSet]:
-    """The value sets of all entries at each frequency, in their order; `progress` is called with (done, all).
+    """The value sets of all entries at each frequency, in their order; `progress` is told of them.
 
     Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; `resume` holds
     those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, one at least.
@@ -114,35 +116,34 @@ def value_sets(
     store = None if resume is None else _Store(resume, consistent, directions, gap)
     found = {} if store is None else store.load(omega.tolist())
     if found and progress is not None:
-        progress(len(found), omega.size)
+        progress(_WORDS, len(found), omega.size)
     missing = [w for w in omega.tolist() if w not in found]
     order = _order(consistent, missing)
     if known is not None and len(missing) > 1:
         first = loose(consistent, np.array(missing), known)
         order = [*first, *(k for k in order if k not in set(first))]
     missing = [missing[k] for k in order]
-    try:
-        # Closed at once, whatever happens: the processes of our own end with it.
-        about = {} if model is None else _values_of(model, missing, consistent)
-        ask = functools.partial(_one, directions=directions, gap=gap, about=about)
-        with contextlib.closing(answers(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
-            for w, value in each:
-                if store is not None:
-                    store.write(value)
-                found[w] = value
-                if progress is not None:
-                    progress(len(found), omega.size)
-                if budget is not None and budget.over:
-                    break
-    except KeyboardInterrupt:
-        if store is not None or not found:
-            raise
+    with Interruptible(lambda: store is None and bool(found)) as sweep:
+        try:
+            # Closed at once, whatever happens: the processes of our own end with it.
+            about = {} if model is None else _values_of(model, missing, consistent)
+            ask = functools.partial(_one, directions=directions, gap=gap, about=about)
+            with contextlib.closing(answers(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
+                for w, value in each:
+                    if store is not None:
+                        store.write(value)
+                    found[w] = value
+                    if progress is not None:
+                        progress(_WORDS, len(found), omega.size)
+                    if budget is not None and budget.over:
+                        break
+        except SolverError as error:
+            kept = "give `resume` a folder to keep what is finished"
+            if store is not None:
+                kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
+            raise SolverError(f"{error}; {kept}") from error
+    if sweep.interrupted:
         _log.warning("interrupted: %d of %d frequencies are finished, and returned", len(found), omega.size)
-    except SolverError as error:
-        kept = "give `resume` a folder to keep what is finished"
-        if store is not None:
-            kept = f"{len(found)} of {omega.size} frequencies are in {store.folder}, to go on from"
-        raise SolverError(f"{error}; {kept}") from error
     return [one for w in omega.tolist() for one in found.get(w, ())]
 
 

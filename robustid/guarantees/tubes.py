@@ -12,7 +12,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Budget, Frozen, Progress, Real, as_kind, as_positive, freeze, one_thread, simulate
+from robustid.core import (
+    Budget,
+    Frozen,
+    Interruptible,
+    Progress,
+    Real,
+    as_kind,
+    as_positive,
+    freeze,
+    one_thread,
+    simulate,
+)
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.consistent_set import Extreme, which
@@ -302,7 +313,7 @@ def response_tube(
         Aim for the distance between a proved end and an attained one, relative to the distance from the centre.
     executor : concurrent.futures.Executor, optional
         Spreads the samples. Default: in this process.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the tube has the samples that are finished, spread over the horizon.
 
@@ -343,7 +354,9 @@ def response_tube(
     samples = as_samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
     outputs = consistent_outputs(identification, driven(u, at, identification))
-    samples, found = _bounded(outputs, at[0], samples, gap, executor, Budget(time_limit, progress))
+    samples, found = _bounded(
+        outputs, at[0], samples, gap, executor, Budget(time_limit, progress, "bounding the response")
+    )
     attained = np.array([[-low.attained, high.attained] for low, high in found])
     return ResponseTube(
         identification=identification,
@@ -374,15 +387,13 @@ def _bounded(
     work = functools.partial(_ends, outputs, output, gap)
     found: dict[int, tuple[Extreme, Extreme]] = {}
     bounded = (map if executor is None else executor.map)(work, samples[list(order)].tolist())
-    try:
+    with Interruptible(lambda: bool(found)) as sweep:
         for k, pair in zip(order, bounded, strict=False):
             found[k] = pair
             budget.tell(len(found), samples.size)
             if budget.over:
                 break
-    except KeyboardInterrupt:
-        if not found:
-            raise
+    if sweep.interrupted:
         _log.warning("interrupted: %d of %d samples are finished, and returned", len(found), samples.size)
     done = sorted(found)
     return samples[done], [found[k] for k in done]

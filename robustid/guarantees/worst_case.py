@@ -74,7 +74,7 @@ def worst_case_error(
     executor : concurrent.futures.Executor or int, optional
         Spreads the frequencies over any executor (`distributed.Client().get_executor()` for a cluster), or so many processes of
         its own, which want ``if __name__ == "__main__":`` in scripts; tries those of dead workers again. Default: this process.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
     resume : path, optional
         Folder to which every frequency is written when it is finished; what is there of the same data and settings isn't computed
         again.
@@ -151,7 +151,7 @@ def growing_error(
         Sides of the polygons.
     gap : float
         Part of the distance from the centre to which every support value is found.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Sides of polygons; an exception that it raises ends the computation.
 
     Yields
@@ -171,7 +171,7 @@ def growing_error(
         nonlocal sides
         sides += 1
         if progress is not None:
-            progress(min(sides, count), count)
+            progress("bounding the error at every frequency", min(sides, count), count)
 
     sides, count = 0, omega.size * directions
     for w in (float(omega[k]) for k in spread_order(omega.size)):

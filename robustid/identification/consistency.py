@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from robustid.core import Budget, Choice, Progress, Source, as_positive, threads_for
+from robustid.core import Budget, Choice, Interruptible, Progress, Source, as_positive, pass_on, threads_for
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate
@@ -69,7 +69,7 @@ def identify(
         Seconds. When they are over the step at hand is finished, and what is proved by then is returned, verified, with the width
         of the interval as its `accuracy` and a note; so it is on Ctrl-C. A margin of at most 1 decides by itself, however wide
         the interval; the model keeps it, if it isn't the centre.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Parts of the proof of the margin.
 
     Returns
@@ -100,7 +100,7 @@ def identify(
     (True, 1)
     """
     _check_arguments(problem, objective, form)
-    accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress)
+    accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress, "margin and model")
     formulation = formulate(problem, form, accuracy)
     with threads_for(formulation.count * max(1, problem.entries.count // 2)):
         return _identify(formulation, objective, solver, accuracy, budget)
@@ -115,14 +115,10 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
     clock.lap("margin")
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
     level = level_of(objective, claim.margin, claim.accuracy, formulation.problem.prior)
-    try:
-        point, used, choices = _choose_point(formulation, level, objective, solver, passed, budget)
-    except KeyboardInterrupt:
-        inside = [point for point in passed if data.margin(point.x, point.p) <= level]
-        if not inside:
-            raise
-        words = f"interrupted: the model is consistent with the margin, but not that of objective {objective!r}"
-        point, used, choices = inside[0], formulation, {"objective": Choice(None, Source.STOPPED, words)}
+    chosen: tuple[Candidate, Formulation, dict[str, Choice]] | None = None
+    with Interruptible():
+        chosen = _choose_point(formulation, level, objective, solver, passed, budget)
+    point, used, choices = chosen or _interrupted(formulation, level, objective, passed)
     clock.lap("centre")
     nominal = nominal_model(used, point, level)
     clock.lap("model")
@@ -188,6 +184,16 @@ def _choose_point(
         except SolverError:  # the solver's gain was too small
             gain, growth = gain * (1 + growth), 4 * growth
     return center, formulation, {}
+
+
+def _interrupted(
+    formulation: Formulation, level: float, objective: str, passed: list[Candidate]
+) -> tuple[Candidate, Formulation, dict[str, Choice]]:
+    """The first point on the way to the margin that is inside the set, after Ctrl-C; which is passed on where there is none."""
+    inside = [point for point in passed if formulation.data.margin(point.x, point.p) <= level]
+    pass_on(not inside)
+    words = f"interrupted: the model is consistent with the margin, but not that of objective {objective!r}"
+    return inside[0], formulation, {"objective": Choice(None, Source.STOPPED, words)}
 
 
 def _smallest_gain(data: ConvexData, center: Candidate, level: float, solver: str, budget: Budget) -> float:

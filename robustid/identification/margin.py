@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robustid.core import Budget, Real
+from robustid.core import Budget, Interruptible, Real
 from robustid.errors import Remedy, SizeError, SolverError
 from robustid.identification.certificate import MarginCertificate, certify_margin
 from robustid.identification.formulation.convex import Candidate, ConvexData
@@ -37,7 +37,7 @@ def prove_margin(
     passed: list[Candidate] = []
     best: MarginCertificate | None = None
     reached, point, stopped = np.inf, None, ""
-    try:
+    with Interruptible(lambda: point is not None) as path:
         for candidate, near, done in _candidates(data, solver, _SPARE * accuracy):
             budget.tell(done, _STEPS)
             upper = data.margin(candidate.x, candidate.p)
@@ -59,9 +59,7 @@ def prove_margin(
             if budget.over:
                 stopped = "stopped at the time limit"
                 break
-    except KeyboardInterrupt:
-        if point is None:
-            raise
+    if path.interrupted and point is not None:
         stopped = "interrupted"
         _log.warning("interrupted; the best point found so far is verified")
         if best is None:

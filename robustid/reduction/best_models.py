@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from robustid.core import Budget, Real
+from robustid.core import Budget, Real, pass_on
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import FitStatus, Weight, fit_mfd
@@ -333,6 +333,5 @@ class ResponseFits:
             fit = fit_mfd(frf, order=order, weight=weight, domain="z", feedthrough=True, time_limit=limit)
         except (InputError, np.linalg.LinAlgError):
             return None
-        if fit.status is FitStatus.INTERRUPTED:  # a fit ends at Ctrl-C, and so does the search
-            raise KeyboardInterrupt
+        pass_on(fit.status is FitStatus.INTERRUPTED)
         return fit.model if fit.model.nstates == order and fit.stable else None

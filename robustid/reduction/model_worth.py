@@ -145,7 +145,7 @@ def model_worth_having(
         Those that the response was estimated from, or without a response those of the problem.
     time_limit : float, optional
         Seconds for the fits.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Fits.
 
     Returns
@@ -162,7 +162,10 @@ def model_worth_having(
     as_kind("identification", identification, Identification, "the result of identify()")
     if why_not_compared(identification, smallest, frf, records):
         return None
-    budget, records = Budget(time_limit, progress), with_transients(records)
+    budget, records = (
+        Budget(time_limit, progress, "comparing the small model with the best fits"),
+        with_transients(records),
+    )
     if integrators_of(identification, smallest):
         records = []  # output-error fits do not keep them
     worth = judge = None

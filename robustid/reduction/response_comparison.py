@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.special
 
-from robustid.core import Budget, Real
+from robustid.core import Budget, Real, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction, OrderSweep, RigidBody, suggest_order
 from robustid.identification import Identification
@@ -68,11 +68,10 @@ def response_sweep(
         orders=range(max(1, integrators_of(identification, smallest)), _largest_order(identification, frf) + 1),
         weight=_weight(frf),
         time_limit=budget.seconds,
-        progress=budget.tell,
+        progress=budget.receive,
         **structure_of(identification, smallest),
     )
-    if sweep.interrupted:
-        raise KeyboardInterrupt
+    pass_on(sweep.interrupted)
     return sweep
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import enum
 import logging
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Budget, Progress, as_kind, one_thread
+from robustid.core import Budget, Interruptible, Progress, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.fitting import RigidBody
 from robustid.identification import Identification, from_image, image_of, in_image
@@ -82,7 +83,7 @@ def reduce_within_bounds(
     time_limit : float, optional
         Seconds; then, and on Ctrl-C, the smallest order within the bounds that was found so far, or else by truncation; `stopped`
         says so.
-    progress : callable (done, all), optional
+    progress : callable (text, done, count), optional
         Orders on the way up to that of the identified model (of a MIMO model those known not to suffice); most searches end long
         before it.
 
@@ -123,7 +124,7 @@ def reduce_within_bounds(
     as_kind("identification", identification, Identification, "the result of identify()")
     if band is not None:
         as_kind("band", band, Known, "the result of band()")
-    budget = Budget(time_limit, progress)
+    budget = Budget(time_limit, progress, "searching for the smallest order")
     image, plane = image_of(identification), identification.problem.plane
     found = _Search(image, _integrators(image, rigid_body), budget, band).reduction()
     kept = found.status is SearchStatus.UNREDUCED
@@ -179,11 +180,10 @@ class _Search:
 
     def reduction(self) -> Reduction:
         """The smallest order within the bounds; of inconsistent data, else, within the bounds times their margin."""
-        try:
+        stopped = "stopped at the time limit"
+        with Interruptible() as search, contextlib.suppress(_TimeIsOver):
             return self._result(self._searched())
-        except _TimeIsOver:
-            stopped = "stopped at the time limit"
-        except KeyboardInterrupt:
+        if search.interrupted:
             stopped = "interrupted"
             _log.warning("interrupted; the smallest order found so far is returned")
         return dataclasses.replace(self._result(self._so_far()), stopped=f"{stopped}: a smaller order may suffice")

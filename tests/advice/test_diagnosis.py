@@ -70,7 +70,7 @@ def test_the_time_ends_the_trials_and_says_which_are_left():
     assert found.corrections == ()
     assert found.left_out == ("K times 2", "K times 10", "rho - 1 halved", "poles moved")
     assert "no time was left for: K times 2, K times 10" in found.summary()
-    whole = diagnose(result, progress=lambda *at: told.append(at))
+    whole = diagnose(result, progress=lambda text, *at: told.append(at))
     assert whole.left_out == ()
     assert told == [(k, 4) for k in (1, 2, 3, 4)]
 

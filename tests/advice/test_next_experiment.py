@@ -221,7 +221,7 @@ def test_the_time_ends_it_with_what_is_finished(measured, caplog):
     _, error = measured
     told, options = [], {"candidates": np.linspace(0.1, 3, 50), "time_limit": 0.2, "count": 100}
     with caplog.at_level(logging.WARNING, "robustid"):
-        found = suggest_next(error, **options, progress=lambda *at: told.append(at))
+        found = suggest_next(error, **options, progress=lambda text, *at: told.append(at))
     assert 2 <= len(found) < 100
     assert told[-1][1] == 50
     assert "of 50 frequencies are bounded" in caplog.text

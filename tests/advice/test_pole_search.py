@@ -187,7 +187,7 @@ def test_the_time_ends_the_search_with_the_best_pairs_so_far():
     assert not found.moved
     assert found.margin_lower <= found.trials[0].margin == found.margin
     assert len(found.trials) == 1
-    found = rid.advise.improve_kautz(problem, repeat=False, progress=lambda *at: told.append(at))
+    found = rid.advise.improve_kautz(problem, repeat=False, progress=lambda text, *at: told.append(at))
     assert told == [(step, 40) for step in range(1, len(told) + 1)]
     assert found.margin <= 1
 

@@ -208,7 +208,7 @@ def test_a_search_that_ran_out_of_time_or_was_interrupted_returns_what_is_there(
     problem = dense(lines=20)
     assert suggest_prior(problem, time_limit=1e-9).decay_rates.size == 1
 
-    def stop(done, count):
+    def stop(text, done, count):
         assert count == 9
         if done == 2:
             raise KeyboardInterrupt

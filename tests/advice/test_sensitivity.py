@@ -42,7 +42,7 @@ def test_the_time_ends_the_table_and_says_what_is_missing():
     assert [row.what for row in found.variations] == ["as stated"]
     assert found.left_out[:2] == ("gain bound x 0.5", "gain bound x 2")
     assert "No time was left for: gain bound x 0.5" in found.summary()
-    whole = rid.advise.sensitivity(problem, omega=[0.5], progress=lambda *at: told.append(at))
+    whole = rid.advise.sensitivity(problem, omega=[0.5], progress=lambda text, *at: told.append(at))
     assert whole.left_out == ()
     assert told == [(k, len(whole.variations)) for k in range(1, 6)]
 

@@ -3,11 +3,13 @@
 import io
 import subprocess
 import sys
+import time
 
 import pytest
 
 import robustid as rid
 from robustid.app.cli.main import COMMANDS, main
+from robustid.app.cli.screen import told
 from robustid.app.cli.written_files import new_folder
 from support.command_line import COMMAND, SHORT, nothing_written
 
@@ -101,3 +103,22 @@ def test_a_pipe_that_is_not_utf8_gets_question_marks(monkeypatch):
     assert b"?" in out
     assert b"searching" not in out
     assert "margin and model" in out.decode("ascii")  # one line per long step where there is no terminal
+
+
+def test_long_steps_say_every_tenth_and_what_is_left_after_two_seconds(monkeypatch):
+    """A step that is over sooner says its name alone; the same step begun again goes on counting."""
+    clock, lines = [0.0], []
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    tell = told(lines.append, " …")
+    tell("quick", 0, 0)
+    for k in range(1, 11):
+        clock[0] += 0.1
+        tell("quick", k, 10)
+    tell("slow", 0, 0)
+    for k in range(1, 101):
+        clock[0] += 1.0
+        tell("slow", k, 100)
+    assert lines[:2] == ["quick …", "slow …"]
+    assert lines[2] == "slow: 4 of 100, about 96 s left"
+    assert lines[-1] == "slow: 100 of 100"
+    assert len(lines) == 2 + 11

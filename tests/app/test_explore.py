@@ -16,7 +16,7 @@ import robustid as rid
 from robustid.app.explore.callbacks import write_run_file
 from robustid.app.explore.quantities import choice_of, quantities
 from robustid.app.explore.session import Session
-from robustid.app.explore.worker import Worker, look
+from robustid.app.explore.worker import Worker, glance
 from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.guarantees import growing_error
@@ -111,7 +111,7 @@ def test_frequency_points_that_are_left_out_are_none_of_a_run_and_must_be_there(
 def test_the_error_of_a_watched_computation_is_the_guaranteed_one(explored):
     result = rid.identify(explored.problem(explored.start)[0])
     omega, sides = np.array([20.0, 60.0, 111.0]), []
-    found = list(growing_error(result, omega, directions=4, gap=0.01, progress=lambda *one: sides.append(one)))
+    found = list(growing_error(result, omega, directions=4, gap=0.01, progress=lambda _, *one: sides.append(one)))
     assert [one.omega.size for one in found] == [1, 2, 3]
     assert sides == [(k, 12) for k in range(1, 13)]
     whole = rid.worst_case_error(result, omega=omega, directions=4)
@@ -140,7 +140,7 @@ def test_a_look_proves_a_band_over_the_box_until_a_mode_is_moved(tmp_path):
         (stiffer, "anywhere in their box"),
         (moved, "as stated"),
     ):
-        found = look(one, choice)
+        found = glance(one, choice)
         assert (found.band.box is None) == (choice == moved)
         assert found.band.certified
         omega, truth = np.linspace(0.5, 300.0, 200), true_response()
@@ -165,7 +165,7 @@ def names(figure):
 
 
 def test_a_look_at_a_contradiction_draws_no_band_and_says_why(explored):
-    far = look(explored, dataclasses.replace(explored.start, hz=(6.0, 17.67)))
+    far = glance(explored, dataclasses.replace(explored.start, hz=(6.0, 17.67)))
     assert far.band is None
     margin = rid.identify(far.check.problem).margin
     assert 1 < far.check.margin <= margin
@@ -207,9 +207,9 @@ def test_while_a_mode_is_dragged_every_look_that_was_begun_is_shown(explored, mo
     def slow(session, choice):
         begun.set()
         assert may_end.wait(30)
-        return look(session, choice)
+        return glance(session, choice)
 
-    monkeypatch.setattr("robustid.app.explore.worker.look", slow)
+    monkeypatch.setattr("robustid.app.explore.worker.glance", slow)
     worker = Worker(explored)
     first, second = (dataclasses.replace(explored.start, hz=(hz, 17.67)) for hz in (9.05, 9.1))
     looks = []

@@ -7,6 +7,7 @@ import pytest
 
 from robustid.app.run.measurements import measured
 from robustid.app.run.run_file import read_run_file
+from robustid.app.run.run_folder import Surroundings
 from robustid.errors import RobustIdError
 
 pytestmark = pytest.mark.quick
@@ -19,7 +20,9 @@ G = np.exp(-1j * np.arange(1, 9))
 def read(tmp_path):
     def read(text):
         said = []
-        _, data = measured(read_run_file(tomllib.loads(text)), tmp_path, lambda words, *_: said.append(words))
+        _, data = measured(
+            read_run_file(tomllib.loads(text)), tmp_path, Surroundings(lambda words, *_: said.append(words))
+        )
         return data, said
 
     return read

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.run import members
+from robustid.app.run import sequence
 from robustid.app.run.run_file import read_run_file
 from support.families import DT, LINES, measured
 
@@ -207,7 +207,7 @@ def test_an_interrupted_family_goes_on_where_it_was(done, tmp_path, monkeypatch)
         return rid.identify(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(members, "identify", then_interrupted)
+        patch.setattr(sequence, "identify", then_interrupted)
         with pytest.raises(KeyboardInterrupt):
             rid.run(path, tmp_path / "out")
     said = []

@@ -265,7 +265,7 @@ def test_identify_reduced_of_a_problem():
     problem = rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)
     lines = []
     result = rid.identify_reduced(
-        problem, omega=[60.0, 110.0], directions=3, progress=lambda text, done=None, count=None: lines.append(text)
+        problem, omega=[60.0, 110.0], directions=3, progress=lambda text, *_: lines.append(text)
     )
     assert result.identification.margin == rid.identify(problem).margin
     np.testing.assert_allclose(result.error.omega, [60.0, 110.0], rtol=1e-15)

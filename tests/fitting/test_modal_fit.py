@@ -201,7 +201,7 @@ def test_a_mode_in_the_wrong_place_is_exchanged(name):
 def test_a_fit_that_is_stopped_keeps_the_structure():
     _, frf, asked = posed("proportional, rigid", level=0.03)
 
-    def interrupt(_):
+    def interrupt(*_):
         raise KeyboardInterrupt
 
     stopped, short = rid.fit_mfd(frf, **asked, progress=interrupt), rid.fit_mfd(frf, **asked, time_limit=0.02)

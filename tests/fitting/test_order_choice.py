@@ -168,13 +168,13 @@ def same(one, other):
 def test_executors_change_nothing():
     frf, orders = data(0, 2, 2, 1, 40), [2, 3, 4]
     calls = []
-    serial = suggest_order(frf, orders=orders, progress=lambda *call: calls.append(call))
+    serial = suggest_order(frf, orders=orders, progress=lambda text, *call: calls.append(call))
     assert calls == [(1, 3), (2, 3), (3, 3)]
     with ThreadPoolExecutor(2) as pool:
         same(serial, suggest_order(frf, orders=orders, executor=pool))
     with ProcessPoolExecutor(1) as pool:
         calls.clear()
-        same(serial, suggest_order(frf, orders=orders, executor=pool, progress=lambda *call: calls.append(call)))
+        same(serial, suggest_order(frf, orders=orders, executor=pool, progress=lambda text, *call: calls.append(call)))
     assert calls == [(1, 3), (2, 3), (3, 3)]
     same(serial, pickle.loads(pickle.dumps(serial)))
 
@@ -225,7 +225,7 @@ def test_an_interrupt_leaves_the_orders_finished(monkeypatch, caplog, inside):
     """Ctrl-C between fits, and inside one, which returns its best model with the status that says so."""
     fit = fit_one
 
-    def stop(_):
+    def stop(*_):
         raise KeyboardInterrupt
 
     def interrupted(frf, options, n):

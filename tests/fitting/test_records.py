@@ -187,7 +187,7 @@ def test_a_delay_is_taken_out():
 def test_what_a_fit_is_and_that_it_comes_back(tmp_path):
     steps = []
     records = [experiment("free", 60), experiment("rest", 50)]
-    fit = rid.fit_records(records, order=3, feedthrough=True, progress=steps.append)
+    fit = rid.fit_records(records, order=3, feedthrough=True, progress=lambda *step: steps.append(step))
     assert isinstance(fit.to_control(), control.StateSpace)
     assert fit.to_control().dt == DT
     assert (fit.order, len(fit.history) >= len(steps)) == (3, True)

@@ -170,7 +170,7 @@ def test_time_limit_and_interruption_give_the_best_so_far():
 
     seen = []
 
-    def stop(step):
+    def stop(*step):
         seen.append(step)
         if len(seen) == 2:
             raise KeyboardInterrupt

@@ -216,7 +216,7 @@ def test_nominals(members, three):
 
 def test_progress_counts_all_members(members):
     told = []
-    rid.family(members[:2], omega=OMEGA[1:3], directions=4, progress=lambda *counts: told.append(counts))
+    rid.family(members[:2], omega=OMEGA[1:3], directions=4, progress=lambda text, *counts: told.append(counts))
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 

@@ -251,7 +251,7 @@ def test_numbers_are_bound_to_their_text(saved):
 def test_an_interrupted_band_goes_on_from_its_folder(computed, tmp_path):
     calls = []
 
-    def interrupt(done, count):
+    def interrupt(text, done, count):
         calls.append((done, count))
         if done == 3:
             raise KeyboardInterrupt
@@ -264,7 +264,7 @@ def test_an_interrupted_band_goes_on_from_its_folder(computed, tmp_path):
     assert len(done) == 3
     calls.clear()
     with ThreadPoolExecutor(1) as executor:
-        again = banded(progress=lambda *at: calls.append(at), resume=tmp_path, executor=executor)
+        again = banded(progress=lambda text, *at: calls.append(at), resume=tmp_path, executor=executor)
     assert calls[0] == (2, total)
     assert calls[-1] == (total, total)
     same(computed, again)

@@ -59,7 +59,7 @@ def test_any_executor_gives_the_same(result, expected):
 def test_a_process_that_is_killed_loses_nothing(result, expected, caplog, processes):
     counts = []
 
-    def kill_one(done, count):
+    def kill_one(text, done, count):
         counts.append((done, count))
         if done == 1:
             victims = multiprocessing.active_children()
@@ -175,14 +175,14 @@ def test_a_finished_folder_answers_everything(result, expected, tmp_path, monkey
     run(result, resume=tmp_path)
     monkeypatch.setattr(sweep, "value_sets_at", none_left)
     calls = []
-    again = run(result, resume=tmp_path, progress=lambda *count: calls.append(count))
+    again = run(result, resume=tmp_path, progress=lambda text, *count: calls.append(count))
     assert np.array_equal(again.upper, expected.upper)
     assert again.certified
     assert calls == [(4, 4)]
 
 
 def test_an_interrupted_sweep_goes_on(result, expected, tmp_path, monkeypatch):
-    def interrupt(done, _):
+    def interrupt(text, done, _):
         if done == 3:
             raise KeyboardInterrupt
 
@@ -266,7 +266,7 @@ def test_a_cluster_that_loses_a_worker_loses_nothing(result):
     ):
         before = {worker.pid for worker in cluster.workers.values()}
 
-        def kill_one(done, count):
+        def kill_one(text, done, count):
             if not killed:
                 assert done < count
                 killed.append(next(iter(before)))

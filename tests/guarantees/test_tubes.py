@@ -273,7 +273,7 @@ def test_executor_progress_copy_and_text(mixed, tube):
     seen = []
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         again = response_tube(
-            mixed, horizon=8, times=[0.0, 0.05], executor=pool, progress=lambda done, of: seen.append((done, of))
+            mixed, horizon=8, times=[0.0, 0.05], executor=pool, progress=lambda text, done, of: seen.append((done, of))
         )
     assert seen == [(1, 2), (2, 2)]
     np.testing.assert_array_equal(again.upper, tube.upper)

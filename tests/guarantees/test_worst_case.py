@@ -302,7 +302,7 @@ def test_frequencies_that_a_budget_allows_are_spread_over_the_range():
     assert whole.unfinished == ""
     np.testing.assert_allclose(part.upper, whole.upper[grid == part.omega], rtol=1e-9)
 
-    def stop(done, count):
+    def stop(text, done, count):
         if done == 2:
             raise KeyboardInterrupt
 

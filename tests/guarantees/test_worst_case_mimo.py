@@ -401,7 +401,7 @@ def test_spread_and_resumed_sweeps_give_the_same(error, tmp_path):
     with ThreadPoolExecutor(2) as executor:
         spread = rid.worst_case_error(error.identification, executor=executor, **options)
     counts = []
-    resumed = rid.worst_case_error(error.identification, progress=lambda *count: counts.append(count), **options)
+    resumed = rid.worst_case_error(error.identification, progress=lambda text, *count: counts.append(count), **options)
     assert counts == [(1, 1)]
     for other in (spread, resumed):
         assert np.allclose(other.upper, error.upper[1], rtol=1e-9)

@@ -21,7 +21,7 @@ def interrupting(calls):
     """A progress that is interrupted when it is called so many times."""
     told = []
 
-    def progress(done, count):
+    def progress(text, done, count):
         told.append((done, count))
         if len(told) == calls:
             raise KeyboardInterrupt
@@ -62,7 +62,7 @@ def test_time_enough_changes_nothing_and_progress_comes_to_its_end(question):
     problem, whole = question
     told = []
     found = rid.identify(
-        problem, solver="structured", time_limit=600.0, progress=lambda done, count: told.append(done / count)
+        problem, solver="structured", time_limit=600.0, progress=lambda text, done, count: told.append(done / count)
     )
     assert (found.margin, found.margin_lower, found.notes) == (whole.margin, whole.margin_lower, whole.notes)
     assert told == sorted(told)

@@ -105,7 +105,7 @@ def test_control_c_in_a_fit_ends_the_search(two_modes, monkeypatch):
 def test_without_time_a_truncated_matrix_is_inside(two_modes):
     _, problem, result = two_modes
     told = []
-    whole = rid.reduce_within_bounds(result, progress=lambda done, count: told.append((done, count)))
+    whole = rid.reduce_within_bounds(result, progress=lambda text, done, count: told.append((done, count)))
     keeps(problem, whole, 4)
     assert all(0 <= done <= count for done, count in told)
     assert [done for done, _ in told] == sorted(done for done, _ in told)

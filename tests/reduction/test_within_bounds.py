@@ -293,7 +293,7 @@ def test_an_interrupted_search_keeps_what_it_found(searched):
     problem, result, whole = searched
     told = []
 
-    def interrupt(done, count):
+    def interrupt(text, done, count):
         told.append((done, count))
         if len(told) == 3:
             raise KeyboardInterrupt

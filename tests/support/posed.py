@@ -1,8 +1,9 @@
 """Problems that the program poses about data."""
 
 from robustid.app.run.measurements import Measured
+from robustid.app.run.posing import posed
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.sequence import Surroundings, posed
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Withheld
 
 

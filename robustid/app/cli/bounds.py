@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Output, Report, Static, words_of
-from robustid.app.cli.screen import counting, in_words, resumable, say, step
+from robustid.app.cli.screen import in_words, resumable, say, telling
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
 
@@ -19,18 +20,13 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robustid.advice import KautzSuggestion
+    from robustid.app.run.modes import Box
+    from robustid.app.run.work import Work
     from robustid.bases import ParametricBasis
     from robustid.core import Real
-    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import RobustStabilityMargin, WorstCaseError, WorstCaseOverPoles
     from robustid.identification import Identification, MixedProblem
     from robustid.report import Parts
-
-
-class Spread(TypedDict):
-    """Spread of work over frequencies: over so many processes, its finished part in a folder."""
-
-    executor: int | None
-    resume: Path | None
 
 
 _WORTH_PROCESSES = 10.0  # seconds of work from which their start is worth while
@@ -38,8 +34,6 @@ _GIVEN = (
     "poles      --poles covers the pole-uncertainty box around poles that the frequency response suggests; these poles"
     " were given otherwise: call worst_case_over_poles with the intervals that you know"
 )
-_BOXES = "bounding the error over the pole-uncertainty box"
-_BOUNDING, _BETWEEN = "bounding the error at every frequency", "bounding the error between the frequencies"
 
 
 def bounds(
@@ -80,67 +74,120 @@ def bounds(
     program, 130 interrupted.
     """
     from robustid.app.load_save import load_result
-    from robustid.app.run.proved_band import proved_band, refined_band
-    from robustid.report import render_summary, write_report
+    from robustid.app.run.run_file import RunFile
+    from robustid.app.run.run_folder import Surroundings
+    from robustid.app.run.sequence import bounded, circled, proved
+    from robustid.app.run.work import Step, Work, carry_out
 
     if omega and points:
         raise InputError("--omega and --points both say at which frequencies; give one of them")
     if controller and not how.circle:
         raise InputError("--controller needs the bound between the frequencies too: add --circle")
-    written, written_poles = written_files.result_files(output), written_files.result_files(_beside(output))
+    found = _Bounds(screen.console(), output, report, static, {})
     written_files.check_static(report, static)
-    both = [*written, *(written_poles if how.over_poles else ()), *written_files.result_files(_beside(output, "-band"))]
-    written_files.check_outputs([*both, report], [*written_files.sources(source), *(controller or [])], force)
-    console = screen.console()
-    loops = {path.stem: _controller(path) for path in controller or []}
+    read = [*written_files.sources(source), *(controller or [])]
+    written_files.check_outputs([*found.files(how.over_poles), report], read, force)
+    found.loops = {path.stem: _controller(path) for path in controller or []}
     identification = load_result(source, "identification")
-    asked = _spaced(identification, points) if points else omega
-    spread: Spread = {"executor": _processes(identification, asked, how.directions, workers), "resume": resume}
+    at, suggested = _frequencies(identification, omega, points), _suggested(identification.problem)
+    executor = _processes(identification, at, how.directions, workers)
+    over_box: list[Step] = [lambda work: _over_box(work, suggested), found.say_over_box]
     words = words_of(bounds, executor="--workers", identification="the identification")
     found_again = f"finished frequencies are in {resume}: the same command goes on from there"
-    with step(console, "proving the error at every frequency"):
-        proved = proved_band(identification, _box(identification.problem), identification.model)
-    if proved is not None:
-        say(console, proved.summary())
-    with in_words(words), resumable(console, found_again, lambda: resume is not None):
-        error = _bounded(console, identification, asked, how, spread, proved)
-    certified, band = _certified(console, error), None
-    error.save(output)
-    say(console, error.summary(), *([circle_words(error)] if how.circle else []))
-    margins = {name: error.robust_stability_margin(loop) for name, loop in loops.items()}
-    for name, margin in margins.items():
-        say(console, f"controller {name}:")
-        console.print(render_summary(margin))
-    proved = refined_band(proved, error)
-    if proved is not None:
-        _say_refined(console, proved)
-        proved.save(_beside(output, "-band"))
-        written = [*written, *written_files.result_files(_beside(output, "-band"))]
-    screen.say_written(console, *written)
-    if how.over_poles:
-        with in_words(words), resumable(console, found_again, lambda: resume is not None):
-            band = _over_poles(console, error, how, spread, proved)
-        if band is None:
-            say(console, _GIVEN)
-        else:
-            certified &= _certified(console, band)
-            band.save(_beside(output))
-            say(console, "with every pole in the pole-uncertainty box that the data leave:", *_unfinished(error, band))
-            say(console, band.summary())
-            proved = refined_band(proved, error, band)
-            if proved is not None:
-                _say_refined(console, proved)
-                proved.save(_beside(output, "-band"))
-            screen.say_written(console, *written_poles)
-    if report is not None:
-        with step(console, "drawing the report"):
-            found: Parts = {"worst_case": error, "over_poles": band, "band": proved, "stability": margins or None}
-            write_report(identification, report, static=static, **found)
-        screen.say_written(console, report)
-    screen.repeat_warnings(console, identification)
-    if not certified:
-        screen.warn(console, "a certificate does not hold: robustid verify names it")
-    raise typer.Exit(0 if certified else 1)
+    kept = resumable(found.console, found_again, lambda: resume is not None)
+    with in_words(words), kept, telling(found.console) as progress:
+        around = Surroundings(progress, executor=executor, resume=resume)
+        asked = RunFile(worst_case=how)
+        work = Work(run=asked, identification=identification, around=around, box=_box(suggested), omega=at)
+        carry_out(work, [proved, found.say_proved, bounded, circled, found.say_bounded])
+        carry_out(work, [*(over_box if how.over_poles else []), found.draw])
+    screen.repeat_warnings(found.console, identification)
+    if not found.certified:
+        screen.warn(found.console, "a certificate does not hold: robustid verify names it")
+    raise typer.Exit(0 if found.certified else 1)
+
+
+@dataclasses.dataclass
+class _Bounds:
+    """Files and sentences of the command: every bound as soon as it is there."""
+
+    console: Console
+    output: Path
+    report: Path | None
+    static: bool
+    loops: dict[str, control.StateSpace]
+    margins: dict[str, RobustStabilityMargin] = dataclasses.field(default_factory=dict[str, "RobustStabilityMargin"])
+    certified: bool = True
+
+    def beside(self, ending: str) -> Path:
+        """NAME-poles, for the worst case over poles; NAME-band, for the band that is proved at every frequency."""
+        base = written_files.result_files(self.output)[0].with_suffix("")
+        return base.with_name(base.name + ending)
+
+    def files(self, over_poles: bool) -> list[Path]:
+        """Everything that may be written, but the page."""
+        names = [self.output, *([self.beside("-poles")] if over_poles else []), self.beside("-band")]
+        return [file for name in names for file in written_files.result_files(name)]
+
+    def say_proved(self, work: Work) -> None:
+        """Say the band, before it is narrowed."""
+        if work.band is not None:
+            say(self.console, work.band.summary())
+
+    def say_bounded(self, work: Work) -> None:
+        """Keep the bounds at the frequencies, and say them, and what they say of the controllers."""
+        from robustid.report import render_summary
+
+        if (error := work.error) is None:
+            return
+        self._verify(work, error)
+        error.save(self.output)
+        say(self.console, error.summary(), *([circle_words(error)] if work.run.worst_case.circle else []))
+        self.margins = {name: error.robust_stability_margin(loop) for name, loop in self.loops.items()}
+        for name, margin in self.margins.items():
+            say(self.console, f"controller {name}:")
+            self.console.print(render_summary(margin))
+        self._keep_band(work)
+        band = () if work.band is None else written_files.result_files(self.beside("-band"))
+        screen.say_written(self.console, *written_files.result_files(self.output), *band)
+
+    def say_over_box(self, work: Work) -> None:
+        """Keep the bounds over the poles, and say them."""
+        if (found := work.over_poles) is None or work.error is None:
+            say(self.console, _GIVEN)
+            return
+        self._verify(work, found)
+        found.save(self.beside("-poles"))
+        done, asked = found.omega.size, work.error.omega.size
+        late = f"unfinished {done} of {asked} frequencies are bounded in all cells of the box"
+        head = "with every pole in the pole-uncertainty box that the data leave:"
+        say(self.console, head, *([] if done == asked else [late]), found.summary())
+        self._keep_band(work)
+        screen.say_written(self.console, *written_files.result_files(self.beside("-poles")))
+
+    def draw(self, work: Work) -> None:
+        """Write the page."""
+        from robustid.report import write_report
+
+        if self.report is not None:
+            work.around.say("drawing the report")
+            shown: Parts = {**work.parts, "stability": self.margins or None}
+            write_report(work.identification, self.report, static=self.static, **shown)
+            screen.say_written(self.console, self.report)
+
+    def _verify(self, work: Work, found: WorstCaseError | WorstCaseOverPoles) -> None:
+        work.around.say("verifying every certificate")
+        self.certified &= found.certified
+
+    def _keep_band(self, work: Work) -> None:
+        """Keep the band with what semidefinite programs add to it, and say that."""
+        from robustid.app.run.sequence import refined
+
+        refined(work)
+        if work.band is not None:
+            if work.band.polygons is not None:
+                say(self.console, f"band       {work.band.polygon_words}")
+            work.band.save(self.beside("-band"))
 
 
 def _controller(path: Path) -> control.StateSpace:
@@ -152,64 +199,13 @@ def _controller(path: Path) -> control.StateSpace:
     return load(path, kind="model")
 
 
-def _beside(output: Path, ending: str = "-poles") -> Path:
-    """NAME-poles, for the worst case over poles; NAME-band, for the band that is proved at every frequency."""
-    base = written_files.result_files(output)[0].with_suffix("")
-    return base.with_name(base.name + ending)
+def _over_box(work: Work, suggested: KautzSuggestion | None) -> None:
+    """The step over the pole-uncertainty box which the data leave to the poles that they suggest; nothing of other poles."""
+    from robustid.app.run.sequence import bounded_over
 
-
-def _say_refined(console: Console, band: Band) -> None:
-    """Say what semidefinite programs add to the band that was shown before."""
-    if band.polygons is not None:
-        say(console, f"band       {band.polygon_words}")
-
-
-def _bounded(
-    console: Console,
-    identification: Identification,
-    omega: Real | list[float] | None,
-    how: WorstCase,
-    spread: Spread,
-    known: Band | None,
-) -> WorstCaseError:
-    """The bounds at the frequencies, and between them where asked."""
-    from robustid.guarantees import worst_case_error
-
-    with counting(console, _BOUNDING) as progress:
-        error = worst_case_error(identification, omega=omega, known=known, progress=progress, **how.arguments, **spread)
-    if how.circle:
-        with counting(console, _BETWEEN) as progress:
-            error = error.completed(executor=spread["executor"])
-            error.on_circle(how.rtol, progress=progress, **spread)
-    return error
-
-
-def _certified(console: Console, result: WorstCaseError | WorstCaseOverPoles) -> bool:
-    with step(console, "verifying every certificate"):
-        return result.certified
-
-
-def _over_poles(
-    console: Console, error: WorstCaseError, how: WorstCase, spread: Spread, known: Band | None
-) -> WorstCaseOverPoles | None:
-    """The band that covers the pole-uncertainty box which the data leave to the poles that they suggest; None for other poles."""
-    from robustid.guarantees import worst_case_over_poles
-
-    found = _suggested(error.identification.problem)
-    if found is None:
-        return None
-    with counting(console, _BOXES) as progress:
-        return worst_case_over_poles(
-            error.identification,
-            found.omega_interval,
-            found.damping_interval,
-            delay=found.delay,
-            omega=error.omega,
-            progress=progress,
-            time_limit=how.time_limit,
-            known=known,
-            **spread,
-        )
+    if suggested is not None and work.error is not None:
+        intervals = suggested.omega_interval, suggested.damping_interval
+        bounded_over(work, *intervals, suggested.delay, work.error.omega)
 
 
 def _suggested(problem: MixedProblem) -> KautzSuggestion | None:
@@ -227,19 +223,12 @@ def _suggested(problem: MixedProblem) -> KautzSuggestion | None:
     return found if _same_poles(found.basis, problem.parametric) else None
 
 
-def _box(problem: MixedProblem) -> tuple[Real, Real] | None:
+def _box(found: KautzSuggestion | None) -> Box | None:
     """The pole-uncertainty box of poles that the data suggest; None of others, which were stated."""
-    found = _suggested(problem)
     if found is None:
         return None
     light = found.damping < 1
     return found.omega_interval[light], found.damping_interval[light]
-
-
-def _unfinished(error: WorstCaseError, band: WorstCaseOverPoles) -> list[str]:
-    """Words for what the time limit left out; none where nothing is missing."""
-    done, asked = band.omega.size, error.omega.size
-    return [] if done == asked else [f"unfinished {done} of {asked} frequencies are bounded in all cells of the box"]
 
 
 def _same_poles(one: ParametricBasis | None, other: ParametricBasis | None) -> bool:
@@ -257,19 +246,19 @@ def circle_words(error: WorstCaseError) -> str:
     return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
 
 
-def _spaced(identification: Identification, points: int) -> Real:
-    """Equally spaced frequencies over the range of the default ones."""
+def _frequencies(identification: Identification, omega: list[float] | None, points: int | None) -> Real | None:
+    """The frequencies that are asked for, in rad/s; `points` are equally spaced over the range of the usual ones; None: those."""
     import numpy as np
 
     from robustid.guarantees import default_grid
 
+    if not points:
+        return np.array(omega) if omega else None
     grid = default_grid(identification.problem)
     return np.linspace(float(grid[0]), float(grid[-1]), points)
 
 
-def _processes(
-    identification: Identification, omega: Real | list[float] | None, directions: int, asked: int | None
-) -> int | None:
+def _processes(identification: Identification, omega: Real | None, directions: int, asked: int | None) -> int | None:
     """Number of processes; None for this one. The work: about 10 ms a side, growing with the third power of the coefficients."""
     if asked is not None:
         return None if asked == 1 else asked

@@ -10,8 +10,8 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Static, only
-from robustid.app.cli.identify import finish, identified
-from robustid.app.cli.screen import in_words, say, shown, step
+from robustid.app.cli.identify import conclude, work_on
+from robustid.app.cli.screen import in_words, say, shown, telling, told
 from robustid.app.run.settings import General
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from robustid.app.run.reading import Tables
     from robustid.app.run.run_file import RunFile
+    from robustid.app.run.work import Work
     from robustid.data import SimulatedExperiment
 
 _SIDES = 6  # of the polygons around the errors of the demo at each frequency
@@ -52,12 +53,7 @@ def explore(
     run, folder, title = _asked(console, file, responses, general, tables)
     with in_words({"entry": "--entry", "port": "--port"}):
         with shown(console, "choosing what is not stated") as show:
-
-            def said(text: str, done: int | None = None, count: int | None = None) -> None:
-                if done is None:
-                    show(text)
-
-            session = Session.of(run, folder, said, tables)
+            session = Session.of(run, folder, told(show), tables)
         serve(session, title, port, lambda address: _opened(console, address, browser))
     say(console, "closed")
 
@@ -139,29 +135,24 @@ def demo(
     Frequency points from 1 to 21 Hz and a step response, noise bounded by 0.03; modes at 9 Hz (well damped) and 17.67 Hz
     (damping ratio 0.004). The program finds the modes and the prior by itself.
     """
-    import numpy as np
-
-    from robustid.guarantees import worst_case_error
+    from robustid.app.run.sequence import bounded, diagnosed, gridded, proved, reduced, refined
+    from robustid.app.run.work import carry_out
 
     console = screen.console()
     folder = written_files.new_folder(output)
     data = _measurements(console, folder, seed)
-    result, box = identified(console, [data.frequency], [data.time])
     page = folder / "report.html"
-    hz = [0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50]
-    with step(console, "bounding the error of the model"):
-        error = worst_case_error(result, omega=2 * np.pi * np.array(hz), directions=_SIDES)
-    error.save(folder / "bounds")
-    finish(
-        console,
-        result,
-        folder / "result",
-        page,
-        reduce=True,
-        static=static,
-        box=box,
-        title="robustid demo",
-        worst_case=error,
-    )
+    hz = (0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50)
+    with telling(console) as progress:
+        work = work_on([data.frequency], [data.time], progress)
+        work.run = work.run.changed("worst_case", at_hz=hz, directions=_SIDES)
+        carry_out(work, [gridded, bounded, lambda work: _keep(work, folder), proved, reduced, diagnosed, refined])
+    conclude(console, work, folder / "result", page, static=static, title="robustid demo")
     screen.say(console, f"\nNext: open {page} in a browser.")
-    raise typer.Exit(screen.EXIT[result.status])
+    raise typer.Exit(screen.EXIT[work.identification.status])
+
+
+def _keep(work: Work, folder: Path) -> None:
+    """Save the bounds."""
+    if work.error is not None:
+        work.error.save(folder / "bounds")

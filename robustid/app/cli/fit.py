@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from robustid.core import Real
     from robustid.data import FrequencyResponse
-    from robustid.fitting import FitStep, MatrixFraction, OrderSweep, Weight
+    from robustid.fitting import MatrixFraction, OrderSweep, Weight
 
 _WIDTH = 56  # characters of the frequency axis
 _MARKS = {"stable": "o", "frequency": "+", "damping": ".", "new": "."}
@@ -83,14 +83,13 @@ def fit(
     written_files.check_outputs([model_file, report], [source], force)
     console = screen.console()
     (frf,) = asked_files.read(console)
-    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method}
-    asked["constraints"] = (RollOff(roll_off),) if roll_off else ()
+    constraints = (RollOff(roll_off),) if roll_off else ()
+    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "constraints": constraints}
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
     words |= {"frf": source.name, "values": source.name}
     with in_words(words_of(fit, **words)):
         both = dataclasses.replace(structure, feedthrough=limits.feedthrough, time_limit=limits.time_limit)
-        asked |= both.arguments
-        asked |= _weight(source, frf, relative)
+        asked |= both.arguments | _weight(source, frf, relative)
         sweep = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
     page = None
@@ -138,14 +137,9 @@ def _fitted(console: Console, frf: FrequencyResponse, order: int, asked: dict[st
 
     text = f"fitting order {order}: {frf.omega.size} frequency points"
     with shown(console, text) as show:
-        count = 0
 
-        def progress(line: FitStep) -> None:
-            nonlocal count
-            count += 1
-            show(
-                f"{text}; iteration {count}, {line.method}, cost {line.cost:.6g}, kappa - 1 = {line.condition - 1:.1e}"
-            )
+        def progress(line: str, number: int, _: int) -> None:
+            show(f"{text}; iteration {number}, {line}")
 
         return fit_mfd(frf, order=order, progress=progress, **asked)
 
@@ -158,8 +152,8 @@ def _swept(console: Console, frf: FrequencyResponse, asked: dict[str, Any]) -> O
     diagram = Stabilisation(frf.omega)
     with shown(console, "fitting a range of orders") as show, worker_pool() as pool:
 
-        def progress(done: int, count: int) -> None:
-            show(f"fitting a range of orders: {done} of {count}")
+        def progress(line: str, done: int, count: int) -> None:
+            show(f"{line}: {done} of {count}")
 
         def grown(sweep: OrderSweep) -> None:
             screen.say(console, *diagram.lines(sweep))

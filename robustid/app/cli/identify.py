@@ -12,20 +12,19 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import First, Force, Output, Report, Static
-from robustid.app.cli.screen import counting, say, step
+from robustid.app.cli.screen import say, telling
 from robustid.app.run.checks import too_large
 from robustid.app.run.class_settings import PriorChoice
-from robustid.app.run.settings import FrequencyPoints, General, Identify, Modes, Withheld
+from robustid.app.run.settings import FrequencyPoints, General, Identify, Modes, SmallModel, Withheld
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robustid.app.run.proved_band import Box
+    from robustid.app.run.work import Step, Work
+    from robustid.core import Progress
     from robustid.data import FrequencyResponse, TimeRecord
-    from robustid.identification import Identification
-    from robustid.report import Parts
 
 
 class Stated(TypedDict, total=False):
@@ -34,9 +33,6 @@ class Stated(TypedDict, total=False):
     modes: Modes
     prior: PriorChoice
     identify: Identify
-
-
-_HELPS = "what would help: units, signs, other modes, other priors"
 
 
 def identify(
@@ -84,6 +80,8 @@ def identify(
     70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
+    from robustid.app.run.sequence import diagnosed, proved, reduced, refined
+    from robustid.app.run.work import carry_out
 
     paths = [*(frequency or []), *(time or [])]
     if not paths:
@@ -96,30 +94,35 @@ def identify(
     asked_lines = Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True)
     asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
     lines, samples = asked_lines.read(console), asked_samples.read(console)
-    dt = (*lines, *samples)[0].dt
-    result, box = identified(console, lines, samples, modes=_with_pairs(modes, mode, dt), prior=prior, identify=how)
-    if apply and not result.consistent:
-        result = _applied(console, how, result)
-    finish(console, result, output, report, reduce=reduce, static=static, box=box)
-    raise typer.Exit(screen.EXIT[result.status])
+    modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
+    changed: list[Step] = [lambda work: _apply(console, work)] if apply else []
+    smaller: list[Step] = [reduced] if reduce else []
+    with telling(console) as progress:
+        work = work_on(lines, samples, progress, modes=modes, prior=prior, identify=how)
+        carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
+    conclude(console, work, output, report, static=static)
+    raise typer.Exit(screen.EXIT[work.identification.status])
 
 
-def _applied(console: Console, how: Identify, result: Identification) -> Identification:
-    """The identification with the change of the most likely cause, where that makes the data consistent; one of its choices."""
-    from robustid.advice import diagnose
+def _apply(console: Console, work: Work) -> None:
+    """The change of the most likely cause, where that makes the data consistent; one of the choices."""
+    from robustid.app.run.sequence import diagnosed
     from robustid.core import Choice, Source
     from robustid.identification import identify as solve
 
-    with counting(console, _HELPS) as progress:
-        cause = next(iter(diagnose(result, progress=progress).causes), None)
+    diagnosed(work)
+    if work.diagnosis is None:
+        return
+    cause = next(iter(work.diagnosis.causes), None)
     if cause is None or not cause.solves:
         say(console, "nothing is applied: no change that was tried makes the data consistent")
-        return result
+        return
     words = f"Applied: {cause.option or cause.change}, because {cause.cause} ({cause.evidence})."
     say(console, words)
-    changed = solve(cause.problem, **how.arguments)
+    changed = solve(cause.problem, **work.run.identify.arguments)
     applied = {"applied": Choice(cause.change, Source.PROGRAM, words)}
-    return dataclasses.replace(changed, choices=applied | result.choices | changed.choices)
+    work.identification = dataclasses.replace(changed, choices=applied | work.identification.choices | changed.choices)
+    work.diagnosis = None
 
 
 def _with_pairs(modes: Modes, texts: list[str] | None, dt: float | None) -> Modes:
@@ -148,75 +151,44 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
     return hz, damping
 
 
-def identified(
-    console: Console,
-    frequency: Sequence[FrequencyResponse],
-    time: Sequence[TimeRecord],
-    **stated: Unpack[Stated],
-) -> tuple[Identification, Box | None]:
-    """Return the identification of data as the sections of a run file state it, with all choices, and the box of its poles."""
+def work_on(
+    frequency: Sequence[FrequencyResponse], time: Sequence[TimeRecord], progress: Progress, **stated: Unpack[Stated]
+) -> Work:
+    """The identification of data as the sections of a run file state it, with all choices; nothing is kept out."""
     from robustid.app.run.measurements import Measured
-    from robustid.app.run.proved_band import box_of_modes
+    from robustid.app.run.modes import box_of_modes
+    from robustid.app.run.posing import posed
     from robustid.app.run.run_file import RunFile
-    from robustid.app.run.sequence import Surroundings, posed
-    from robustid.identification import identify as solve
+    from robustid.app.run.run_folder import Surroundings
+    from robustid.app.run.sequence import identified
+    from robustid.app.run.work import Work
 
+    around = Surroundings(progress)
+    asked = RunFile(withheld=Withheld(every=0), small_model=SmallModel(time_limit=None), **stated)
     with too_large(
         "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples"
     ):
-        with step(console, "choosing modes and prior from the data"):
-            asked = RunFile(withheld=Withheld(every=0), **stated)
-            run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), Surroundings(), reference=False)
-        words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
-        with counting(console, words) as progress:
-            result = solve(problem, **run.identify.arguments, progress=progress)
-    return dataclasses.replace(result, choices=result.choices | run.choices), box_of_modes(run.modes)
+        around.say("choosing modes and prior from the data")
+        run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), Surroundings(), reference=False)
+        result = identified(run, problem, around)
+    return Work(run=run, identification=result, around=around, box=box_of_modes(run.modes))
 
 
-def finish(
-    console: Console,
-    result: Identification,
-    output: Path,
-    report: Path | None,
-    *,
-    reduce: bool,
-    static: bool = False,
-    box: Box | None = None,
-    title: str | None = None,
-    **shown_too: Unpack[Parts],
+def conclude(
+    console: Console, work: Work, output: Path, report: Path | None, *, static: bool = False, title: str | None = None
 ) -> None:
-    """Compute and render everything; only then write, and show what was found."""
-    from robustid.advice import diagnose
-    from robustid.app.run.proved_band import proved_band, refined_band
-    from robustid.reduction import reduce_within_bounds
+    """Render everything; only then write, and show what was found."""
     from robustid.report import render_report, render_summary
 
-    reduction, diagnosis, page = None, "", None
-    with step(console, "proving the error at every frequency"):
-        band = proved_band(result, box)
-    if reduce:
-        with counting(console, "searching for the smallest order") as progress:
-            reduction = reduce_within_bounds(result, band=band, progress=progress)
-    if not result.consistent:
-        with counting(console, _HELPS) as progress:
-            diagnosis = diagnose(result, progress=progress).summary()
-    if band is not None:
-        band = band.with_model(result.model if reduction is None else reduction.model)
-        band = refined_band(band, shown_too.get("worst_case"))
-    if report is not None:
-        page = render_report(
-            result,
-            title=title,
-            static=static,
-            **shown_too | {"reduction": reduction, "band": band, "diagnosis": diagnosis or None},
-        )
-    summary = render_summary(result, reduction)
+    result = work.identification
+    page = None if report is None else render_report(result, title=title, static=static, **work.parts)
+    summary = render_summary(result, work.reduction)
     result.save(output)
     written_files.write_page(report, page)
     console.print(summary)
-    if band is not None:
-        say(console, band.summary())
-    if diagnosis:
-        console.print("\n" + screen.plain(diagnosis), highlight=False)  # wrapped at words
+    if work.band is not None:
+        say(console, work.band.summary())
+    if work.diagnosis is not None:
+        console.print("\n" + screen.plain(work.diagnosis.summary()), highlight=False)  # wrapped at words
     screen.say_written(console, *written_files.result_files(output), report)
     screen.repeat_warnings(console, result)

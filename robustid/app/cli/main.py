@@ -28,9 +28,9 @@ COMMANDS = {  # in the order of the list, with the file of each
     "verify": "verify",
     "reduce": "reduce",
     "report": "report",
-    "export": "report",
-    "look": "new",
-    "new": "new",
+    "export": "files",
+    "look": "files",
+    "new": "files",
 }
 MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
 # Arguments of the library that have an option of another name, or of the same.

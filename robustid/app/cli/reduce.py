@@ -9,7 +9,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, words_of
-from robustid.app.cli.screen import counting, in_words, step
+from robustid.app.cli.screen import in_words, step, telling
 from robustid.app.run.checks import low_high
 
 if TYPE_CHECKING:
@@ -74,22 +74,22 @@ def reduce(
     from robustid.reduction import ReductionStatus
 
     written_files.check_ending(output, (".npz", ".mat", ".m", ".json", ".h", ".sos", ".zpk"))
-    limits: dict[str, Any] = {"band_hz": None if band is None else low_high("--band", band), "horizon": horizon}
+    match = "static gain" if static_gain else None
+    asked: dict[str, Any] = {"order": order, "tol": tol, "match": match, "horizon": horizon}
+    asked["band_hz"] = None if band is None else low_high("--band", band)
     written_files.check_outputs([output], [*written_files.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
-        limits["weight"] = load_model(weight)
+        asked["weight"] = load_model(weight)
     console = screen.console()
     identification = _load_identification(source)
-    asked = {"order": order, "tol": tol, "match": "static gain" if static_gain else None, **limits}
-    if identification is not None and all(value is None for value in asked.values()):
-        with in_words(words_of(reduce)):
+    with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
+        if identification is None:
+            asked["unstable"] = "keep" if keep_unstable else "refuse"
+            reduction = _truncated(console, load_model(source), asked)
+        elif all(value is None for value in asked.values()):
             reduction = _within_bounds(console, identification, time_limit)
-    else:
-        model = load_model(source) if identification is None else identification.model
-        asked["unstable"] = "keep" if keep_unstable or identification is not None else "refuse"
-        with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
-            reduction = _truncated(console, model, asked)
-        if identification is not None:
+        else:
+            reduction = _truncated(console, identification.model, asked | {"unstable": "keep"})
             _say_margin(console, identification, reduction)
     save(output, reduction.model)
     screen.say_written(console, output)
@@ -97,11 +97,17 @@ def reduce(
 
 
 def _within_bounds(console: Console, identification: Identification, time_limit: float | None) -> Reduction:
-    from robustid.reduction import reduce_within_bounds
+    from robustid.app.run.run_file import RunFile
+    from robustid.app.run.run_folder import Surroundings
+    from robustid.app.run.sequence import reduced
+    from robustid.app.run.settings import SmallModel
+    from robustid.app.run.work import Work
 
-    words = "searching for the smallest order"
-    with counting(console, words) as progress:
-        reduction = reduce_within_bounds(identification, time_limit=time_limit, progress=progress)
+    with telling(console) as progress:
+        asked = RunFile(small_model=SmallModel(time_limit=time_limit))
+        work = Work(run=asked, identification=identification, around=Surroundings(progress))
+        reduced(work)
+    reduction = work.small
     for tried, margin in reduction.tried:
         screen.say(console, f"order {tried:3d}: {margin:.4g} of what is allowed")
     screen.say(console, f"order {reduction.order}: {reduction.status.value}")

@@ -1,4 +1,4 @@
-"""robustid report: the page of a saved identification; robustid export: a file for another program."""
+"""robustid report: the page of a saved identification."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Static
-from robustid.app.cli.screen import step
+from robustid.app.cli.screen import telling
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robustid.advice import Sensitivity
+    from robustid.app.run.work import Work
     from robustid.guarantees import ResponseTube
-    from robustid.identification import Identification, MixedProblem
     from robustid.report import Parts
 
 
@@ -46,96 +44,62 @@ def report(
 
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
-    from robustid.advice import diagnose
     from robustid.app.load_save import load_result
-    from robustid.errors import Status
-    from robustid.reduction import reduce_within_bounds
+    from robustid.app.run.run_file import RunFile
+    from robustid.app.run.run_folder import Surroundings
+    from robustid.app.run.sequence import diagnosed, reduced
+    from robustid.app.run.settings import SmallModel
+    from robustid.app.run.work import Work
     from robustid.report import render_summary, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
     console = screen.console()
     result = load_result(source, "identification")
-    shown = _bounds(bounds or [], result)
-    if reduce:
-        with step(console, "searching for the smallest order"):
-            shown["reduction"] = reduce_within_bounds(result)
-    if steps is not None:
-        shown["tube"] = _tube(console, result, steps)
-    if sensitivity:
-        shown["sensitivity"] = _sensitivity(console, result.problem)
-    if result.status is Status.INCONSISTENT:
-        with step(console, "what would help"):
-            shown["diagnosis"] = diagnose(result).summary()
-    with step(console, "verifying every certificate"):
-        write_report(result, output, title=title, static=static, **shown)
-    console.print(render_summary(result, shown.get("reduction")))
+    asked = RunFile(small_model=SmallModel(time_limit=None))
+    with telling(console) as progress:
+        work = Work(run=asked, identification=result, around=Surroundings(progress))
+        _take_bounds(work, bounds or [])
+        if reduce:
+            reduced(work)
+        shown: Parts = {"tube": None if steps is None else _tube(work, steps)}
+        shown["sensitivity"] = _sensitivity(work) if sensitivity else None
+        diagnosed(work)
+        work.around.say("verifying every certificate")
+        write_report(result, output, title=title, static=static, **{**work.parts, **shown})
+    console.print(render_summary(result, work.reduction))
     screen.say_written(console, output)
     screen.repeat_warnings(console, result)
     raise typer.Exit(screen.EXIT[result.status])
 
 
-def _bounds(paths: list[Path], result: Identification) -> Parts:
-    """The bounds that were saved of the identification, by the argument of `write_report` that takes it."""
+def _take_bounds(work: Work, paths: list[Path]) -> None:
+    """The bounds that were saved of the identification."""
     from robustid.app.load_save import load_result
     from robustid.guarantees import WorstCaseOverPoles
     from robustid.report import same
 
-    found: Parts = {}
     for file in paths:
         bound = load_result(file, "worst-case error", "band over poles")
-        own: Parts = {"over_poles": bound} if isinstance(bound, WorstCaseOverPoles) else {"worst_case": bound}
-        if found.keys() & own.keys():
+        if (work.over_poles if isinstance(bound, WorstCaseOverPoles) else work.error) is not None:
             raise InputError(f"--bounds {file} is the second of its kind; give NAME once, and NAME-poles once")
-        found |= own
-        if not same(bound.identification, result):
+        if not same(bound.identification, work.identification):
             raise InputError(f"--bounds {file} is about another identification than the one reported")
-    return found
+        if isinstance(bound, WorstCaseOverPoles):
+            work.over_poles = bound
+        else:
+            work.error = bound
 
 
-def _tube(console: Console, result: Identification, samples: int) -> ResponseTube:
+def _tube(work: Work, samples: int) -> ResponseTube:
     from robustid.guarantees import response_tube
 
-    with step(console, "bounding the step response"):
-        return response_tube(result, input="step", horizon=samples)
+    work.around.say("bounding the step response")
+    return response_tube(work.identification, input="step", horizon=samples)
 
 
-def _sensitivity(console: Console, problem: MixedProblem) -> Sensitivity:
+def _sensitivity(work: Work) -> Sensitivity:
     from robustid.advice import sensitivity
 
-    with step(console, "bounding the error under other assumptions"):
-        return sensitivity(problem)
-
-
-def export(
-    source: Annotated[
-        Path, typer.Argument(help="A saved result (NAME, NAME.npz or NAME.json), a model or measurements.")
-    ],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Of a model: .m, .mat, .npz, .json, .h (C), .sos, .zpk, or .csv (poles); of a response .csv, .mat, .npz, .uff or"
-            " .s2p; of bounds .csv; of an identification its model, or with .csv its verdict.",
-        ),
-    ],
-    force: Force = False,
-) -> None:
-    """Write a model, a response or a table for another program: MATLAB, C, JSON, filters, universal files, CSV.
-
-    [bold]Example[/bold]: robustid export small.mat -o filter.h
-    """
-    from robustid.app.load_save import load, save
-
-    written_files.check_outputs([output], written_files.sources(source), force)
-    console = screen.console()
-    thing = load(source)
-    if output.suffix.lower() != ".csv" and type(thing).__name__ in (
-        "Identification",
-        "MatrixFraction",
-        "WorstCaseError",
-    ):
-        thing = thing.model
-    save(output, thing)
-    screen.say_written(console, output)
+    work.around.say("bounding the error under other assumptions")
+    return sensitivity(work.identification.problem)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, Static
-from robustid.app.cli.screen import counted, in_words, resumable, shown
+from robustid.app.cli.screen import in_words, resumable, shown, told
 from robustid.app.run.checks import options
 from robustid.app.run.settings import PARTS
-
-if TYPE_CHECKING:
-    from robustid.core import Progress
 
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
 _WORDS = {name: name for name in (*FLAGS, "order", "scaling")} | {
@@ -122,7 +118,7 @@ def run(
             force=force,
             static=static,
             executor=None if workers in (None, 1) else workers,
-            progress=_told(show),
+            progress=told(show),
         )
     if isinstance(result, IdentifiedReduced):
         console.print(render_summary(result.identification, result.reduction))
@@ -137,16 +133,3 @@ def run(
     for one in identifications:
         screen.repeat_warnings(console, one)
     raise typer.Exit(screen.EXIT[Status.INCONSISTENT if result.contradicted else status])
-
-
-def _told(show: Callable[[str], None]) -> Callable[..., None]:
-    """One line for every step, and at most ten for what is counted."""
-    counters: dict[str, Progress] = {}
-
-    def say(text: str, done: int | None = None, count: int | None = None) -> None:
-        if done is None or count is None:
-            show(text)
-        else:
-            counters.setdefault(text, counted(show, text))(done, count)
-
-    return say

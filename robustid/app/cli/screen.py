@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -12,6 +11,8 @@ from robustid.errors import InputError, InputTypeError, SolverError, Status
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from robustid.core import Progress
 
 
 class Warned(Protocol):
@@ -23,7 +24,7 @@ class Warned(Protocol):
         ...
 
 
-_WORTH_SAYING = 2.0  # seconds that are left
+_WORTH_SAYING = 2.0  # seconds that a step has taken
 EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
@@ -81,39 +82,42 @@ def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
         yield lambda words: say(out, words)
 
 
-def counted(show: Callable[[str], None], words: str) -> Callable[[int, int], None]:
-    """Progress in at most ten steps, with an estimate of the rest, where there is one that is worth saying."""
-    last, began = -1, time.monotonic()
-    first: tuple[int, float] | None = None  # what comes before the first one doesn't tell how long the others take
+@contextlib.contextmanager
+def telling(out: Console) -> Generator[Progress]:
+    """Show the steps of a command as they begin; receiver of their words and their progress."""
+    with out.status("") if out.is_terminal else contextlib.nullcontext() as status:
+        yield told(
+            lambda words: say(out, words) if status is None else status.update(plain(words)), " …" * (status is None)
+        )
 
-    def progress(done: int, count: int) -> None:
-        nonlocal last, first
-        now = time.monotonic()
-        first = first or (done, now)
-        if 10 * done // count != last and now - began > _WORTH_SAYING:
-            last = 10 * done // count
-            rest = (now - first[1]) * (count - done) / max(done - first[0], 1)
-            show(f"{words}: {done} of {count}" + (f", about {rest:.0f} s left" if rest >= _WORTH_SAYING else ""))
+
+def told(show: Callable[[str], None], ending: str = "") -> Progress:
+    """One line for every step, and at most ten for what is counted."""
+    from robustid.core import Pace
+
+    paces: dict[str, Pace] = {}
+
+    def progress(text: str, done: int, count: int) -> None:
+        if not count:
+            show(text + ending)
+            return
+        pace = paces.setdefault(text, Pace(done))
+        if pace.seconds > _WORTH_SAYING and pace.another_tenth(done, count):
+            show(pace.line(text, done, count))
 
     return progress
 
 
 @contextlib.contextmanager
-def counting(out: Console, words: str) -> Generator[Callable[[int, int], None]]:
-    """Show a long step; receiver of its progress."""
-    with shown(out, words) as show:
-        yield counted(show, words)
-
-
-@contextlib.contextmanager
 def resumable(out: Console, words: str, there: Callable[[], bool]) -> Generator[None]:
     """Say on Ctrl-C how an unfinished computation goes on, where something of it is there."""
-    try:
+    from robustid.core import Interruptible, pass_on
+
+    with Interruptible() as steps:
         yield
-    except KeyboardInterrupt:
-        if there():
-            warn(out, words)
-        raise
+    if steps.interrupted and there():
+        warn(out, words)
+    pass_on(steps.interrupted)
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ import typer
 
 from robustid.app.cli import screen
 from robustid.app.cli.bounds import circle_words
-from robustid.app.cli.screen import counting, in_words, say, step
+from robustid.app.cli.screen import in_words, say, step, telling
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -130,10 +130,12 @@ def _claim_failures(console: Console, result: WorstCaseError | WorstCaseOverPole
     """Evaluate every certificate, count those that hold, name the others."""
     total = result.claim_count
     failed: list[str] = []
-    with counting(console, "evaluating certificates") as progress:
+    words = "evaluating certificates"
+    with telling(console) as progress:
+        progress(words, 0, 0)
         for done, claim in enumerate(result.claims(), start=1):
             failed += [] if claim.verify(exact) else [claim.name]
-            progress(done, total)
+            progress(words, done, total)
     word = "FAILED" if failed else "verified"
     say(console, f"{word:<11}{total - len(failed)} of {total} certificates hold")
     return failed

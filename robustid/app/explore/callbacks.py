@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from robustid.app.explore.quantities import choice_of, quantities
-from robustid.app.explore.session import Choice, Session, toggled
-from robustid.app.explore.worker import BAND, Found, Worker
+from robustid.app.explore.session import ByHand, Session, toggled
+from robustid.app.explore.worker import BAND, Computed, Worker
 from robustid.core import atomic_write
 from robustid.errors import InputError, RobustIdError
 from robustid.report import live_figure, live_words, look_figure, look_words
@@ -126,7 +126,7 @@ def _connect_state(app: Any, session: Session, worker: Worker) -> None:
         return *seen, _doing(found), str(share), work, button, found.trouble.replace("`", ""), state
 
 
-def _seen(session: Session, found: Found, looked: int) -> list[object]:
+def _seen(session: Session, found: Computed, looked: int) -> list[object]:
     """Picture, verdict, its key, guarantee and numbers; the picture before it stays until there is another one.
 
     `looked` is the number of the look that is drawn already.
@@ -163,7 +163,7 @@ def _line(hz: float, number: int) -> dict[str, object]:
     return {"type": "line", "x0": hz, "x1": hz, "y0": 0, "y1": 1, "yref": "y domain", "line": _MODE, "label": label}
 
 
-def _doing(found: Found) -> str:
+def _doing(found: Computed) -> str:
     if found.cancelled:
         return "Cancelled."
     if found.doing == BAND and found.error is not None:
@@ -171,7 +171,7 @@ def _doing(found: Found) -> str:
     return f"Computing the {found.doing}" if found.doing else ""
 
 
-def write_run_file(session: Session, choice: Choice, name: str) -> Path:
+def write_run_file(session: Session, choice: ByHand, name: str) -> Path:
     """Write a run file that gives the same identification again; its name is seen from where the program was started."""
     path = Path(name.strip())
     if path.suffix != ".toml":

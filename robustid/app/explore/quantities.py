@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-from robustid.app.explore.session import Choice, Session
+from robustid.app.explore.session import ByHand, Session
 from robustid.errors import InputError
 
 STEPS = 1000  # of a slider
@@ -65,12 +65,12 @@ def quantities(session: Session) -> list[Quantity]:
     return [*found, Quantity("rate", _REST, "decay rate ρ", rate, (rate - 1) / _WIDE, (rate - 1) * _WIDE, 1.0)]
 
 
-def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[float | str | None]) -> Choice:
+def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[float | str | None]) -> ByHand:
     """The choice that the fields state: those of the quantities, and the lines left out in words."""
     *numbers, words = values
     found = {one.name: one.checked(value) for one, value in zip(every, numbers, strict=True)}
     modes = range(len(session.start.hz))
-    return Choice(
+    return ByHand(
         tuple(found[f"hz-{k}"] for k in modes),
         tuple(found[f"damping-{k}"] for k in modes),
         found["gain"],

@@ -16,6 +16,7 @@ from robustid.app.explore.layout import layout
 from robustid.app.explore.quantities import quantities
 from robustid.app.explore.session import Session
 from robustid.app.explore.worker import Worker
+from robustid.core import Interruptible
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -143,10 +144,9 @@ def _listening(port: int) -> socket.socket:
 def serve(session: Session, title: str, port: int, ready: Callable[[str], None]) -> None:
     """Serve the page until Ctrl-C; `ready` is told its address."""
     server = Server(session, title, port)
-    try:
-        ready(server.address)
-        server.serve()
-    except KeyboardInterrupt:
-        pass
-    finally:
-        server.end()
+    with Interruptible():
+        try:
+            ready(server.address)
+            server.serve()
+        finally:
+            server.end()

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from robustid.app.run.measurements import Measured, Say, measured, without_points
-from robustid.app.run.proved_band import Box, box_of_modes
+from robustid.app.run.measurements import Measured, measured, without_points
+from robustid.app.run.modes import Box, box_of_modes
+from robustid.app.run.posing import posed
 from robustid.app.run.reading import Tables
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.sequence import Surroundings, posed
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Fit
-from robustid.core import Frozen
+from robustid.core import Frozen, Progress
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
@@ -26,20 +27,8 @@ _RUN = 3  # neighbours that are written as an interval
 
 
 @dataclasses.dataclass(frozen=True)
-class Choice:
-    """Everything that is changed by hand.
-
-    Attributes
-    ----------
-    hz, damping : tuple of float
-        Of every mode.
-    gain_bound : float
-        K.
-    rate : float
-        The decay rate per sample, or the decay in 1/s, as the session says.
-    left_out_hz : tuple of float
-        Frequency points that are left out.
-    """
+class ByHand:
+    """Everything that is changed by hand; `rate` is the decay rate per sample, or the decay in 1/s, as the session says."""
 
     hz: tuple[float, ...]
     damping: tuple[float, ...]
@@ -50,38 +39,23 @@ class Choice:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Session(Frozen):
-    """Measured data, and a run file with every choice made.
-
-    Attributes
-    ----------
-    run : RunFile
-    data : Measured
-        With the frequency points that are left out.
-    folder : Path
-        From which the names of files are seen.
-    """
+    """Measured data with the frequency points that are left out, a run file with every choice made, and the folder of its files."""
 
     run: RunFile
     data: Measured
     folder: Path
 
     @classmethod
-    def of(cls, run: RunFile, folder: Path, say: Say, tables: Tables | None = None) -> Session:
-        """Read the data of a run file, and make the choices that it leaves open.
-
-        Raises
-        ------
-        InputError, FileFormatError
-            A file that can't be read; a family, a passive class, a matrix, no response.
-        """
+    def of(cls, run: RunFile, folder: Path, progress: Progress, tables: Tables | None = None) -> Session:
+        """Read the data of a run file, and make the choices that it leaves open; of one entry of one plant with a gain bound."""
         if run.members:
             raise InputError(
                 "explore shows one plant, not a family: leave [[members]] out, and all data but those of one"
             )
         if run.prior.passive is not None:
             raise InputError("explore moves modes and a gain bound, which a passive class has not: leave passive out")
-        left_out = run.frequency_points.leave_out_hz
-        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, say, tables)
+        around, left_out = Surroundings(progress), run.frequency_points.leave_out_hz
+        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, around, tables)
         if not data.responses:
             raise InputError(
                 "explore needs a frequency response: a [[frequency]], or a [[record]] that is used for one"
@@ -94,7 +68,7 @@ class Session(Frozen):
                 " give `entry` OUTPUT,INPUT by number or name"
             )
         run = run.changed("frequency_points", leave_out_hz=left_out)
-        run, _, _ = posed(run, without_points(data, left_out or ()), Surroundings(say))
+        run, _, _ = posed(run, without_points(data, left_out or ()), around)
         return cls(run, data, folder)
 
     @property
@@ -110,14 +84,14 @@ class Session(Frozen):
         return named if np.all(np.diff(named) > 0) else every
 
     @property
-    def start(self) -> Choice:
+    def start(self) -> ByHand:
         """The choice that the run file states."""
         modes, prior = self.run.modes, self.run.prior
         rate = prior.decay if prior.decay_rate is None else prior.decay_rate
         given = self.run.frequency_points.leave_out_hz or ()
-        return Choice(modes.hz or (), modes.damping or (), float(prior.gain_bound or 0), float(rate or 0), given)
+        return ByHand(modes.hz or (), modes.damping or (), float(prior.gain_bound or 0), float(rate or 0), given)
 
-    def stated(self, choice: Choice) -> RunFile:
+    def stated(self, choice: ByHand) -> RunFile:
         """The run file of a choice, its names seen from the folder of the session."""
         run, start = self.run, self.start
         if (choice.hz, choice.damping) != (start.hz, start.damping):
@@ -133,23 +107,17 @@ class Session(Frozen):
             run = dataclasses.replace(run, prior=dataclasses.replace(run.prior, **given))
         return run.changed("frequency_points", leave_out_hz=choice.left_out_hz or None)
 
-    def problem(self, choice: Choice) -> tuple[MixedProblem, list[FrequencyResponse]]:
-        """The problem that a choice poses, and what is kept out of it to test the result.
-
-        Raises
-        ------
-        InputError
-            Numbers that make no class.
-        """
+    def problem(self, choice: ByHand) -> tuple[MixedProblem, list[FrequencyResponse]]:
+        """The problem that a choice poses, and what is kept out of it to test the result."""
         data = without_points(self.data, choice.left_out_hz)
         _, problem, left = posed(self.stated(choice), data, Surroundings())
         return problem, [*left.points, *(left.withheld if left.kind == "lines" and not left.points else [])]
 
-    def box(self, choice: Choice) -> Box | None:
+    def box(self, choice: ByHand) -> Box | None:
         """The pole-uncertainty box of the modes, where they are those that the data gave; None where they are moved by hand."""
         return box_of_modes(self.stated(choice).modes)
 
-    def left_out(self, choice: Choice) -> list[FrequencyResponse]:
+    def left_out(self, choice: ByHand) -> list[FrequencyResponse]:
         """The frequency points that a choice leaves out."""
         if not choice.left_out_hz:
             return []
@@ -171,13 +139,7 @@ class Session(Frozen):
         return ", ".join(parts)
 
     def points(self, words: str) -> tuple[float, ...]:
-        """Frequency points from words, as `words` writes them.
-
-        Raises
-        ------
-        InputError
-            No numbers; an interval without points; no point there.
-        """
+        """Frequency points from words, as `words` writes them."""
         every, found = self.points_hz, set[float]()
         for part in filter(None, re.split(r"[,;\s]+", words)):
             try:

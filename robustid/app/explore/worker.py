@@ -10,17 +10,18 @@ from typing import TypedDict, Unpack
 
 import numpy as np
 
-from robustid.app.explore.session import Choice, Session
-from robustid.app.run.proved_band import band_at_once
+from robustid.app.explore.session import ByHand, Session
+from robustid.app.run.modes import Box, held_box
 from robustid.core import Real, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import RobustIdError
-from robustid.guarantees import Band, SampleCheck, WorstCaseError, check_samples, default_grid, growing_error
-from robustid.identification import Identification, identify
+from robustid.guarantees import Band, SampleCheck, WorstCaseError, band, check_samples, default_grid, growing_error
+from robustid.identification import Identification, MixedProblem, identify
 
 _log = logging.getLogger("robustid")
 
 _DIRECTIONS, _GAP = 4, 0.1  # coarse: what a person sees
+_KNOTS, _KNOTS_OF_BOX = 400, 300
 _THIN = 3  # of so many frequencies of the usual grid one is bounded, and those of the modes
 MARGIN = "margin and model"
 BAND = "guaranteed error"
@@ -31,34 +32,40 @@ class Superseded(BaseException):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Look:
+class Glance:
     """The first look at a choice, in a fraction of a second, before its margin is known."""
 
-    choice: Choice
+    choice: ByHand
     check: SampleCheck  # of samples against what the others prove
     band: Band | None  # None where the check finds a contradiction, so that it would say nothing
     withheld: tuple[FrequencyResponse, ...] = ()
     number: int = 0  # of the state that it came with
 
 
-def look(session: Session, choice: Choice) -> Look:
+def glance(session: Session, choice: ByHand) -> Glance:
     """Look at a choice: over the pole-uncertainty box where the data gave the modes, at the poles where they are moved."""
     problem, withheld = session.problem(choice)
     check = check_samples(problem)
-    band = None if check.contradicts else band_at_once(problem, session.box(choice))
-    return Look(choice, check, band, tuple(withheld))
+    found = None if check.contradicts else _band_at_once(problem, session.box(choice))
+    return Glance(choice, check, found, tuple(withheld))
+
+
+def _band_at_once(problem: MixedProblem, box: Box | None) -> Band:
+    """The band around its centres with few knots, for whoever waits for it; over a box fewer: each takes longer there."""
+    held = held_box(box, problem)
+    return band(problem, box=held, knots=_KNOTS if held is None else _KNOTS_OF_BOX)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Found:
+class Computed:
     """The state of a computation, as a page shows it; results as far as they are known."""
 
     number: int = 0  # rises with every change of what is drawn
-    choice: Choice | None = None
+    choice: ByHand | None = None
     doing: str = ""  # the step at hand; empty where there is none
     done: int = 0
     count: int = 0
-    look: Look | None = None  # the newest one, of this choice or of one before
+    look: Glance | None = None  # the newest one, of this choice or of one before
     identification: Identification | None = None
     band: Band | None = None  # around the nominal model
     error: WorstCaseError | None = None
@@ -82,18 +89,18 @@ class Worker:
     """Computes the newest choice; an older one ends at its next step."""
 
     def __init__(self, session: Session) -> None:
-        self.found = Found()  # the present state
+        self.found = Computed()  # the present state
         self._session, self._asked = session, threading.Condition()
-        self._wanted: Choice | None = None
+        self._wanted: ByHand | None = None
         self._ticket, self._closed = 0, False
         self._thread = threading.Thread(target=self._work, name="explore", daemon=True)
         self._thread.start()
 
-    def ask(self, choice: Choice) -> None:
+    def ask(self, choice: ByHand) -> None:
         """Compute a choice, in place of the one at hand; nothing where it is that one."""
         if choice == self.found.choice and not self.found.cancelled:
             return
-        self._replace(choice, Found(choice=choice, doing=MARGIN))
+        self._replace(choice, Computed(choice=choice, doing=MARGIN))
 
     def cancel(self) -> None:
         """Stop; what is known stays."""
@@ -106,7 +113,7 @@ class Worker:
         self._replace(None, self.found)
         self._thread.join(timeout=1)
 
-    def _replace(self, choice: Choice | None, found: Found) -> None:
+    def _replace(self, choice: ByHand | None, found: Computed) -> None:
         with self._asked:
             self._ticket += 1
             self._wanted = choice
@@ -145,9 +152,9 @@ class Worker:
             number = self.found.number + (not new.keys() <= {"done", "count"})
             self.found = dataclasses.replace(self.found, number=number, **new)
 
-    def _look(self, ticket: int, choice: Choice) -> Look:
+    def _look(self, ticket: int, choice: ByHand) -> Glance:
         """Look at a choice; while it goes on changing, every look that was begun is shown."""
-        found = look(self._session, choice)
+        found = glance(self._session, choice)
         with self._asked:
             number = self.found.number + 1
             self.found = dataclasses.replace(self.found, number=number, look=dataclasses.replace(found, number=number))
@@ -155,10 +162,10 @@ class Worker:
                 raise Superseded
         return found
 
-    def _compute(self, ticket: int, choice: Choice) -> None:
+    def _compute(self, ticket: int, choice: ByHand) -> None:
         say = functools.partial(self._say, ticket)
 
-        def told(done: int, count: int) -> None:
+        def told(_: str, done: int, count: int) -> None:
             say(done=done, count=count)
 
         seen = self._look(ticket, choice)

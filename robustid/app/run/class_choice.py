@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,10 +20,11 @@ from robustid.advice import (
 )
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL, PriorChoice
-from robustid.app.run.measurements import Measured, Say
+from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of
 from robustid.app.run.reading import D, Data
 from robustid.app.run.run_file import PRIOR_NOTE, RunFile
+from robustid.app.run.run_folder import Surroundings
 from robustid.bases import ParametricBasis
 from robustid.core import Source
 from robustid.data import FrequencyResponse
@@ -51,11 +51,11 @@ def chosen_points(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyRespon
     return frf.select(used), None if used.all() else frf.select(~used)
 
 
-def with_inflation(run: RunFile, problem: MixedProblem, say: Say) -> RunFile:
+def with_inflation(run: RunFile, problem: MixedProblem, around: Surroundings) -> RunFile:
     """The factor on all bounds: as stated, or 10 % more than a reference class needs, never below 1."""
     if run.identify.inflate != "auto":
         return run
-    say("looking for the smallest factor on the bounds")
+    around.say("looking for the smallest factor on the bounds")
     reference, what = _reference(run, problem)
     margin = identify(dataclasses.replace(problem, prior=reference)).margin
     factor = max(1.0, SPARE * float(margin))
@@ -100,10 +100,8 @@ def _reference(run: RunFile, problem: MixedProblem) -> tuple[Prior, str]:
 
 
 def inflated(data: D, run: RunFile) -> D:
-    """Data with all bounds multiplied by the factor of the run file, which their note says.
-
-    What the bound is about stays, and from how many excitations it was taken: a wider bound doesn't measure how the plant varies.
-    Its probability goes: it was stated of the narrower bound.
+    """Data with all bounds multiplied by the factor of the run file, which their note says; about what they were, of as many
+    excitations. Their probability goes: it was stated of the narrower bound.
     """
     factor = run.identify.inflate
     if factor == 1:
@@ -120,27 +118,26 @@ def inflated_problem(problem: MixedProblem, run: RunFile) -> MixedProblem:
 
 
 def with_prior(
-    run: RunFile, problem: MixedProblem, say: Say, *, double: bool = True, reference: bool = True
+    run: RunFile, problem: MixedProblem, around: Surroundings, *, double: bool = True, reference: bool = True
 ) -> tuple[RunFile, MixedProblem]:
     """Gain bound and decay rate; modes that the program chose are taken twice where they contradict the data, if `double`.
-
-    Where only a class of anything at all fits, a `reference` class that is then refuted; else that class, or where none fits one so
-    large that it shows the contradiction of the data themselves.
+    Where only a class of anything at all fits, a `reference` class that is then refuted; else that class, or where none fits
+    one so large that it shows the contradiction of the data themselves.
     """
     if (stated := run.prior.stated(problem.dt)) is not None:
         problem = dataclasses.replace(problem, prior=stated)
         if run.prior.roll_off != AUTO:
             return run, problem
-        problem, words = _with_roll_off(problem, say)
+        problem, words = _with_roll_off(problem, around)
         return _with_choice(run, problem.prior, Source.PROGRAM, words), problem
-    say("looking for a prior")
+    around.say("looking for a prior")
     if (kind := run.prior.passive) is not None:
         prior, words = _chosen_decay(problem, kind, run.prior.slack)
         return _with_choice(run, prior, Source.DATA, words), dataclasses.replace(problem, prior=prior)
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and chosen.source is Source.DATA
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
-    problem, found, doubled = _suggested(problem, twice, say)
+    problem, found, doubled = _suggested(problem, twice, around)
     if doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
     prior, source, note = found.prior, Source.DATA, PRIOR_NOTE + found.reason
@@ -155,7 +152,7 @@ def with_prior(
         prior, source = dataclasses.replace(slowest, gain_bound=size or 1.0), Source.PROGRAM
     problem = dataclasses.replace(problem, prior=prior)
     if run.prior.roll_off == AUTO:
-        problem, words = _with_roll_off(problem, say)
+        problem, words = _with_roll_off(problem, around)
         note += f"\n{words}"
     return _with_choice(run, problem.prior, source, note, curve=found.table), problem
 
@@ -166,10 +163,9 @@ def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, curve: s
 
 
 def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, MixedProblem] | None:
-    """The class with twice the gain bound, where the program chose one that all data together contradict by a little.
-
-    A prior is taken from frequency points that stand for all; where some beside them ask for slightly more, the class was chosen
-    too small, and nothing about the plant was found. None where the class was stated, or is far from the data.
+    """The class with twice the gain bound, where the program chose one that all data together contradict by a little: it was
+    taken from points that stand for all, and some beside them ask for more. None where the class was stated, or is far from the
+    data.
     """
     chosen = run.prior.source is Source.DATA and run.prior.gain_bound is not None
     if result.status is not Status.INCONSISTENT or not chosen or result.margin > SLIGHTLY:
@@ -185,9 +181,9 @@ def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, Mix
     return found, dataclasses.replace(result.problem, prior=prior)
 
 
-def _with_roll_off(problem: MixedProblem, say: Say) -> tuple[MixedProblem, str]:
+def _with_roll_off(problem: MixedProblem, around: Surroundings) -> tuple[MixedProblem, str]:
     """The problem with the roll-off that its responses show, where they show one; and what was found."""
-    say("looking for a roll-off")
+    around.say("looking for a roll-off")
     if not problem.frequency:
         return problem, "No roll-off: it is taken from a frequency response, and there is none."
     prior = suggest_roll_off(problem)
@@ -202,20 +198,19 @@ def _with_roll_off(problem: MixedProblem, say: Say) -> tuple[MixedProblem, str]:
 
 
 def _suggested(
-    problem: MixedProblem, twice: ParametricBasis | None, say: Say
+    problem: MixedProblem, twice: ParametricBasis | None, around: Surroundings
 ) -> tuple[MixedProblem, PriorSuggestion, bool]:
     """The prior for a problem, with the basis `twice` where that is much better than one that says little: problem, prior, whether.
 
     A non-parametric part that may be larger than the typical response says little; much better is half the gain bound.
     """
-    progress = partial(say, "looking for a prior")
-    found = suggest_prior(problem, progress=progress)
+    found = suggest_prior(problem, progress=around.told)
     something = _says_something(problem, found)
     if twice is None or (something and _gain(found) <= found.safety * _typical_size(problem)):
         return problem, found, False
     wider = dataclasses.replace(problem, parametric=twice)
     try:
-        other = suggest_prior(wider, progress=progress)
+        other = suggest_prior(wider, progress=around.told)
     except InputError:  # functions that the samples can't tell apart
         return problem, found, False
     better = _says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
@@ -239,13 +234,7 @@ def _says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
 
 
 def _chosen_decay(problem: MixedProblem, kind: str, slack: float | None) -> tuple[Prior, str]:
-    """The passive class beside the modes of a problem, with half the fastest decay at which the data are consistent, and words.
-
-    Raises
-    ------
-    InputError
-        No modes, or no continuous time.
-    """
+    """The passive class beside the modes of a problem, with half the fastest decay at which the data are consistent, and words."""
     if kind != POSITIVE_REAL or problem.dt or problem.parametric is None:
         raise InputError(PriorChoice.without_decay("`passive`", "`decay`"))
     rates = possible_rates(problem)

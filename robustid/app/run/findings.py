@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.advice import diagnose
+from robustid.advice import Diagnosis
 from robustid.app.run.class_choice import SPARE
-from robustid.app.run.measurements import Say
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
-from robustid.core import Real
+from robustid.app.run.work import Work
+from robustid.core import Real, Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage
@@ -24,33 +24,67 @@ if TYPE_CHECKING:
     import control
 
 _MOST_NAMED = 6
-EMPTY = (
+_EMPTY = (
     "The worst-case error was not computed: a class that says nothing between the frequency points has none that is worth its time."
     " State other modes or a larger decay rate; at_hz in [worst_case] has it computed all the same."
 )
-FIXED_POLES = (
+_FIXED_POLES = (
     "The poles were taken from these data, which leave them a pole-uncertainty box. This bound holds for the poles as they were"
     " taken, not for the box"
 )
-OVER_POLES = ": over_poles = true in [worst_case] covers it (minutes)"
+_OVER_POLES = ": over_poles = true in [worst_case] covers it (minutes)"
 _REAL_POLES = (
     "The real poles were chosen from these data and are a part of the class: the plant may have others, which these follow over the"
     " frequency points. This bound holds for the class; data can refute it, never prove it."
 )
 
 
-def class_words(run: RunFile, result: Identification, say: Say) -> list[str]:
+def sentences(work: Work) -> tuple[str, ...]:
+    """Everything that can be said of a run: what refutes the class or the band first, then what was found."""
+    run, result, left, small, said = work.run, work.identification, work.left, work.small, work.content
+    found = [*model_warnings(small, work.doubtful), *class_words(run, result, work.diagnosis)]
+    if said is not None and said.empty:
+        found.insert(0, said.summary())
+    if work.band is not None:
+        found.append(band_words(work.band, work.error))
+    if said is not None and not said.empty:
+        found.append(said.summary())
+    found.append(sample_words(result, small.model, small.order))
+    if work.worth is not None:
+        found.append(work.worth.summary() + withheld_words(work.worth, left.points or left.withheld))
+    elif work.not_compared:
+        found.append(work.not_compared)
+    found += [unused_words(small.model, points) for points in left.points]
+    if work.error is not None:
+        found.append(error_words(work.error, work.withheld))
+        if run.modes.source is Source.DATA and run.modes.hz and not run.worst_case.over_poles:
+            found.append(pole_words(result, run.modes))
+    elif result.consistent and run.worst_case.compute:
+        found.append(_EMPTY)
+    if work.over_poles is not None:
+        found.append(box_words(work.over_poles))
+    elif work.not_over_poles:
+        found.append(work.not_over_poles)
+    if left.kind != "lines":  # whether the records that were used bound the others, whatever the class is
+        found += [mean_words(frf, left.withheld, left.kind) for frf in result.problem.frequency]
+    if (seen := work.withheld) is not None:
+        found = [*seen.sentences, *found] if seen.contradicted else [*found, *seen.sentences]
+    if work.refuted is not None and not result.consistent:
+        found.insert(0, work.refuted.summary())
+    return tuple(found)
+
+
+def class_words(run: RunFile, result: Identification, diagnosis: Diagnosis | None) -> list[str]:
     """Sentences that say whether the data fit, and if not, what would help."""
     factor = run.identify.inflate
     about = [*result.problem.about, *(f"Fault of the data: {fault}." for fault in result.problem.data_faults)]
     wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
     if result.status is not Status.INCONSISTENT:
         return [*about, f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]
-    say("what would help: other modes, other priors")
     needed = float(SPARE * result.margin * (factor if isinstance(factor, float) else 1.0))
     return [
         *about,
-        diagnose(result).summary(),
+        *([] if diagnosis is None else [diagnosis.summary()]),
         f"Nothing was widened{' further' if wider else ''}. To go on with wider bounds, state them: inflate = {needed:.4g}"
         f' (10 % more than this class needs) or inflate = "auto", in [identify]; every result then says so.',
     ]
@@ -61,12 +95,12 @@ def pole_words(identification: Identification, modes: Modes) -> str:
     if 1 in (modes.damping or ()):
         return _REAL_POLES
     if modes.hz_interval is None:
-        return f"{FIXED_POLES}."
+        return f"{_FIXED_POLES}."
     try:
         box_of(identification, 2 * np.pi * np.array(modes.hz_interval), modes.damping_interval, modes.delay or 0)
     except InputError:
-        return f"{FIXED_POLES}."
-    return f"{FIXED_POLES}{OVER_POLES}."
+        return f"{_FIXED_POLES}."
+    return f"{_FIXED_POLES}{_OVER_POLES}."
 
 
 def band_words(band: Band, error: WorstCaseError | None) -> str:
@@ -204,7 +238,7 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 
 
-def mean_words(used: FrequencyResponse, withheld: list[FrequencyResponse], kind: str) -> str:
+def mean_words(used: FrequencyResponse, withheld: Sequence[FrequencyResponse], kind: str) -> str:
     """Sentence that says how many samples of withheld records lie within the bounds of the used ones, which have another mean."""
     found = coverage(used, withheld, kind=kind)
     outside = "" if not found.contradicted else f", the farthest at {found.largest:.4g} bounds ({found.where})"

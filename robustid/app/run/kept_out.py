@@ -31,10 +31,8 @@ class Split(NamedTuple):
 
 
 def split(run: RunFile, records: list[TimeRecord]) -> tuple[RunFile, Split]:
-    """Keep out some of the records for a response, or the last periods of the only one, as stated or as many as can be spared.
-
-    Of so many blocks (as many records as inputs) as there are, the second half from four on, one of three; of two both are needed
-    to see that they differ. Every withheld block is estimated by itself.
+    """Keep out some of the records for a response, or the last periods of the only one, as stated or as many as can be spared:
+    of the blocks (as many records as inputs) half from four on, one of three; of two both are needed to see that they differ.
     """
     asked, nothing = run.withheld, Split(records, (), "records")
     count = len(records[0].inputs)
@@ -95,6 +93,16 @@ def split_points(run: RunFile, frf: FrequencyResponse) -> tuple[RunFile, Frequen
         return run, frf, None
     out = np.arange(frf.omega.size) % every == every // 2
     return run, frf.select(~out), frf.select(out)
+
+
+def with_frequencies(
+    run: RunFile, grid: Real, poles: Sequence[complex] | np.ndarray, plane: Plane, withheld: Sequence[FrequencyResponse]
+) -> RunFile:
+    """The frequencies of the worst case: as stated, or those of a grid and some that were kept out."""
+    if run.worst_case.at_hz is not None:
+        return run
+    omega = looked_at(grid, poles, plane, withheld)
+    return run.changed("worst_case", at_hz=tuple((omega / (2 * np.pi)).tolist()))
 
 
 def looked_at(

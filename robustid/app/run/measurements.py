@@ -13,6 +13,7 @@ import numpy as np
 from robustid.app.run.kept_out import Split, split
 from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, read_source
 from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.core import Source, digest
 from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend
@@ -22,17 +23,6 @@ from robustid.estimation import bounds_from_noise_floor, estimate_delay, estimat
 S = TypeVar("S", RecordSource, ResponseSource)
 Used = list[tuple[str, list[TimeRecord]]]  # records, with what they are used for
 _SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
-
-
-class Say(Protocol):
-    """Receiver of progress: what is done now, and how much of it is."""
-
-    def __call__(self, text: str, done: int | None = None, count: int | None = None) -> None:
-        """Say it."""
-
-
-def silent(text: str, done: int | None = None, count: int | None = None) -> None:
-    """No progress."""
 
 
 class Change(Protocol):
@@ -70,14 +60,16 @@ class Measured(NamedTuple):
         return self._replace(responses=tuple(map(change, self.responses)), withheld=tuple(map(change, self.withheld)))
 
 
-def measured(run: RunFile, folder: Path, say: Say, tables: Tables | None = None) -> tuple[RunFile, Measured]:
+def measured(
+    run: RunFile, folder: Path, around: Surroundings, tables: Tables | None = None
+) -> tuple[RunFile, Measured]:
     """All data of a run file, read from `folder`, and the run file with what was read and chosen."""
     tables = tables or Tables()
     for source in (*run.record, *run.frequency):
         if source.file is not None and not (folder / source.file).is_file():
             raise InputError(f"there is no file {folder / source.file}; names are seen from the folder of the run file")
-    run, records = _records(run, folder, say, tables)
-    run, read = _responses(run, folder, say, tables)
+    run, records = _records(run, folder, around, tables)
+    run, read = _responses(run, folder, around, tables)
     run = _with_method(run, records)
     run, data = _bounded(run, records)
     data = data._replace(responses=(*data.responses, *read))
@@ -97,13 +89,7 @@ def measured(run: RunFile, folder: Path, say: Say, tables: Tables | None = None)
 
 
 def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
-    """The data without the frequency points at these frequencies in Hz.
-
-    Raises
-    ------
-    InputError
-        No response has a frequency point there; a response would have no others.
-    """
+    """The data without the frequency points at these frequencies in Hz, each of which a response must have beside others."""
     found: set[float] = set()
 
     def without(frf: FrequencyResponse) -> FrequencyResponse:
@@ -125,7 +111,7 @@ def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
     return rest
 
 
-def _records(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[RunFile, Used]:
+def _records(run: RunFile, folder: Path, around: Surroundings, tables: Tables) -> tuple[RunFile, Used]:
     """The records, prepared, with what each is used for."""
     sources: list[RecordSource] = []
     records: Used = []
@@ -137,17 +123,19 @@ def _records(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[RunF
             bounded = source.use == "samples" and (quiet or source.bound is not None)
             found = read_source(source, folder, tables, bounded=bounded)
             raw, made = found.raw, [_prepared(record, source) for record in found.data]
-        say(
+        around.say(
             f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}; {found.how}"
         )
-        _say_bound(say, name, source.bound, found.bound, made[0])
+        _say_bound(around, name, source.bound, found.bound, made[0])
         stated = dataclasses.replace(source, bound=found.bound)
         sources.append(_with_digest(_with_past(stated, raw[0]), raw, place))
         records.append((source.use, made))
     return dataclasses.replace(run, record=tuple(sources)), records
 
 
-def _responses(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[RunFile, list[FrequencyResponse]]:
+def _responses(
+    run: RunFile, folder: Path, around: Surroundings, tables: Tables
+) -> tuple[RunFile, list[FrequencyResponse]]:
     """The responses that were measured elsewhere."""
     sources: list[ResponseSource] = []
     responses: list[FrequencyResponse] = []
@@ -156,15 +144,15 @@ def _responses(run: RunFile, folder: Path, say: Say, tables: Tables) -> tuple[Ru
         with _said_of(place):
             found = read_source(source, folder, tables, bounded=True)
             frf = found.data[0]
-        say(f"read {source.file}: {frf.omega.size} frequency points; {found.how}")
+        around.say(f"read {source.file}: {frf.omega.size} frequency points; {found.how}")
         sources.append(_with_digest(dataclasses.replace(source, bound=found.bound), found.corrected, place))
         for fault in response_faults(found.corrected[0]):
-            say(f"{source.file}: {fault}")
+            around.say(f"{source.file}: {fault}")
         if frf.dt is None:
-            say(
+            around.say(
                 f"{source.file} has no sample time: it is taken as a response of continuous time (dt = ... says otherwise)"
             )
-        _say_bound(say, str(source.file), source.bound, found.bound, frf)
+        _say_bound(around, str(source.file), source.bound, found.bound, frf)
         responses.append(frf)
     return dataclasses.replace(run, frequency=tuple(sources)), responses
 
@@ -238,10 +226,12 @@ def _combined(record: TimeRecord, weights: Mapping[str, float]) -> TimeRecord:
     return dataclasses.replace(record, y=record.y @ w, bound=bound, outputs=[output])
 
 
-def _say_bound(say: Say, name: str | None, stated: float | str | None, taken: float | str | None, data: Data) -> None:
+def _say_bound(
+    around: Surroundings, name: str | None, stated: float | str | None, taken: float | str | None, data: Data
+) -> None:
     """Say what a bound was taken from that nobody stated."""
     if taken != stated:
-        say(f"{name} states no error bound, so it is taken from the data: {data.bound.words(data.note)}")
+        around.say(f"{name} states no error bound, so it is taken from the data: {data.bound.words(data.note)}")
 
 
 def _with_method(run: RunFile, records: Used) -> RunFile:

@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from robustid.app.run import findings
 from robustid.app.run.class_choice import inflated_problem, with_inflation, with_prior
 from robustid.app.run.class_settings import prior_keys
-from robustid.app.run.kept_out import compared, looked_at
+from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured, measured
-from robustid.app.run.modes import with_fit, with_modes
-from robustid.app.run.proved_band import Box
+from robustid.app.run.modes import Box, with_fit, with_modes
+from robustid.app.run.posing import without_class
 from robustid.app.run.reading import Tables
 from robustid.app.run.results import FamilyRun
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.run_folder import RunFolder
-from robustid.app.run.sequence import Surroundings, Untouched, without_class
+from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.sequence import diagnosis_of, identified
 from robustid.app.run.settings import Modes
 from robustid.app.run.sources import MemberChoice
+from robustid.app.run.work import Untouched
 from robustid.core import Source
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import Member, family, frequencies_of
-from robustid.identification import Identification, MixedProblem, Prior, identify
+from robustid.identification import Identification, MixedProblem, Prior
 
 _AS_STATED = (
     "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
@@ -34,20 +36,18 @@ _NO_BOX = {"damping": None, "hz_interval": None, "damping_interval": None}
 POLES = ("hz", *_NO_BOX)  # keys that say which poles a plant has
 
 
-def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundings) -> FamilyRun:
-    """The family that a run file with [[members]] describes; the class from the data of all where it isn't stated.
-
-    Modes are those of the first member's response, or of a fit of it; with ``over_poles = true`` every member has poles of its own,
-    as many, and the box that its data leave them. The prior has the largest gain bound and the smallest decay rate that any member
-    asks for, in a class that holds those of all.
+def run_members(run: RunFile, place: Path, around: Surroundings) -> FamilyRun:
+    """The family that a run file with [[members]] describes: modes of the first member, or with ``over_poles = true`` as many
+    of every member with the box that its data leave them; the largest gain bound and the smallest decay rate that any member
+    asks for.
     """
     data: dict[str, Measured] = {}
     tables = Tables()  # a record of the noise floor may be of all
     for member in run.members:
         around.say(f"member {member.name}")
-        stated, data[member.name] = measured(run.of_member(member.name), place, around.say, tables)
+        stated, data[member.name] = measured(run.of_member(member.name), place, around, tables)
         run = run.with_member(member.name, stated)
-    run = _with_own_poles(_with_modes(run, data, folder, around), data, around)
+    run = _with_own_poles(_with_modes(run, data, around), data, around)
     problems: dict[str, MixedProblem] = {}
     left: dict[str, Untouched] = {}
     for name, mine in data.items():
@@ -55,26 +55,18 @@ def run_members(run: RunFile, place: Path, folder: RunFolder, around: Surroundin
     run = _one_inflation(run, problems, around)
     problems = {name: inflated_problem(problem, run) for name, problem in problems.items()}
     run, prior = _one_prior(run, problems, around)
-    folder.choices(run)
+    around.folder.choices(run)
     found: dict[str, Identification] = {}
     for k, (name, problem) in enumerate(problems.items(), start=1):
         posed = dataclasses.replace(problem, prior=prior)
-        before = folder.identification(posed, run.identify.objective, member=k)
-        if before is not None:
-            around.say(f"margin and model of {name}: taken from the unfinished run")
-            found[name] = before
-            continue
-        words = f"margin and model of {name}: {problem.coefficients} coefficients, {problem.samples} samples"
-        result = identify(posed, **run.identify.arguments, progress=around.begun(words))
-        found[name] = dataclasses.replace(result, choices=result.choices | run.choices)
-        folder.identified(found[name], member=k)
-    return _united(run, found, left, folder, around)
+        found[name] = identified(run, posed, around, of=f" of {name}", member=k)
+    return _united(run, found, left, around)
 
 
-def _with_modes(run: RunFile, data: dict[str, Measured], folder: RunFolder, around: Surroundings) -> RunFile:
+def _with_modes(run: RunFile, data: dict[str, Measured], around: Surroundings) -> RunFile:
     """The poles of the parametric part, from the first member where they aren't stated, which their note says then."""
     name, first = next(iter(data.items()))
-    found = with_modes(with_fit(run, first, around.say, folder), first, around.say)
+    found = with_modes(with_fit(run, first, around), first, around)
     if run.modes.hz is not None or not found.modes.hz:
         return found
     return found.changed("modes", note=f"{found.modes.note}\nOf {name}, the first of the members.")
@@ -96,7 +88,7 @@ def _with_own_poles(run: RunFile, data: dict[str, Measured], around: Surrounding
                 run.modes, hz=None, count=len(run.modes.hz), source=None, note=None, **_NO_BOX
             )
             try:
-                modes = with_modes(run.changed("modes", **vars(open_modes)), data[member.name], around.say).modes
+                modes = with_modes(run.changed("modes", **vars(open_modes)), data[member.name], around).modes
             except InputError as error:
                 raise InputError(f"modes of member {member.name!r}: {error}") from None
             own = dataclasses.replace(member, **{name: getattr(modes, name) for name in POLES})
@@ -120,13 +112,13 @@ def _modes_of(run: RunFile, name: str) -> Modes:
 
 def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:
     """The largest factor on the bounds that a member needs."""
-    asked = [with_inflation(run, problem, around.say) for problem in problems.values()]
+    asked = [with_inflation(run, problem, around) for problem in problems.values()]
     return max(asked, key=lambda one: float(one.identify.inflate))
 
 
 def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> tuple[RunFile, Prior]:
     """The smallest class that holds those that every member asks for."""
-    found = [with_prior(run, problem, around.say, double=False) for problem in problems.values()]
+    found = [with_prior(run, problem, around, double=False) for problem in problems.values()]
     asked = [(one, problem.prior) for one, problem in found]
     if run.prior.is_stated:
         return asked[0]
@@ -153,7 +145,6 @@ def _united(
     run: RunFile,
     found: dict[str, Identification],
     left: dict[str, Untouched],
-    folder: RunFolder,
     around: Surroundings,
 ) -> FamilyRun:
     """The family of the members, and what withheld data say of its band."""
@@ -170,18 +161,18 @@ def _united(
         )
         for m in run.members
     ]
-    said = [f"{name}: {words}" for name, one in found.items() for words in findings.class_words(run, one, around.say)]
+    said: list[str] = []
+    for name, one in found.items():
+        said += [f"{name}: {words}" for words in findings.class_words(run, one, diagnosis_of(one, around))]
     asked = run.worst_case
-    if asked.at_hz is None:
-        grid = frequencies_of(members)
-        bases = [one.problem.parametric for one in found.values()]
-        poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))
-        withheld = [frf for one in left.values() for frf in one.withheld]
-        grid = looked_at(grid, tuple(poles), members[0].identification.problem.plane, withheld)
-        run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
-        folder.choices(run)
+    bases = [one.problem.parametric for one in found.values()]
+    poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))
+    withheld = [frf for one in left.values() for frf in one.withheld]
+    plane = members[0].identification.problem.plane
+    run = with_frequencies(run, frequencies_of(members), tuple(poles), plane, withheld)
+    around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
-    how = asked.arguments | {"order": run.family.order}
+    how: dict[str, Any] = asked.arguments | {"order": run.family.order}
     spread = around.counted("bounding the members at every frequency")
     how |= {"omega": omega, "schedule": run.family.schedule, "interval": run.family.interval}
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,13 @@ import numpy as np
 from robustid.advice import KautzSuggestion, suggest_kautz
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL
-from robustid.app.run.measurements import Measured, Say
+from robustid.app.run.measurements import Measured
 from robustid.app.run.run_file import MODES_NOTE, RECORD_MODES_NOTE, RunFile
-from robustid.app.run.run_folder import RunFolder
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
-from robustid.core import Budget, Source
+from robustid.core import Budget, Real, Source, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting import (
@@ -32,7 +31,10 @@ from robustid.fitting import (
     mode_table,
     suggest_order,
 )
-from robustid.identification import validate
+from robustid.guarantees import has_box
+from robustid.identification import MixedProblem, validate
+
+Box = tuple[Real, Real]  # (M, 2) each: natural frequencies in rad/s, damping ratios
 
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side
@@ -45,7 +47,7 @@ _FAST = 0.7  # decay of a pole per sample that any non-parametric part holds as 
 _SLOW = {1: 0.2, 2: 0.05}  # decay over the longest record below which a pole, or a pair, is a guess: drift or sustained
 
 
-def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
+def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     """The poles of the parametric part, from the response where they aren't stated."""
     if run.modes.hz is not None:
         return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
@@ -59,9 +61,9 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         said = {"source": Source.DATA, "note": MODES_NOTE + found.summary()}
         return run.changed("modes", hz=hz, damping=tuple(found.damping.tolist()), delay=0, **said)
     if not data.responses:
-        say("looking for modes in the records")
+        around.say("looking for modes in the records")
         return dataclasses.replace(run, modes=_from_records(chosen, data.records))
-    say("looking for modes in the frequency response")
+    around.say("looking for modes in the frequency response")
     found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
     hz_interval = damping_interval = None
     if found.omega.size:
@@ -78,6 +80,22 @@ def with_modes(run: RunFile, data: Measured, say: Say) -> RunFile:
         damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=modes)
+
+
+def box_of_modes(modes: Modes) -> Box | None:
+    """The box that data leave to modes, by rising frequency; None where there is none. Real poles (damping 1) have none."""
+    if not modes.hz or modes.damping is None or modes.hz_interval is None or modes.damping_interval is None:
+        return None
+    order = [k for k in np.argsort(modes.hz).tolist() if modes.damping[k] < 1]
+    if not order:
+        return None
+    hz, damping = (np.asarray(ends, dtype=float)[order] for ends in (modes.hz_interval, modes.damping_interval))
+    return 2 * np.pi * hz, damping
+
+
+def held_box(box: Box | None, problem: MixedProblem) -> Box | None:
+    """The box, where it goes with the poles of a problem."""
+    return box if box is not None and has_box(problem.parametric, len(box[0])) else None
 
 
 def _from_records(chosen: Modes, records: Sequence[TimeRecord]) -> Modes:
@@ -113,11 +131,6 @@ def stated_modes(modes: object) -> dict[str, object]:
     """Keys of the section [modes] for the argument `modes`: pairs (Hz, damping), a fit, or rows of its mode table.
 
     The poles at z = 1 of a fit become integrators.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        Something else; more than two integrators.
     """
     if isinstance(modes, MatrixFraction | RecordFit):
         modes = mode_table(modes if isinstance(modes, MatrixFraction) else modes.model)
@@ -146,13 +159,7 @@ def _pair(row: Any) -> tuple[float, float]:
 
 
 def _passive_basis(modes: Modes, dt: float, kind: str) -> ParametricBasis:
-    """The modes that are stated beside a passive class.
-
-    Raises
-    ------
-    InputError
-        A class that takes none.
-    """
+    """The modes that are stated beside a passive class; refused of one that takes none."""
     if kind != POSITIVE_REAL or dt:
         what = "is of continuous time" if kind == POSITIVE_REAL else f'is "{POSITIVE_REAL}", of continuous time'
         raise InputError(f"modes have a place beside a passive class only where it {what}; leave them out")
@@ -170,7 +177,7 @@ def _relaxations(frequency: Sequence[FrequencyResponse], kind: str, decay: float
     return found if slow and np.any(found.damping == 1) else None
 
 
-def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFile:
+def with_fit(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     """The poles of the parametric part from a fit, where one is asked for and they aren't stated; the fit is kept."""
     if run.fit.order is None or run.modes.hz is not None:
         return run
@@ -178,10 +185,10 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
         raise InputError("[fit] needs a frequency response; the run has samples alone. Leave [fit] out")
     frf = data.responses[0]
     try:
-        fit, why = _fitted(run, frf, say)
+        fit, why = _fitted(run, frf, around)
     except InputError as error:
         raise InputError(f"[fit]: {error}") from None
-    folder.fitted(fit)
+    around.folder.fitted(fit)
     rows = mode_table(fit, fit_covariance(fit))
     rigid = sum(row.count for row in rows if row.rigid)
     if rigid + run.modes.integrators > _MOST:
@@ -212,20 +219,19 @@ def with_fit(run: RunFile, data: Measured, say: Say, folder: RunFolder) -> RunFi
     return dataclasses.replace(run, modes=found).changed("fit", order=len(fit.poles))
 
 
-def _fitted(run: RunFile, frf: FrequencyResponse, say: Say) -> tuple[MatrixFraction, str]:
+def _fitted(run: RunFile, frf: FrequencyResponse, around: Surroundings) -> tuple[MatrixFraction, str]:
     """The fit, and why it has its order."""
     asked, order, why = run.fit.arguments, run.fit.order, ""
     if order == AUTO:
-        say("fitting a range of orders")
+        around.say("fitting a range of orders")
         limited: dict[str, Any] = {**asked, "time_limit": asked["time_limit"] or _SWEEP}
-        sweep = suggest_order(frf, progress=partial(say, "fitting a range of orders"), **limited)
-        if sweep.interrupted:
-            raise KeyboardInterrupt
+        sweep = suggest_order(frf, progress=around.told, **limited)
+        pass_on(sweep.interrupted)
         order, why = (
             sweep.suggested,
             f", which {sweep.reason} (orders {sweep.orders[0]} to {sweep.orders[-1]} were tried)",
         )
-    say(f"fitting a matrix fraction of order {order}")
+    around.say(f"fitting a matrix fraction of order {order}")
     return fit_mfd(frf, order=int(order or 0), **asked), why
 
 
@@ -251,10 +257,8 @@ def modes_of_records(
     records: Sequence[TimeRecord], count: int | None = None, seconds: float = _SECONDS
 ) -> tuple[tuple[ModeRow, ...], str]:
     """Poles that decay slowly, as rows of a mode table, of `count` modes or as many as the bounds ask for; and words on them.
-
-    The order is the first whose output-error fit, from free initial states where the record has them, keeps the samples within 1.2
-    times their bounds; else the one of least description length. The fit has a direct term, as the class may. No rows where no
-    fit says anything.
+    The order is the first whose output-error fit, from free initial states where the record has them, keeps the samples within
+    1.2 times their bounds; else the one of least description length.
     """
     budget = Budget(seconds)
     lengths: dict[int, float] = {}

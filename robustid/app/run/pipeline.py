@@ -15,17 +15,17 @@ from numpy.typing import ArrayLike
 
 from robustid.app.run.checks import Option, options, refuse_unknown, too_large
 from robustid.app.run.class_settings import prior_keys
-from robustid.app.run.measurements import Measured, Say, measured, silent
+from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.members import run_members
 from robustid.app.run.modes import stated_modes
 from robustid.app.run.reading import Data
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
-from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.app.run.run_folder import RunFolder
-from robustid.app.run.sequence import Surroundings, from_data, from_problem
+from robustid.app.run.run_file import read_run_file
+from robustid.app.run.run_folder import RunFolder, Surroundings
+from robustid.app.run.sequence import from_data, from_problem
 from robustid.app.run.settings import SECTIONS
 from robustid.app.run.toml import is_array
-from robustid.core import as_flag, one_thread
+from robustid.core import Progress, as_flag, as_function, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting import MatrixFraction, ModeRow, RecordFit
@@ -84,7 +84,7 @@ def identify_reduced(
     prior: Prior | None = None,
     omega: ArrayLike | None = None,
     executor: Executor | int | None = None,
-    progress: Say | None = None,
+    progress: Progress | None = None,
     **stated: object,
 ) -> IdentifiedReduced:
     """From bounded data to the smallest model inside the bounds, with its worst-case error and all choices.
@@ -103,8 +103,8 @@ def identify_reduced(
         None: twice the smallest gain bound, at the knee of its curve against the decay rate.
     omega, executor : optional
         As in `worst_case_error`.
-    progress : callable (text, done, all), optional
-        `done` and `all` are None where nothing is counted.
+    progress : callable (text, done, count), optional
+        `count` is 0 where nothing is counted.
     {options}
 
     Returns
@@ -140,7 +140,7 @@ def identify_reduced(
     if prior is not None:
         content["prior"] = prior_keys(prior)
     asked = read_run_file(content, "identify_reduced", sources=False)
-    around = Surroundings(progress or silent, executor=executor)
+    around = Surroundings(as_function("progress", progress), executor=executor)
     if not isinstance(data, MixedProblem):
         return from_data(asked, _as_measured(data), around)
     own = asked.modes
@@ -177,7 +177,7 @@ def run(
     force: bool = False,
     static: bool = False,
     executor: Executor | int | None = None,
-    progress: Say | None = None,
+    progress: Progress | None = None,
 ) -> IdentifiedReduced | FamilyRun:
     r"""Everything that a run file says, from the measured files to the report, kept in a folder.
 
@@ -198,7 +198,7 @@ def run(
         A report with pictures only, without scripts; see `write_report`.
     executor : concurrent.futures.Executor or int, optional
         As in `worst_case_error`.
-    progress : callable (text, done, all), optional
+    progress : callable (text, done, count), optional
 
     Returns
     -------
@@ -225,35 +225,27 @@ def run(
     >>> again.identification.margin == result.identification.margin
     True
     """
-    path, folder, say = Path(path), Path(folder), progress or silent
+    path, folder = Path(path), Path(folder)
     resume, force, static = (as_flag(*one) for one in (("resume", resume), ("force", force), ("static", static)))
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume, static)
+    around = Surroundings(as_function("progress", progress), kept, executor)
+    moved = asked.moved(path.parent, folder)
+    before = kept.asked(moved)
     if asked.members:
-        return _family(asked, path, kept, force, Surroundings(say, kept, executor))
-    if (before := kept.asked(asked.moved(path.parent, folder))) is not None:
-        stated, data = measured(before, folder, say)
+        kept.open(force)
+        result = run_members(before or moved, folder, around)
     else:
-        stated, data = measured(asked, path.parent, say)
-        stated = stated.moved(path.parent, folder)
-    kept.open(force)
-    with too_large("band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"):
-        result = from_data(stated, data, Surroundings(say, kept, executor))
-    say("writing the report")
-    kept.finish(result)
-    return result
-
-
-def _family(asked: RunFile, path: Path, kept: RunFolder, force: bool, around: Surroundings) -> FamilyRun:
-    """The family of a run file with members; frequencies that are finished are found again."""
-    folder = Path(str(kept.folder))
-    before = kept.asked(asked.moved(path.parent, folder))
-    stated = asked.moved(path.parent, folder) if before is None else before
-    kept.open(force)
-    result = run_members(stated, folder, kept, around)
+        place, stated = (path.parent, asked) if before is None else (folder, before)
+        stated, data = measured(stated, place, around)
+        kept.open(force)
+        with too_large(
+            "band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"
+        ):
+            result = from_data(stated.moved(place, folder), data, around)
     around.say("writing the report")
-    kept.finish_family(result)
+    kept.finish(result)
     return result
 
 

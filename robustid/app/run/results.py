@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from robustid.advice import Content
 from robustid.app.run.run_file import RunFile
-from robustid.core import Choice, Frozen
+from robustid.core import Choice, Frozen, Savable
 from robustid.errors import Status
 from robustid.guarantees import Band, Coverage, Family, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
@@ -72,6 +72,16 @@ class IdentifiedReduced(Frozen):
         return self.reduction.model
 
     @property
+    def numbers(self) -> dict[str, Savable | None]:
+        """Everything that is saved with its proofs, by the names of the files."""
+        return {
+            "identification": self.identification,
+            "worst_case": self.error,
+            "over_poles": self.over_poles,
+            "band": self.band,
+        }
+
+    @property
     def consistent(self) -> bool:
         """True if a system of the class keeps every sample within its (stated) bound."""
         return self.identification.consistent
@@ -132,6 +142,11 @@ class FamilyRun(Frozen):
     withheld: dict[str, Coverage]
     findings: tuple[str, ...]
     run_file: RunFile
+
+    @property
+    def numbers(self) -> dict[str, Savable | None]:
+        """Everything that is saved with its proofs, by the names of the files."""
+        return {"family": self.family}
 
     @property
     def consistent(self) -> bool:

@@ -1,14 +1,17 @@
-"""The folder of a run: what is finished is written as soon as it is there, and found again."""
+"""The surroundings of a run: who is told how far it is, and its folder, where what is finished is found again."""
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
+from concurrent.futures import Executor
 from pathlib import Path
+from typing import TypedDict
 
 from robustid.app.load_save import load_result
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.core import Source, atomic_write, fingerprint, paths, save
+from robustid.core import Progress, Source, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.fitting import MatrixFraction
@@ -125,31 +128,57 @@ class RunFolder:
         if self.folder is not None:
             band.save(self.folder / "band")
 
-    def finish(self, result: IdentifiedReduced) -> list[Path]:
-        """Keep everything that isn't kept yet; the names of all files."""
-        if self.folder is None:
-            return []
-        result.identification.save(self.folder / "identification")
-        if result.error is not None:
-            result.error.save(self.folder / "worst_case")
-        if result.over_poles is not None:
-            result.over_poles.save(self.folder / "over_poles")
-        if result.band is not None:
-            self.proved(result.band)  # refined
-        save_model(result.model, self.folder / _MODEL)
+    def finish(self, result: IdentifiedReduced | FamilyRun) -> None:
+        """Keep everything that isn't kept yet; of members that refute the class the sentences."""
         self.choices(result.run_file)
         self._text(_SUMMARY, result.summary() + "\n")
-        result.report(self.folder / _PAGE, static=self.static)
-        self._clear()
-        return self._written()
-
-    def finish_family(self, result: FamilyRun) -> None:
-        """Keep the family, its nominal and its page; of members that refute the class the sentences."""
-        self.choices(result.run_file)
-        self._text(_SUMMARY, result.summary() + "\n")
-        if self.folder is None or result.family is None:
+        if self.folder is None or result.model is None:
             return
-        result.family.save(self.folder / "family")
-        save_model(result.family.model, self.folder / _MODEL)
+        for name, numbers in result.numbers.items():
+            if numbers is not None:
+                numbers.save(self.folder / name)
+        save_model(result.model, self.folder / _MODEL)
         result.report(self.folder / _PAGE, static=self.static)
         self._clear()
+
+
+class Counted(TypedDict):
+    """Arguments of what is computed at many frequencies."""
+
+    executor: Executor | int | None
+    resume: Path | None
+    progress: Progress
+
+
+@dataclasses.dataclass(frozen=True)
+class Surroundings:
+    """Receiver of progress, folder of results, folder of finished frequencies where it is another one, and workers."""
+
+    told: Progress | None = None
+    folder: RunFolder = dataclasses.field(default_factory=RunFolder)
+    executor: Executor | int | None = None
+    resume: Path | None = None
+
+    def say(self, text: str) -> None:
+        """Say what is done now."""
+        if self.told is not None:
+            self.told(text, 0, 0)
+
+    def progress(self, text: str) -> Progress:
+        """Receiver of the progress of something, told in these words."""
+
+        def progress(_: str, done: int, count: int) -> None:
+            if self.told is not None:
+                self.told(text, done, count)
+
+        return progress
+
+    def begun(self, text: str) -> Progress:
+        """Say what begins; receiver of its progress."""
+        self.say(text)
+        return self.progress(text)
+
+    def counted(self, text: str) -> Counted:
+        """Workers, finished frequencies and progress, in these words."""
+        resume = self.resume or self.folder.unfinished
+        return {"executor": self.executor, "resume": resume, "progress": self.progress(text)}

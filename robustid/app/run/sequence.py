@@ -1,289 +1,92 @@
-"""From bounded data, or a problem, to the small model and its error: the steps in their order."""
+"""From bounded data, or a problem, to the small model and its error: the steps, and the list of them that a run carries out."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Sequence
-from concurrent.futures import Executor
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.advice import content
+from robustid.advice import Diagnosis, content, diagnose
 from robustid.app.run import findings
-from robustid.app.run.class_choice import (
-    chosen_points,
-    inflated,
-    inflated_problem,
-    placeholder,
-    with_inflation,
-    with_larger_gain,
-    with_prior,
-)
-from robustid.app.run.class_settings import PriorChoice
-from robustid.app.run.kept_out import compared, looked_at, split_points
-from robustid.app.run.measurements import Measured, Say, silent
-from robustid.app.run.modes import basis_of, with_fit, with_modes
-from robustid.app.run.proved_band import box_of_modes, proved_band, refined_band
+from robustid.app.run.class_choice import with_larger_gain
+from robustid.app.run.kept_out import compared, with_frequencies
+from robustid.app.run.measurements import Measured
+from robustid.app.run.modes import box_of_modes, held_box
+from robustid.app.run.posing import posed, posed_as_stated
 from robustid.app.run.results import IdentifiedReduced
 from robustid.app.run.run_file import RunFile
-from robustid.app.run.run_folder import RunFolder
-from robustid.app.run.settings import Modes
-from robustid.core import Progress, Source
-from robustid.data import FrequencyResponse, TimeRecord
-from robustid.errors import InconsistentDataError, InputError
+from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.work import Step, Untouched, Work, carry_out
+from robustid.core import Real
+from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody
 from robustid.guarantees import (
     Band,
     Contradiction,
     WorstCaseError,
     WorstCaseOverPoles,
+    band,
     contradiction,
     default_grid,
     worst_case_error,
     worst_case_over_poles,
 )
 from robustid.identification import Identification, MixedProblem, identify, largest_ratio
-from robustid.reduction import (
-    DoubtfulMode,
-    ModelWorth,
-    Reduction,
-    model_worth_having,
-    reduce_within_bounds,
-    why_not_compared,
-    without_doubtful_modes,
-)
+from robustid.reduction import model_worth_having, reduce_within_bounds, why_not_compared, without_doubtful_modes
 
 _PREDICTED = 2000  # samples that are compared with what the others leave, before the margin
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 
 
-@dataclasses.dataclass(frozen=True)
-class Surroundings:
-    """Receiver of progress, folder of results, and workers."""
-
-    say: Say = silent
-    folder: RunFolder = dataclasses.field(default_factory=RunFolder)
-    executor: Executor | int | None = None
-
-    def counted(self, words: str) -> dict[str, Any]:
-        """Arguments of what is computed at many frequencies: workers, finished ones, progress."""
-        return {"executor": self.executor, "resume": self.folder.unfinished, "progress": self.progress(words)}
-
-    def progress(self, words: str) -> Progress:
-        """Receiver of the progress of something."""
-        return lambda done, count: self.say(words, done, count)
-
-    def begun(self, words: str) -> Progress:
-        """Say what begins; receiver of its progress."""
-        self.say(words)
-        return self.progress(words)
-
-
 def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedReduced:
     """The result with modes, frequency points, bounds and prior as the run file says, or chosen."""
-    return _decided(*posed(run, data, around), around)
-
-
-def posed(
-    run: RunFile, data: Measured, around: Surroundings, *, reference: bool = True
-) -> tuple[RunFile, MixedProblem, Untouched]:
-    """The run file with every choice made, the problem that it poses about data, and what it keeps out of it.
-
-    `reference` is what becomes of a class that says nothing; see `with_prior`.
-    """
-    # Refuses what lacks a sample time or a bound, before anything is computed from it.
-    say, folder = around.say, around.folder
-    _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
-    folder.responses(data.responses)
-    run = with_modes(with_fit(run, data, say, folder), data, say)
-    run, problem, left = without_class(run, data, run.modes)
-    run = with_inflation(run, problem, say)
-    problem = inflated_problem(problem, run)
-    folder.choices(run)
-    run, problem = with_prior(run, problem, say, reference=reference)
-    folder.choices(run)
-    return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
-
-
-def without_class(run: RunFile, data: Measured, modes: Modes) -> tuple[RunFile, MixedProblem, Untouched]:
-    """The problem that data and modes pose, with a prior of no meaning, and the data that it keeps out."""
-    prior = placeholder(run, data)
-    dt = MixedProblem(frequency=data.responses, time=data.records, prior=prior).dt
-    parts = [chosen_points(run, frf) for frf in data.responses]
-    unused = [rest for _, rest in parts if rest is not None]
-    run, used, out, kind = _kept_out(run, data, [points for points, _ in parts], unused)
-    basis = basis_of(modes, dt, run.prior.passive)
-    problem = MixedProblem(frequency=used, time=data.records, prior=prior, parametric=basis)
-    records = data.excited if used else data.records
-    return run, problem, Untouched(out if kind == "lines" else unused, out, kind, used, records)
-
-
-def _kept_out(
-    run: RunFile, data: Measured, used: list[FrequencyResponse], unused: list[FrequencyResponse]
-) -> tuple[RunFile, list[FrequencyResponse], list[FrequencyResponse], str]:
-    """Withheld data that test the result: records or periods, frequency points that are not used, or one of so many."""
-    if data.withheld:
-        return run, used, list(data.withheld), data.kind
-    if unused:
-        return run.changed("withheld", every=0), used, unused, "lines"
-    kept: list[FrequencyResponse] = []
-    for k, frf in enumerate(used):
-        stated, used[k], out = split_points(run, frf)
-        kept += [out] if out is not None else []
-        run = stated if k == len(used) - 1 else run
-    return run, used, kept, "lines"
+    return _whole(*posed(run, data, around), around)
 
 
 def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> IdentifiedReduced:
     """The result with the class as the problem states it."""
-    run = dataclasses.replace(
-        run,
-        prior=PriorChoice.of(problem.prior),
-        modes=Modes(note="Parametric part as stated in the problem that was given in Python."),
-    )
-    _check(run, problem)
-    run = with_inflation(run, problem, around.say)
-    return _decided(
-        run,
-        inflated_problem(problem, run),
-        Untouched([], [], "lines", problem.frequency, () if problem.frequency else problem.time),
-        around,
-    )
+    return _whole(*posed_as_stated(run, problem, around), around)
 
 
-def _check(run: RunFile, problem: MixedProblem) -> None:
-    """Refuse what doesn't go with the data before anything is computed: frequencies beyond Nyquist, rigid-body modes."""
-    dt, bodies = problem.dt, run.small_model.rigid_body
-    heads = min(problem.entries.outputs, problem.entries.inputs)
-    if bodies and bodies != heads:
-        raise InputError(
-            f"[small_model] rigid_body must be {heads}, a mode for every signal on the side with fewer; got {bodies}"
-        )
-    pairs = zip(run.modes.hz or (), run.modes.damping or (), strict=True)
-    oscillating = [hz for hz, damping in pairs if dt and hz * math.sqrt(1 - damping**2) > 0.5 / dt * (1 + 1e-9)]
-    for place, stated in (("[modes] hz", oscillating), ("[worst_case] at_hz", run.worst_case.at_hz)):
-        if stated and dt and max(stated) > 0.5 / dt * (1 + 1e-9):
-            raise InputError(
-                f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
-            )
-
-
-class Untouched(NamedTuple):
-    """Data that were not used: frequency points with the bounds of those that were, and what was kept out, of one kind.
-
-    `measured` are those that were used, with the bounds as they were measured; a small model is simulated over `records`.
-    """
-
-    points: list[FrequencyResponse]
-    withheld: list[FrequencyResponse]
-    kind: str
-    measured: Sequence[FrequencyResponse | TimeRecord]
-    records: Sequence[TimeRecord] = ()
-
-    @property
-    def response(self) -> FrequencyResponse | None:
-        """The first frequency response that was used."""
-        return next((one for one in self.measured if isinstance(one, FrequencyResponse)), None)
-
-
-def _decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
+def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
-    refuted, result = _refuted(problem, around), _identified(run, problem, around)
+    work, asked = decided(run, problem, left, around), run.worst_case
+    small: list[Step] = [reduced, compared_with_fits, without_doubtful]
+    if not work.identification.consistent:
+        carry_out(work, [*small, diagnosed])
+    else:
+        carry_out(work, [*([proved] if asked.compute else []), *small, refined, seen_between])
+        nothing_said = work.content is not None and work.content.empty and asked.at_hz is None
+        if asked.compute and not nothing_said:
+            carry_out(work, [gridded, bounded, circled, refined, judged])
+        if asked.over_poles:
+            carry_out(work, [bounded_over_box, refined])
+    return IdentifiedReduced(
+        withheld=work.withheld,
+        identification=work.identification,
+        content=work.content,
+        reduction=work.small,
+        worth=work.worth,
+        worst_case=None if work.error is None else work.error.with_model(work.identification.model),
+        error=work.error,
+        over_poles=work.over_poles,
+        band=work.band,
+        findings=findings.sentences(work),
+        run_file=work.run,
+    )
+
+
+def decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> Work:
+    """Consistency with its proof; in a larger class, where the program chose one that is too small by a little."""
+    refuted, result = _refuted(problem, around), identified(run, problem, around)
     for _ in range(_LARGER):
         if (larger := with_larger_gain(run, result)) is None:
             break
         run, problem = larger
         around.folder.choices(run)
-        refuted, result = _refuted(problem, around), _identified(run, problem, around)
-    proved = _proved(run, result, around) if result.consistent and run.worst_case.compute else None
-    reduction, worth, doubtful = _small_model(run, result, proved, left, around)
-    found = [*findings.model_warnings(reduction, doubtful), *findings.class_words(run, result, around.say)]
-    said = content(result) if result.consistent and problem.frequency else None
-    if proved is not None:
-        proved = proved.with_model(reduction.model)
-        around.folder.proved(proved)
-    if said is not None and said.empty:
-        found.insert(0, said.summary())
-    place = len(found)  # of what is said of the band, when it is refined
-    if said is not None and not said.empty:
-        found.append(said.summary())
-    found.append(findings.sample_words(result, reduction.model, reduction.order))
-    if worth is not None:
-        found.append(worth.summary() + findings.withheld_words(worth, left.points or left.withheld))
-    else:
-        found.append(why_not_compared(result, reduction, left.response, left.records))
-    found += [findings.unused_words(reduction.model, points) for points in left.points]
-    error = small = over_poles = seen = None
-    if said is not None and said.empty and run.worst_case.compute and run.worst_case.at_hz is None:
-        found.append(findings.EMPTY)
-    elif result.consistent and run.worst_case.compute:
-        run, error, small = _bounded(run, result, reduction, left.withheld, proved, around)
-        proved = refined_band(proved, small)
-        seen = compared(small if proved is None else proved, left.withheld, left.kind)
-        found.append(findings.error_words(small, seen))
-        if run.modes.source is Source.DATA and run.modes.hz and not run.worst_case.over_poles:
-            found.append(findings.pole_words(result, run.modes))
-    if result.consistent and run.worst_case.over_poles:
-        over_poles, words = _over_poles(run, result, reduction, proved, around)
-        proved = refined_band(proved, small, over_poles)
-        found.append(words)
-    if proved is not None:
-        found.insert(place, findings.band_words(proved, small))
-    if left.kind != "lines":  # whether the records that were used bound the others, whatever the class is
-        found += [findings.mean_words(frf, left.withheld, left.kind) for frf in problem.frequency]
-    if seen is not None:
-        found = [*seen.sentences, *found] if seen.contradicted else [*found, *seen.sentences]
-    if refuted is not None and not result.consistent:
-        found.insert(0, refuted.summary())
-    return IdentifiedReduced(
-        withheld=seen,
-        identification=result,
-        content=said,
-        reduction=reduction,
-        worth=worth,
-        worst_case=error,
-        error=small,
-        over_poles=over_poles,
-        band=proved,
-        findings=tuple(found),
-        run_file=run,
-    )
-
-
-def _proved(run: RunFile, result: Identification, around: Surroundings) -> Band | None:
-    """The band that is proved at every frequency, kept as soon as it is there."""
-    around.say("proving the error at every frequency")
-    found = proved_band(result, box_of_modes(run.modes))
-    if found is not None:
-        around.folder.proved(found)
-    return found
-
-
-def _small_model(
-    run: RunFile,
-    result: Identification,
-    band: Band | None,
-    left: Untouched,
-    around: Surroundings,
-) -> tuple[Reduction, ModelWorth | None, tuple[DoubtfulMode, ...]]:
-    """The smallest model inside the bounds, or one that is significantly better, without modes that the data don't show."""
-    asked, told = run.small_model, around.begun("searching for the smallest order")
-    bodies = asked.rigid_body
-    body = None if bodies is None else RigidBody(bodies)
-    reduction = reduce_within_bounds(result, rigid_body=body, band=band, time_limit=asked.time_limit, progress=told)
-    worth = None
-    if not why_not_compared(result, reduction, left.response, left.records):
-        told = around.begun("comparing it with the best fits")
-        worth = model_worth_having(result, reduction, left.response, records=left.records, progress=told)
-        reduction = reduction if worth is None else worth.reduction
-    model, doubtful = without_doubtful_modes(result, reduction.model, left.points)
-    if model is not reduction.model:
-        margin = largest_ratio(result.problem, model)
-        reduction = dataclasses.replace(reduction, model=model, order=model.nstates, margin=margin, bound=np.inf)
-    return reduction, worth, doubtful
+        refuted, result = _refuted(problem, around), identified(run, problem, around)
+    return Work(run=run, identification=result, around=around, left=left, refuted=refuted, box=box_of_modes(run.modes))
 
 
 def _refuted(problem: MixedProblem, around: Surroundings) -> Contradiction | None:
@@ -299,66 +102,161 @@ def _refuted(problem: MixedProblem, around: Surroundings) -> Contradiction | Non
     return found
 
 
-def _identified(run: RunFile, problem: MixedProblem, around: Surroundings) -> Identification:
-    """Margin and model: those of an unfinished run of exactly this problem, or computed."""
-    before = around.folder.identification(problem, run.identify.objective)
+def identified(
+    run: RunFile, problem: MixedProblem, around: Surroundings, *, of: str = "", member: int | None = None
+) -> Identification:
+    """Margin and model: those of an unfinished run of exactly this problem, or computed; `of` a member of a family."""
+    before = around.folder.identification(problem, run.identify.objective, member=member)
     if before is not None:
-        around.say("margin and model: taken from the unfinished run")
+        around.say(f"margin and model{of}: taken from the unfinished run")
         return before
-    words = f"margin and model: {problem.coefficients} coefficients, {problem.samples} samples"
-    if problem.coefficients >= _MANY and problem.frequency:
+    if around.folder.folder is not None and problem.coefficients >= _MANY and problem.frequency:
         around.say(
             "so many coefficients take minutes; every = 2 in [frequency_points] halves them, and tests with the others"
         )
+    words = f"margin and model{of}: {problem.coefficients} coefficients, {problem.samples} samples"
     result = identify(problem, **run.identify.arguments, progress=around.begun(words))
     result = dataclasses.replace(result, choices=result.choices | run.choices)
-    around.folder.identified(result)
+    around.folder.identified(result, member=member)
     return result
 
 
-def _bounded(
-    run: RunFile,
-    result: Identification,
-    reduction: Reduction,
-    withheld: list[FrequencyResponse],
-    proved: Band | None,
-    around: Surroundings,
-) -> tuple[RunFile, WorstCaseError, WorstCaseError]:
-    """Error of every consistent system around the identified and around the small model, for which it is made small."""
-    asked, basis = run.worst_case, result.problem.parametric
-    if asked.at_hz is None:
-        poles = () if basis is None else basis.poles
-        grid = looked_at(default_grid(result.problem), poles, result.problem.plane, withheld)
-        run = run.changed("worst_case", at_hz=tuple((grid / (2 * np.pi)).tolist()))
-        around.folder.choices(run)
-    omega = 2 * np.pi * np.array(run.worst_case.at_hz)
+def proved(work: Work) -> None:
+    """The band that is proved at every frequency, kept as soon as it is there; at the poles as they stand where there is no box."""
+    result = work.identification
+    if not result.consistent:
+        return
+    work.around.say("proving the error at every frequency")
+    if result.prior.positive_real:  # a class without a gain has none
+        return
+    work.band = band(result, box=held_box(work.box, result.problem))
+    work.around.folder.proved(work.band)
+
+
+def reduced(work: Work) -> None:
+    """The smallest model inside the bounds."""
+    asked, told = work.run.small_model, work.around.begun("searching for the smallest order")
+    body = None if asked.rigid_body is None else RigidBody(asked.rigid_body)
+    work.reduction = reduce_within_bounds(
+        work.identification, rigid_body=body, band=work.band, time_limit=asked.time_limit, progress=told
+    )
+
+
+def compared_with_fits(work: Work) -> None:
+    """The small model, or one inside the bounds that is significantly better, beside the best fits of the data."""
+    result, left = work.identification, work.left
+    work.not_compared = why_not_compared(result, work.small, left.response, left.records)
+    if work.not_compared:
+        return
+    told = work.around.begun("comparing it with the best fits")
+    work.worth = model_worth_having(result, work.small, left.response, records=left.records, progress=told)
+    if work.worth is not None:
+        work.reduction = work.worth.reduction
+
+
+def without_doubtful(work: Work) -> None:
+    """The small model without modes that the data don't show."""
+    small = work.small
+    model, work.doubtful = without_doubtful_modes(work.identification, small.model, work.left.points)
+    if model is not small.model:
+        margin = largest_ratio(work.identification.problem, model)
+        work.reduction = dataclasses.replace(small, model=model, order=model.nstates, margin=margin, bound=np.inf)
+
+
+def diagnosed(work: Work) -> None:
+    """The causes of a contradiction, with what would resolve it; nothing where there is none."""
+    if work.diagnosis is None:
+        work.diagnosis = diagnosis_of(work.identification, work.around)
+
+
+def diagnosis_of(result: Identification, around: Surroundings) -> Diagnosis | None:
+    """The same of an identification."""
+    if result.status is not Status.INCONSISTENT:
+        return None
+    return diagnose(result, progress=around.begun("what would help: units, signs, other modes, other priors"))
+
+
+def seen_between(work: Work) -> None:
+    """The content of the class: what it says between the frequency points."""
+    if work.identification.problem.frequency:
+        work.content = content(work.identification)
+
+
+def refined(work: Work) -> None:
+    """The band around the model, kept, with what semidefinite programs add to it."""
+    if work.band is not None:
+        work.band = refined_band(work.band.with_model(work.model), work.error, work.over_poles)
+        work.around.folder.proved(work.band)
+
+
+def refined_band(found: Band, error: WorstCaseError | None, over_poles: WorstCaseOverPoles | None = None) -> Band:
+    """The band with the polygons that bound what it does: at exact poles those of the sweep, over a box those over the same box."""
+    polygons = error if found.box is None else over_poles
+    return found if polygons is None or not polygons.omega.size else found.with_polygons(polygons)
+
+
+def gridded(work: Work) -> None:
+    """The frequencies of the worst case: as stated, or the usual ones and some that were kept out."""
+    problem = work.identification.problem
+    poles = () if problem.parametric is None else problem.parametric.poles
+    work.run = with_frequencies(work.run, default_grid(problem), poles, problem.plane, work.left.withheld)
+    work.around.folder.choices(work.run)
+    work.omega = 2 * np.pi * np.array(work.run.worst_case.at_hz)
+
+
+def bounded(work: Work) -> None:
+    """The error of every consistent system around the model, which is made small for matrices."""
+    asked, result, around = work.run.worst_case, work.identification, work.around
+    omega = default_grid(result.problem) if work.omega is None else work.omega
     around.say(f"bounding the error at {omega.size} frequencies, at most {asked.time_limit:g} s")
     counted = around.counted("bounding the error at every frequency")
-    small = worst_case_error(result, model=reduction.model, omega=omega, known=proved, **asked.arguments, **counted)
-    if asked.circle:
-        small = small.completed(executor=around.executor)
-        small.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
-    return run, small.with_model(result.model), small
+    work.error = worst_case_error(result, model=work.model, omega=omega, known=work.band, **asked.arguments, **counted)
 
 
-def _over_poles(
-    run: RunFile, result: Identification, reduction: Reduction, proved: Band | None, around: Surroundings
-) -> tuple[WorstCaseOverPoles | None, str]:
-    """Error around the small model with the poles anywhere in the pole-uncertainty box, and what to say of it."""
-    modes = run.modes
+def circled(work: Work) -> None:
+    """The bound between the frequencies too, where it is asked for."""
+    asked, around = work.run.worst_case, work.around
+    if asked.circle and work.error is not None:
+        around.say("bounding the error between the frequencies")
+        work.error = work.error.completed(executor=around.executor)
+        work.error.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
+
+
+def judged(work: Work) -> None:
+    """The verdict on the band of the data that were kept out."""
+    shown = work.error if work.band is None else work.band
+    if shown is not None:
+        work.withheld = compared(shown, work.left.withheld, work.left.kind)
+
+
+def bounded_over_box(work: Work) -> None:
+    """The error around the small model with the poles anywhere in the box of the run file, or why there is none."""
+    modes = work.run.modes
     if not modes.hz or modes.hz_interval is None:
-        return None, "There are no poles to vary: over_poles has nothing to bound."
+        work.not_over_poles = "There are no poles to vary: over_poles has nothing to bound."
+        return
     try:
-        found = worst_case_over_poles(
-            result,
-            2 * np.pi * np.array(modes.hz_interval),
-            np.array(modes.damping_interval),
-            delay=modes.delay or 0,
-            model=reduction.model,
-            time_limit=run.worst_case.time_limit,
-            known=proved,
-            **around.counted("bounding the error over the pole-uncertainty box"),
-        )
+        bounded_over(work, 2 * np.pi * np.array(modes.hz_interval), np.array(modes.damping_interval), modes.delay or 0)
     except (InputError, InconsistentDataError) as error:
-        return None, f"The guarantee with the poles anywhere in the pole-uncertainty box could not be computed: {error}"
-    return found, findings.box_words(found)
+        work.not_over_poles = (
+            f"The guarantee with the poles anywhere in the pole-uncertainty box could not be computed: {error}"
+        )
+
+
+def bounded_over(
+    work: Work, omega_interval: Real, damping_interval: Real, delay: int, omega: Real | None = None
+) -> None:
+    """The error around the model with the poles anywhere in a box."""
+    words = "bounding the error over the pole-uncertainty box"
+    work.around.say(words)
+    work.over_poles = worst_case_over_poles(
+        work.identification,
+        omega_interval,
+        damping_interval,
+        delay=delay,
+        model=work.model,
+        omega=omega,
+        time_limit=work.run.worst_case.time_limit,
+        known=work.band,
+        **work.around.counted(words),
+    )

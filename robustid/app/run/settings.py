@@ -274,7 +274,7 @@ class SmallModel:
         help="Rigid-body modes of the small model, two poles at z = 1 each, as in `reduce_within_bounds`.",
         keyword="rigid_body",
     )
-    time_limit: float = key(
+    time_limit: float | None = key(
         _positive,
         120.0,
         help="Seconds after which the smallest order found so far is taken; so does Ctrl-C.",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Frozen, one_thread
+from robustid.core import Frozen, Progress, as_function, one_thread
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.fraction_steps import (
@@ -72,6 +73,18 @@ class FitStep(NamedTuple):
     def words(self) -> str:
         """The method, and which former criterion it lowered."""
         return f"{self.method} {self.former}".rstrip()
+
+
+def counted_steps(progress: Progress | None) -> Callable[[FitStep], None] | None:
+    """Receiver of the steps of a fit, who tells how many there were and what the last one gave."""
+    if (tell := as_function("progress", progress)) is None:
+        return None
+    numbers = itertools.count(1)
+
+    def told(step: FitStep) -> None:
+        tell(f"{step.method}, cost {step.cost:.6g}, kappa - 1 = {step.condition - 1:.1e}", next(numbers), 0)
+
+    return told
 
 
 def former_weight(number: int) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Real, StateMatrices
+from robustid.core import Budget, Complex, Real, StateMatrices, pass_on
 from robustid.errors import InputError
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.first_models import first_model
@@ -103,8 +103,7 @@ def predicted_error(
         problem, model = problem.transposed(), model.transposed()
     start = start_of(problem, model, stable=settings.stable)
     found = refine(problem, start, stable=settings.stable, limit=_STEPS, budget=budget)
-    if found.status is FitStatus.INTERRUPTED:
-        raise KeyboardInterrupt
+    pass_on(found.status is FitStatus.INTERRUPTED)
     power = np.abs(problem.values) ** 2
     size = (power + _LEVELS * power.mean(axis=0)) / (1 + _LEVELS)
     left = withheld_residuals(problem, found.fitted.model, stable=settings.stable, steps=_OTHERS, budget=budget)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Real, StateMatrices, as_count, as_flag, as_float, threads_for
+from robustid.core import Budget, Interruptible, Progress, Real, StateMatrices, as_count, as_flag, as_float, threads_for
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
-from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, former, former_weight
+from robustid.fitting.fraction.fraction_iteration import FitStatus, counted_steps, former, former_weight
 from robustid.fitting.records.record_fit import RecordFit
 from robustid.fitting.records.record_starts import starts
 from robustid.fitting.records.record_statement import (
@@ -50,7 +50,7 @@ def fit_records(
     weight: ArrayLike | None = None,
     start: control.StateSpace | None = None,
     time_limit: float | None = None,
-    progress: Callable[[FitStep], None] | None = None,
+    progress: Progress | None = None,
 ) -> RecordFit:
     """Fit a discrete model to records with their transients: least squares of the output error over all samples.
 
@@ -84,8 +84,8 @@ def fit_records(
         Where to start instead, a model of this order.
     time_limit : float, optional
         Seconds after which the best model so far is returned, with the status that says so; so does Ctrl-C.
-    progress : callable, optional
-        Called with every FitStep.
+    progress : callable (text, done, count), optional
+        As in `fit_mfd`.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def fit_records(
     else:
         candidates = iter([given_start(start, order, experiments[0])])
     with threads_for(order * question.inputs):
-        found, levels, outputs = _fitted(question, given, candidates, stable, budget, progress)
+        found, levels, outputs = _fitted(question, given, candidates, stable, budget, counted_steps(progress))
     return _result(question, experiments, outputs, found, levels, seconds)
 
 
@@ -176,7 +176,7 @@ def _best_start(
     these levels.
     """
     best, lowest = None, math.inf
-    try:
+    with Interruptible(lambda: best is not None) as search:
         for A, C in candidates:
             levels = np.append(posed.size if given is None else given, 1.0)
             outputs = Outputs(posed.criterion(levels[:-1], 1.0))
@@ -194,9 +194,7 @@ def _best_start(
                 best, lowest = (one._replace(history=first.history + one.history), levels), height
             if one.status is FitStatus.INTERRUPTED:
                 break
-    except KeyboardInterrupt:
-        if best is None:
-            raise
+    if search.interrupted and best is not None:
         best = best[0]._replace(status=FitStatus.INTERRUPTED), best[1]
     if best is None:
         raise InputError("`records` gave no first model of this `order`; lower it, or give a `start`")

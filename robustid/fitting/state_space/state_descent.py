@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Budget, Complex, StateMatrices, response_at
+from robustid.core import Budget, Complex, Interruptible, StateMatrices, response_at
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, fit_fraction
 from robustid.fitting.fraction.fraction_model import realise
@@ -243,11 +243,11 @@ def _seen_by_several(
     if settings.budget.over or wide.fitted.cost > min(_WORTH * found.fitted.cost, outputs.fitted(start).cost):
         return found, RESOLVED
     costs: list[float] = []
-    try:
+    with Interruptible() as judging:
         for part, one in ((RESOLVED, found), (SEVERAL, wide)):
             left = withheld_residuals(problem, one.fitted.model, stable=True, resolved=part, budget=settings.budget)
             costs.append(float(np.linalg.norm(problem.weight.apply(left))))
-    except KeyboardInterrupt:
+    if judging.interrupted:
         return found._replace(status=FitStatus.INTERRUPTED), RESOLVED
     if costs[0] <= costs[1]:
         return found, RESOLVED

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Budget, Complex, DampedSteps, Real
+from robustid.core import Budget, Complex, DampedSteps, Interruptible, Real
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
 from robustid.fitting.fraction.fraction_problem import FractionProblem
@@ -74,13 +74,13 @@ def refine(
     outputs = Outputs(problem) if outputs is None else outputs
     descent = _Descent(problem, start, resolved if stable else None, 0.0 if patient else _SLOW, budget, report, outputs)
     status = FitStatus.LIMIT
-    try:
+    with Interruptible() as steps:
         while len(descent.history) < limit:
             ended = descent.advance()
             if ended is not None:
                 status = ended
                 break
-    except KeyboardInterrupt:
+    if steps.interrupted:
         status = FitStatus.INTERRUPTED
     if descent.bound and status in (FitStatus.FLAT, FitStatus.STALLED):
         status = FitStatus.BOUNDARY

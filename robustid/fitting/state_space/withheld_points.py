@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Real
+from robustid.core import Budget, Complex, Real, pass_on
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.householder import triangle
@@ -73,8 +73,7 @@ def withheld_residual(
         problem, omega=problem.omega[~mask], values=problem.values[~mask], weight=problem.weight.select(~mask)
     )
     end = refine(others, model, stable=stable, limit=steps, resolved=resolved, budget=budget)
-    if end.status is FitStatus.INTERRUPTED:
-        raise KeyboardInterrupt
+    pass_on(end.status is FitStatus.INTERRUPTED)
     found = end.fitted
     return problem.values[mask] - found.C @ found.model.states(problem.xi[mask]) - found.D
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.run.proved_band import refined_band
+from robustid.app.run.sequence import refined_band
 from robustid.errors import FileFormatError, InputTypeError
 from support.edge_bands import edge_plant
 from support.forging import forge
@@ -165,7 +165,6 @@ def test_polygons_at_exact_poles_never_narrow_a_band_over_a_box(tmp_path):
             call()
     assert refined_band(band, exact) is band
     assert refined_band(plain(), exact).narrowed.any()
-    assert refined_band(None, exact) is None
     for name, one in (("exact", refined()), ("band", band)):
         one.save(tmp_path / name)
     polygons = json.loads((tmp_path / "exact.json").read_text())["polygons"]

@@ -1,4 +1,4 @@
-"""robustid look: what is in files; robustid new: a commented run file made from such looks."""
+"""robustid look: what is in files; robustid new: a commented run file made from such looks; robustid export: files for others."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Force
 from robustid.app.cli.screen import say
 
 
@@ -46,3 +47,37 @@ def new(
     edits += [line.strip() for line in text.splitlines() if line.startswith("# Check these lines")]
     say(console, *(f"edit first: {line}" for line in edits))
     say(console, f"next: robustid run {output} -o {output.stem}")
+
+
+def export(
+    source: Annotated[
+        Path, typer.Argument(help="A saved result (NAME, NAME.npz or NAME.json), a model or measurements.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Of a model: .m, .mat, .npz, .json, .h (C), .sos, .zpk, or .csv (poles); of a response .csv, .mat, .npz, .uff or"
+            " .s2p; of bounds .csv; of an identification its model, or with .csv its verdict.",
+        ),
+    ],
+    force: Force = False,
+) -> None:
+    """Write a model, a response or a table for another program: MATLAB, C, JSON, filters, universal files, CSV.
+
+    [bold]Example[/bold]: robustid export small.mat -o filter.h
+    """
+    from robustid.app.load_save import load, save
+
+    written_files.check_outputs([output], written_files.sources(source), force)
+    console = screen.console()
+    thing = load(source)
+    if output.suffix.lower() != ".csv" and type(thing).__name__ in (
+        "Identification",
+        "MatrixFraction",
+        "WorstCaseError",
+    ):
+        thing = thing.model
+    save(output, thing)
+    screen.say_written(console, output)

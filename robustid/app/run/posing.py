@@ -1,0 +1,105 @@
+"""The problem that a run poses about its data, with every choice that the run file leaves open, and what is kept out of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from robustid.app.run.class_choice import (
+    chosen_points,
+    inflated,
+    inflated_problem,
+    placeholder,
+    with_inflation,
+    with_prior,
+)
+from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.kept_out import split_points
+from robustid.app.run.measurements import Measured
+from robustid.app.run.modes import basis_of, with_fit, with_modes
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.settings import Modes
+from robustid.app.run.work import Untouched
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError
+from robustid.identification import MixedProblem
+
+
+def posed(
+    run: RunFile, data: Measured, around: Surroundings, *, reference: bool = True
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The run file with every choice made, the problem that it poses about data, and what it keeps out of it.
+
+    `reference` is what becomes of a class that says nothing; see `with_prior`.
+    """
+    # Refuses what lacks a sample time or a bound, before anything is computed from it.
+    folder = around.folder
+    _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
+    folder.responses(data.responses)
+    run = with_modes(with_fit(run, data, around), data, around)
+    run, problem, left = without_class(run, data, run.modes)
+    run = with_inflation(run, problem, around)
+    problem = inflated_problem(problem, run)
+    folder.choices(run)
+    run, problem = with_prior(run, problem, around, reference=reference)
+    folder.choices(run)
+    return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
+
+
+def without_class(run: RunFile, data: Measured, modes: Modes) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The problem that data and modes pose, with a prior of no meaning, and the data that it keeps out."""
+    prior = placeholder(run, data)
+    dt = MixedProblem(frequency=data.responses, time=data.records, prior=prior).dt
+    parts = [chosen_points(run, frf) for frf in data.responses]
+    unused = [rest for _, rest in parts if rest is not None]
+    run, used, out, kind = _kept_out(run, data, [points for points, _ in parts], unused)
+    basis = basis_of(modes, dt, run.prior.passive)
+    problem = MixedProblem(frequency=used, time=data.records, prior=prior, parametric=basis)
+    records = data.excited if used else data.records
+    return run, problem, Untouched(out if kind == "lines" else unused, out, kind, used, records)
+
+
+def _kept_out(
+    run: RunFile, data: Measured, used: list[FrequencyResponse], unused: list[FrequencyResponse]
+) -> tuple[RunFile, list[FrequencyResponse], list[FrequencyResponse], str]:
+    """Withheld data that test the result: records or periods, frequency points that are not used, or one of so many."""
+    if data.withheld:
+        return run, used, list(data.withheld), data.kind
+    if unused:
+        return run.changed("withheld", every=0), used, unused, "lines"
+    kept: list[FrequencyResponse] = []
+    for k, frf in enumerate(used):
+        stated, used[k], out = split_points(run, frf)
+        kept += [out] if out is not None else []
+        run = stated if k == len(used) - 1 else run
+    return run, used, kept, "lines"
+
+
+def posed_as_stated(
+    run: RunFile, problem: MixedProblem, around: Surroundings
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The same for a problem that states its class itself."""
+    note = "Parametric part as stated in the problem that was given in Python."
+    run = dataclasses.replace(run, prior=PriorChoice.of(problem.prior), modes=Modes(note=note))
+    _check(run, problem)
+    run = with_inflation(run, problem, around)
+    left = Untouched(measured=problem.frequency, records=() if problem.frequency else problem.time)
+    return run, inflated_problem(problem, run), left
+
+
+def _check(run: RunFile, problem: MixedProblem) -> None:
+    """Refuse what doesn't go with the data before anything is computed: frequencies beyond Nyquist, rigid-body modes."""
+    dt, bodies = problem.dt, run.small_model.rigid_body
+    heads = min(problem.entries.outputs, problem.entries.inputs)
+    if bodies and bodies != heads:
+        raise InputError(
+            f"[small_model] rigid_body must be {heads}, a mode for every signal on the side with fewer; got {bodies}"
+        )
+    pairs = zip(run.modes.hz or (), run.modes.damping or (), strict=True)
+    oscillating = [hz for hz, damping in pairs if dt and hz * math.sqrt(1 - damping**2) > 0.5 / dt * (1 + 1e-9)]
+    for place, stated in (("[modes] hz", oscillating), ("[worst_case] at_hz", run.worst_case.at_hz)):
+        if stated and dt and max(stated) > 0.5 / dt * (1 + 1e-9):
+            raise InputError(
+                f"{place} holds {max(stated):g} Hz, above the Nyquist frequency of {0.5 / dt:g} Hz at dt = {dt:g} s"
+            )
