@@ -13,6 +13,7 @@ from robustid.core import load_saved
 from robustid.identification import evaluate_support
 from support.forging import damage_is_named, forge, lower
 from support.problems import random_problem
+from support.refusals import refused
 from support.structure import about_structure
 
 
@@ -81,8 +82,7 @@ def test_files_are_no_larger_than_their_numbers(computed, saved):
 
 
 def test_an_identification_is_no_worst_case_error_and_the_other_way_round(computed, saved, tmp_path):
-    with pytest.raises(rid.errors.FileFormatError, match="not a saved identification"):
-        load_saved(saved, "identification")
+    refused("not a saved identification", load_saved, saved, "identification", error=rid.errors.FileFormatError)
     computed.identification.save(tmp_path / "result")
     with pytest.raises(rid.errors.FileFormatError, match="not a saved worst-case error"):
         load_saved(tmp_path / "result", "worst-case error")
@@ -99,8 +99,7 @@ def test_data_are_bound_to_the_proofs(saved):
         arrays = {name: archive[name] for name in archive.files}
     name = "identification/problem/time/0/y"
     np.savez(saved.with_suffix(".npz"), **arrays | {name: arrays[name] * 1.01})
-    with pytest.raises(rid.errors.FileFormatError, match="digest"):
-        rid.load(saved)
+    refused("digest", rid.load, saved, error=rid.errors.FileFormatError)
 
 
 @pytest.mark.parametrize("name", ["gain_bound", "decay_rate"])
@@ -111,8 +110,7 @@ def test_assumptions_are_bound_to_the_proofs(computed, saved, name, tmp_path):
         record = json.loads(text.read_text())
         record.get("identification", record)["problem"]["prior"][name] *= 1.01
         text.write_text(json.dumps(record))
-        with pytest.raises(rid.errors.FileFormatError, match="edited"):
-            rid.load(path)
+        refused("edited", rid.load, path, error=rid.errors.FileFormatError)
 
 
 FORGERIES = {
@@ -161,8 +159,7 @@ def test_open_polygons_are_refused(computed, tmp_path):
         value, certificates=value.certificates[:2], **{name: getattr(value, name)[[0, 0]] for name in names}
     )
     dataclasses.replace(computed, values=(two,), directions=2).save(tmp_path / "open")
-    with pytest.raises(rid.errors.FileFormatError, match="sides"):
-        rid.load(tmp_path / "open")
+    refused("sides", rid.load, tmp_path / "open", error=rid.errors.FileFormatError)
 
 
 def test_polygons_of_other_directions_prove_nothing(computed):
@@ -205,8 +202,7 @@ def test_a_full_disk_leaves_what_was_there_and_says_so(computed, saved, tmp_path
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(np, "savez_compressed", full)
-    with pytest.raises(rid.InputError, match="No space left"):
-        computed.save(saved)
+    refused("No space left", computed.save, saved)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
 
 

@@ -14,6 +14,7 @@ from robustid.guarantees.value_set import value_set_claims
 from robustid.identification import Functional, certify_support, evaluate_support
 from support.cases import slow
 from support.problems import CASES, MIXED_IS_SLOW, random_experiment, random_problem
+from support.refusals import refused
 
 K, RHO, DT = 2.0, 1.2, 0.1
 
@@ -275,16 +276,13 @@ def result():
     ],
 )
 def test_bad_input(result, options, error, words):
-    with pytest.raises(error, match=words):
-        rid.worst_case_error(result, **options)
+    refused(words, rid.worst_case_error, result, error=error, **options)
 
 
 def test_inconsistent_data_have_no_band():
     result = identified(rid.FrequencyResponse([1.0, 1.1], [5.0, -5.0], bound=0.01, dt=DT))
-    with pytest.raises(rid.errors.InconsistentDataError, match="no consistent system"):
-        rid.worst_case_error(result)
-    with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
-        rid.worst_case_error(result.model)
+    refused("no consistent system", rid.worst_case_error, result, error=rid.errors.InconsistentDataError)
+    refused("must be an Identification", rid.worst_case_error, result.model, error=rid.errors.InputTypeError)
 
 
 # Budgets.
@@ -322,7 +320,6 @@ def test_parameters_that_a_time_limit_leaves_out_are_named_and_completed(tmp_pat
     again = rid.load(tmp_path / "part")
     assert again.certified
     assert not again.parameters.complete
-    with pytest.raises(rid.InputError, match=r"call on_circle of completed\(\)"):
-        part.on_circle()
+    refused(r"call on_circle of completed\(\)", part.on_circle)
     np.testing.assert_array_equal(part.completed().parameters.upper, whole.parameters.upper)
     assert whole.completed() is whole

@@ -9,10 +9,9 @@ import scipy.linalg
 
 import robustid as rid
 from robustid.identification.model import modes_of
-from support import problems
 from support.bounds import rebound
 from support.cases import slow
-from support.matrix_plants import judge_margin, random_matrix_problem, response
+from support.matrix_plants import random_matrix_problem, response
 
 OMEGA = np.linspace(0.01, 3.1, 60)
 SOLVERS = "structured", "cvxpy"
@@ -40,15 +39,6 @@ def values(model):
 def near(one, other, tolerance):
     """Relative to the largest."""
     np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
-
-
-@pytest.mark.parametrize("case", [slow("frequency"), "mixed", "parametric"])
-def test_the_judge_of_matrices_agrees_with_that_of_one_channel(case):
-    problem = problems.random_problem(1, case, 12, noise=4.0)
-    margin = identified(problem).margin
-    assert margin > 0.1
-    assert judge_margin(problem) == pytest.approx(problems.judge_margin(problem), rel=1e-6)
-    assert margin == pytest.approx(judge_margin(problem), rel=1e-6)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -11,6 +11,7 @@ from robustid.bases import stack_bases
 from robustid.errors import InputTypeError
 from support.cases import seeds, slow
 from support.edge_bands import KINDS, edge_plant
+from support.refusals import refused
 
 POLE = np.exp(-0.05 + 1j * np.sqrt(1 - 0.05**2))
 SEEDS = seeds(1, 20)
@@ -145,28 +146,24 @@ def test_bad_input():
         ),
         (lambda: rid.band(problem).circle, "`model` is missing"),
     ]:
-        with pytest.raises(rid.InputError, match=sentence):
-            call()
+        refused(sentence, call)
     for call, sentence in [
         (lambda: rid.band(3.0), "`thing` must be an Identification or a MixedProblem; got float"),
         (lambda: rid.band(problem, box=3.0), r"`box` must be a KautzSuggestion or a pair of \(M, 2\) arrays"),
     ]:
-        with pytest.raises(InputTypeError, match=sentence):
-            call()
+        refused(sentence, call, error=InputTypeError)
 
 
 def test_a_box_has_as_many_rows_of_frequencies_as_of_dampings():
     problem, (omega, damping) = simple()
-    with pytest.raises(rid.InputError, match="`box` must"):
-        rid.band(problem, box=(np.tile(omega, (2, 1)), damping))
+    refused("`box` must", rid.band, problem, box=(np.tile(omega, (2, 1)), damping))
 
 
 def test_a_box_needs_pairs_of_one_delay():
     problem, (omega, damping) = simple()
     pairs = stack_bases([rid.kautz(10.0, 0.05, dt=0.1), rid.kautz(20.0, 0.05, dt=0.1, delay=1)])
     box = np.concatenate([omega, 2 * omega]), np.concatenate([damping, damping])
-    with pytest.raises(rid.InputError, match="`box` needs pairs of one delay"):
-        rid.band(dataclasses.replace(problem, parametric=pairs), box=box)
+    refused("`box` needs pairs of one delay", lambda: rid.band(dataclasses.replace(problem, parametric=pairs), box=box))
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous", "symmetric"])
