@@ -1,5 +1,6 @@
 """Certificates in ball arithmetic, against the same formulas in 60 digits and against the evaluation in doubles."""
 
+import dataclasses
 import sys
 
 import mpmath as mp
@@ -13,6 +14,7 @@ from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.exact_evaluation import enclose_margin, enclose_support
 from robustid.identification.formulation import ExactFormulation, formulate_in
 from robustid.identification.formulation.taylor_columns import ShiftColumns
+from support.bounds import rebound
 from support.cases import slow
 from support.problems import random_problem
 
@@ -34,19 +36,11 @@ FORMS = {
 
 def arrays(name):
     case, length, extra = FORMS[name]
-    problem = random_problem(3, case, 10)
-    frequency = problem.frequency
+    problem = dataclasses.replace(random_problem(3, case, 10), parameter_bounds=extra.get("ends"))
     if extra.get("tilt"):
-        f = frequency[0]
-        tilt = 0.4 * np.exp(1j * np.arange(f.omega.size))
-        frequency = rid.FrequencyResponse(f.omega, f.values, bound=rid.Bound(f.bound, tilt=tilt), dt=f.dt)
-    problem = rid.MixedProblem(
-        frequency=frequency,
-        time=problem.time,
-        prior=problem.prior,
-        parametric=problem.parametric,
-        parameter_bounds=extra.get("ends"),
-    )
+        (frf,) = problem.frequency
+        tilted = rebound(frf, tilt=0.4 * np.exp(1j * np.arange(frf.omega.size)))
+        problem = dataclasses.replace(problem, frequency=tilted)
     data = formulate_in(problem, Sections.shift(length) if length else None).data
     return data.rows, data.sarason
 

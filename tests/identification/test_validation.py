@@ -40,6 +40,10 @@ def simulate(model, u, start=None):
     return y
 
 
+def values_at(model, points):
+    return np.array([model.D + model.C @ np.linalg.solve(z * np.eye(model.nstates) - model.A, model.B) for z in points])
+
+
 def test_record_from_rest():
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -102,13 +106,8 @@ def test_periodic_record_agrees_with_the_lines_of_its_spectrum():
     # Poles 1e-6 from the circle: no transient would have died out.
     rng = np.random.default_rng(1)
     model, u = random_model(rng, zeta=1e-6), rng.standard_normal((512, 3))
-    spectrum = np.fft.rfft(u, axis=0)
-    points = np.exp(2j * np.pi * np.arange(257) / 512)
-    lines = [
-        (model.D + model.C @ np.linalg.solve(z * np.eye(5) - model.A, model.B)) @ s
-        for z, s in zip(points, spectrum, strict=True)
-    ]
-    y = np.fft.irfft(np.array(lines), 512, axis=0)
+    lines = values_at(model, np.exp(2j * np.pi * np.arange(257) / 512)) @ np.fft.rfft(u, axis=0)[..., None]
+    y = np.fft.irfft(lines[..., 0], 512, axis=0)
     result = validate(model, TimeRecord(u, y, dt=DT, initial="periodic"))
     assert np.max(np.abs(result.residuals)) < 1e-8 * np.max(np.abs(y))
 
@@ -117,21 +116,10 @@ def test_periodic_record_agrees_with_the_lines_of_its_spectrum():
 def test_frequency_response(dt):
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        if dt is None:
-            model = control.StateSpace(
-                np.diag([-1.0, -20.0]),
-                rng.standard_normal((2, 3)),
-                rng.standard_normal((2, 2)),
-                rng.standard_normal((2, 3)),
-                0,
-            )
-        else:
-            model = random_model(rng)
+        B, C, D = (rng.standard_normal(shape) for shape in ((2, 3), (2, 2), (2, 3)))
+        model = random_model(rng) if dt else control.StateSpace(np.diag([-1.0, -20.0]), B, C, D, 0)
         omega = np.linspace(1, 300, 50)
-        points = 1j * omega if dt is None else np.exp(1j * omega * dt)
-        values = np.array(
-            [model.D + model.C @ np.linalg.solve(z * np.eye(model.nstates) - model.A, model.B) for z in points]
-        )
+        values = values_at(model, np.exp(1j * omega * dt) if dt else 1j * omega)
         noise = 0.1 * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
         result = validate(model, FrequencyResponse(omega, values + noise, bound=0.25, dt=dt))
         np.testing.assert_allclose(result.residuals, noise, atol=1e-9 * np.max(np.abs(values)))
