@@ -9,11 +9,21 @@ import robustid as rid
 from robustid.core import digest
 
 
+def kept(thing, path):
+    """What comes back from the files of a thing."""
+    thing.save(path)
+    return rid.load(path)
+
+
+def arrays_of(path):
+    with np.load(path.with_suffix(".npz")) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
 def forge(path, change=lambda _: {}, text=lambda _: None):
     """Change the arrays and the text, and bind both to each other again, as an author of forgeries would."""
     numbers, words = path.with_suffix(".npz"), path.with_suffix(".json")
-    with np.load(numbers) as archive:
-        arrays = {name: archive[name] for name in archive.files}
+    arrays = arrays_of(path)
     arrays |= change(arrays)
     np.savez(numbers, **arrays)
     record = json.loads(words.read_text(encoding="utf-8"))
@@ -24,6 +34,10 @@ def forge(path, change=lambda _: {}, text=lambda _: None):
 
 def lower(name, by=1e-6):
     return lambda arrays: {name: arrays[name] - by * np.abs(arrays[name]).max()}
+
+
+def scaled(name, by):
+    return lambda arrays: {name: arrays[name] * by}
 
 
 def damage_is_named(path, suffix, word):

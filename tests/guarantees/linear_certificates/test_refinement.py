@@ -12,7 +12,7 @@ import robustid as rid
 from robustid.app.run.proved_band import refined_band
 from robustid.errors import FileFormatError, InputTypeError
 from support.edge_bands import edge_plant
-from support.forging import forge
+from support.forging import arrays_of, forge, kept
 from support.refusals import refused
 
 OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
@@ -52,11 +52,6 @@ BOX = np.array([[9.99, 10.01]]), np.array([[0.049, 0.051]])
 def over_box():
     plain = rid.band(identified(), omega=OMEGA, box=BOX)
     return plain, plain.refine(identified(), omega=AT[:2])
-
-
-def arrays_of(path):
-    with np.load(path.with_suffix(".npz")) as archive:
-        return {name: archive[name] for name in archive.files}
 
 
 def supports(path):
@@ -203,14 +198,12 @@ def test_polygons_of_another_problem_or_kind_are_refused():
 @pytest.mark.parametrize("over", ["exact poles", "a box"])
 def test_a_refined_band_comes_back_from_its_files(tmp_path, over):
     found = refined() if over == "exact poles" else over_box()[1]
-    found.save(tmp_path / "band")
-    again = rid.load(tmp_path / "band")
+    again = kept(found, tmp_path / "band")
     np.testing.assert_array_equal(again.omega, found.omega)
     np.testing.assert_array_equal(again.upper, found.upper)
     assert again.certified
     assert again.summary() == found.summary()
-    plain().save(tmp_path / "plain")
-    assert rid.load(tmp_path / "plain").polygons is None
+    assert kept(plain(), tmp_path / "plain").polygons is None
 
 
 @pytest.mark.parametrize("over", ["exact poles", "a box"])
