@@ -13,7 +13,7 @@ from robustid.identification.formulation import formulate_in
 from robustid.identification.truncation import BalancedContraction
 from robustid.reduction import hankel_singular_values
 from support.cases import slow
-from support.forging import forge
+from support.forging import forge, kept
 from support.forms import ACCURACY, both_forms, check_certificate, check_model, compared, nothing_below, posed_problem
 from support.problems import identified, in_units, random_problem
 from support.refusals import refused
@@ -98,8 +98,7 @@ def test_oversampled_lines_that_taylor_coefficients_can_not_answer(noise, status
     # The exact form of every other or third line: its margin is at most this one.
     some = rid.MixedProblem(frequency=problem.frequency[0].select(slice(None, None, 8)), prior=problem.prior)
     assert rid.identify(some, form="orthonormal").margin_lower <= result.margin + 1e-9
-    result.save(tmp_path / "sections")
-    again = rid.load(tmp_path / "sections")
+    again = kept(result, tmp_path / "sections")
     assert again.formulation.repeated == result.formulation.repeated
     assert (again.margin, again.margin_lower, again.status) == (result.margin, result.margin_lower, result.status)
     assert np.array_equal(again.model.A, result.model.A)

@@ -12,7 +12,7 @@ import pytest
 import robustid as rid
 from robustid.bases import FunctionKind
 from robustid.core import Choice, Source
-from support.forging import damage_is_named, forge
+from support.forging import damage_is_named, forge, kept
 from support.forms import posed_problem
 from support.matrix_plants import random_matrix_problem
 from support.problems import CASES, random_problem
@@ -52,8 +52,7 @@ KEPT = {case: (random_problem(2, case, 12), {"objective": "gain"}, "verified") f
 def test_round_trip_is_exact_and_verified_again(name, tmp_path):
     problem, options, words = KEPT[name]
     result = rid.identify(problem, **options)
-    result.save(tmp_path / "a.b")
-    again = rid.load(tmp_path / "a.b")
+    again = kept(result, tmp_path / "a.b")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.b.json", "a.b.npz"]
     assert np.array_equal(again.coefficients, result.coefficients)
     assert np.array_equal(again.parameters, result.parameters)
