@@ -11,7 +11,7 @@ import pytest
 import robustid as rid
 from robustid.core import load_saved
 from robustid.identification import evaluate_support
-from support.forging import arrays_of, damage_is_named, forge, kept, lower, scaled
+from support.forging import arrays_of, forge, kept, lower, scaled
 from support.problems import random_problem
 from support.refusals import refused
 from support.structure import about_structure
@@ -84,11 +84,6 @@ def test_an_identification_is_no_worst_case_error_and_the_other_way_round(comput
     computed.identification.save(tmp_path / "result")
     with pytest.raises(rid.errors.FileFormatError, match="not a saved worst-case error"):
         load_saved(tmp_path / "result", "worst-case error")
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".json"])
-def test_truncated_or_missing_files_are_named(saved, suffix):
-    damage_is_named(saved, suffix, "bounds")
 
 
 def test_data_are_bound_to_the_proofs(saved):

@@ -1,6 +1,5 @@
 import contextlib
 import dataclasses
-import json
 import pickle
 import subprocess
 import sys
@@ -12,7 +11,7 @@ import pytest
 import robustid as rid
 from robustid.bases import FunctionKind
 from robustid.core import Choice, Source
-from support.forging import damage_is_named, forge, kept
+from support.forging import forge, kept
 from support.forms import posed_problem
 from support.matrix_plants import random_matrix_problem
 from support.problems import CASES, random_problem
@@ -110,8 +109,11 @@ def test_choices_and_kinds_of_functions_survive(saved):
 
 @pytest.mark.parametrize("suffix", [".npz", ".json"])
 def test_truncated_or_missing_files_are_named(saved, suffix):
-    _, path = saved
-    damage_is_named(path, suffix, "result")
+    target = saved[1].with_suffix(suffix)
+    target.write_bytes(target.read_bytes()[:100])
+    refused("result", rid.load, saved[1], error=rid.errors.FileFormatError)
+    target.unlink()
+    refused("missing", rid.load, saved[1], error=rid.errors.FileFormatError)
 
 
 def test_files_that_do_not_belong_together_are_refused(saved, tmp_path):
@@ -125,13 +127,6 @@ def test_a_claim_that_the_numbers_do_not_support_is_seen(saved):
     _, path = saved
     forge(path, text=lambda record: record["claim"]["certificate"].update(value=record["claim"]["margin"]))
     assert not rid.load(path).verification.passed
-
-
-def test_an_edited_text_is_not_that_of_the_numbers(saved):
-    _, path = saved
-    text = path.with_suffix(".json")
-    text.write_text(json.dumps(json.loads(text.read_text()) | {"objective": "gain"}))
-    refused("edited", rid.load, path, error=rid.errors.FileFormatError)
 
 
 def test_a_pickle_inside_is_refused(saved):

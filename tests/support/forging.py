@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 
 import robustid as rid
 from robustid.core import digest
@@ -38,14 +37,3 @@ def lower(name, by=1e-6):
 
 def scaled(name, by):
     return lambda arrays: {name: arrays[name] * by}
-
-
-def damage_is_named(path, suffix, word):
-    """One of the two files of a result cut off, then gone: each has its sentence."""
-    target = path.with_suffix(suffix)
-    target.write_bytes(target.read_bytes()[:100])
-    with pytest.raises(rid.errors.FileFormatError, match=word):
-        rid.load(path)
-    target.unlink()
-    with pytest.raises(rid.errors.FileFormatError, match="missing"):
-        rid.load(path)
