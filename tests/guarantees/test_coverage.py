@@ -98,7 +98,7 @@ def test_the_band_of_a_worst_case_error_and_of_a_box():
     ],
 )
 def test_unlike_responses_are_refused(band, change, words):
-    plain = {"values": np.ones(3), "bound": 0.1, "omega": OMEGA, "dt": 0.5} | change
+    plain = {"values": np.ones(3), "bound": 0.1} | change
     refused(words, lambda: rid.coverage(band, response(**plain)))
 
 

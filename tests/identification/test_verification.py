@@ -9,7 +9,6 @@ import pytest
 from scipy.signal import lfilter
 
 import robustid as rid
-from robustid.core import simulate
 from robustid.identification import MarginCertificate
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation import Candidate, ExactFormulation
@@ -192,24 +191,6 @@ def test_nyquist_line_of_a_periodic_record_counts_once():
     problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=0.5, decay_rate=1.1))
     assert problem.coefficients == 1
     assert rid.identify(problem).margin == pytest.approx((w - 0.5) / bound, abs=1e-5)
-
-
-@pytest.mark.parametrize("seeds", [1, slow(5)])
-def test_reduction_of_a_record_from_an_unknown_state_keeps_its_bounds(seeds):
-    """Free responses are fitted for the largest residual, as the claim is: all stay within their bounds."""
-    for seed in range(seeds):
-        experiment = rid.datasets.flexible_structure(seed=1)
-        rng = np.random.default_rng(seed)
-        u = np.sign(rng.standard_normal(300))
-        y = simulate(experiment.truth, u[:, None])[0][270:, 0] + 0.02 * rng.uniform(-1, 1, 30)
-        free = rid.TimeRecord(u[270:], y, dt=0.01, bound=0.02, initial="free")
-        basis = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
-        prior = rid.Prior(gain_bound=0.02, decay_rate=1.3)
-        result = rid.identify(rid.MixedProblem(time=free, prior=prior, parametric=basis))
-        assert result.consistent
-        reduction = rid.reduce_within_bounds(result)
-        assert reduction.margin <= 1 + 1e-5
-        assert reduction.order < result.order
 
 
 def test_valid_repeated_pairs_are_accepted_and_unstable_systems_refused():
