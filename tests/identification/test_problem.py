@@ -29,6 +29,10 @@ def problem(**changes):
         ({"gain_bound": -1.0}, "gain_bound.*positive"),
         ({"gain_bound": np.nan}, "gain_bound.*finite"),
         ({"gain_bound": np.inf}, "gain_bound.*finite"),
+        ({"scaling": [[1.0, 0.0]]}, "`scaling` must be positive"),
+        ({"scaling": [[1.0, -2.0]]}, "`scaling` must be positive"),
+        ({"scaling": [[1.0, np.inf]]}, "`scaling` must be finite"),
+        ({"scaling": [1.0, 2.0]}, "`scaling` must have"),
     ],
 )
 def test_prior(changes, words):
@@ -106,6 +110,7 @@ SIZE = rid.errors.SizeError
         ({}, {"solver": 3}, rid.InputError, "solver"),
         ({}, {"accuracy": 0.0}, rid.InputError, "accuracy"),
         ({}, {"form": "pick"}, rid.InputError, "form"),
+        ({}, {"time_limit": 0}, rid.InputError, "`time_limit` must be"),
         ({"parametric": [pair(10.0)] * 2, "time": RECORD}, {}, rid.InputError, r"apart.*(Re|Im) 1\.592 Hz"),
         ({"parametric": pair(1.0, 3.0, 5.0)}, {}, rid.InputError, "parametric"),  # more functions than samples
         (record(4) | {"parametric": pair(10.0, delay=9)}, {}, rid.InputError, "does not act"),

@@ -7,6 +7,7 @@ import numpy as np
 import scipy.signal
 
 import robustid as rid
+from robustid.bases import ParametricBasis
 from support.cases import slow
 
 CASES = ("time", "frequency", "mixed", "parametric")
@@ -30,7 +31,7 @@ class Truth:
 
     numerator: np.ndarray
     denominator: np.ndarray
-    basis: rid.bases.ParametricBasis | None
+    basis: ParametricBasis | None
     weights: np.ndarray | None
 
     def response(self, angle):
