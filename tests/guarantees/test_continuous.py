@@ -10,7 +10,7 @@ import robustid as rid
 from support.cases import seeds, slow
 from support.half_plane import edge_truth
 from support.passive import passive_edge
-from support.refusals import refused
+from support.refused import refused
 
 
 def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):

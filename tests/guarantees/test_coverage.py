@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from support.refusals import refused
+from support.refused import refused
 
 OMEGA = np.array([1.0, 2.0, 3.0])
 

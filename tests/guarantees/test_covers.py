@@ -8,7 +8,7 @@ from robustid.core import responses
 from robustid.guarantees import norm_of_bounds, robust_stability_margin, uncertainty_weight
 from robustid.guarantees.covers import cover_bound
 from support.cases import seeds
-from support.refusals import refused
+from support.refused import refused
 
 DT = 0.1
 EDGES = np.linspace(0, np.pi / DT, 41)

@@ -9,7 +9,7 @@ import robustid as rid
 from robustid.guarantees import diameter
 from support.cases import slow
 from support.problems import random_problem
-from support.refusals import refused
+from support.refused import refused
 
 
 def real_line(bound, *, K=1.0, rho=1.4, value=0.0):

@@ -13,7 +13,7 @@ from robustid.core import load_saved
 from robustid.identification import evaluate_support
 from support.forging import arrays_of, forge, kept, lower, scaled
 from support.problems import random_problem
-from support.refusals import refused
+from support.refused import refused
 from support.structure import about_structure
 
 

@@ -14,7 +14,7 @@ from robustid.guarantees.value_set import value_set_claims
 from robustid.identification import Functional, certify_support, evaluate_support
 from support.cases import slow
 from support.problems import CASES, random_experiment, random_problem
-from support.refusals import refused
+from support.refused import refused
 
 K, RHO, DT = 2.0, 1.2, 0.1
 

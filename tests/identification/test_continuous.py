@@ -11,7 +11,7 @@ from support.cases import seeds
 from support.half_plane import edge_truth, smallest_gain
 from support.passive import smallest_factor
 from support.problems import identified
-from support.refusals import refused
+from support.refused import refused
 
 
 def problem_of(omega, values, bound, gain, decay, **more):

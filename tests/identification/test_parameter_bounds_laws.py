@@ -13,7 +13,7 @@ from robustid.report.assumptions import assumptions
 from support.cases import slow
 from support.intervals import FREE, KINDS, bounded, inside, tight, truthful
 from support.problems import identified, in_units, random_problem
-from support.refusals import refused
+from support.refused import refused
 from support.structure import about_structure
 
 # --- laws -------------------------------------------------------------------------------------------------------------

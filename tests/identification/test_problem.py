@@ -5,7 +5,7 @@ import pytest
 
 import robustid as rid
 from support.problems import identified
-from support.refusals import refused
+from support.refused import refused
 
 pytestmark = pytest.mark.quick
 

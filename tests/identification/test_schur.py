@@ -12,7 +12,7 @@ from robustid.identification.truncation import balanced_from_impulse
 from robustid.reduction import balanced_truncation, hankel_singular_values
 from support.cases import seeds, slow
 from support.reduction_models import gap, points_of
-from support.refusals import refused
+from support.refused import refused
 
 CIRCLE = np.exp(1j * np.linspace(0, np.pi, 2001))
 

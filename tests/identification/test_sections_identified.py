@@ -16,7 +16,7 @@ from support.cases import slow
 from support.forging import forge, kept
 from support.forms import ACCURACY, both_forms, check_certificate, check_model, compared, nothing_below, posed_problem
 from support.problems import identified, in_units, random_problem
-from support.refusals import refused
+from support.refused import refused
 from support.sections_of_lines import CIRCLE, coordinates, lines, oversampled
 from support.taylor_members import at, random_member
 

@@ -15,7 +15,7 @@ from support.forging import forge, kept
 from support.forms import posed_problem
 from support.matrix_plants import random_matrix_problem
 from support.problems import CASES, random_problem
-from support.refusals import refused
+from support.refused import refused
 
 
 @pytest.fixture(scope="module")

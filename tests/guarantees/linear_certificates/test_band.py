@@ -11,7 +11,7 @@ from robustid.bases import stack_bases
 from robustid.errors import InputTypeError
 from support.cases import seeds, slow
 from support.edge_bands import KINDS, edge_plant
-from support.refusals import refused
+from support.refused import refused
 
 POLE = np.exp(-0.05 + 1j * np.sqrt(1 - 0.05**2))
 SEEDS = seeds(1, 20)

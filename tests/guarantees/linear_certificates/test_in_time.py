@@ -11,7 +11,7 @@ from robustid.guarantees.linear.samples import samples_of
 from support.cases import seeds
 from support.edge_bands import DT, KINDS, SIZE, edge_plant
 from support.problems import in_units, random_experiment
-from support.refusals import refused
+from support.refused import refused
 
 SAMPLED = [kind for kind in KINDS if kind not in ("continuous", "roll-off")]
 SEEDS = seeds(1, 40)

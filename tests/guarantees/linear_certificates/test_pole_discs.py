@@ -218,5 +218,6 @@ def test_tails_of_steps_of_a_group_are_bounded(seed):
     for a, c in zip(poles, cs, strict=True):
         tail = 2 * np.abs(((c * a**n) / (1 - a)).sum(axis=1).real)
         worst = np.maximum.accumulate(tail[::-1])[::-1]
-        rounding = 1e-11 * np.abs(c).sum() / np.abs(1 - a).min()
-        assert np.all(worst <= found @ np.abs(parts_of_group(series, a, c, 2)) + rounding)
+        assert np.all(
+            worst <= found @ np.abs(parts_of_group(series, a, c, 2)) + 1e-11 * np.abs(c).sum() / np.abs(1 - a).min()
+        )

@@ -13,7 +13,7 @@ from robustid.app.run.proved_band import refined_band
 from robustid.errors import FileFormatError, InputTypeError
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
-from support.refusals import refused
+from support.refused import refused
 
 OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
 AT = OMEGA[[1, 2, 4]]
