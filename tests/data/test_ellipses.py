@@ -17,7 +17,8 @@ from robustid.identification.formulation.taylor_columns import ShiftColumns, Shi
 from robustid.identification.solver.paths import margin_path
 from robustid.report.assumptions import experiments
 from support.bounds import rebound
-from support.problems import judge_margin, random_problem
+from support.matrix_plants import judge_margin
+from support.problems import random_problem
 from support.refusals import refusals
 
 

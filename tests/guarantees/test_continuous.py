@@ -10,6 +10,7 @@ import robustid as rid
 from support.cases import seeds, slow
 from support.half_plane import edge_truth
 from support.passive import passive_edge
+from support.refusals import refused
 
 
 def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
@@ -19,9 +20,8 @@ def edge_problem(seed, gain=0.5, decay=1.5, points=7, bound=0.02):
     mode = control.ss(control.tf([rng.uniform(-2, 2), rng.uniform(-20, 20)], [1, 2 * 0.02 * 5, 25]))
     truth = edge_truth(rng, gain, decay, int(rng.integers(1, 5)), 4.0) + mode
     noise = bound * np.exp(2j * np.pi * rng.random(points))
-    frf = rid.FrequencyResponse(
-        omega, truth(1j * omega) + noise, bound=bound * (1 + 1e-3)
-    )  # beyond the accuracy of the margin
+    wide = bound * (1 + 1e-3)  # beyond the accuracy of the margin
+    frf = rid.FrequencyResponse(omega, truth(1j * omega) + noise, bound=wide)
     prior = rid.Prior(gain_bound=gain * (1 + 1e-9), decay=decay)
     return truth, rid.MixedProblem(frequency=frf, prior=prior, parametric=rid.kautz(5.0, 0.02, dt=0))
 
@@ -95,10 +95,11 @@ def test_a_small_model_is_continuous_and_inside_every_bound():
 def test_what_needs_a_sample_time_says_so():
     _, problem = edge_problem(1, points=6)
     found = rid.identify(problem)
-    with pytest.raises(rid.InputError, match="a response in time needs a sample time"):
-        rid.guarantee.response_tube(found)
-    with pytest.raises(rid.InputError, match="`model` must be continuous"):
-        rid.worst_case_error(found, model=control.ss(0.5, 1, 1, 0, 0.1), omega=[1.0])
+    refused("a response in time needs a sample time", rid.guarantee.response_tube, found)
+    refused("`model` must be continuous", rid.worst_case_error, found, model=SAMPLED, omega=[1.0])
+
+
+SAMPLED = control.ss(0.5, 1, 1, 0, 0.1)
 
 
 def flexible():
@@ -136,7 +137,6 @@ def test_the_margin_of_a_continuous_loop_is_that_of_a_fine_grid(kind):
     assert found.margin == pytest.approx(1 / gain.max(), rel=3e-3)
     assert found.margin <= 1 / gain.max() * (1 + 1e-9)
     assert found.edges[-1] == np.inf
-    with pytest.raises(rid.InputError, match="must end at infinity"):
-        rid.guarantee.robust_stability_margin(nominal, controller, edges[:-1], bound[:-1])
-    with pytest.raises(rid.InputError, match="`controller` must be continuous"):
-        rid.guarantee.robust_stability_margin(nominal, control.ss(0.5, 1, 1, 0, 0.1), edges, bound)
+    margin = rid.guarantee.robust_stability_margin
+    refused("must end at infinity", margin, nominal, controller, edges[:-1], bound[:-1])
+    refused("`controller` must be continuous", margin, nominal, SAMPLED, edges, bound)

@@ -4,11 +4,11 @@ import control
 import numpy as np
 import pytest
 
-import robustid as rid
 from robustid.core import responses
 from robustid.guarantees import norm_of_bounds, robust_stability_margin, uncertainty_weight
 from robustid.guarantees.covers import cover_bound
 from support.cases import seeds
+from support.refusals import refused
 
 DT = 0.1
 EDGES = np.linspace(0, np.pi / DT, 41)
@@ -83,15 +83,12 @@ def test_entries_beat_the_smallest_singular_value_where_units_differ():
 
 def test_what_nothing_bounds_is_refused():
     nominal, size = plant(), entries(0)
-    with pytest.raises(rid.InputError, match="`kind` must be one of"):
-        cover_bound(nominal, EDGES, norm_of_bounds(size), size, "divisive")
-    with pytest.raises(rid.InputError, match="as many inputs as outputs"):
-        cover_bound(nominal[:, 0], EDGES, size[:, 0, 0], size[:, :, :1], "multiplicative")
-    with pytest.raises(rid.InputError, match="kind 'inverse' is unbounded"):
-        cover_bound(nominal, EDGES, norm_of_bounds(9 * size), 9 * size, "inverse")
-    zero = control.ss([], [], [], np.ones((2, 2)), DT)
-    with pytest.raises(rid.InputError, match="is not relative to anything"):
-        cover_bound(zero, EDGES, norm_of_bounds(size), size, "multiplicative")
+    zero, norm = control.ss([], [], [], np.ones((2, 2)), DT), norm_of_bounds(size)
+    column = nominal[:, 0], EDGES, size[:, 0, 0], size[:, :, :1]
+    refused("`kind` must be one of", cover_bound, nominal, EDGES, norm, size, "divisive")
+    refused("as many inputs as outputs", cover_bound, *column, "multiplicative")
+    refused("kind 'inverse' is unbounded", cover_bound, nominal, EDGES, 9 * norm, 9 * size, "inverse")
+    refused("is not relative to anything", cover_bound, zero, EDGES, norm, size, "multiplicative")
 
 
 @pytest.mark.parametrize("static", [True, False])
@@ -99,9 +96,7 @@ def test_the_margin_at_the_inputs_is_that_of_the_loop_opened_there(static):
     """The smallest 1/(b |T_u|) on a fine grid, T_u = K F (I + K F)^-1; and drawn plants at 99 % of it are stable."""
     nominal = plant()
     K = np.array([[0.3, -0.1], [0.2, 0.25]])
-    controller = control.ss([], [], [], K, None if static else DT)
-    if not static:
-        controller = control.ss([[0.3]], [[1.0, 0.0]], [[0.1], [0.0]], K, DT)
+    controller = control.ss([], [], [], K) if static else control.ss(0.3, [[1.0, 0.0]], [[0.1], [0.0]], K, DT)
     bound = np.linspace(0.5, 0.2, EDGES.size - 1)
     found = robust_stability_margin(nominal, controller, EDGES, bound, kind="input_multiplicative")
     omega = np.linspace(0, np.pi / DT, 4001)[:-1]

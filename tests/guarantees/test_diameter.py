@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.guarantees import diameter
 from support.cases import slow
 from support.problems import random_problem
+from support.refusals import refused
 
 
 def real_line(bound, *, K=1.0, rho=1.4, value=0.0):
@@ -89,9 +90,7 @@ def test_forged_proof_fails():
 
 
 def test_bad_input():
-    with pytest.raises(rid.errors.InputTypeError, match="`problem` must be a MixedProblem; got Prior"):
-        diameter(rid.Prior(gain_bound=1.0, decay_rate=1.1))
-    with pytest.raises(rid.InputError, match="`omega` must lie between 0 and pi/dt"):
-        diameter(real_line(0.1), omega=[100.0])
-    with pytest.raises(rid.InputError, match="`directions` must be at least 3"):
-        diameter(real_line(0.1), directions=2)
+    problem = real_line(0.1)
+    refused("`problem` must be a MixedProblem; got Prior", diameter, problem.prior, error=rid.errors.InputTypeError)
+    refused("`omega` must lie between 0 and pi/dt", diameter, problem, omega=[100.0])
+    refused("`directions` must be at least 3", diameter, problem, directions=2)

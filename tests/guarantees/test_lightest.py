@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.core import response
 from robustid.guarantees import consistent_set
 from support.cases import slow
+from support.forging import kept
 
 
 @pytest.fixture(scope="module")
@@ -34,15 +35,14 @@ def test_bounds_of_both_forms_enclose_the_same_errors(result, tmp_path, monkeypa
     assert found.problem.coefficients == 64
     assert not consistent_set(found).posed.exact
     omega = found.problem.frequency[0].omega[points] + 0.02
-    light = rid.worst_case_error(found, omega=omega, directions=directions, rtol=0.1)
-    light.save(tmp_path / "light")
+    options = {"omega": omega, "directions": directions, "rtol": 0.1}
+    light = rid.worst_case_error(found, **options)
     assert light.certified
     assert np.all(np.abs(truth(omega) - response(found.model, omega)) <= light.upper[:, 0, 0])
-    assert rid.load(tmp_path / "light").certified
-    module = sys.modules[consistent_set.__module__]
-    monkeypatch.setattr(module, "lightest", lambda posed, accuracy: posed)
+    assert kept(light, tmp_path / "light").certified
+    monkeypatch.setattr(sys.modules[consistent_set.__module__], "lightest", lambda posed, accuracy: posed)
     assert consistent_set(found).posed.exact
-    exact = rid.worst_case_error(found, omega=omega, directions=directions, rtol=0.1)
+    exact = rid.worst_case_error(found, **options)
     slack = 1e-4  # of the bounds of the samples: the tails
     assert np.all(light.lower <= exact.upper * (1 + 1e-9))
     assert np.all(exact.lower <= light.upper * (1 + 1e-9))
@@ -95,8 +95,5 @@ def test_saved_bounds_of_both_forms_are_verified(continuous, tmp_path):
     options = {"omega": 2 * np.pi * np.array([31.0, 300.0]), "directions": 4, "resume": tmp_path / "folder"}
     found = rid.worst_case_error(continuous[0], **options)
     assert found.verify()
-    found.save(tmp_path / "bounds")
-    again = rid.load(tmp_path / "bounds")
-    assert np.array_equal(again.upper, found.upper)
-    resumed = rid.worst_case_error(continuous[0], **options)
-    assert np.array_equal(resumed.upper, found.upper)
+    for again in (kept(found, tmp_path / "bounds"), rid.worst_case_error(continuous[0], **options)):  # resumed
+        assert np.array_equal(again.upper, found.upper)

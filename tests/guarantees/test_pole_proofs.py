@@ -103,24 +103,21 @@ def test_smaller_amplitudes_than_are_stated_fail(computed):
     assert not dataclasses.replace(computed, kept=(dataclasses.replace(first, cell=less), *others)).verify()
 
 
-def about(problem, identification):
-    """The same answer, given to another problem."""
-    formulation = dataclasses.replace(identification.formulation, problem=problem)
-    return dataclasses.replace(identification, formulation=formulation)
+def about(band, **changes):
+    """The same band, of the same answer to another problem."""
+    result = band.identification
+    formulation = dataclasses.replace(result.formulation, problem=dataclasses.replace(result.problem, **changes))
+    return dataclasses.replace(band, identification=dataclasses.replace(result, formulation=formulation))
 
 
 def test_another_identification_fails(computed):
     assert not dataclasses.replace(computed, identification=identified(1)[0]).verify()
     # Nothing but the data differ: the certificates themselves do not hold.
-    frf = identified(1)[0].problem.frequency[0]
-    problem = dataclasses.replace(computed.identification.problem, frequency=(frf,))
-    other = dataclasses.replace(computed, identification=about(problem, computed.identification))
+    other = about(computed, frequency=identified(1)[0].problem.frequency)
     assert other.covered
     assert not all(claim.verify() for claim in other.claims())
     # Without poles there is no box.
-    none = dataclasses.replace(problem, parametric=None)
-    without = about(none, computed.identification)
-    assert not dataclasses.replace(computed, identification=without).verify()
+    assert not about(other, parametric=None).verify()
 
 
 def test_a_cell_without_values_has_no_bound(computed):

@@ -21,6 +21,18 @@ def small_controller(rng, nominal):
     return 0.5 / np.prod(gains) * controller
 
 
+def on_cells(edges, bound, omega):
+    """The bound of the cell of every frequency."""
+    return bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, len(bound) - 1)]
+
+
+def loops(nominal, controller, omega):
+    """K S, F K S and S at frequencies, of several channels."""
+    F, K = values_of(nominal, omega), values_of(controller, omega)
+    S = np.linalg.inv(np.eye(F.shape[1]) + F @ K)
+    return {"additive": K @ S, "multiplicative": F @ K @ S, "inverse": S}
+
+
 def rescaled(model, left, right):
     return control.ss(model.A, model.B @ right, left @ model.C, left @ model.D @ right, model.dt)
 
@@ -38,11 +50,9 @@ def drawn_plant(nominal, limit, edges, bound, rng):
     poles = np.array(pair(rng.uniform(0.05, 3.0), 10 ** rng.uniform(-2.5, 0)))
     E = control.ss(control.tf(rng.normal(size=3), np.real(np.poly(poles)), 0.1))
     peak, width = np.abs(np.angle(poles[0])), 1 - np.abs(poles[0])
-    omega = (
-        np.concatenate([np.linspace(0, np.pi, 1500), np.clip(peak + width * np.linspace(-5, 5, 201), 0, np.pi)]) / 0.1
-    )
-    here = bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, bound.size - 1)]
-    return nominal + E * (limit / (np.abs(values_of(E, omega)[:, 0, 0]) / here).max())
+    near = np.clip(peak + width * np.linspace(-5, 5, 201), 0, np.pi)
+    omega = np.concatenate([np.linspace(0, np.pi, 1500), near]) / 0.1
+    return nominal + E * (limit / (np.abs(values_of(E, omega)[:, 0, 0]) / on_cells(edges, bound, omega)).max())
 
 
 def edges_and_bound(nominal):
@@ -51,8 +61,11 @@ def edges_and_bound(nominal):
     return edges, 0.04 + 0.1 * largest_on(lambda w: np.abs(values_of(nominal, w)[:, 0, 0]), edges, 50)
 
 
+LEAD = control.ss(control.tf([0.2, -0.15], [1, -0.5], 0.1))
+
+
 def test_guaranteed_means_that_every_drawn_plant_is_stabilised(rng):
-    nominal, controller = mode(), control.ss(control.tf([0.2, -0.15], [1, -0.5], 0.1))
+    nominal, controller = mode(), LEAD
     edges, bound = edges_and_bound(nominal)
     result = uncertainty_weight(nominal, edges, bound).robust_stability_margin(controller)
     assert result.guaranteed
@@ -62,9 +75,7 @@ def test_guaranteed_means_that_every_drawn_plant_is_stabilised(rng):
             assert closed_loop_radius(drawn_plant(nominal, scale, edges, bound, rng), controller) < 1
     # Against the condition on a dense grid.
     omega = np.linspace(0, np.pi / 0.1, 100_001)
-    F, K = values_of(nominal, omega)[:, 0, 0], values_of(controller, omega)[:, 0, 0]
-    here = bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 59)]
-    condition = here * np.abs(K / (1 + F * K))
+    condition = on_cells(edges, bound, omega) * np.abs(loops(nominal, controller, omega)["additive"][:, 0, 0])
     assert result.margin <= 1 / condition.max()
     assert result.margin >= 0.99 / condition.max()
     assert result.frequency == pytest.approx(omega[np.argmax(condition)], abs=0.2)
@@ -139,11 +150,8 @@ def test_the_margin_of_each_kind_against_a_dense_grid_with_two_channels(rng, kin
     edges = np.linspace(0, np.pi, 21) / 0.1
     bound = rng.uniform(0.2, 1.0, 20)
     omega = np.linspace(0, np.pi / 0.1, 40_001)
-    F, K = values_of(nominal, omega), values_of(controller, omega)
-    S = np.linalg.inv(np.eye(2) + F @ K)
-    loop = {"additive": K @ S, "multiplicative": F @ K @ S, "inverse": S}[kind]
-    here = bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 19)]
-    expected = 1 / (here * np.linalg.norm(loop, 2, axis=(1, 2))).max()
+    sizes = np.linalg.norm(loops(nominal, controller, omega)[kind], 2, axis=(1, 2))
+    expected = 1 / (on_cells(edges, bound, omega) * sizes).max()
     result = robust_stability_margin(nominal, controller, edges, bound, kind=kind)
     assert 0.997 * expected <= result.margin <= expected * (1 + 1e-9)
 
@@ -154,17 +162,12 @@ def test_bounds_per_entry_do_not_depend_on_units(rng):
     edges, bound = np.linspace(0, np.pi, 11) / 0.1, rng.uniform(0.2, 1.0, (10, 2, 3))
     result = robust_stability_margin(nominal, controller, edges, bound)
     omega = np.linspace(0, np.pi / 0.1, 5_001)
-    F, K = values_of(nominal, omega), values_of(controller, omega)
-    here = bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 9)]
-    condition = np.abs(np.linalg.eigvals(here @ np.abs(K @ np.linalg.inv(np.eye(2) + F @ K)))).max()
+    sizes = np.abs(loops(nominal, controller, omega)["additive"])
+    condition = np.abs(np.linalg.eigvals(on_cells(edges, bound, omega) @ sizes)).max()
     assert 0.999 / condition <= result.margin <= 1.2 / condition  # the phases of KS are not those of the worst case
     left, right = np.diag([1e3, 1e-2]), np.diag([1.0, 1e4, 1e-4])
-    scaled = robust_stability_margin(
-        rescaled(nominal, left, right),
-        rescaled(controller, np.linalg.inv(right), np.linalg.inv(left)),
-        edges,
-        left @ bound @ right,
-    )
+    other = rescaled(controller, np.linalg.inv(right), np.linalg.inv(left))
+    scaled = robust_stability_margin(rescaled(nominal, left, right), other, edges, left @ bound @ right)
     assert scaled.margin == pytest.approx(result.margin, rel=3e-3)
 
 
@@ -185,9 +188,7 @@ def test_a_perturbation_of_the_structure_moves_a_pole_across_the_circle(rng, str
     edges = np.linspace(0, np.pi, 5) / 0.1
     result = robust_stability_margin(nominal, controller, edges, np.tile(bound, (4, 1, 1)))
     assert result.structure == structure
-    at = np.array([result.frequency])
-    F, K = values_of(nominal, at)[0], values_of(controller, at)[0]
-    loop = K @ np.linalg.inv(np.eye(2) + F @ K)
+    loop = loops(nominal, controller, np.array([result.frequency]))["additive"][0]
     delta, size = destabilising(loop, bound, rng, tries=5, steps=40)
     assert 0.998 * result.margin <= size <= (1.1 if structure == "entry" else 1.01) * result.margin
     if structure == "entry":  # errors whose entries have constant moduli
@@ -211,8 +212,8 @@ def test_of_several_bounds_the_best_one_answers_on_every_cell(rng):
     assert together.margin >= max(one.margin for one in alone) * 0.998
     # Each cell by itself: its margin is that of the condition on a dense grid.
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0, 1, 400)).ravel()
-    F, K = values_of(nominal, omega), values_of(controller, omega)
-    gains = np.linalg.norm(K @ np.linalg.inv(np.eye(2) + F @ K), 2, axis=(1, 2)).reshape(8, -1).max(axis=1) * full
+    sizes = np.linalg.norm(loops(nominal, controller, omega)["additive"], 2, axis=(1, 2))
+    gains = sizes.reshape(8, -1).max(axis=1) * full
     assert np.all(alone[0].margins <= 1 / gains)
     assert np.all(alone[0].margins >= 0.94 * np.minimum(1 / gains, 10 * alone[0].margin))
     assert alone[0].margin <= alone[0].margins.min()
@@ -235,7 +236,7 @@ def test_shares_are_how_the_margin_depends_on_the_bound_of_an_entry(rng):
 
 
 def test_a_single_entry_has_the_margin_of_the_whole():
-    nominal, controller = mode(), control.ss(control.tf([0.2, -0.15], [1, -0.5], 0.1))
+    nominal, controller = mode(), LEAD
     edges, bound = np.linspace(0, np.pi, 11) / 0.1, np.linspace(0.3, 0.1, 10)
     found = [robust_stability_margin(nominal, controller, edges, one) for one in (bound, bound[:, None, None])]
     assert found[0].margin == found[1].margin
@@ -246,10 +247,7 @@ def test_a_single_entry_has_the_margin_of_the_whole():
 @pytest.mark.parametrize(
     ("bound", "words"),
     [
-        (
-            np.ones((4, 3, 2)),
-            r"`bound` must have shape \(4,\) or \(4, 2, 2\) or \(4, 1, 2\) or \(4, 2, 1\).*got \(4, 3, 2\)",
-        ),
+        (np.ones((4, 3, 2)), r"shape \(4,\) or \(4, 2, 2\) or \(4, 1, 2\) or \(4, 2, 1\).*got \(4, 3, 2\)"),
         ((np.ones(4), np.ones((4, 1, 1))), "one bound of each structure; got full, full"),
         ((np.ones(4), np.ones((3, 2, 2))), r"one value for each of the 4 cells between `edges`; got \(3, 2, 2\)"),
         ((np.ones(4), np.full((4, 2, 2), np.nan)), "`bound` must be finite"),
@@ -264,18 +262,13 @@ def test_bounds_that_do_not_fit_get_a_sentence(rng, bound, words):
 
 def test_channels_that_do_not_meet_have_the_smaller_of_their_margins():
     """Two decoupled loops, whose entries are exactly zero where they would meet."""
-    first, second = control.ss(0.5, 1.0, 1.0, 0.0, 0.1), mode(damping=0.2)
+    parts = control.ss(0.5, 1.0, 1.0, 0.0, 0.1), mode(damping=0.2)
     edges, bound = np.linspace(0, np.pi, 11) / 0.1, np.linspace(0.3, 0.1, 10)
-    alone = [
-        robust_stability_margin(model, control.ss([], [], [], 0.1, 0.1), edges, bound) for model in (first, second)
-    ]
-    both = robust_stability_margin(
-        control.append(first, second),
-        control.ss([], [], [], 0.1 * np.eye(2), 0.1),
-        edges,
-        bound[:, None, None] * (np.eye(2) + 1e-12),
-    )
-    assert both.margin == pytest.approx(min(result.margin for result in alone), rel=2e-3)
+    one, two = (control.ss([], [], [], 0.1 * np.eye(count), 0.1) for count in (1, 2))
+    alone = [robust_stability_margin(model, one, edges, bound).margin for model in parts]
+    entries = bound[:, None, None] * (np.eye(2) + 1e-12)
+    both = robust_stability_margin(control.append(*parts), two, edges, entries)
+    assert both.margin == pytest.approx(min(alone), rel=2e-3)
 
 
 def test_the_pair_for_synthesis_has_the_same_values_and_the_controller_comes_back():
@@ -339,9 +332,8 @@ def test_the_model_of_an_identification():
     controller = control.ss([], [], [], -0.02, nominal.dt)
     result = weight.robust_stability_margin(controller)
     omega = np.sort(np.append(np.linspace(0, edges[-1], 5_001), 2 * np.pi * (17.67 + np.linspace(-1, 1, 2001))))
-    condition = weight.bound[np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, 99)] * np.abs(
-        0.02 / (1 - 0.02 * np.asarray(nominal(np.exp(1j * omega * nominal.dt))))
-    )
+    loop = 0.02 / (1 - 0.02 * np.asarray(nominal(np.exp(1j * omega * nominal.dt))))
+    condition = on_cells(edges, weight.bound, omega) * np.abs(loop)
     assert weight.certified
     assert 0.998 / condition.max() <= result.margin <= 1 / condition.max()
     assert result.guaranteed

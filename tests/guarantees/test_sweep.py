@@ -18,6 +18,7 @@ from robustid.core import Workers
 from robustid.guarantees import sweep
 from support.cases import slow
 from support.problems import random_problem
+from support.refusals import refused
 
 OMEGA = [10.0, 60.0, 110.0, 200.0]
 
@@ -132,14 +133,12 @@ def test_an_item_that_always_fails_is_named_and_the_others_are_kept(result, expe
 
 
 def test_without_a_folder_the_sentence_says_how_to_keep_what_is_finished(result):
-    with pytest.raises(rid.errors.SolverError, match="`resume`"):
-        run(result, executor=Failing({60.0: 99}))
+    refused("`resume`", lambda: run(result, executor=Failing({60.0: 99})), error=rid.errors.SolverError)
 
 
 def test_what_the_library_says_on_purpose_is_not_tried_again(result):
     executor = Failing({60.0: 99}, rid.InputError("`omega` is odd"))
-    with pytest.raises(rid.InputError, match="odd"):
-        run(result, executor=executor)
+    refused("odd", run, result, executor=executor)
     assert [item for item, _ in executor.attempts].count(60.0) == 1
 
 
@@ -163,8 +162,7 @@ def test_a_cancelled_item_is_tried_again(result):
 
 @pytest.mark.parametrize("executor", [0, -1, 2.0, "all", True])
 def test_a_wrong_executor_is_named(result, executor):
-    with pytest.raises(rid.errors.InputTypeError, match="`executor`"):
-        run(result, executor=executor)
+    refused("`executor`", run, result, error=rid.errors.InputTypeError, executor=executor)
 
 
 def none_left(*_):
@@ -235,15 +233,13 @@ def test_a_full_disk_ends_the_sweep_and_keeps_what_is_finished(result, tmp_path,
         original(file, **arrays)
 
     monkeypatch.setattr(np, "savez", full)
-    with pytest.raises(rid.InputError, match=r"No space left on device.*make room, and run the same again"):
-        run(result, resume=tmp_path)
+    refused(r"No space left on device.*make room, and run the same again", run, result, resume=tmp_path)
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_a_folder_that_is_a_file_is_named(result, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(rid.InputError, match="`resume`"):
-        run(result, resume=tmp_path / "file")
+    refused("`resume`", run, result, resume=tmp_path / "file")
 
 
 def test_a_cluster_in_this_process_gives_the_same(result, expected):

@@ -76,6 +76,13 @@ def test_entries_have_weights_of_their_own(rng):
 # ----------------------------------------------------------------------------------------------------------------- misuse
 
 
+TALL, SLOWER = mode() * np.ones((2, 1)), control.ss(0.5, 1, 1, 0, 0.2)
+
+
+def gain(size):
+    return control.ss([], [], [], size, 0.1)
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -83,10 +90,7 @@ def test_entries_have_weights_of_their_own(rng):
         (lambda e, b: magnitude_weight(e, b, dt=0.2), r"`edges` must end at pi/dt = 15\.7"),
         (lambda e, b: magnitude_weight(e[::-1], b, dt=0.1), "`edges` must rise"),
         (lambda e, b: magnitude_weight(e, b[:-1], dt=0.1), r"`bound` must have shape \(10,\).*got \(9,\)"),
-        (
-            lambda e, b: magnitude_weight(e, b * (np.arange(10) != 3), dt=0.1),
-            "`bound` must be positive; got 0 from 9.42",
-        ),
+        (lambda e, b: magnitude_weight(e, b * (np.arange(10) != 3), dt=0.1), "must be positive; got 0 from 9.42"),
         (lambda e, b: magnitude_weight(e, b * np.nan, dt=0.1), "`bound` must be finite"),
         (lambda e, b: magnitude_weight(e, b, dt=0.1, tightness=1.0), "`tightness` must be above 1"),
         (lambda e, b: magnitude_weight(e, b, dt=0.1, order=-1), "`order` must be at least 0"),
@@ -97,18 +101,9 @@ def test_entries_have_weights_of_their_own(rng):
         (lambda e, b: uncertainty_weight(mode(), e, 9 * b, kind="inverse"), r"at [0-9.]+ rad/s: \|nominal\| may be as"),
         (lambda e, b: uncertainty_weight(control.ss(-1, 1, 1, 0), e, b), "continuous `nominal` must end at infinity"),
         (lambda e, b: entry_weights(mode(), e, b), r"`bound` must have shape \(C, ny, nu\)"),
-        (
-            lambda e, b: robust_stability_margin(mode(), mode() * np.ones((2, 1)), e, b),
-            "`controller` must have 1 inputs",
-        ),
-        (
-            lambda e, b: robust_stability_margin(mode(), control.ss(0.5, 1, 1, 0, 0.2), e, b),
-            "`controller` must have the sample",
-        ),
-        (
-            lambda e, b: robust_stability_margin(control.ss([], [], [], 1, 0.1), control.ss([], [], [], -1, 0.1), e, b),
-            "well-posed",
-        ),
+        (lambda e, b: robust_stability_margin(mode(), TALL, e, b), "`controller` must have 1 inputs"),
+        (lambda e, b: robust_stability_margin(mode(), SLOWER, e, b), "`controller` must have the sample"),
+        (lambda e, b: robust_stability_margin(gain(1), gain(-1), e, b), "well-posed"),
     ],
 )
 def test_misuse_is_named(call, sentence):

@@ -141,10 +141,8 @@ def test_the_structure_that_costs_the_least(rng):
 def test_a_single_input_and_output_have_one_structure(rng):
     (found,) = structured_weights(random_model(rng, 1, 1), EDGES, np.ones(12))
     assert found.structure == "full"
-    assert [one.structure for one in structured_weights(random_model(rng, 1, 2), EDGES, np.ones(12))] == [
-        "full",
-        "entry",
-    ]
+    two = structured_weights(random_model(rng, 1, 2), EDGES, np.ones(12))
+    assert [one.structure for one in two] == ["full", "entry"]
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,13 @@ import pytest
 
 import robustid as rid
 from robustid.core import Choice, Source, response
-from robustid.guarantees import ValueSet, consistent_set
+from robustid.guarantees import consistent_set
 from robustid.guarantees.polygons import value_set
 from robustid.guarantees.value_set import value_set_claims
 from robustid.identification import Functional, certify_support, evaluate_support
 from support.cases import slow
-from support.problems import CASES, MIXED_IS_SLOW, random_experiment, random_problem
+from support.problems import CASES, random_experiment, random_problem
+from support.refusals import refused
 
 K, RHO, DT = 2.0, 1.2, 0.1
 
@@ -85,8 +86,22 @@ def test_two_taylor_coefficients():
 # Drawn truths.
 
 
-def band_holds(seed, case, coefficients, directions, count=3):
-    """Truth inside every polygon and interval, upper bounds above attained errors; returns the largest relative gap."""
+MANY = [slow(seed, case, 12, 16, 3) for case in CASES for seed in range(100, 125)]
+FINE = [slow(seed, case, 12, 64, 3) for case in CASES for seed in range(100, 105)]
+
+
+@pytest.mark.parametrize(
+    ("seed", "case", "coefficients", "directions", "count"),
+    [
+        *((0, case, 10, 16, 3) for case in CASES if case != "mixed"),
+        (7, "time", 6, 64, 1),
+        *(slow(*one) for one in ((0, "mixed", 10, 16, 3), (7, "time", 6, 64, 3), (7, "parametric", 6, 64, 3))),
+        *MANY,
+        *FINE,
+    ],
+)
+def test_the_truth_is_inside_and_the_gap_closes_with_more_directions(seed, case, coefficients, directions, count):
+    """In every polygon and interval; upper bounds are above attained errors, by at most 5 %, of 64 directions 1 %."""
     problem, truth = random_experiment(seed, case, coefficients)
     result = rid.identify(problem)
     assert result.consistent
@@ -109,19 +124,7 @@ def band_holds(seed, case, coefficients, directions, count=3):
         assert np.all((error.parameters.attained - ends) * [1, -1] >= 0)
         assert np.all(np.abs(error.parameters.attained - ends) <= 2e-3 * np.diff(ends))
     assert error.certified
-    return float(np.max(1 - lower / upper))
-
-
-@pytest.mark.parametrize("case", MIXED_IS_SLOW)
-def test_the_truth_is_inside_every_band_and_interval(case):
-    assert band_holds(0, case, 10, 16) <= 0.05
-
-
-@pytest.mark.parametrize(
-    ("case", "count"), [("time", 1), slow("time", 3), slow("parametric", 3)]
-)  # all among the hundred
-def test_the_gap_closes_with_more_directions(case, count):
-    assert band_holds(7, case, 6, 64, count) <= 0.01
+    assert np.max(1 - lower / upper) <= (0.05 if directions == 16 else 0.01)
 
 
 @pytest.mark.parametrize(
@@ -139,27 +142,13 @@ def test_the_taylor_form_gives_the_same_bounds(case, seed, omega):
     assert there.upper == pytest.approx(here.upper, rel=2e-3)
 
 
-@pytest.mark.slow
-def test_bands_of_a_hundred_truths(capsys):
-    gaps = [band_holds(seed, case, 12, 16) for case in CASES for seed in range(100, 125)]
-    fine = [band_holds(seed, case, 12, 64) for case in CASES for seed in range(100, 105)]
-    with capsys.disabled():
-        print(f"\n100 truths inside; gap at most {100 * max(gaps):.2g} % (16 directions), {100 * max(fine):.2g} % (64)")
-    assert max(gaps) <= 0.05
-    assert max(fine) <= 0.01
-
-
 @pytest.mark.parametrize("case", [slow("mixed"), "parametric"])
 def test_more_data_never_widen_the_set(case):
     """Support functions and the error of a fixed nominal, with lines and samples added."""
     problem = random_problem(5, case, 16)
     frf, record = problem.frequency[0], problem.time[0]
-    less = rid.MixedProblem(
-        frequency=frf.select(slice(0, None, 2)),
-        time=rid.TimeRecord(record.u[:5, 0], record.y[:5, 0], bound=record.bound[:5, 0], dt=record.dt),
-        prior=problem.prior,
-        parametric=problem.parametric,
-    )
+    shorter = dataclasses.replace(record, u=record.u[:5], y=record.y[:5], bound=record.bound[:5])
+    less = dataclasses.replace(problem, frequency=frf.select(slice(0, None, 2)), time=shorter)
     few, many = rid.identify(less), rid.identify(problem)
     options = {"omega": [30.0, 120.0], "directions": 6, "rtol": 5e-3, "model": few.model}
     wide, narrow = rid.worst_case_error(few, **options), rid.worst_case_error(many, **options)
@@ -183,15 +172,15 @@ def test_any_stable_nominal_and_no_new_solution():
 # Certificates.
 
 
-def small_error():
+@pytest.fixture(scope="module")
+def error():
     return rid.worst_case_error(rid.identify(random_problem(3, "parametric", 8)), omega=[60.0], directions=4)
 
 
-def test_every_certificate_verifies_and_forged_ones_do_not():
-    error = small_error()
+def test_every_certificate_verifies_and_forged_ones_do_not(error):
     consistent, found = error.consistent_set, error.values[0]
     assert all(claim.verify() for claim in value_set_claims(consistent, found))
-    lower = ValueSet(found.omega, found.directions, found.support - 1e-6, found.points, found.slack, found.certificates)
+    lower = dataclasses.replace(found, support=found.support - 1e-6)
     assert not any(claim.verify() for claim in value_set_claims(consistent, lower))
     here = consistent.with_node(found.omega)
     x, p, tail = here.value_weights(found.omega)
@@ -205,12 +194,8 @@ def test_every_certificate_verifies_and_forged_ones_do_not():
         samples = certificate.samples * (1 + 0.01 * rng.standard_normal(certificate.samples.size))
         forged = evaluate_support(functional, samples, certificate.left @ certificate.right.T, 1.0, rows, sarason)
         assert forged >= found.points[0].real
-    assert not certificate.verify(functional, _tighter(rows), sarason)
-
-
-def _tighter(rows):
-    """The rows of other data: what was measured is shifted by one bound."""
-    return dataclasses.replace(rows, y=rows.y + np.abs(rows.y) + 1)
+    other = dataclasses.replace(rows, y=rows.y + np.abs(rows.y) + 1)  # what was measured is shifted by one bound
+    assert not certificate.verify(functional, other, sarason)
 
 
 def test_random_multipliers_never_prove_too_little():
@@ -242,8 +227,7 @@ def test_barely_consistent_data_are_bounded_too():
         assert 0 <= error.lower.max() <= error.upper.max() <= 0.1
 
 
-def test_poles_from_the_same_data_are_warned_of():
-    error = small_error()
+def test_poles_from_the_same_data_are_warned_of(error):
     assert "warning" not in error.summary()
     noted = dataclasses.replace(error.identification, choices={"modes": Choice(None, Source.DATA, "one")})
     assert "does not cover" in dataclasses.replace(error, identification=noted).summary()
@@ -275,16 +259,13 @@ def result():
     ],
 )
 def test_bad_input(result, options, error, words):
-    with pytest.raises(error, match=words):
-        rid.worst_case_error(result, **options)
+    refused(words, rid.worst_case_error, result, error=error, **options)
 
 
 def test_inconsistent_data_have_no_band():
     result = identified(rid.FrequencyResponse([1.0, 1.1], [5.0, -5.0], bound=0.01, dt=DT))
-    with pytest.raises(rid.errors.InconsistentDataError, match="no consistent system"):
-        rid.worst_case_error(result)
-    with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
-        rid.worst_case_error(result.model)
+    refused("no consistent system", rid.worst_case_error, result, error=rid.errors.InconsistentDataError)
+    refused("must be an Identification", rid.worst_case_error, result.model, error=rid.errors.InputTypeError)
 
 
 # Budgets.
@@ -322,7 +303,6 @@ def test_parameters_that_a_time_limit_leaves_out_are_named_and_completed(tmp_pat
     again = rid.load(tmp_path / "part")
     assert again.certified
     assert not again.parameters.complete
-    with pytest.raises(rid.InputError, match=r"call on_circle of completed\(\)"):
-        part.on_circle()
+    refused(r"call on_circle of completed\(\)", part.on_circle)
     np.testing.assert_array_equal(part.completed().parameters.upper, whole.parameters.upper)
     assert whole.completed() is whole

@@ -30,11 +30,8 @@ class Reader(ast.NodeVisitor):
         if isinstance(node, ast.Attribute):
             return TEXT if node.attr == "args" and self.kind(node.value) == ERROR else None
         if isinstance(node, ast.JoinedStr):
-            return (
-                TEXT
-                if any(self.kind(part.value) for part in node.values if isinstance(part, ast.FormattedValue))
-                else None
-            )
+            parts = [part.value for part in node.values if isinstance(part, ast.FormattedValue)]
+            return TEXT if any(map(self.kind, parts)) else None
         if isinstance(node, ast.Call):
             named = isinstance(node.func, ast.Name) and node.func.id in ("str", "repr")
             if named and node.args and self.kind(node.args[0]):

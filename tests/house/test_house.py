@@ -11,19 +11,8 @@ import robustid
 
 ROOT = pathlib.Path(robustid.__file__).parent
 ROOMS = [
-    "core",
-    "data",
-    "formats",
-    "estimation",
-    "bases",
-    "identification",
-    "fitting",
-    "reduction",
-    "passivity",
-    "guarantees",
-    "advice",
-    "report",
-    "app",
+    *("core", "data", "formats", "estimation", "bases", "identification", "fitting"),
+    *("reduction", "passivity", "guarantees", "advice", "report", "app"),
 ]
 OPEN = ("_version", "errors", "figures")
 FILES = sorted(ROOT.rglob("*.py"))
@@ -102,11 +91,8 @@ def test_only_the_solver_knows_cvxpy_and_the_formulation_and_the_certificates_kn
     blind = ("robustid.identification.formulation", "robustid.identification.certificate")
     blind += ("robustid.identification.exact_evaluation", "robustid.identification.residuals")
     blind += ("robustid.passivity.passivity_certificate", "robustid.passivity.exact_matrices")
-    solvers = (
-        "robustid.identification.solver",
-        "robustid.passivity.passive_fit",
-        "robustid.passivity.passivity_search",
-    )
+    solvers = ("robustid.identification.solver",)
+    solvers += ("robustid.passivity.passive_fit", "robustid.passivity.passivity_search")
     for name, path in MODULES.items():
         modules = imported(name)
         if not name.startswith((*solvers, "robustid.report", "robustid.app.cli")):  # versions

@@ -28,30 +28,38 @@ def demo_files(tmp_path, monkeypatch, request):
     return tmp_path
 
 
-def block(language, after=""):
-    return re.search(rf"{after}```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.S)[1]
+TEXT = README.read_text(encoding="utf-8")
+PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.S)
 
 
-def python_blocks():
-    return re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+def commands(comment):
+    """The words of the command lines below a comment."""
+    found = re.search(rf"<!-- {comment} -->\n```sh\n(.*?)```", TEXT, re.S)[1]
+    return [shlex.split(line) for line in found.splitlines()]
+
+
+def names_of(number, names=None):
+    """What is defined once a block of Python has run, after others."""
+    names = {} if names is None else names
+    exec(compile(PYTHON[number], "README.md", "exec"), names)
+    return names
 
 
 def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files, capsys, monkeypatch):
-    names = {}
-    exec(compile(block("python"), "README.md", "exec"), names)
+    names = names_of(0)
     assert names["result"].consistent
     assert names["result"].warnings == ()
     assert names["small"].order < names["result"].order
     assert "consistent" in capsys.readouterr().out
     assert rid.load("result").consistent
     assert "<html" in Path("report.html").read_text(encoding="utf-8")
-    exec(compile(python_blocks()[1], "README.md", "exec"), names)
+    names_of(1, names)
     assert names["error"].certified
     assert np.all(names["tube"].lower <= names["tube"].upper)
     assert rid.load("bounds").certified
-    commands = [shlex.split(line) for line in block("sh", "<!-- command line -->\n").splitlines()]
-    assert [words[1] for words in commands] == ["identify", "reduce", "report", "bounds", "verify", "fit"]
-    for words in commands:
+    lines = commands("command line")
+    assert [words[1] for words in lines] == ["identify", "reduce", "report", "bounds", "verify", "fit"]
+    for words in lines:
         faster = ["--directions", "3", "--points", "4"] if words[1] == "bounds" else []  # as printed half a minute
         run([*words, *faster], capsys, monkeypatch)
     for name in ("mine.npz", "mine.json", "mine.html", "small.mat", "again.html", "fitted.npz", "fitted.html"):
@@ -59,8 +67,7 @@ def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files
 
 
 def test_the_snippet_with_several_channels_runs_as_printed(capsys):
-    names = {}
-    exec(compile(block("python", after=r"### Several inputs and outputs\n.*?"), "README.md", "exec"), names)
+    names = names_of(2)
     assert names["plate"].consistent
     assert names["plate"].verification.passed
     assert (names["plate"].model.noutputs, names["plate"].model.ninputs) == (2, 2)
@@ -78,16 +85,16 @@ def run(words, capsys, monkeypatch):
 def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, monkeypatch):
     """Between the two commands, somebody measures."""
     monkeypatch.chdir(tmp_path)
-    commands = [shlex.split(line) for line in block("sh", "<!-- from signals -->\n").splitlines()]
-    assert [words[1] for words in commands] == ["excite", "frf"]
-    run(commands[0], capsys, monkeypatch)
+    excite, frf = commands("from signals")
+    assert (excite[1], frf[1]) == ("excite", "frf")
+    run(excite, capsys, monkeypatch)
     play, rng = rid.load("play.csv"), np.random.default_rng(0)
     for k, u in enumerate(play.u):
         u = np.tile(u, (play.periods, 1))
         y = u @ [[1.0, 2.0], [0.5, -1.0]] + 0.01 * rng.standard_normal(u.shape)
         rows = np.column_stack([play.dt * np.arange(len(u)), u, y])
         np.savetxt(f"run{k + 1}.csv", rows, delimiter=",", header="time,u1,u2,y1,y2", comments="")
-    run(commands[1], capsys, monkeypatch)
+    run(frf, capsys, monkeypatch)
     frf = rid.load("frf.npz")
     assert frf.omega.size == 79
     assert np.all(np.abs(frf.values - np.array([[1.0, 0.5], [2.0, -1.0]])) <= frf.bound)
@@ -96,8 +103,7 @@ def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, 
 
 def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    names = {}
-    exec(compile(python_blocks()[4], "README.md", "exec"), names)
+    names = names_of(4)
     assert names["fit"].status.converged
     assert names["fit"].model.nstates == 6
     assert capsys.readouterr().out.count("ModeRow") == 2
@@ -106,13 +112,9 @@ def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, 
 
 def test_the_records_of_the_readme_give_a_response_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    names = {}
-    exec(compile(python_blocks()[3], "README.md", "exec"), names)
-    frf = names["frf"]
-    delay = np.exp(-1j * frf.omega * frf.dt)
-    truth = np.stack([[0.8 * delay, np.full(delay.shape, 0.1)], [0 * delay, np.full(delay.shape, 0.5)]]).transpose(
-        2, 0, 1
-    )
+    frf = names_of(3)["frf"]
+    delay = np.exp(-1j * frf.omega * frf.dt)[:, None, None]
+    truth = delay * [[0.8, 0], [0, 0]] + [[0, 0.1], [0, 0.5]]
     assert np.all(np.abs(frf.values - truth) <= frf.bound)
     assert "95 % jointly" in capsys.readouterr().out
     assert rid.load("frf.npz").dof == frf.dof

@@ -17,31 +17,14 @@ LOADED = re.compile(
 
 
 def build(folder):
-    environment = os.environ | {
-        "ROBUSTID_GALLERY": "conditioning",
-        "https_proxy": "http://127.0.0.1:9",
-        "http_proxy": "http://127.0.0.1:9",
-    }
-    command = [
-        sys.executable,
-        "-m",
-        "sphinx",
-        "-q",
-        "-W",
-        "-E",
-        "-d",
-        str(folder.parent / f"{folder.name}_trees"),
-        str(DOCS),
-        str(folder),
-    ]
+    nowhere, trees = "http://127.0.0.1:9", folder.parent / f"{folder.name}_trees"
+    environment = os.environ | {"ROBUSTID_GALLERY": "conditioning", "https_proxy": nowhere, "http_proxy": nowhere}
+    command = [sys.executable, *["-m", "sphinx", "-q", "-W", "-E", "-d"], str(trees), str(DOCS), str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stderr
+    files = [path for path in folder.rglob("*") if path.is_file()]
     skipped = (".buildinfo", "environment.pickle")
-    return {
-        path.relative_to(folder): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file() and path.name not in skipped
-    }
+    return {path.relative_to(folder): path.read_bytes() for path in files if path.name not in skipped}
 
 
 @pytest.mark.slow

@@ -35,28 +35,18 @@ def definite(rng, n, condition=1e3):
 # --- the ball ---------------------------------------------------------------------------------------------------------
 
 
-def check_ball(ball, H, rng, tolerance=1e-13):
-    n = H.shape[0]
-    x, Y = rng.standard_normal(n), definite(rng, n)
-    M = rng.standard_normal((n, n))
-    dense = np.tensordot(x, H, 1)
-    assert np.abs(ball.matrix(x) - dense).max() <= tolerance * np.abs(dense).max()
-    assert np.linalg.norm(ball.adjoint(Y) - np.einsum("jab,ba->j", H, Y)) <= tolerance * n * np.linalg.norm(Y)
-    assert np.linalg.norm(ball.times(x, M) - dense @ M) <= tolerance * np.linalg.norm(x) * n * np.linalg.norm(M)
-    pairs = [(definite(rng, n), definite(rng, n)) for _ in range(2)]
-    curvature = sum(np.einsum("iab,jba->ij", H @ P, H @ Q, optimize=True) for P, Q in pairs)
-    size = sum(np.linalg.norm(P) * np.linalg.norm(Q) for P, Q in pairs)
-    assert np.abs(ball.curvature(pairs) - curvature).max() <= 10 * tolerance * n * size
+def check_map(symmetric, H, rng):
+    check_blocks(SymmetricBall(symmetric), [-H, H], rng, slack=1)
 
 
-def check_blocks(ball, A, rng, tolerance=1e-13):
+def check_blocks(ball, A, rng, slack=None):
     """The blocks of a ball against the stored A_kj, (n, s, s) each."""
-    n = ball.size
+    n, tolerance = ball.size, 1e-13
     x, sizes = rng.standard_normal(n), [one.shape[1] for one in A]
     Z, M = [definite(rng, s) for s in sizes], [rng.standard_normal((s, s)) for s in sizes]
     dense = [np.tensordot(x, one, 1) for one in A]
     for found, wanted in zip(ball.matrices(x), dense, strict=True):
-        assert np.abs(found - wanted).max() <= tolerance * n * np.abs(wanted).max()
+        assert np.abs(found - wanted).max() <= tolerance * (slack or n) * np.abs(wanted).max()
     adjoint = sum(np.einsum("jab,ba->j", one, z) for one, z in zip(A, Z, strict=True))
     assert np.linalg.norm(ball.adjoint(Z) - adjoint) <= tolerance * n * sum(np.linalg.norm(z) for z in Z)
     for found, wanted, right in zip(ball.times(x, M), dense, M, strict=True):
@@ -71,16 +61,16 @@ def check_blocks(ball, A, rng, tolerance=1e-13):
 def test_balls_against_stored_matrices(n):
     for seed in range(5):
         rng = np.random.default_rng([n, seed])
-        check_ball(HankelMap(n), hankel_basis(n), rng)
-        check_ball(DenseMap(hankel_basis(n)), hankel_basis(n), rng)
+        check_map(HankelMap(n), hankel_basis(n), rng)
+        check_map(DenseMap(hankel_basis(n)), hankel_basis(n), rng)
         angles = np.sort(rng.uniform(0.1, 3, n // 4))
         sarason = PairMap(input_normal_pair(angles, 0.9, n - 2 * angles.size))
-        check_ball(DenseMap(sarason.symmetric_basis), sarason.symmetric_basis, rng)
+        check_map(DenseMap(sarason.symmetric_basis), sarason.symmetric_basis, rng)
         zeros = np.sqrt(rng.uniform(0, 1, 1 + seed)) * np.exp(1j * rng.uniform(0, np.pi, 1 + seed))
         zeros[seed // 2 :] = np.abs(zeros[seed // 2 :])  # real ones too
         sections = Sections(zeros, max(1, n // 4))
         basis = PairMap(sections.pair).symmetric_basis
-        check_ball(BlockHankelMap(SectionMap(sections)), basis, rng)
+        check_map(BlockHankelMap(SectionMap(sections)), basis, rng)
         axes = np.linalg.qr(rng.standard_normal((sections.order, sections.order)))[0]
         turned = TurnedBall(SymmetricBall(BlockHankelMap(SectionMap(sections))), axes)
         check_blocks(turned, [sign * np.tensordot(axes.T, basis, 1) for sign in (-1, 1)], rng)
@@ -213,9 +203,8 @@ def test_longest_step_in_the_discs_by_bisection():
             middle = (low + high) / 2
             low, high = (middle, high) if inside(middle) else (low, middle)
         assert step == pytest.approx(low, rel=1e-6 if seed % 4 == 1 else 1e-9)
-    assert (
-        discs.Cones(0).longest_step((np.zeros(0), np.zeros(0, complex)), (np.zeros(0), np.zeros(0, complex))) == np.inf
-    )
+    nothing = np.zeros(0), np.zeros(0, complex)
+    assert discs.Cones(0).longest_step(nothing, nothing) == np.inf
 
 
 # --- the design -------------------------------------------------------------------------------------------------------
@@ -254,11 +243,10 @@ def test_generated_columns_and_their_non_uniform_transforms(lines, samples, para
         b = a * rng.uniform(0, 1, lines + samples) * np.exp(2j * np.pi * rng.uniform(0, 1, lines + samples))
         b[lines:] = b[lines:].real
         G = np.hstack([E, Q])
-        assert np.linalg.norm(columns @ v[:length] - E @ v[:length]) <= 1e-13 * np.linalg.norm(E) * np.linalg.norm(v)
-        assert np.linalg.norm(columns.adjoint(z) - (E.conj().T @ z).real) <= 1e-13 * np.linalg.norm(E) * np.linalg.norm(
-            z
-        )
-        assert columns.norm == pytest.approx(np.linalg.norm(E), rel=1e-13)
+        norm = np.linalg.norm(E)
+        assert np.linalg.norm(columns @ v[:length] - E @ v[:length]) <= 1e-13 * norm * np.linalg.norm(v)
+        assert np.linalg.norm(columns.adjoint(z) - (E.conj().T @ z).real) <= 1e-13 * norm * np.linalg.norm(z)
+        assert columns.norm == pytest.approx(norm, rel=1e-13)
         assert np.all(columns.spread(np.abs(z)) >= np.abs(E).T @ np.abs(z) * (1 - 1e-13))
         gram = (G.conj().T @ (a[:, None] * G) + G.T @ (b[:, None] * G)).real
         for design in (ShiftDesign(columns, Q), DenseDesign(G, lines)):

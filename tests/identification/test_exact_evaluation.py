@@ -1,5 +1,6 @@
 """Certificates in ball arithmetic, against the same formulas in 60 digits and against the evaluation in doubles."""
 
+import dataclasses
 import sys
 
 import mpmath as mp
@@ -13,7 +14,8 @@ from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.exact_evaluation import enclose_margin, enclose_support
 from robustid.identification.formulation import ExactFormulation, formulate_in
 from robustid.identification.formulation.taylor_columns import ShiftColumns
-from support.cases import slow
+from support.bounds import rebound
+from support.cases import seeds
 from support.problems import random_problem
 
 pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
@@ -34,19 +36,11 @@ FORMS = {
 
 def arrays(name):
     case, length, extra = FORMS[name]
-    problem = random_problem(3, case, 10)
-    frequency = problem.frequency
+    problem = dataclasses.replace(random_problem(3, case, 10), parameter_bounds=extra.get("ends"))
     if extra.get("tilt"):
-        f = frequency[0]
-        tilt = 0.4 * np.exp(1j * np.arange(f.omega.size))
-        frequency = rid.FrequencyResponse(f.omega, f.values, bound=rid.Bound(f.bound, tilt=tilt), dt=f.dt)
-    problem = rid.MixedProblem(
-        frequency=frequency,
-        time=problem.time,
-        prior=problem.prior,
-        parametric=problem.parametric,
-        parameter_bounds=extra.get("ends"),
-    )
+        (frf,) = problem.frequency
+        tilted = rebound(frf, tilt=0.4 * np.exp(1j * np.arange(frf.omega.size)))
+        problem = dataclasses.replace(problem, frequency=tilted)
     data = formulate_in(problem, Sections.shift(length) if length else None).data
     return data.rows, data.sarason
 
@@ -69,8 +63,8 @@ def reference(functional, samples, S, level, rows, sarason):
     """The bound without the free parameters, by the formula, in 60 digits; Taylor columns from their exponentials."""
     n, E = sarason.pair.order, rows.E
     l_re, l_im = [[mp.mpf(float(v)) for v in part] for part in (samples.real, samples.imag)]
-    total = sum(a * b for a, b in zip(l_re, map(mp.mpf, rows.y.real.tolist()), strict=True))
-    total += sum(a * b for a, b in zip(l_im, map(mp.mpf, rows.y.imag.tolist()), strict=True))
+    pairs = (l_re, rows.y.real), (l_im, rows.y.imag)
+    total = sum(a * mp.mpf(b) for one, y in pairs for a, b in zip(one, y.tolist(), strict=True))
     tails = [mp.mpf(level) + t for t in rows.tail.tolist()]
     total += sum(mp.hypot(a, b) * t for a, b, t in zip(l_re, l_im, tails, strict=True))
     A, c, S = matrix(sarason.pair.A), matrix(sarason.pair.c), matrix(S)
@@ -98,52 +92,50 @@ def reference(functional, samples, S, level, rows, sarason):
     return total + mp.mpf(functional.tail)
 
 
-@pytest.mark.parametrize("seeds", [1, slow(2)])
+@pytest.mark.parametrize("seed", seeds(1, 2))
 @pytest.mark.parametrize("name", FORMS)
-def test_the_enclosure_of_a_support_is_right_and_the_double_never_below_it(name, seeds):
+def test_the_enclosure_of_a_support_is_right_and_the_double_never_below_it(name, seed):
     rows, sarason = arrays(name)
-    for seed in range(seeds):
-        functional, samples, Y = multipliers(rows, sarason, seed)
-        free = ~rows.held
-        if free.any():  # P'l = d, but for rounding
-            P = np.vstack([rows.P.real, rows.P.imag])[:, free]
-            wanted = functional.p.copy()
-            wanted[free] = P.T @ np.concatenate([samples.real, samples.imag])
-            functional = Functional(functional.x, wanted, functional.tail)
-        found = enclose_support(functional, samples, Y, 1.0, rows, sarason)
-        plain = evaluate_support(functional, samples, Y, 1.0, rows, sarason)
-        with mp.workdps(60):
-            true = reference(functional, samples, sarason.stein(Y), 1.0, rows, sarason)
-            assert true <= found
-            if not free.any():
-                assert found - true < 1e-13 * rows.y.size * abs(true)
-        assert found <= plain
-        assert plain - found < 1e-7 * abs(plain)
+    functional, samples, Y = multipliers(rows, sarason, seed)
+    free = ~rows.held
+    if free.any():  # P'l = d, but for rounding
+        P = np.vstack([rows.P.real, rows.P.imag])[:, free]
+        wanted = functional.p.copy()
+        wanted[free] = P.T @ np.concatenate([samples.real, samples.imag])
+        functional = Functional(functional.x, wanted, functional.tail)
+    found = enclose_support(functional, samples, Y, 1.0, rows, sarason)
+    plain = evaluate_support(functional, samples, Y, 1.0, rows, sarason)
+    with mp.workdps(60):
+        true = reference(functional, samples, sarason.stein(Y), 1.0, rows, sarason)
+        assert true <= found
+        if not free.any():
+            assert found - true < 1e-13 * rows.y.size * abs(true)
+    assert found <= plain
+    assert plain - found < 1e-7 * abs(plain)
 
 
-@pytest.mark.parametrize("seeds", [1, slow(2)])
+@pytest.mark.parametrize("seed", seeds(1, 2))
 @pytest.mark.parametrize("name", FORMS)
-def test_the_enclosure_of_a_margin_is_right_and_the_double_never_above_it(name, seeds):
+def test_the_enclosure_of_a_margin_is_right_and_the_double_never_above_it(name, seed):
     rows, sarason = arrays(name)
-    for seed in range(seeds):
-        _, samples, Y = multipliers(rows, sarason, seed)
-        P = np.vstack([rows.P.real, rows.P.imag])[:, ~rows.held]
-        flat = np.concatenate([samples.real, samples.imag])
-        flat = flat - P @ np.linalg.lstsq(P, flat, rcond=None)[0]
-        samples = flat[: samples.size] + 1j * flat[samples.size :]
-        S = sarason.stein(Y)
-        found = enclose_margin(samples, S, 1.0, rows, sarason)
-        plain = evaluate_certificate(samples, S, 1.0, rows, sarason)
-        nothing = Functional(np.zeros(sarason.pair.order), np.zeros(rows.P.shape[1]))
-        with mp.workdps(60):
-            # margin * weight >= Re<l, y> - (...), which is minus the bound of the zero functional with -l, at level 0.
-            weight = mp.fsum(mp.hypot(float(a.real), float(a.imag)) for a in samples)
-            true = -reference(nothing, -samples, S, 0.0, rows, sarason) / weight
-            assert found <= true
-            if rows.held.all():
-                assert true - found < 1e-13 * rows.y.size * abs(true)
-        assert plain <= found
-        assert found - plain < 1e-7 * abs(found)
+    _, samples, Y = multipliers(rows, sarason, seed)
+    P = np.vstack([rows.P.real, rows.P.imag])[:, ~rows.held]
+    flat = np.concatenate([samples.real, samples.imag])
+    flat = flat - P @ np.linalg.lstsq(P, flat, rcond=None)[0]
+    samples = flat[: samples.size] + 1j * flat[samples.size :]
+    S = sarason.stein(Y)
+    found = enclose_margin(samples, S, 1.0, rows, sarason)
+    plain = evaluate_certificate(samples, S, 1.0, rows, sarason)
+    nothing = Functional(np.zeros(sarason.pair.order), np.zeros(rows.P.shape[1]))
+    with mp.workdps(60):
+        # margin * weight >= Re<l, y> - (...), which is minus the bound of the zero functional with -l, at level 0.
+        weight = mp.fsum(mp.hypot(float(a.real), float(a.imag)) for a in samples)
+        true = -reference(nothing, -samples, S, 0.0, rows, sarason) / weight
+        assert found <= true
+        if rows.held.all():
+            assert true - found < 1e-13 * rows.y.size * abs(true)
+    assert plain <= found
+    assert found - plain < 1e-7 * abs(found)
 
 
 def test_certificates_of_results_hold_in_ball_arithmetic_and_overstated_ones_do_not():

@@ -1,5 +1,7 @@
 """Known answers: theory of one and two data, the set of all solutions, Lemma 1."""
 
+import itertools
+
 import control
 import numpy as np
 import pytest
@@ -11,14 +13,14 @@ from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation.classical import classical_form
 from robustid.identification.formulation.sarason import PairMap
 from support.cases import seeds, slow
+from support.problems import CASES, identified, random_problem
 
 K, RHO, DT = 1.7, 1.2, 0.01
 
 
 def margin(frequency=None, time=None, **options):
     problem = rid.MixedProblem(frequency=frequency, time=time, prior=rid.Prior(gain_bound=K, decay_rate=RHO))
-    result = rid.identify(problem, **options)
-    assert result.verification.passed
+    result = identified(problem, **options)
     assert result.margin_lower <= result.margin <= result.margin_lower + 1e-6 * max(1, result.margin)
     return result.margin
 
@@ -63,23 +65,23 @@ def test_two_values_at_real_nodes_meet_at_pick_s_disc():
     assert margin(frf) == pytest.approx(brentq(gap, 0, 1.3 / bound, xtol=1e-14), abs=1e-6)
 
 
+def coefficients_in(sarason, size, rng):
+    x = rng.standard_normal(sarason.pair.order)
+    return x * size / sarason.norm(x)
+
+
 @pytest.mark.parametrize("seed", seeds(2, 5))
 def test_every_solution_interpolates_and_stays_in_the_ball(seed):
     rng = np.random.default_rng(seed)
     angles, taylor = np.sort(rng.uniform(0.1, 3, 4)), 5
     pair = input_normal_pair(angles, 1 / RHO, taylor)
     sarason = PairMap(pair)
-    x = rng.standard_normal(pair.order)
-    x *= rng.uniform(0.3, 0.999) / sarason.norm(x)
+    x = coefficients_in(sarason, rng.uniform(0.3, 0.999), rng)
     family = sarason.interpolants(x)
     zeta, circle = np.exp(-1j * angles) / RHO, np.exp(1j * np.linspace(0, np.pi, 3000))
     dynamic = control.ss([[0.5]], [[0.5]], [[0.4]], [[0.2]], True)
-    for E, states in (
-        (0.0, -1),
-        (0.6, 0),
-        (-1.0, 0),
-        (dynamic, 1),
-    ):  # one state less at the centre: theory of `Interpolants`
+    # One state less at the centre: theory of `Interpolants`.
+    for E, states in ((0.0, -1), (0.6, 0), (-1.0, 0), (dynamic, 1)):
         a, b, c, d = family.realise(E)
         model = control.ss(a, b, c, d, True)
         assert a.shape[0] == pair.order + states
@@ -98,8 +100,7 @@ def test_central_interpolant_is_the_closed_form():
     rng = np.random.default_rng(3)
     pair = input_normal_pair([0.3, 1.0, 2.0], 1 / RHO, 3)
     sarason = PairMap(pair)
-    x = rng.standard_normal(pair.order)
-    x *= 0.9 / sarason.norm(x)
+    x = coefficients_in(sarason, 0.9, rng)
     X = sarason.matrix(x)
     M = np.eye(pair.order) - X.T @ X
     W = M + np.outer(x, x)
@@ -114,10 +115,7 @@ def test_central_interpolant_is_the_closed_form():
 def test_weyl_disc_is_filled_by_complex_free_parameters_and_holds_the_real_ones():
     rng = np.random.default_rng(4)
     pair = input_normal_pair([0.5, 1.5], 1 / RHO, 2)
-    sarason = PairMap(pair)
-    x = rng.standard_normal(pair.order)
-    x *= 0.8 / sarason.norm(x)
-    family = sarason.interpolants(x)
+    family = PairMap(pair).interpolants(coefficients_in(PairMap(pair), 0.8, rng))
     n, zeta = pair.order, 0.6 * np.exp(0.9j)
     centre, radius = family.weyl_disc(zeta)
 
@@ -175,19 +173,11 @@ def test_adjoint_and_basis_agree_with_the_stein_equation():
 @pytest.mark.parametrize("seeds", [2, slow(5)])
 def test_any_multipliers_prove_a_true_bound(seeds):
     """Four problems a seed x 20 random multipliers: none claims more than the margin that a system reaches."""
-    from robustid.identification.formulation import ExactFormulation
-    from support.problems import CASES, random_problem
-
-    held = 0
-    for seed in range(seeds):
-        for case in CASES:
-            problem = random_problem(seed, case, 8, spread=0.2, noise=4.0)
-            result, data = rid.identify(problem), ExactFormulation(problem).data
-            rng = np.random.default_rng(seed)
-            best = result.certificate
-            for size in np.logspace(-9, 1, 20):
-                samples = best.samples + size * rng.standard_normal(best.samples.size)
-                ball = best.ball + size * rng.standard_normal(best.ball.shape)
-                claim = evaluate_certificate(samples, ball, result.margin, data.rows, data.sarason)
-                held += claim <= result.margin * (1 + 1e-12)
-    assert held == 80 * seeds
+    for seed, case in itertools.product(range(seeds), CASES):
+        result = rid.identify(random_problem(seed, case, 8, spread=0.2, noise=4.0))
+        data, best, rng = result.formulation.data, result.certificate, np.random.default_rng(seed)
+        for size in np.logspace(-9, 1, 20):
+            samples = best.samples + size * rng.standard_normal(best.samples.size)
+            ball = best.ball + size * rng.standard_normal(best.ball.shape)
+            claim = evaluate_certificate(samples, ball, result.margin, data.rows, data.sarason)
+            assert claim <= result.margin * (1 + 1e-12)

@@ -1,7 +1,5 @@
 """Central models of several channels in closed form, all solutions, and the balls of their values."""
 
-import dataclasses
-
 import control
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from robustid.identification.entries import Entries
 from robustid.identification.formulation.sarason import PairMap
 from support.cases import slow
 from support.matrix_plants import random_matrix_problem, response
+from support.problems import identified
 
 pytestmark = pytest.mark.quick
 
@@ -42,9 +41,7 @@ def sampled(p, q, seed, lines=3):
     """Interpolants of random coefficients with ||X|| = 0.9, and their coefficients."""
     rng = np.random.default_rng([seed, p, q])
     problem = random_matrix_problem(seed, p, q, lines)[0]
-    result = rid.identify(problem)
-    assert result.verification.passed, result.summary()
-    return rng, problem, result
+    return rng, problem, identified(problem)
 
 
 @pytest.mark.parametrize(("p", "q"), SHAPES)
@@ -126,8 +123,7 @@ def test_records_cost_a_state_less(p, q):
     rng = np.random.default_rng(4)
     u, y = rng.standard_normal((4, q)), 0.1 * rng.standard_normal((4, p))
     record = rid.TimeRecord(u, y, dt=1.0, bound=0.02)
-    result = rid.identify(rid.MixedProblem(time=record, prior=Prior(gain_bound=1.0, decay_rate=1.2)))
-    assert result.verification.passed, result.summary()
+    result = identified(rid.MixedProblem(time=record, prior=Prior(gain_bound=1.0, decay_rate=1.2)))
     assert result.order == 3 * min(p, q)
     expected = control.forced_response(result.model, inputs=u.T).outputs
     for E, _ in contractions(rng, p, q):
@@ -139,11 +135,9 @@ def test_a_scaled_prior_scales_the_ball():
     """The model divided by the scaling is in the ball, for a scaling of rank two; its states are twice as many."""
     problem, _ = random_matrix_problem(5, 2, 2, 3)
     scaling = np.array([[1.0, 3.0], [2.0, 0.5]])
-    prior = dataclasses.replace(problem.prior, scaling=scaling)
-    result = rid.identify(dataclasses.replace(problem, prior=prior))
-    assert result.verification.passed, result.summary()
-    sizes = [np.linalg.norm(G / scaling, 2) for G in response(result.model, ANGLES, 1 / prior.decay_rate)]
-    assert max(sizes) <= prior.gain_bound * (1 + 1e-9)
+    result = identified(problem.with_prior(scaling=scaling))
+    sizes = [np.linalg.norm(G / scaling, 2) for G in response(result.model, ANGLES, 1 / problem.prior.decay_rate)]
+    assert max(sizes) <= problem.prior.gain_bound * (1 + 1e-9)
     assert result.order == 2 * 2 * problem.coefficients
     centre, left, right = result.weyl_ball(ANGLES)
     values = response(result.solution(np.eye(2)), ANGLES)

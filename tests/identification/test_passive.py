@@ -135,12 +135,8 @@ def test_lightly_damped_modes_beside_a_positive_real_rest(seed):
     truth, omega, values, bound, modes = mobility(seed)
     problem = problem_of(omega, values, bound, rid.PositiveReal(decay=4.0), parametric=modes)
     found = rid.identify(problem, accuracy=1e-6).require()
-    d, w = modes.poles.real[::2] * -1, np.abs(modes.poles[::2])
-    s = 1j * omega[:, None]
-    functions = np.stack([2 * d * s, 2 * d * (s + 2 * d)], axis=2) / (s**2 + 2 * d * s + w**2)[..., None]
-    expected = smallest_factor(
-        omega, values[:, None, None], bound[:, None, None], 4.0, modes=functions.reshape(omega.size, -1)
-    )
+    functions = functions_of(modes, omega)
+    expected = smallest_factor(omega, values[:, None, None], bound[:, None, None], 4.0, modes=functions)
     assert found.margin == pytest.approx(expected, rel=1e-5, abs=1e-6)
     assert np.all(found.parameters[:-1] >= 0)
     error = rid.worst_case_error(found, omega=[5.02, 8.0], directions=6, rtol=0.2)
@@ -168,13 +164,15 @@ def transfer_mobility(seed):
 
     truth = at(1j * omega)
     bound = 0.03 * np.abs(truth)
-    return (
-        at,
-        omega,
-        truth + bound * np.exp(2j * np.pi * rng.random(bound.shape)),
-        1.001 * bound,
-        rid.passive.passive_modes(w, zeta),
-    )
+    values = truth + bound * np.exp(2j * np.pi * rng.random(bound.shape))
+    return at, omega, values, 1.001 * bound, rid.passive.passive_modes(w, zeta)
+
+
+def functions_of(modes, omega):
+    """The two functions of every pair, (F, m)."""
+    d, w, s = -modes.poles.real[::2], np.abs(modes.poles[::2]), 1j * omega[:, None]
+    functions = np.stack([2 * d * s, 2 * d * (s + 2 * d)], axis=2) / (s**2 + 2 * d * s + w**2)[..., None]
+    return functions.reshape(omega.size, -1)
 
 
 @pytest.mark.parametrize("seed", seeds(1, 20))
@@ -183,10 +181,7 @@ def test_modes_of_several_ports_beside_a_positive_real_rest(seed):
     truth, omega, values, bound, modes = transfer_mobility(seed)
     problem = problem_of(omega, values, bound, rid.PositiveReal(decay=4.0), parametric=modes)
     found = rid.identify(problem).require()
-    d, w = modes.poles.real[::2] * -1, np.abs(modes.poles[::2])
-    s = 1j * omega[:, None]
-    functions = np.stack([2 * d * s, 2 * d * (s + 2 * d)], axis=2) / (s**2 + 2 * d * s + w**2)[..., None]
-    functions = functions.reshape(omega.size, -1)
+    functions = functions_of(modes, omega)
     size = np.abs(functions).max(axis=0)  # coefficients of about one: the general solver loses digits else
     functions, ends = functions / size, found.problem.parameter_bounds[:-1] * size[:, None, None, None]
     inside = smallest_factor(omega, values, bound, 4.0, modes=functions)
@@ -230,53 +225,47 @@ def test_what_contradicts_a_class_is_said():
         assert "in decibels perhaps" in diagnose(found).summary()
 
 
-def test_bad_input():
-    omega, values, bound, decay, _ = random_data(0, 1)
-    passive = rid.PositiveReal(decay=decay)
-    with pytest.raises(rid.InputError, match=r"`decay_rate` .* or `decay` .* must be given"):
-        rid.PositiveReal()
-    with pytest.raises(rid.InputError, match="one of continuous time"):
-        rid.NegativeImaginary(decay_rate=1.1)
-    sampled = rid.FrequencyResponse(omega, values, bound=bound, dt=0.01)
-    with pytest.raises(rid.InputError, match="data have a sample time"):
-        rid.MixedProblem(frequency=sampled, prior=rid.NegativeImaginary(decay=1.0))
-    with pytest.raises(rid.InputError, match="point at omega = 0, of which"):
-        problem_of([0.0, 1.0], [1.0, 1.0], 0.1, rid.NegativeImaginary(decay=1.0))
-    with pytest.raises(rid.InputError, match="BoundedReal class is 1"):
-        rid.BoundedReal(decay=1.0, gain_bound=2.0)
-    with pytest.raises(rid.InputError, match="`scaling` has no meaning"):
-        rid.PositiveReal(decay=1.0, scaling=[[1.0]])
-    for prior in (passive, rid.BoundedReal(decay=decay)):
-        with pytest.raises(rid.InputError, match="`parametric` can't be joined"):
-            problem_of(omega, values, bound, prior, parametric=rid.kautz(10.0, 0.1, dt=0))
-        with pytest.raises(rid.InputError, match="as many inputs as outputs"):
-            problem_of(omega, np.ones((omega.size, 2, 1)), 1.0, prior)
-    modes = rid.passive.passive_modes(10.0, 0.1)
-    with pytest.raises(rid.InputError, match="`parameter_bounds` has no place"):
-        problem_of(omega, values, bound, passive, parametric=modes, parameter_bounds=[[0, 1], [0, 1]])
-    record = rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)
-    with pytest.raises(rid.InputError, match="takes frequency responses"):
-        rid.MixedProblem(time=record, prior=rid.PositiveReal(decay=1.0))
-    with pytest.raises(rid.InputError, match="data are of continuous time"):
-        problem_of(omega, values, bound, rid.PositiveReal(decay_rate=1.1))
-    problem = problem_of(omega, values, bound, passive)
-    for settings in ({"form": "sections"}, {"objective": "gain"}):
-        with pytest.raises(rid.InputError, match="PositiveReal"):
-            rid.identify(problem, **settings)
-    part = np.full((3, 2, 2), 0.1)
-    part[:, 0, 1] = np.inf
-    with pytest.raises(rid.InputError, match="no point at which every entry"):
-        rid.identify(problem_of(omega[:3], np.ones((3, 2, 2)), part, passive))
-    many = np.linspace(1, 100, 300)
-    with pytest.raises(SizeError, match="PositiveReal class of 1 port up to"):
-        rid.identify(problem_of(many, 1 / (1j * many + 3), 0.1, passive))
-    found = rid.identify(problem_of(omega, values, 3 * bound, passive))
-    for refused in (
-        lambda: rid.suggest_prior(found.problem),
-        lambda: rid.guarantee.diameter(found.problem, omega=[1.0]),
-        lambda: rid.worst_case_error(found, omega=[10.0], directions=3).weight(),
-    ):
-        with pytest.raises(rid.InputError, match="PositiveReal class, "):
-            refused()
-    with pytest.raises(rid.InputError, match="closed form"):
-        found.weyl_disc([1.0])
+OMEGA, VALUES, BOUND, DECAY, _ = random_data(0, 1)
+PASSIVE, RECORD = rid.PositiveReal(decay=DECAY), rid.TimeRecord(np.ones(4), np.ones(4), dt=0.1, bound=0.1)
+SAMPLED = rid.FrequencyResponse(OMEGA, VALUES, bound=BOUND, dt=0.01)
+MODES, PAIR, MANY = rid.passive.passive_modes(10.0, 0.1), rid.kautz(10.0, 0.1, dt=0), np.linspace(1, 100, 300)
+ONES, ONE_MISSING = np.ones((OMEGA.size, 2, 2)), np.tile([[0.1, np.inf], [0.1, 0.1]], (OMEGA.size, 1, 1))
+
+
+def posed_by(prior, values=VALUES, bound=3 * BOUND, omega=OMEGA, **more):
+    return lambda: problem_of(omega, values, bound, prior, **more)
+
+
+def answered(**more):
+    return rid.identify(problem_of(OMEGA, VALUES, 3 * BOUND, PASSIVE), **more)
+
+
+@pytest.mark.parametrize(
+    ("words", "call"),
+    [
+        (r"`decay_rate` .* or `decay` .* must be given", rid.PositiveReal),
+        ("one of continuous time", lambda: rid.NegativeImaginary(decay_rate=1.1)),
+        ("BoundedReal class is 1", lambda: rid.BoundedReal(decay=1.0, gain_bound=2.0)),
+        ("`scaling` has no meaning", lambda: rid.PositiveReal(decay=1.0, scaling=[[1.0]])),
+        ("have a sample time", lambda: rid.MixedProblem(frequency=SAMPLED, prior=rid.NegativeImaginary(decay=1.0))),
+        ("takes frequency responses", lambda: rid.MixedProblem(time=RECORD, prior=PASSIVE)),
+        ("data are of continuous time", posed_by(rid.PositiveReal(decay_rate=1.1))),
+        ("point at omega = 0, of which", posed_by(rid.NegativeImaginary(decay=1.0), omega=OMEGA - OMEGA[0])),
+        ("`parametric` can't be joined", posed_by(PASSIVE, parametric=PAIR)),
+        ("`parametric` can't be joined", posed_by(rid.BoundedReal(decay=1.0), parametric=PAIR)),
+        ("as many inputs as outputs", posed_by(PASSIVE, ONES[:, :, :1], 1.0)),
+        ("as many inputs as outputs", posed_by(rid.BoundedReal(decay=1.0), ONES[:, :, :1], 1.0)),
+        ("`parameter_bounds` has no place", posed_by(PASSIVE, parametric=MODES, parameter_bounds=[[0, 1], [0, 1]])),
+        ("PositiveReal", lambda: answered(form="sections")),
+        ("PositiveReal", lambda: answered(objective="gain")),
+        ("no point at which every entry", lambda: rid.identify(problem_of(OMEGA, ONES, ONE_MISSING, PASSIVE))),
+        ("class of 1 port up to", lambda: rid.identify(problem_of(MANY, 1 / (1j * MANY + 3), 0.1, PASSIVE))),
+        ("PositiveReal class, ", lambda: rid.suggest_prior(answered().problem)),
+        ("PositiveReal class, ", lambda: rid.guarantee.diameter(answered().problem, omega=[1.0])),
+        ("PositiveReal class, ", lambda: rid.worst_case_error(answered(), omega=[10.0], directions=3).weight()),
+        ("closed form", lambda: answered().weyl_disc([1.0])),
+    ],
+)
+def test_a_sentence_for_each(words, call):
+    with pytest.raises(SizeError if "up to" in words else rid.InputError, match=words):
+        call()

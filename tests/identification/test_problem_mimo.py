@@ -71,20 +71,6 @@ def test_a_sentence_for_each(name):
         rid.MixedProblem(**({"prior": PRIOR} | changes))
 
 
-@pytest.mark.parametrize(
-    ("scaling", "sentence"),
-    [
-        ([[1.0, 0.0]], "`scaling` must be positive"),
-        ([[1.0, -2.0]], "`scaling` must be positive"),
-        ([[1.0, np.inf]], "`scaling` must be finite"),
-        ([1.0, 2.0], "`scaling` must have"),
-    ],
-)
-def test_scalings(scaling, sentence):
-    with pytest.raises(rid.InputError, match=sentence):
-        rid.Prior(gain_bound=1.0, decay_rate=1.1, scaling=scaling)
-
-
 def test_two_records_that_move_alike_together_move_both():
     """Rank-deficient one by one, complete together."""
     other = rid.TimeRecord(U[:, :1] * [1.0, -1.0], Y, dt=0.1, bound=0.1)

@@ -13,8 +13,8 @@ from robustid.identification.formulation.sections import SectionMap
 from robustid.identification.formulation.tails import demands, taylor_tail
 from robustid.identification.formulation.taylor import taylor_length
 from support.cases import slow
-from support.sections_of_lines import CIRCLE, coordinates, lines, random_member
-from support.taylor_members import at, shares_of_tails, taylor, wide_problem
+from support.sections_of_lines import CIRCLE, coordinates, lines
+from support.taylor_members import at, random_member, shares_of_tails, taylor, wide_problem
 
 CASES = (
     Sections([0.6], 5),
@@ -58,7 +58,7 @@ def test_the_map_of_a_repeated_section(sections):
     assert np.abs(fast.symmetry - general.symmetry).max() <= 1e-14
     assert np.vdot(Y, fast.matrix(x)) == pytest.approx(float((sections.pair.c @ fast.stein(Y))[0] @ x), rel=1e-10)
     for _ in range(5):
-        member = random_member(rng, 8)
+        member = random_member(rng, 8, 0.8)
         X, power = np.zeros((n, n)), np.eye(n)
         for g in taylor(member, 3000):
             X, power = X + g * power, power @ sections.pair.A
@@ -99,7 +99,7 @@ def test_the_tails_of_all_samples_hold_for_random_members(seeds):
         zeros = rng.uniform(0, 0.6, 1 + seed % 2) * np.exp(1j * rng.uniform(0, np.pi, 1 + seed % 2))
         sections = Sections(np.abs(zeros) if seed % 2 else zeros, int(rng.integers(1, 5)))
         rows, theta = formulate_in(problem, sections).rows, blaschke(sections)
-        for member in (random_member(rng, 6), times(theta, random_member(rng, 4)), theta):
+        for member in (random_member(rng, 6, 0.8), times(theta, random_member(rng, 4, 0.8)), theta):
             inside = coordinates(at(member, CIRCLE), sections)
             reached = np.maximum(reached, shares_of_tails(problem, widths, rows, member, inside, 1e-11))
     assert np.all(reached > [0.6, 0.9, 0.2, 0.9])

@@ -15,17 +15,7 @@ from robustid.identification.formulation.taylor_columns import ShiftColumns
 from support.cases import slow
 from support.forms import ACCURACY, both_forms, compared, nothing_below, posed_problem
 from support.problems import CASES, MIXED_IS_SLOW, random_problem
-from support.taylor_members import DT, EPS, at, polynomials, random_experiments, shares_of_tails, taylor, wide_problem
-
-
-def random_member(rng, degree=6):
-    """P/Q in the unit ball of the disc: a Blaschke product, or the mean of two with a factor, all zeros anywhere inside."""
-    zeros = [np.sqrt(rng.uniform(0, 1, degree // 2)) * np.exp(1j * rng.uniform(0, np.pi, degree // 2)) for _ in "ab"]
-    (a, b), (c, d) = map(polynomials, zeros)
-    if rng.uniform() < 0.5:
-        return a, b
-    t = rng.uniform(0, 1)
-    return t * np.convolve(a, d) + (1 - t) * np.convolve(c, b), np.convolve(b, d)
+from support.taylor_members import DT, EPS, at, random_experiments, random_member, shares_of_tails, taylor, wide_problem
 
 
 def delayed(member, L):

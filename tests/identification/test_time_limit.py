@@ -67,8 +67,3 @@ def test_time_enough_changes_nothing_and_progress_comes_to_its_end(question):
     assert (found.margin, found.margin_lower, found.notes) == (whole.margin, whole.margin_lower, whole.notes)
     assert told == sorted(told)
     assert told[0] < 0.5 < told[-1] == 1
-
-
-def test_a_limit_is_a_positive_number(question):
-    with pytest.raises(rid.InputError, match="`time_limit` must be"):
-        rid.identify(question[0], time_limit=0)

@@ -40,6 +40,10 @@ def simulate(model, u, start=None):
     return y
 
 
+def values_at(model, points):
+    return np.array([model.D + model.C @ np.linalg.solve(z * np.eye(model.nstates) - model.A, model.B) for z in points])
+
+
 def test_record_from_rest():
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -102,13 +106,8 @@ def test_periodic_record_agrees_with_the_lines_of_its_spectrum():
     # Poles 1e-6 from the circle: no transient would have died out.
     rng = np.random.default_rng(1)
     model, u = random_model(rng, zeta=1e-6), rng.standard_normal((512, 3))
-    spectrum = np.fft.rfft(u, axis=0)
-    points = np.exp(2j * np.pi * np.arange(257) / 512)
-    lines = [
-        (model.D + model.C @ np.linalg.solve(z * np.eye(5) - model.A, model.B)) @ s
-        for z, s in zip(points, spectrum, strict=True)
-    ]
-    y = np.fft.irfft(np.array(lines), 512, axis=0)
+    lines = values_at(model, np.exp(2j * np.pi * np.arange(257) / 512)) @ np.fft.rfft(u, axis=0)[..., None]
+    y = np.fft.irfft(lines[..., 0], 512, axis=0)
     result = validate(model, TimeRecord(u, y, dt=DT, initial="periodic"))
     assert np.max(np.abs(result.residuals)) < 1e-8 * np.max(np.abs(y))
 
@@ -117,21 +116,10 @@ def test_periodic_record_agrees_with_the_lines_of_its_spectrum():
 def test_frequency_response(dt):
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        if dt is None:
-            model = control.StateSpace(
-                np.diag([-1.0, -20.0]),
-                rng.standard_normal((2, 3)),
-                rng.standard_normal((2, 2)),
-                rng.standard_normal((2, 3)),
-                0,
-            )
-        else:
-            model = random_model(rng)
+        B, C, D = (rng.standard_normal(shape) for shape in ((2, 3), (2, 2), (2, 3)))
+        model = random_model(rng) if dt else control.StateSpace(np.diag([-1.0, -20.0]), B, C, D, 0)
         omega = np.linspace(1, 300, 50)
-        points = 1j * omega if dt is None else np.exp(1j * omega * dt)
-        values = np.array(
-            [model.D + model.C @ np.linalg.solve(z * np.eye(model.nstates) - model.A, model.B) for z in points]
-        )
+        values = values_at(model, np.exp(1j * omega * dt) if dt else 1j * omega)
         noise = 0.1 * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
         result = validate(model, FrequencyResponse(omega, values + noise, bound=0.25, dt=dt))
         np.testing.assert_allclose(result.residuals, noise, atol=1e-9 * np.max(np.abs(values)))
@@ -157,15 +145,12 @@ def test_whiteness_errs_as_often_as_it_says():
     assert 8 <= called <= 36  # 20 expected, sigma 4.4
 
 
-def test_whiteness_is_nan_where_it_cannot_be_tested():
+def test_what_cannot_be_tested_is_nan_and_a_constant_signal_has_a_defined_fit():
     static = control.StateSpace([], [], [], [[1.0]])
     assert np.isnan(validate(static, TimeRecord(np.ones(4), np.arange(4.0), dt=DT)).whiteness[0])
-    assert np.isnan(validate(static, TimeRecord(np.ones(400), np.ones(400), dt=DT)).whiteness[0])
-
-
-def test_constant_signal_has_a_defined_fit():
-    static = control.StateSpace([], [], [], [[1.0]])
-    assert validate(static, TimeRecord(np.ones(10), np.ones(10), dt=DT)).fit[0] == 1
+    constant = validate(static, RECORD)
+    assert np.isnan(constant.whiteness[0])
+    assert constant.fit[0] == 1
     assert validate(static, TimeRecord(np.ones(10), 2 * np.ones(10), dt=DT)).fit[0] == -np.inf
 
 
@@ -179,24 +164,23 @@ def test_integrator_from_rest_and_free():
 
 
 def test_summary_names_channels_units_and_the_worst_sample():
-    model = control.ss([[0.5]], [[1.0]], [[1.0]], 0, DT)
     y = np.array([0.0, 1.0, 1.5, 1.8])
     record = TimeRecord(np.ones(4), y, dt=DT, bound=0.1, inputs=["current [A]"], outputs=["torsion [rad]"])
-    text = validate(model, record).summary()
+    text = validate(ONE, record).summary()
     assert "torsion [rad]" in text
     assert "0.5 at 0.03 s" in text
     assert "all inside" in text
-    assert "1 outside" in validate(model, record.with_bound(0.04)).summary()
-    assert "no bound" in validate(model, TimeRecord(np.ones(4), y, dt=DT)).summary()
+    assert "1 outside" in validate(ONE, record.with_bound(0.04)).summary()
+    assert "no bound" in validate(ONE, TimeRecord(np.ones(4), y, dt=DT)).summary()
     frf = FrequencyResponse([10.0, 20.0], [1.0, 2.0], bound=0.1, dt=DT, inputs=["current [A]"])
-    assert "current [A] -> y" in validate(model, frf).summary()
-    assert "Hz" in validate(model, frf).summary()
+    text = validate(ONE, frf).summary()
+    assert "current [A] -> y" in text
+    assert "Hz" in text
 
 
 def test_results_are_read_only():
-    result = validate(control.ss([[0.5]], [[1.0]], [[1.0]], 0, DT), TimeRecord(np.ones(4), np.ones(4), dt=DT))
     with pytest.raises(ValueError, match="read-only"):
-        result.residuals[0] = 0
+        validate(ONE, RECORD).residuals[0] = 0
 
 
 ONE = control.ss([[0.5]], [[1.0]], [[1.0]], 0, DT)

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import control
 import mpmath as mp
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from robustid.identification.formulation import Candidate, ExactFormulation
 from robustid.identification.model import Nominal
 from robustid.identification.verification import verify
 from support.cases import slow
-from support.problems import CASES, random_problem
+from support.problems import CASES, identified, in_units, random_problem
 
 PROBLEM = random_problem(2, "mixed", 14, spread=0.2, noise=4.0)
 
@@ -46,8 +47,6 @@ def test_an_untouched_result_passes(result):
 
 
 def test_each_check_sees_the_one_number_that_is_wrong(result):
-    import control
-
     assert any("largest |residual|" in name for name in checks(result, level=0.5 * result.margin))
     large = result.coefficients * 1.5 / ExactFormulation(PROBLEM).data.sarason.norm(result.coefficients)
     assert any("in the ball" in name for name in checks(result, x=large))
@@ -72,8 +71,6 @@ def test_each_check_sees_the_one_number_that_is_wrong(result):
 
 
 def test_a_nan_in_any_residual_fails(result):
-    import control
-
     C = np.array(result.model.C)
     C[0, 0] = np.nan
     broken = control.StateSpace(result.model.A, result.model.B, result.model.C, result.model.D, 0.01)
@@ -116,13 +113,10 @@ def test_the_rounding_allowance_covers_the_rounding(case):
 @pytest.mark.parametrize("seeds", [1, slow(2)])
 def test_tight_bounds_reach_the_accuracy(seeds):
     """Bounds of 1e-4 to 1e-8 of K: the proven interval is as narrow as asked, in all."""
-    held = 0
     for spread, noise in ((1e-3, 3.0), (1e-5, 0.9), (1e-7, 0.9)):
         for seed in range(seeds):
             for case in CASES:
-                result = rid.identify(random_problem(100 + seed, case, 28, spread=spread, noise=noise))
-                held += result.verification.passed
-    assert held == 12 * seeds
+                identified(random_problem(100 + seed, case, 28, spread=spread, noise=noise))
 
 
 def line_data(values, bound=0.1):
@@ -144,10 +138,9 @@ PRIOR = rid.Prior(gain_bound=1.0, decay_rate=1.1)
     ],
 )
 def test_zero_data_have_margin_zero(data):
-    result = rid.identify(rid.MixedProblem(prior=PRIOR, **data))
+    result = identified(rid.MixedProblem(prior=PRIOR, **data))
     assert result.consistent
     assert result.margin < 1e-6
-    assert result.verification.passed
 
 
 def test_data_of_the_parametric_part_alone_with_tiny_bounds():
@@ -167,19 +160,9 @@ def test_huge_data_are_refuted_and_not_crashed_on():
 def test_objective_margin_stays_inside_consistent_bounds():
     base = random_problem(0, "mixed", 14, spread=0.2, noise=4.0)
     exact = rid.identify(base, accuracy=1e-8).margin * (1 + 2e-5)
-    frf, record = base.frequency[0], base.time[0]
-    problem = dataclasses.replace(
-        base, frequency=frf.with_bound(frf.bound * exact), time=record.with_bound(record.bound * exact)
-    )
-    result = rid.identify(problem, objective="margin", accuracy=0.1)
+    result = rid.identify(in_units(base, 1.0, exact), objective="margin", accuracy=0.1)
     assert result.consistent
     assert max(r.ratio.max() for r in result.residuals) <= 1 + 1e-6
-
-
-def test_order_objective_is_refused_before_the_work_where_it_would_take_hours():
-    record = rid.TimeRecord(np.ones(150), np.ones(150), dt=0.1, bound=0.1)
-    with pytest.raises(rid.errors.SizeError, match="objective"):
-        rid.identify(rid.MixedProblem(time=record, prior=PRIOR), objective="order")
 
 
 def test_widening_for_an_unknown_past_is_exactly_what_it_can_do():
@@ -210,29 +193,7 @@ def test_nyquist_line_of_a_periodic_record_counts_once():
     assert rid.identify(problem).margin == pytest.approx((w - 0.5) / bound, abs=1e-5)
 
 
-@pytest.mark.parametrize("seeds", [1, slow(5)])
-def test_reduction_of_a_record_from_an_unknown_state_keeps_its_bounds(seeds):
-    """Free responses are fitted for the largest residual, as the claim is: all stay within their bounds."""
-    for seed in range(seeds):
-        experiment = rid.datasets.flexible_structure(seed=1)
-        rng = np.random.default_rng(seed)
-        from robustid.core import simulate
-
-        u = np.sign(rng.standard_normal(300))
-        y = simulate(experiment.truth, u[:, None])[0][270:, 0] + 0.02 * rng.uniform(-1, 1, 30)
-        free = rid.TimeRecord(u[270:], y, dt=0.01, bound=0.02, initial="free")
-        basis = rid.kautz(experiment.modes[:, 0], experiment.modes[:, 1], dt=0.01, delay=1)
-        prior = rid.Prior(gain_bound=0.02, decay_rate=1.3)
-        result = rid.identify(rid.MixedProblem(time=free, prior=prior, parametric=basis))
-        assert result.consistent
-        reduction = rid.reduce_within_bounds(result)
-        assert reduction.margin <= 1 + 1e-5
-        assert reduction.order < result.order
-
-
 def test_valid_repeated_pairs_are_accepted_and_unstable_systems_refused():
-    import control
-
     pairs = rid.kautz([2 * np.pi * 5], [0.002], dt=5e-5, repeat=3)
     frf = rid.FrequencyResponse(2 * np.pi * np.linspace(1, 20, 10), np.ones(10), bound=0.1, dt=5e-5)
     assert not rid.MixedProblem(frequency=frf, prior=PRIOR, parametric=pairs).parametric.has_integrator
@@ -241,15 +202,9 @@ def test_valid_repeated_pairs_are_accepted_and_unstable_systems_refused():
         rid.MixedProblem(frequency=frf, prior=PRIOR, parametric=unstable)
 
 
-def test_a_decay_rate_that_cannot_be_told_from_one_is_refused():
-    with pytest.raises(rid.InputError, match="told from 1"):
-        rid.Prior(gain_bound=1.0, decay_rate=1 + 1e-9)
-
-
 @pytest.mark.parametrize("seeds", [6, slow(20)])
 def test_a_worst_case_past_is_covered_for_a_real_system(seeds):
     """A system of the class driven by a bounded past: never refuted."""
-    held = 0
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         K, rho = 1.0, 1.2
@@ -261,8 +216,7 @@ def test_a_worst_case_past_is_covered_for_a_real_system(seeds):
             u[100:], y + 1e-3 * rng.uniform(-1, 1, 40), dt=1.0, bound=1e-3, initial="free", past_input_bound=3.0
         )
         prior = rid.Prior(gain_bound=K, decay_rate=rho)
-        held += rid.identify(rid.MixedProblem(time=record, prior=prior)).consistent
-    assert held == seeds
+        assert rid.identify(rid.MixedProblem(time=record, prior=prior)).consistent
 
 
 def test_a_certificate_of_the_wrong_size_is_no_certificate(result):

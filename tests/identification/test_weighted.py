@@ -10,6 +10,7 @@ from robustid.identification import PriorWeight, as_weight
 from support.cases import seeds, slow
 from support.half_plane import edge_truth
 from support.passive import smallest_factor
+from support.problems import identified
 
 K, DECAY, CORNER = 2.0, 1.0, 6.0
 
@@ -48,6 +49,7 @@ def lines(seed, count=5):
     return omega, values, rng.uniform(0.1, 0.6, count)
 
 
+UNWEIGHTED = {"roll_off": None, "corner": None}
 RATE = 1.2
 STATED = control.zpk([0.1, -0.3 + 0.2j, -0.3 - 0.2j], [0.7, 0.2 + 0.6j, 0.2 - 0.6j], 0.4, dt=0.1)  # on the border
 BIPROPER = control.zpk(*(np.array(part) / RATE for part in (STATED.zeros(), STATED.poles())), 0.4, dt=0.1)
@@ -60,14 +62,12 @@ BIPROPER = control.zpk(*(np.array(part) / RATE for part in (STATED.zeros(), STAT
 def test_a_constant_weight_is_another_gain_bound(form, dt):
     omega, values, bound = lines(0)
     time = {"dt": dt or 0}
-    given = [
-        prior(roll_off=None, corner=None, gain_bound=gain, weight=weight)
+    plain, weighted = (
+        identified(problem_of(omega, values, bound, prior(**UNWEIGHTED, gain_bound=gain, weight=weight), dt), form=form)
         for gain, weight in ((3.0, None), (1.5, control.ss([], [], [], [[2.0]], **time)))
-    ]
-    plain, weighted = (rid.identify(problem_of(omega, values, bound, one, dt), form=form) for one in given)
+    )
     assert weighted.margin == pytest.approx(plain.margin, rel=1e-9, abs=1e-9)
     assert weighted.margin_lower == pytest.approx(plain.margin_lower, rel=1e-9, abs=1e-9)
-    assert weighted.verification.passed
     assert np.allclose(weighted.model(0.3), plain.model(0.3), rtol=1e-9)
 
 
@@ -77,10 +77,9 @@ def test_it_is_the_problem_divided_by_the_weight_in_discrete_time(form):
     values = 0.4 * values
     weight = BIPROPER(np.exp(0.1j * omega))
     classes = [rid.Prior(gain_bound=K, decay_rate=RATE, weight=one) for one in (STATED, None)]
-    whole = rid.identify(problem_of(omega, values, bound, classes[0], 0.1), form=form)
+    whole = identified(problem_of(omega, values, bound, classes[0], 0.1), form=form)
     parts = rid.identify(problem_of(omega, values / weight, bound / np.abs(weight), classes[1], 0.1), form=form)
     assert whole.margin == pytest.approx(parts.margin, abs=2e-4)
-    assert whole.verification.passed
     if form in ("orthonormal", "taylor"):
         at = np.array([9.0])
         errors = [rid.worst_case_error(one, omega=at, directions=6, rtol=0.02).magnitude for one in (whole, parts)]
@@ -108,7 +107,7 @@ def test_the_margin_is_that_of_the_pick_matrix_of_the_quotient(seed):
 def test_truths_at_the_edge_are_inside_every_band(seed):
     omega, values, bound, basis, plant = truth_of(seed)
     widths = []
-    for one in (prior(), prior(roll_off=None, corner=None)):
+    for one in (prior(), prior(**UNWEIGHTED)):
         found = rid.identify(problem_of(omega, values, bound, one, parametric=basis)).require()
         grid = np.array([1.7, 9.0, 400.0])
         error = rid.worst_case_error(found, omega=grid, directions=8 if seed else 4)
@@ -157,11 +156,8 @@ def test_two_taylor_coefficients_of_a_filtered_pulse():
     for factor, consistent in ((0.999, True), (1.001, False)):
         g = [w0 * phi0, w0 * edge * factor + w1 * phi0]
         record = rid.TimeRecord([1.0, 0.0], g, dt=1.0, bound=1e-6)
-        found = rid.identify(
-            rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=rho, weight=weight))
-        )
-        assert found.consistent is consistent
-        assert found.verification.passed
+        classes = rid.Prior(gain_bound=1.0, decay_rate=rho, weight=weight)
+        assert identified(rid.MixedProblem(time=record, prior=classes)).consistent is consistent
 
 
 def discrete_truth(seed, samples=24):
@@ -175,8 +171,14 @@ def discrete_truth(seed, samples=24):
     ).solution(rng.uniform(-1, 1))
     plant = BIPROPER * ball
     u = rng.standard_normal(samples)
-    y = control.forced_response(plant, inputs=u).outputs
-    return plant, u, y
+    return plant, u, control.forced_response(plant, inputs=u).outputs
+
+
+def of_record(u, y, bound, *, form="auto", **start):
+    """The answer to a record of a weighted plant."""
+    record = rid.TimeRecord(u, y, dt=0.1, bound=bound, **start)
+    classes = rid.Prior(gain_bound=1.01, decay_rate=RATE, weight=STATED)
+    return rid.identify(rid.MixedProblem(time=record, prior=classes), form=form).require()
 
 
 @pytest.mark.parametrize("form", ["orthonormal", slow("taylor")])
@@ -185,9 +187,7 @@ def test_records_of_a_weighted_plant_are_consistent(initial, form):
     plant, u, y = discrete_truth(2)
     if initial != "rest":
         y = control.forced_response(plant, inputs=np.tile(u, 40)).outputs[-u.size :]
-    record = rid.TimeRecord(u, y, dt=0.1, bound=1e-3, initial=initial)
-    classes = rid.Prior(gain_bound=1.01, decay_rate=RATE, weight=STATED)
-    found = rid.identify(rid.MixedProblem(time=record, prior=classes), form=form).require()
+    found = of_record(u, y, 1e-3, initial=initial, form=form)
     assert found.margin < 1
     at = np.array([8.0])
     error = rid.worst_case_error(found, omega=at, directions=6)
@@ -196,9 +196,7 @@ def test_records_of_a_weighted_plant_are_consistent(initial, form):
 
 def test_tubes_hold_a_weighted_plant():
     plant, u, y = discrete_truth(5)
-    record = rid.TimeRecord(u, y, dt=0.1, bound=1e-2)
-    classes = rid.Prior(gain_bound=1.01, decay_rate=RATE, weight=STATED)
-    found = rid.identify(rid.MixedProblem(time=record, prior=classes)).require()
+    found = of_record(u, y, 1e-2)
     tube = rid.guarantee.response_tube(found, input="step", horizon=40, times=[0.0, 1.0, 3.0])
     assert tube.verify()
     step = control.forced_response(plant, inputs=np.ones(40)).outputs
@@ -210,10 +208,7 @@ def test_tubes_hold_a_weighted_plant():
 @pytest.mark.slow
 def test_the_circle_holds_a_weighted_plant():
     plant, u, y = discrete_truth(5)
-    record = rid.TimeRecord(u, y, dt=0.1, bound=1e-2)
-    found = rid.identify(
-        rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.01, decay_rate=RATE, weight=STATED))
-    ).require()
+    found = of_record(u, y, 1e-2)
     circle = rid.worst_case_error(found, omega=[1.0, 10.0], directions=6).on_circle(rtol=0.5, time_limit=5)
     z = np.exp(1j * np.linspace(0, np.pi, 500))
     assert np.abs(plant(z) - found.model(z)).max() <= circle.largest
@@ -223,13 +218,10 @@ def test_matrices_share_the_weight():
     rng = np.random.default_rng(4)
     omega = np.array([1.0, 4.0, 9.0])
     values = 0.15 * (rng.standard_normal((3, 2, 3)) + 1j * rng.standard_normal((3, 2, 3)))
-    frf = rid.FrequencyResponse(omega, values * rolled(1j * omega)[:, None, None], bound=0.02)
-    found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior(scaling=[[1, 2, 1], [1, 2, 1]]))).require()
-    size = rolled(1j * omega)[:, None, None]
-    plain = rid.FrequencyResponse(omega, values, bound=0.02 / np.abs(size) * np.ones((3, 2, 3)))
-    parts = rid.identify(
-        rid.MixedProblem(frequency=plain, prior=prior(roll_off=None, corner=None, scaling=[[1, 2, 1], [1, 2, 1]]))
-    )
+    size, scaling = rolled(1j * omega)[:, None, None], [[1, 2, 1], [1, 2, 1]]
+    found = rid.identify(problem_of(omega, values * size, 0.02, prior(scaling=scaling))).require()
+    bound = 0.02 / np.abs(size) * np.ones((3, 2, 3))
+    parts = rid.identify(problem_of(omega, values, bound, prior(**UNWEIGHTED, scaling=scaling)))
     assert found.margin == pytest.approx(parts.margin, abs=1e-4)
     assert np.all(found.model.D == 0)
     error = rid.worst_case_error(found, omega=[300.0], directions=4)
@@ -267,10 +259,10 @@ def test_a_weight_is_its_zeros_and_poles(dt):
 def test_roll_off_is_a_weight():
     omega, values, bound = lines(7)
     rolled_off = control.tf(1, [1 / CORNER, 1]) ** 2
-    stated = [prior(), prior(roll_off=None, corner=None, weight=rolled_off)]
-    first, second = (rid.identify(problem_of(omega, values, bound, one)) for one in stated)
+    stated = prior(), prior(**UNWEIGHTED, weight=rolled_off), prior(**UNWEIGHTED)
+    first, second, free = (rid.identify(problem_of(omega, values, bound, one)) for one in stated)
     assert second.margin == pytest.approx(first.margin, rel=1e-8)
-    assert second.margin > rid.identify(problem_of(omega, values, bound, prior(roll_off=None, corner=None))).margin
+    assert second.margin > free.margin
 
 
 @pytest.mark.parametrize("power", [-40, 40])
@@ -279,9 +271,8 @@ def test_nothing_depends_on_the_unit_of_time(power):
     unit, found = 2.0**power, []
     for one in (1.0, unit):
         stated = prior(decay=one * DECAY, corner=one * CORNER, roll_off=4)
-        found.append(rid.identify(problem_of(one * omega, values, bound, stated)))
+        found.append(identified(problem_of(one * omega, values, bound, stated)))
     assert found[1].margin == pytest.approx(found[0].margin, rel=1e-9)
-    assert found[1].verification.passed
     assert np.allclose(found[1].model(2j * unit), found[0].model(2j), rtol=1e-7)
 
 
@@ -297,35 +288,29 @@ def test_roll_off_only_takes_systems_away():
     assert np.allclose(weight.own.at(line), (1 + (line + DECAY) / CORNER) ** -2.0)
 
 
+def weighted(weight):
+    return UNWEIGHTED | {"weight": weight}
+
+
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "dt", "words"),
     [
-        ({"corner": None}, "`roll_off` of the prior is given without `corner`"),
-        ({"roll_off": None}, "`corner` of the prior is given without `roll_off`"),
-        ({"roll_off": 0}, "`roll_off`"),
-        ({"roll_off": 20}, "`roll_off` must be at most 8"),
-        ({"corner": -1.0}, "`corner` must be"),
-        ({"weight": control.tf(1, [1, 9])}, "`roll_off` and `weight` both"),
-        ({"roll_off": None, "corner": None, "weight": 3.0}, "control.StateSpace"),
-        ({"roll_off": None, "corner": None, "weight": control.ss([], [], [], np.eye(2))}, "one input and one output"),
-        ({"roll_off": None, "corner": None, "weight": control.tf(0, [1, 2])}, "`weight` must be a proper function"),
-        ({"roll_off": None, "corner": None, "weight": control.tf([1, 1], 1)}, "`weight` must be a proper function"),
-        ({"roll_off": None, "corner": None, "weight": control.tf(1, [1, -0.5])}, "a pole at s = 0.5.* must be stable"),
-        (
-            {"roll_off": None, "corner": None, "weight": control.tf([1, -5], [1, 9])},
-            "a zero at s = 5.* mirror what lies outside",
-        ),
-        (
-            {"roll_off": None, "corner": None, "weight": control.tf([1, 0], [1, -0.5], 0.1)},
-            "of dt = 0.1 s, the data of continuous",
-        ),
+        ({"corner": None}, None, "`roll_off` of the prior is given without `corner`"),
+        ({"roll_off": None}, None, "`corner` of the prior is given without `roll_off`"),
+        ({"roll_off": 0}, None, "`roll_off`"),
+        ({"roll_off": 20}, None, "`roll_off` must be at most 8"),
+        ({"corner": -1.0}, None, "`corner` must be"),
+        ({"weight": control.tf(1, [1, 9])}, None, "`roll_off` and `weight` both"),
+        (weighted(3.0), None, "control.StateSpace"),
+        (weighted(control.ss([], [], [], np.eye(2))), None, "one input and one output"),
+        (weighted(control.tf(0, [1, 2])), None, "`weight` must be a proper function"),
+        (weighted(control.tf([1, 1], 1)), None, "`weight` must be a proper function"),
+        (weighted(control.tf(1, [1, -0.5])), None, "a pole at s = 0.5.* must be stable"),
+        (weighted(control.tf([1, -5], [1, 9])), None, "a zero at s = 5.* mirror what lies outside"),
+        (weighted(control.tf([1, 0], [1, -0.5], 0.1)), None, "of dt = 0.1 s, the data of continuous"),
+        (weighted(control.tf(1, [1, 0.2], 0.1)), 0.1, "0 zeros and 1 poles: in discrete time that is a delay"),
     ],
 )
-def test_wrong_weights_are_refused_with_a_sentence(change, words):
+def test_wrong_weights_are_refused_with_a_sentence(change, dt, words):
     with pytest.raises((rid.InputError, TypeError), match=words):
-        problem_of([1.0], [0.1], 0.1, prior(**change))
-
-
-def test_a_discrete_weight_has_no_delay():
-    with pytest.raises(rid.InputError, match="0 zeros and 1 poles: in discrete time that is a delay"):
-        problem_of([1.0], [0.1], 0.1, prior(roll_off=None, corner=None, weight=control.tf(1, [1, 0.2], 0.1)), 0.1)
+        problem_of([1.0], [0.1], 0.1, prior(**change), dt)

@@ -63,10 +63,8 @@ def test_the_nearest_passive_model_in_closed_form():
     # Of 1.5/(1 + s) sampled evenly on both sides of the corner, in the logarithm: found with all of C, D and the pole free by
     # brute force over the pole p and D, C what is left to |S(0)| = 1.
     omega = np.geomspace(1e-3, 1e3, 25)
-    wanted = 1.5 / (1 + 1j * omega)
-    found = rid.passive.make_passive(
-        control.StateSpace(-1.0, 1.0, 1.5, 0.0, 0), response=rid.FrequencyResponse(omega, wanted)
-    )
+    wanted, active = 1.5 / (1 + 1j * omega), control.StateSpace(-1.0, 1.0, 1.5, 0.0, 0)
+    found = rid.passive.make_passive(active, response=rid.FrequencyResponse(omega, wanted))
     assert found.passivity.holds
     pole, gain = np.meshgrid(np.linspace(1.0, 2.5, 301), np.linspace(-0.1, 0.1, 41))
     trial = ((1 - gain)[..., None] / (1 + 1j * omega / pole[..., None])) + gain[..., None]
@@ -88,40 +86,33 @@ def test_poles_that_stand_in_the_way_are_moved():
 
 @pytest.mark.parametrize("kind", ["bounded real", "positive real"])
 def test_noisy_networks_become_passive_and_come_nearer_to_the_truth(kind):
-    for seed in range(1):
-        rng = np.random.default_rng(seed)
-        truth = foster(rng, 2, 2, damping=0.05, resistance=0.02)
-        truth = scattering(truth) if kind == "bounded real" else truth
-        active = control.StateSpace(
-            truth.A, truth.B, truth.C * (1 + 0.1 * rng.standard_normal(truth.C.shape)), truth.D - 0.03, 0
-        )
-        assert not rid.prove_passive(active, kind=kind).holds
-        passive = rid.passive.make_passive(active, kind=kind)
-        assert passive.passivity.holds
-        assert passive.error <= 1.5 * hinf_error(active, truth).value
+    rng = np.random.default_rng(0)
+    truth = foster(rng, 2, 2, damping=0.05, resistance=0.02)
+    truth = scattering(truth) if kind == "bounded real" else truth
+    C = truth.C * (1 + 0.1 * rng.standard_normal(truth.C.shape))
+    active = control.StateSpace(truth.A, truth.B, C, truth.D - 0.03, 0)
+    assert not rid.prove_passive(active, kind=kind).holds
+    passive = rid.passive.make_passive(active, kind=kind)
+    assert passive.passivity.holds
+    assert passive.error <= 1.5 * hinf_error(active, truth).value
     again = rid.passive.make_passive(passive.model, kind=kind)
     assert again.model is passive.model
+
+
+SAMPLED = rid.FrequencyResponse([1.0, 2.0], [0.1, 0.2], dt=0.1)
+MATRIX = rid.FrequencyResponse([1.0, 2.0], np.ones((2, 2, 2)))
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda m, d: rid.passive.reduce_passive(m), "give either `order`"),
-        (
-            lambda m, d: rid.passive.reduce_passive(m, order=7),
-            "`order` must be at most the order of the model, 1; got 7",
-        ),
+        (lambda m, d: rid.passive.reduce_passive(m, order=7), "`order` must be at most the order .* 1; got 7"),
         (lambda m, d: rid.passive.reduce_passive(m, kind="negative imaginary", order=1), "Fit fewer poles"),
         (lambda m, d: rid.passive.reduce_passive(3 * m, order=0), r"beyond the limit by 0\.5.*make_passive"),
         (lambda m, d: rid.passive.reduce_passive(m, response=d), "must have bounds to stay inside"),
-        (
-            lambda m, d: rid.passive.make_passive(m, response=rid.FrequencyResponse(d.omega, d.values, dt=0.1)),
-            "without `dt`; got dt = 0.1",
-        ),
-        (
-            lambda m, d: rid.passive.make_passive(m, response=rid.FrequencyResponse(d.omega, np.ones((2, 2, 2)))),
-            "1 x 1 entries.*got 2 x 2",
-        ),
+        (lambda m, d: rid.passive.make_passive(m, response=SAMPLED), "without `dt`; got dt = 0.1"),
+        (lambda m, d: rid.passive.make_passive(m, response=MATRIX), "1 x 1 entries.*got 2 x 2"),
     ],
 )
 def test_misuse_is_refused_in_a_sentence(call, message):

@@ -12,8 +12,6 @@ from robustid.errors import InputError, InputTypeError
 from robustid.passivity import PassivityStatus
 from support.networks import foster, rc_ladder, scattering
 
-KINDS = ("bounded real", "positive real", "negative imaginary")
-
 
 def first_order(gain, feedthrough=0.0):
     return control.StateSpace(-1.0, 1.0, gain, feedthrough, 0)
@@ -105,9 +103,7 @@ def test_random_networks_are_all_proved(seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         ports = int(rng.integers(1, 4))
-        modes = ports + int(
-            rng.integers(0, 3)
-        )  # with fewer a port depends on the others: on the edge at all frequencies
+        modes = ports + int(rng.integers(0, 3))  # with fewer a port depends on the others: on the edge everywhere
         damping = 10 ** rng.uniform(-3, -1)
         lossy = foster(rng, modes, ports, damping=damping, resistance=0.05)
         impedance = rid.prove_passive(lossy, kind="positive real")
@@ -130,9 +126,7 @@ def test_random_models_against_a_grid(seeds):
         n, m = int(rng.integers(1, 8)), int(rng.integers(1, 4))
         A = rng.standard_normal((n, n))
         A -= (np.max(np.linalg.eigvals(A).real) + rng.uniform(0.05, 1)) * np.eye(n)
-        model = control.StateSpace(
-            A, rng.standard_normal((n, m)), rng.standard_normal((m, n)), rng.standard_normal((m, m)), 0
-        )
+        model = control.StateSpace(A, *(rng.standard_normal(shape) for shape in ((n, m), (m, n), (m, m))), 0)
         values = response_at((model.A, model.B, model.C, model.D), 1j * omega)
         sizes = np.linalg.norm(values, 2, axis=(1, 2))
         hermitian = -np.linalg.eigvalsh(values + values.conj().transpose(0, 2, 1))[:, 0] / 2
@@ -147,23 +141,17 @@ def test_random_models_against_a_grid(seeds):
             assert np.array_equal(inside[away], (found > limit)[away])
 
 
-def two_modes():
-    return foster(np.random.default_rng(0), 2, 1, velocity=False)
-
-
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["bounded real", "positive real", "negative imaginary"])
 def test_a_tampered_certificate_proves_nothing(kind):
-    model = foster(np.random.default_rng(0), 2, 2, resistance=0.1) if kind != KINDS[2] else two_modes()
-    model = scattering(model) if kind == KINDS[0] else model
+    rng = np.random.default_rng(0)
+    of_velocity = kind != "negative imaginary"
+    model = foster(rng, 2, 2, resistance=0.1) if of_velocity else foster(rng, 2, 1, velocity=False)
+    model = scattering(model) if kind == "bounded real" else model
     certificate = rid.prove_passive(model, kind=kind).certificate
     assert certificate.verify(model)
     n = model.nstates
-    for change in (
-        {"P": -certificate.P},
-        {"P": np.eye(n)[::-1]},
-        {"P": 0 * certificate.P},
-        {"coordinates": np.eye(n)[::-1]},
-    ):
+    turned = np.eye(n)[::-1]
+    for change in ({"P": -certificate.P}, {"P": turned}, {"P": 0 * certificate.P}, {"coordinates": turned}):
         assert not dataclasses.replace(certificate, **change).verify(model)
     unstable = control.StateSpace(-model.A, model.B, model.C, model.D, 0)
     assert not certificate.verify(unstable)
@@ -172,11 +160,10 @@ def test_a_tampered_certificate_proves_nothing(kind):
 
 
 def test_coordinates_and_units_do_not_matter():
-    model = scattering(foster(np.random.default_rng(3), 3, 2, resistance=0.1))
+    model, unit = scattering(foster(np.random.default_rng(3), 3, 2, resistance=0.1)), 1e9
     plain = rid.prove_passive(model)
     scale = np.diag(10.0 ** np.linspace(-4, 4, model.nstates))
     inverse = np.linalg.inv(scale)
-    unit = 1e9
     moved = control.StateSpace(unit * scale @ model.A @ inverse, scale @ model.B, unit * model.C @ inverse, model.D, 0)
     proof = rid.prove_passive(moved)
     assert proof.holds
@@ -192,32 +179,23 @@ def test_decay_asks_for_more():
         rid.prove_passive(model, decay=1.5)
 
 
+UNSTABLE, WIDE = control.StateSpace(0.5, 1.0, 0.5, 0.0, 0), control.StateSpace(-1, [[1, 1]], 0.5, [[0, 0]], 0)
+
+
 @pytest.mark.parametrize(
     ("model", "options", "message"),
     [
         (control.StateSpace(0.5, 1.0, 0.5, 0.0, 0.1), {}, "`model` must be continuous.*dt = 0.1"),
-        (
-            control.StateSpace(0.5, 1.0, 0.5, 0.0, 0),
-            {},
-            "`model` must be stable; it has pole at 0 Hz.*No passive model",
-        ),
-        (
-            control.StateSpace(-1.0, [[1.0, 1.0]], 0.5, [[0.0, 0.0]], 0),
-            {},
-            "as many outputs as inputs.*1 outputs and 2 inputs",
-        ),
+        (UNSTABLE, {}, "`model` must be stable; it has pole at 0 Hz.*No passive model"),
+        (WIDE, {}, "as many outputs as inputs.*1 outputs and 2 inputs"),
         (first_order(1.0), {"kind": "passive"}, "`kind` must be one of 'bounded real'.*got 'passive'"),
         (first_order(1.0), {"decay": -1.0}, "`decay` must be >= 0"),
+        ([[1.0]], {}, r"control\.StateSpace; got list"),
     ],
 )
 def test_misuse_is_refused_in_a_sentence(model, options, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputTypeError if model == [[1.0]] else InputError, match=message):
         rid.prove_passive(model, **options)
-
-
-def test_other_objects_are_refused():
-    with pytest.raises(InputTypeError, match=r"control\.StateSpace; got list"):
-        rid.prove_passive([[1.0]])
 
 
 def test_what_else_a_violation_may_mean():

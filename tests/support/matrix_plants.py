@@ -44,11 +44,12 @@ def random_matrix_problem(seed, p, q, lines=4, *, rho=1.1, bound=0.1, factor=1.2
     return rid.MixedProblem(**{"frequency": frf, "prior": prior, "symmetric": symmetric} | options), system
 
 
-def judge_margin(problem):
+def judge_margin(problem, whitening=None):
     """The margin from Pick's matrix at the complex nodes (and delays from rest), with cvxpy's own norms, by Clarabel.
 
     M*: k_v u -> k_v G(v)* u and z^k u -> sum_j z^(k-j) g_j* u is a contraction of the span of the kernels and the delays, in
     their Gram matrix, for the functions of the unit ball and no other values. Conjugate kernels are added and subtracted.
+    Ellipses of one entry are given by `whitening` (F, 2, 2): |W_k (Re e_k, Im e_k)| <= s.
     """
     import cvxpy as cp
 
@@ -64,13 +65,17 @@ def judge_margin(problem):
         limits += [part @ unknown == 0 for part in parts if part.size]
     for experiment in problem.frequency:
         at = np.searchsorted(lines, experiment.omega * problem.dt)
-        for y, A in discs_of(experiment, F[at]):
-            e = [part(y) - part(A) @ unknown for part in (np.real, np.imag)]
-            limits.append(cp.norm(cp.hstack(e)) <= s)
+        for k, (y, A) in enumerate(discs_of(experiment, F[at])):
+            e = cp.hstack([part(y) - part(A) @ unknown for part in (np.real, np.imag)])
+            limits.append(cp.norm(e if whitening is None else (whitening[k] * experiment.bound[k, 0, 0]) @ e) <= s)
     for record in problem.time:
         for k in range(record.u.shape[0]):
             rows = sum(np.tensordot(record.u[k - j], f[j], (0, 1)) for j in range(k + 1))
             limits.append(cp.abs(record.y[k] - rows @ unknown) <= s * record.bound[k])
+    if problem.parameter_bounds is not None:
+        low, high = problem.parameter_bounds.reshape(-1, 2).T
+        p, held = unknown[size - low.size :], np.isfinite(low)
+        limits += [p[held] >= low[held], p[held] <= high[held]] if held.any() else []
     program = cp.Problem(cp.Minimize(s), limits)
     program.solve(solver="CLARABEL", tol_gap_abs=1e-9, tol_gap_rel=1e-9, tol_feas=1e-9, accept_unknown=True)
     return float(s.value)

@@ -1,4 +1,4 @@
-"""Random problems with a known truth, and a judge that shares no formula with the library."""
+"""Random problems with a known truth, their answers, and the same in other units."""
 
 import dataclasses
 
@@ -7,6 +7,7 @@ import numpy as np
 import scipy.signal
 
 import robustid as rid
+from robustid.bases import ParametricBasis
 from support.cases import slow
 
 CASES = ("time", "frequency", "mixed", "parametric")
@@ -30,7 +31,7 @@ class Truth:
 
     numerator: np.ndarray
     denominator: np.ndarray
-    basis: rid.bases.ParametricBasis | None
+    basis: ParametricBasis | None
     weights: np.ndarray | None
 
     def response(self, angle):
@@ -77,66 +78,24 @@ def random_experiment(seed, case, coefficients, *, noise=0.9, gain=1.0, spread=1
     return rid.MixedProblem(frequency=frequency, time=time, prior=prior, parametric=basis), truth
 
 
-def judge_margin(problem, whitening=None):
-    """The margin from Theorem 1 of Inanc et al. as printed: complex nodes with their conjugates, M0, and Clarabel.
+def identified(problem, **options):
+    """The answer to a problem, every check of which holds."""
+    result = rid.identify(problem, **options)
+    assert result.verification.passed, result.summary()
+    return result
 
-    Shares neither basis nor reduction to real form with the library; one frequency and one time experiment at most. Ellipses
-    are given by `whitening` (F, 2, 2): |W_k (Re e_k, Im e_k)| <= s.
-    """
-    import cvxpy as cp
 
-    K, rho, dt = problem.prior.gain_bound, problem.prior.decay_rate, problem.dt
-    frf = problem.frequency[0] if problem.frequency else None
-    record = problem.time[0] if problem.time else None
-    z = np.exp(-1j * frf.omega * dt) if frf else np.zeros(0)
-    z, lines = np.concatenate([z, z.conj()]), z.size
-    samples = record.u.shape[0] if record else 0
-    k = np.arange(samples)
-    Q = 1 / (1 - np.outer(z.conj(), z) * rho**-2.0)
-    S = z.conj()[:, None] ** k * rho ** (-2.0 * k)
-    M0 = np.block([[Q, S], [S.conj().T, np.diag(rho ** (-2.0 * k))]])
-    root = np.linalg.cholesky(M0).conj().T  # M0 = root^H root
-    back = np.linalg.inv(root)
-    s, p = cp.Variable(), cp.Variable(0 if problem.parametric is None else problem.parametric.size)
-    limits, terms = [], []
-    size = 2 * lines + samples
-    if lines:
-        re, im = cp.Variable(lines), cp.Variable(lines)
-        unit = np.eye(size)
-        for i in range(lines):
-            a, b = np.outer(unit[i], unit[i]), np.outer(unit[lines + i], unit[lines + i])
-            terms += [(re[i], a + b), (im[i], 1j * a - 1j * b)]
-        F = [re, im]
-        if problem.parametric is not None:
-            P = problem.parametric.response(frf.omega * dt)
-            F = [re + P.real @ p, im + P.imag @ p]
-        y = frf.values[:, 0, 0]
-        W = np.eye(2) / frf.bound if whitening is None else whitening
-        e = (y.real - F[0], y.imag - F[1])
-        parts = [cp.multiply(W[:, i, 0], e[0]) + cp.multiply(W[:, i, 1], e[1]) for i in (0, 1)]
-        limits.append(cp.norm(cp.vstack(parts), 2, axis=0) <= s)
-    if samples:
-        g = cp.Variable(samples)
-        for j in range(samples):
-            shift = np.zeros((size, size))
-            shift[2 * lines :, 2 * lines :] = np.eye(samples, k=j)
-            terms.append((g[j], shift))
-        U = np.array([[record.u[i - j, 0] if i >= j else 0.0 for j in range(samples)] for i in range(samples)])
-        f = g if problem.parametric is None else g + problem.parametric.impulse(samples) @ p
-        limits.append(cp.abs((record.y[:, 0] - U @ f) / record.bound[:, 0]) <= s)
-    if problem.parameter_bounds is not None:
-        low, high = problem.parameter_bounds.T
-        held = np.isfinite(low)
-        limits += [p[held] >= low[held], p[held] <= high[held]] if held.any() else []
-    # ||root X back|| <= K, in real form.
-    X = 0
-    for unknown, pattern in terms:
-        full = root @ pattern @ back
-        X = X + unknown * np.block([[full.real, -full.imag], [full.imag, full.real]])
-    limits.append(cp.sigma_max(X) <= K)
-    program = cp.Problem(cp.Minimize(s), limits)
-    program.solve(solver="CLARABEL", tol_gap_abs=1e-9, tol_gap_rel=1e-9, tol_feas=1e-9, accept_unknown=True)
-    return float(s.value)
+def in_units(problem, size, bound=None):
+    """The same problem where one unit is `size` of others; its bounds in that or in other units."""
+    bound = size if bound is None else bound
+    ends, gain = problem.parameter_bounds, size * problem.prior.gain_bound
+    return dataclasses.replace(
+        problem,
+        frequency=[dataclasses.replace(f, values=size * f.values, bound=f.bound * bound) for f in problem.frequency],
+        time=[dataclasses.replace(t, y=size * t.y, bound=t.bound * bound) for t in problem.time],
+        prior=dataclasses.replace(problem.prior, gain_bound=gain),
+        parameter_bounds=None if ends is None else size * ends,
+    )
 
 
 def truth_of(seed, case):

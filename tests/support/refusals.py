@@ -1,4 +1,4 @@
-"""Tables of what is refused, and in which words."""
+"""What is refused, and in which words: one call, or a table of them."""
 
 import functools
 
@@ -28,3 +28,9 @@ def refusals(*rows, of=None):
         pytest.param(called(what), sentence, *error or [InputError], id=sentence) for what, sentence, *error in rows
     ]
     return pytest.mark.parametrize(("call", "sentence", "error"), cases)(test)
+
+
+def refused(words, call, /, *arguments, error=InputError, **options):
+    """The call is answered by a sentence that has these words."""
+    with pytest.raises(error, match=words):
+        call(*arguments, **options)

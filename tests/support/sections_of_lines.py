@@ -3,18 +3,8 @@
 import numpy as np
 
 import robustid as rid
-from support.taylor_members import polynomials
 
 CIRCLE = np.exp(2j * np.pi * np.arange(2**13) / 2**13)
-
-
-def random_member(rng, degree):
-    """A Blaschke product with zeros in |zeta| < 0.8 as (P, Q), at times half of one with half of another."""
-    radii, turns = 0.8 * np.sqrt(rng.uniform(0, 1, (2, degree // 2))), rng.uniform(0, np.pi, (2, degree // 2))
-    first, second = (polynomials(zeros) for zeros in radii * np.exp(1j * turns))
-    if rng.uniform() < 0.5:
-        return first
-    return (np.convolve(first[0], second[1]) + np.convolve(second[0], first[1])) / 2, np.convolve(first[1], second[1])
 
 
 def coordinates(values, sections):

@@ -14,6 +14,16 @@ def polynomials(zeros):
     return above, above[::-1]
 
 
+def random_member(rng, degree=6, reach=1.0):
+    """P/Q in the unit ball of the disc: a Blaschke product of zeros in |zeta| < reach, or a mean of two with a factor."""
+    radii, turns = reach * np.sqrt(rng.uniform(0, 1, (2, degree // 2))), rng.uniform(0, np.pi, (2, degree // 2))
+    (a, b), (c, d) = map(polynomials, radii * np.exp(1j * turns))
+    if rng.uniform() < 0.5:
+        return a, b
+    t = rng.uniform(0, 1)
+    return t * np.convolve(a, d) + (1 - t) * np.convolve(c, b), np.convolve(b, d)
+
+
 def at(member, zeta):
     return np.polyval(member[0][::-1], zeta) / np.polyval(member[1][::-1], zeta)
 

@@ -11,6 +11,7 @@ from robustid.bases import stack_bases
 from robustid.errors import InputTypeError
 from support.cases import seeds, slow
 from support.edge_bands import KINDS, edge_plant
+from support.refusals import refused
 
 POLE = np.exp(-0.05 + 1j * np.sqrt(1 - 0.05**2))
 SEEDS = seeds(1, 20)
@@ -108,65 +109,45 @@ def test_units_that_are_powers_of_two_change_nothing_but_the_units(size, time):
     assert np.isfinite(first.radius).all()
 
 
+LOW, HIGH = simple()[1]
+TWO = np.ones((2, 1))
+
+
+@pytest.mark.parametrize(
+    ("omega", "damping", "sentence"),
+    [
+        (LOW[0], HIGH[0], "`box` must"),
+        (LOW * TWO, HIGH, "`box` must"),
+        (LOW[:, :1], HIGH, r"`box` must hold positive ends \(low, high\) of the frequencies"),
+        (LOW[:, ::-1], HIGH, "`box` must hold positive ends .* of the frequencies"),
+        (LOW, -HIGH, "`box` must hold positive ends .* of the damping ratios"),
+        (LOW, HIGH + 0.97, "`box` must hold damping ratios below 1; got"),
+        (LOW * TWO, HIGH * TWO, "`box` must have one row .* each of the 1 modes"),
+        (LOW * 1.1, HIGH, "`box` must hold the poles .* mode 1 has the frequency 10, its row"),
+        (LOW, HIGH * 2, "`box` must hold the poles .* mode 1 has the damping 0.05, its row"),
+    ],
+)
+def test_a_sentence_for_each_box(omega, damping, sentence):
+    refused(sentence, rid.band, simple()[0], box=(omega, damping))
+
+
 def test_bad_input():
     problem, box = simple()
     bare = dataclasses.replace(problem, parametric=None)
-    low, high = (np.array(part) for part in box)
     passive = dataclasses.replace(bare, time=None, prior=rid.PositiveReal(decay_rate=1.5))
-    for call, sentence in [
-        (lambda: rid.band(passive), "`thing` is of a .* class, which has no gain bound"),
-        (lambda: rid.band(problem, box=(low[0], high[0])), "`box` must"),
-        (
-            lambda: rid.band(problem, box=(low[:, :1], high)),
-            r"`box` must hold positive ends \(low, high\) of the frequencies",
-        ),
-        (lambda: rid.band(problem, box=(low[:, ::-1], high)), "`box` must hold positive ends .* of the frequencies"),
-        (lambda: rid.band(problem, box=(low, -high)), "`box` must hold positive ends .* of the damping ratios"),
-        (lambda: rid.band(problem, box=(low, high + 0.97)), "`box` must hold damping ratios below 1; got"),
-        (
-            lambda: rid.band(problem, box=(np.tile(low, (2, 1)), np.tile(high, (2, 1)))),
-            "`box` must have one row .* each of the 1 modes",
-        ),
-        (
-            lambda: rid.band(problem, box=(low * 1.1, high)),
-            "`box` must hold the poles .* mode 1 has the frequency 10, its row",
-        ),
-        (
-            lambda: rid.band(problem, box=(low, high * 2)),
-            "`box` must hold the poles .* mode 1 has the damping 0.05, its row",
-        ),
-        (lambda: rid.band(bare, box=box), "`box` holds poles of `kautz` pairs, and `parametric` has none"),
-        (lambda: rid.band(problem, omega=[40.0]), "`omega` must lie between 0 and pi/dt = 31.4159 rad/s"),
-        (lambda: rid.band(problem, omega=[-1.0]), "`omega` must lie between 0 and pi/dt"),
-        (lambda: rid.band(problem, omega=[]), "`omega` is empty"),
-        (
-            lambda: rid.band(problem).at([32.0]),
-            "`omega` must lie between 0 and 31.4159 rad/s, where the band stands; got 32",
-        ),
-        (lambda: rid.band(problem).circle, "`model` is missing"),
-    ]:
-        with pytest.raises(rid.InputError, match=sentence):
-            call()
-    for call, sentence in [
-        (lambda: rid.band(3.0), "`thing` must be an Identification or a MixedProblem; got float"),
-        (lambda: rid.band(problem, box=3.0), r"`box` must be a KautzSuggestion or a pair of \(M, 2\) arrays"),
-    ]:
-        with pytest.raises(InputTypeError, match=sentence):
-            call()
-
-
-def test_a_box_has_as_many_rows_of_frequencies_as_of_dampings():
-    problem, (omega, damping) = simple()
-    with pytest.raises(rid.InputError, match="`box` must"):
-        rid.band(problem, box=(np.tile(omega, (2, 1)), damping))
-
-
-def test_a_box_needs_pairs_of_one_delay():
-    problem, (omega, damping) = simple()
+    refused("`thing` is of a .* class, which has no gain bound", rid.band, passive)
+    refused("`box` holds poles of `kautz` pairs, and `parametric` has none", rid.band, bare, box=box)
+    refused("`omega` must lie between 0 and pi/dt = 31.4159 rad/s", rid.band, problem, omega=[40.0])
+    refused("`omega` must lie between 0 and pi/dt", rid.band, problem, omega=[-1.0])
+    refused("`omega` is empty", rid.band, problem, omega=[])
+    refused("between 0 and 31.4159 rad/s, where the band stands; got 32", rid.band(problem).at, [32.0])
+    refused("`model` is missing", lambda: rid.band(problem).circle)
+    other, no_box = "must be an Identification or a MixedProblem; got float", r"KautzSuggestion or a pair of \(M, 2\)"
+    refused("`thing` " + other, rid.band, 3.0, error=InputTypeError)
+    refused("`box` must be a " + no_box + " arrays", rid.band, problem, box=3.0, error=InputTypeError)
     pairs = stack_bases([rid.kautz(10.0, 0.05, dt=0.1), rid.kautz(20.0, 0.05, dt=0.1, delay=1)])
-    box = np.concatenate([omega, 2 * omega]), np.concatenate([damping, damping])
-    with pytest.raises(rid.InputError, match="`box` needs pairs of one delay"):
-        rid.band(dataclasses.replace(problem, parametric=pairs), box=box)
+    two, both = dataclasses.replace(problem, parametric=pairs), (LOW * [[1], [2]], HIGH * TWO)
+    refused("`box` needs pairs of one delay", rid.band, two, box=both)
 
 
 @pytest.mark.parametrize("kind", ["discrete", "continuous", "symmetric"])

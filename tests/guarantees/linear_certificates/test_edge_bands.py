@@ -69,8 +69,7 @@ def test_a_box_that_reaches_the_circle_is_covered_where_something_is_said(kind, 
     band = rid.band(plant.problem, box=(omega, damping), omega=[1.0])
     at = plant.frequencies(np.random.default_rng(seed), 100)
     (centre, radius), truth = band.at(at), plant.truth(at)
-    inside = np.abs(truth - centre) <= radius
-    assert np.all(inside)
+    assert np.all(np.abs(truth - centre) <= radius)
 
 
 def changed(array, place, new):
@@ -146,14 +145,11 @@ def test_two_modes_of_close_boxes_have_a_band_at_every_frequency(seed):
     bound = 0.01 * np.abs(truth(lines))
     measured = truth(lines) + bound * np.exp(2j * np.pi * rng.random(lines.size))
     frf = rid.FrequencyResponse(lines, measured, bound=bound * (1 + 1e-9), dt=dt)
-    prior = rid.Prior(gain_bound=gain * (1 + 1e-9), decay_rate=rho)
-    band = rid.band(
-        rid.MixedProblem(frequency=frf, prior=prior, parametric=rid.kautz(omega, damping, dt=dt, delay=1)), box=box
-    )
+    prior, pairs = rid.Prior(gain_bound=gain * (1 + 1e-9), decay_rate=rho), rid.kautz(omega, damping, dt=dt, delay=1)
+    band = rid.band(rid.MixedProblem(frequency=frf, prior=prior, parametric=pairs), box=box)
     assert not band.open_ranges
-    at = np.concatenate(
-        [rng.uniform(0, np.pi / dt, 60), np.clip(omega.mean() * (1 + 0.03 * rng.standard_normal(60)), 1, None)]
-    )
+    near = np.clip(omega.mean() * (1 + 0.03 * rng.standard_normal(60)), 1, None)
+    at = np.concatenate([rng.uniform(0, np.pi / dt, 60), near])
     centre, radius = (part[:, 0, 0] for part in band.at(at))
     assert np.all(np.abs(truth(at) - centre) <= radius)
     peak = np.abs(truth(turn)).max()

@@ -17,11 +17,7 @@ PLANES = {
     "delay 2": (ZPlane(0.01), 2),
     "continuous": (SPlane(80.0), -1),
 }
-WIDTHS = {
-    "narrow": 0.05,
-    "wide": 0.6,
-    "to the circle": 20.0,
-}  # in frequency, of the largest damping times the frequency
+WIDTHS = {"narrow": 0.05, "wide": 0.6, "to the circle": 20.0}  # of the largest damping times the frequency
 SEEDS = seeds(1, 30)
 
 
@@ -36,15 +32,27 @@ def problem_of(place, width, seed):
     omega = middle[:, None] * (1 + half[:, None] * [-1, 1])
     series = discs_of(plane, omega, dampings, delay, 10 ** rng.uniform(-7, -2, 2))
     share = np.concatenate([[[0, 0], [0, 1], [1, 0], [1, 1]], rng.random((4, 2))])
-    w, d = (ends[:, 0] + share[:, [k]] * np.diff(ends, axis=1)[:, 0] for k, ends in enumerate((omega, dampings)))
-    s = (-d + 1j * np.sqrt(1 - d**2)) * w  # (8, 2)
-    return series, (np.exp(s * plane.dt) if plane.dt else (plane.corner + s) / (plane.corner - s)), rng
+    return series, poles_at(plane, omega, dampings, share[:, [0]], share[:, [1]]), rng
+
+
+def poles_at(plane, omega, damping, *shares):
+    """Poles a at these parts of the intervals (M, 2) of frequencies and of damping ratios."""
+    w, d = (
+        ends[:, 0] + part * np.diff(ends, axis=1)[:, 0] for ends, part in zip((omega, damping), shares, strict=True)
+    )
+    s = (-d + 1j * np.sqrt(1 - d**2)) * w
+    return np.exp(s * plane.dt) if plane.dt else (plane.corner + s) / (plane.corner - s)
 
 
 def mode(series, a, angles):
     """n(x)/(1 - a x) at x = exp(-j angle)."""
     x = np.exp(-1j * angles)
     return (1 + x if series.delay < 0 else x**series.delay) / (1 - a * x)
+
+
+def pair(series, a, c, angles):
+    """The mode with a factor, and its conjugate."""
+    return c * mode(series, a, angles) + (c * mode(series, a, -angles)).conj()
 
 
 def coefficients(series, k, a):
@@ -93,7 +101,7 @@ def test_a_series_leaves_no_more_than_it_says_and_has_coefficients_of_bounded_si
             C = coefficients(series, k, a)
             assert np.all(np.abs(C / C[0]) <= sizes[::2] * (1 + 1e-9))
             c = np.exp(2j * np.pi * rng.random()) / C[0]  # |c C_1| = 1
-            whole = c * mode(series, a, angles) + (c * mode(series, a, -angles)).conj()
+            whole = pair(series, a, c, angles)
             approached = values[:, columns] @ both(c * C, (c * C).conj())
             size = np.abs(mode(series, a, angles)) + np.abs(mode(series, a, -angles))
             assert np.all(np.abs(whole - approached) <= series.left_out(angles)[:, k] + 1e-10 * abs(c) * size)
@@ -126,9 +134,8 @@ def test_responses_are_those_of_the_functions_and_of_the_modes_but_for_what_is_l
 def test_modes_and_their_second_derivatives_stay_below_their_bounds_on_arcs(place, width, seed):
     series, poles, rng = problem_of(place, width, seed)
     lengths = 10 ** rng.uniform(-3, -0.5, 12)
-    low = np.concatenate(
-        [np.angle(series.middle)[np.arange(6) % 2] - lengths[:6] * rng.random(6), rng.uniform(0, 2.8, 6)]
-    )
+    near = np.angle(series.middle)[np.arange(6) % 2] - lengths[:6] * rng.random(6)
+    low = np.concatenate([near, rng.uniform(0, 2.8, 6)])
     high, step = low + lengths, 1e-5
     most, bends = series.largest_on(low, high), series.bends(low, high)
     angles = (low[:, None] + lengths[:, None] * np.linspace(0, 1, 60))[..., None] + step * np.arange(-1, 2)
@@ -136,7 +143,7 @@ def test_modes_and_their_second_derivatives_stay_below_their_bounds_on_arcs(plac
     for k in range(2):
         for a in poles[:, k]:
             c = np.exp(2j * np.pi * rng.random()) / coefficients(series, k, a)[0]
-            whole = c * mode(series, a, angles) + (c * mode(series, a, -angles)).conj()
+            whole = pair(series, a, c, angles)
             bent = np.abs(whole[..., 0] - 2 * whole[..., 1] + whole[..., 2]).max(axis=1) / step**2
             rounding = 1e-15 * np.abs(whole).max(axis=(1, 2)) / step**2 * 10
             seen[:, :, k] = np.maximum(seen[:, :, k], [np.abs(whole[..., 1]).max(axis=1), bent - rounding])
@@ -154,12 +161,10 @@ def group_of(place, count, seed):
     damping = rng.uniform(0.005, 0.05) * np.array([0.8, 1.2]) * rng.uniform(0.9, 1.1, (count, 1))
     omega = rng.uniform(30, 120) * (1 + damping.mean() * (np.arange(count)[:, None] * 0.3 + [-0.3, 0.3]))
     series = discs_of(plane, omega, damping, delay, 10 ** rng.uniform(-5, -2, count))
-    share = rng.choice([0.0, 1.0, 0.3, 0.8], (2, 8, count))
-    w, d = (ends[:, 0] + part * np.diff(ends, axis=1)[:, 0] for ends, part in zip((omega, damping), share, strict=True))
-    s = (-d + 1j * np.sqrt(1 - d**2)) * w
+    poles = poles_at(plane, omega, damping, *rng.choice([0.0, 1.0, 0.3, 0.8], (2, 8, count)))
     c = 10 ** rng.uniform(0, 2, (8, 1)) * np.exp(2j * np.pi * rng.random((8, count)))
     c[:, -1] = -c[:, :-1].sum(axis=1) + np.exp(2j * np.pi * rng.random(8))
-    return series, (np.exp(s * plane.dt) if plane.dt else (plane.corner + s) / (plane.corner - s)), c, rng
+    return series, poles, c, rng
 
 
 def parts_of_group(series, a, c, terms):
@@ -169,11 +174,6 @@ def parts_of_group(series, a, c, terms):
     return np.array([np.sum(first * ((a - middle) / (1 - np.conj(middle) * a)) ** n) for n in range(terms)])
 
 
-def of_group(series, a, c, angles):
-    """The sum of the modes and their conjugates."""
-    return sum(c * mode(series, a, angles) + (c * mode(series, a, -angles)).conj() for a, c in zip(a, c, strict=True))
-
-
 @pytest.mark.parametrize("place", PLANES)
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("seed", SEEDS)
@@ -181,9 +181,8 @@ def test_modes_whose_boxes_overlap_are_bounded_by_amplitudes_that_the_data_tell(
     series, poles, cs, rng = group_of(place, count, seed)
     assert len(series.poles) == 1
     assert series.middle.size == count
-    angles = np.angle(series.middle[0]) + (1 - abs(series.middle[0])) * 10 ** rng.uniform(-1, 1, 60) * rng.choice(
-        [-1, 1], 60
-    )
+    away = 10 ** rng.uniform(-1, 1, 60) * rng.choice([-1, 1], 60)
+    angles = np.angle(series.middle[0]) + (1 - abs(series.middle[0])) * away
     low, step = angles[:8], 1e-5
     high = low + 10 ** rng.uniform(-3, -1, 8)
     most, bends = series.largest_on(low, high), series.bends(low, high)
@@ -202,9 +201,9 @@ def test_modes_whose_boxes_overlap_are_bounded_by_amplitudes_that_the_data_tell(
                 assert columns[k][0] == m
                 if m == used[n]:
                     approached = approached + values[:, [k, k + 1]] @ [parts[n], parts[n].conj()]
-        off = of_group(series, a, c, angles) - approached
+        near, whole = (sum(pair(series, *one, at) for one in zip(a, c, strict=True)) for at in (angles, fine))
+        off = near - approached
         assert np.all(np.abs(off) <= series.left_out(angles) @ largest + 1e-10 * size)
-        whole = of_group(series, a, c, fine)
         rounding = 1e-13 * np.abs(c).max() * np.abs(mode(series, a[0], fine)).max() / step**2
         bent = np.abs(whole[..., 0] - 2 * whole[..., 1] + whole[..., 2]).max(axis=1) / step**2
         assert np.all(np.abs(whole[..., 1]).max(axis=1) <= (most @ largest) * (1 + 1e-9))

@@ -12,7 +12,8 @@ import robustid as rid
 from robustid.app.run.sequence import refined_band
 from robustid.errors import FileFormatError, InputTypeError
 from support.edge_bands import edge_plant
-from support.forging import forge
+from support.forging import arrays_of, forge, kept
+from support.refusals import refused
 
 OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
 AT = OMEGA[[1, 2, 4]]
@@ -51,11 +52,6 @@ BOX = np.array([[9.99, 10.01]]), np.array([[0.049, 0.051]])
 def over_box():
     plain = rid.band(identified(), omega=OMEGA, box=BOX)
     return plain, plain.refine(identified(), omega=AT[:2])
-
-
-def arrays_of(path):
-    with np.load(path.with_suffix(".npz")) as archive:
-        return {name: archive[name] for name in archive.files}
 
 
 def supports(path):
@@ -161,8 +157,7 @@ def test_the_whole_axis_follows_polygons_that_stand_close_to_each_other():
 def test_polygons_at_exact_poles_never_narrow_a_band_over_a_box(tmp_path):
     exact, (band, _) = refined().polygons, over_box()
     for call in (lambda: band.with_polygons(exact), lambda: dataclasses.replace(band, polygons=exact)):
-        with pytest.raises(rid.InputError, match="stand on exact poles, and the band covers a box"):
-            call()
+        refused("stand on exact poles, and the band covers a box", call)
     assert refined_band(band, exact) is band
     assert refined_band(plain(), exact).narrowed.any()
     for name, one in (("exact", refined()), ("band", band)):
@@ -173,8 +168,7 @@ def test_polygons_at_exact_poles_never_narrow_a_band_over_a_box(tmp_path):
         lambda _: {n: a for n, a in arrays_of(tmp_path / "exact").items() if "polygons/" in n},
         lambda record: record.update(polygons=polygons),
     )
-    with pytest.raises(FileFormatError, match="stand on exact poles"):
-        rid.load(tmp_path / "band")
+    refused("stand on exact poles", rid.load, tmp_path / "band", error=FileFormatError)
 
 
 def test_a_band_over_a_box_is_refined_over_the_same_box():
@@ -188,35 +182,27 @@ def test_a_band_over_a_box_is_refined_over_the_same_box():
     assert found.verify()
     assert ("amplitudes are assumed" in found.summary()) == found.narrowed.any()
     wider = rid.band(identified(), omega=OMEGA, box=(BOX[0] + [[-0.01, 0.01]], BOX[1]))
-    with pytest.raises(rid.InputError, match="`polygons` must cover the box of the band; their `omega` is"):
-        wider.with_polygons(found.polygons)
-    with pytest.raises(rid.InputError, match="`polygons` cover a box of poles, and the band has none"):
-        plain().with_polygons(found.polygons)
+    refused("`polygons` must cover the box of the band; their `omega` is", wider.with_polygons, found.polygons)
+    refused("`polygons` cover a box of poles, and the band has none", lambda: plain().with_polygons(found.polygons))
 
 
 def test_polygons_of_another_problem_or_kind_are_refused():
     other = rid.worst_case_error(identified(0.05), omega=[3.0], directions=4)
-    with pytest.raises(rid.InputError, match="`polygons` are about another problem"):
-        plain().with_polygons(other)
-    with pytest.raises(rid.InputError, match="`polygons` are about another problem"):
-        plain().refine(identified(0.05), omega=[3.0])
-    with pytest.raises(InputTypeError, match="`polygons` must be a WorstCaseError"):
-        plain().with_polygons(3.0)
-    with pytest.raises(InputTypeError, match="`identification` must be an Identification"):
-        plain().refine(plain())
+    refused("`polygons` are about another problem", lambda: plain().with_polygons(other))
+    refused("`polygons` are about another problem", lambda: plain().refine(identified(0.05), omega=[3.0]))
+    refused("`polygons` must be a WorstCaseError", lambda: plain().with_polygons(3.0), error=InputTypeError)
+    refused("`identification` must be an Identification", lambda: plain().refine(plain()), error=InputTypeError)
 
 
 @pytest.mark.parametrize("over", ["exact poles", "a box"])
 def test_a_refined_band_comes_back_from_its_files(tmp_path, over):
     found = refined() if over == "exact poles" else over_box()[1]
-    found.save(tmp_path / "band")
-    again = rid.load(tmp_path / "band")
+    again = kept(found, tmp_path / "band")
     np.testing.assert_array_equal(again.omega, found.omega)
     np.testing.assert_array_equal(again.upper, found.upper)
     assert again.certified
     assert again.summary() == found.summary()
-    plain().save(tmp_path / "plain")
-    assert rid.load(tmp_path / "plain").polygons is None
+    assert kept(plain(), tmp_path / "plain").polygons is None
 
 
 @pytest.mark.parametrize("over", ["exact poles", "a box"])
@@ -226,8 +212,7 @@ def test_sides_that_no_certificate_supports_are_not_loaded(tmp_path, over):
     assert supports(path)
     for name in supports(path)[:1]:
         forge(path, lambda a, name=name: {name: a[name] - 1e-3 * np.abs(a[name]).max()})
-    with pytest.raises(FileFormatError, match="polygons do not follow from their certificates"):
-        rid.load(path)
+    refused("polygons do not follow from their certificates", rid.load, path, error=FileFormatError)
 
 
 def test_sides_that_are_farther_out_than_proved_lower_nothing(tmp_path):
@@ -243,8 +228,7 @@ def test_multipliers_of_a_side_that_are_others_prove_nothing(tmp_path):
     forge(
         tmp_path / "band", lambda a: {n: 0.5 * a[n] for n in a if n.startswith("polygons/values/") and "samples" in n}
     )
-    with pytest.raises(FileFormatError, match="polygons do not follow from their certificates"):
-        rid.load(tmp_path / "band")
+    refused("polygons do not follow from their certificates", rid.load, tmp_path / "band", error=FileFormatError)
 
 
 def test_without_time_the_discs_stand_but_where_they_are_loosest():
