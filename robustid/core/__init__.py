@@ -6,7 +6,7 @@ from robustid.core.description import Arrays, Record, described, digest, fields_
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected
-from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, plane_of, time_words
+from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import Budget, Interruptible, Pace, Progress, pass_on, show_progress
 from robustid.core.state_space import (
     Complex,
@@ -92,6 +92,7 @@ __all__ = [
     "bilinear_in_z",
     "described",
     "digest",
+    "exponents_of",
     "fields_of",
     "fingerprint",
     "freeze",

@@ -102,7 +102,7 @@ class ZPlane(Frozen, Plane):
 
     def exponents(self, poles: Complex) -> Complex:
         """``log(z)/dt``."""
-        return np.asarray(np.log(poles) / self.dt, dtype=complex)
+        return exponents_of(poles, self.dt)
 
     def modes(self, turns: Real, dampings: Real) -> tuple[Real, Real]:
         """``turn/dt``, and the dampings."""
@@ -172,6 +172,11 @@ class SPlane(Frozen, Plane):
         """Sizes and angles of the logarithms of the poles in z."""
         s = _exponents(omega, dampings)
         return _polar(np.log((self.corner + s) / (self.corner - s)))
+
+
+def exponents_of(poles: Complex, dt: float | None) -> Complex:
+    """Poles in s of poles in z: their logarithms over dt; those of continuous time themselves."""
+    return np.asarray(np.log(poles) / dt if dt else poles, dtype=complex)
 
 
 def time_words(dt: float | None) -> str:

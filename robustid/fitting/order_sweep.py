@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, exponents_of, freeze
 from robustid.figures import Drawable
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction
@@ -232,8 +232,7 @@ class OrderSweep(Frozen, Drawable):
 def _upper_poles(fit: MatrixFraction) -> np.ndarray:
     """Poles in s with a positive imaginary part, by rising frequency."""
     poles, dt = fit.fraction.poles.astype(complex), fit.fraction.dt
-    if dt is not None:
-        poles = np.log(poles[poles != 0]) / dt
+    poles = exponents_of(poles[poles != 0], dt)
     poles = poles[np.imag(poles) > 0]
     return poles[np.argsort(np.abs(poles))]
 

@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis
-from robustid.core import Frozen, Model, Numbers, StateMatrices, freeze
+from robustid.core import Frozen, Model, Numbers, StateMatrices, exponents_of, freeze
 from robustid.identification.formulation.base import Formulation, States
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.formulation.rows import Rows
@@ -183,7 +183,7 @@ def modes_of(basis: ParametricBasis, residues: NDArray[np.float64]) -> tuple[Mod
             continue
         weights = (basis.C @ right[:, k]) * (left[:, k].conj() @ basis.B[:, 0]) / overlap[k]
         R = np.tensordot(weights, residues, 1)
-        log = np.log(pole) / basis.dt if basis.dt else pole
+        log = complex(exponents_of(pole, basis.dt))
         singular = np.linalg.svd(R, compute_uv=False)
         ratio = float(singular[1] / singular[0]) if singular.size > 1 and singular[0] > 0 else 0.0
         damping = float(-log.real / abs(log)) if log != 0 else 0.0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.app.exports import c_header, matlab, roots
-from robustid.core import Complex, atomic_write
+from robustid.core import Complex, atomic_write, exponents_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.estimation import DelayedModel
@@ -37,7 +37,7 @@ def _pole_table(model: control.StateSpace, name: str) -> str:
     """Return the poles of a model: in Hz with damping ratio, and as complex numbers."""
     found: Complex = np.array(model.poles(), dtype=complex)
     with np.errstate(divide="ignore"):
-        s: Complex = np.log(found) / model.dt if model.dt else found
+        s = exponents_of(found, model.dt)
     size = np.abs(s)
     damping = -s.real / np.where(size > 0, size, 1)
     order = np.lexsort((found.imag, size))

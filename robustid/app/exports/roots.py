@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Complex, Real, StateMatrices, points_of, response_at
+from robustid.core import Complex, Real, StateMatrices, exponents_of, points_of, response_at
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def compared_at(model: control.StateSpace) -> Real:
     """Frequencies at which a filter is compared: spread evenly in log, and at every resonance."""
     poles = np.asarray(model.poles(), dtype=complex)
     poles = poles[np.abs(poles) > 0]
-    size = np.abs(np.log(poles) / model.dt) if model.dt else np.abs(poles)
+    size = np.abs(exponents_of(poles, model.dt))
     size = size[size > 0]
     top = np.pi / model.dt if model.dt else 30 * float(size.max(initial=1.0))
     low = min(float(size.min(initial=top)), top) / 30

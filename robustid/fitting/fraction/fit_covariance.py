@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, as_array, as_kind, as_positive, freeze, one_thread, points_of
+from robustid.core import Frozen, as_array, as_kind, as_positive, exponents_of, freeze, one_thread, points_of
 from robustid.errors import InputError
 from robustid.fitting.fraction.coordinates import Coordinates, EntryCoordinates, JointCoordinates
 from robustid.fitting.matrix_fraction import MatrixFraction
@@ -187,7 +187,7 @@ def _deviations(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """pole_std, hz, hz_std, damping, damping_std."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = poles if dt is None else np.log(poles) / dt
+        s = exponents_of(poles, dt)
         ds = changes if dt is None else changes / (poles[:, None] * dt)
         size = np.abs(s)
         direction = (s / size)[:, None]
