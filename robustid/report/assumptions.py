@@ -170,7 +170,7 @@ def shared_words(identification: Identification) -> str:
 
 def _interval_words(identification: Identification) -> str:
     """The intervals of the parameters, and which of their ends are reached."""
-    problem, words = identification.problem, []
+    problem, words = identification.problem, list[str]()
     for name, (low, high) in zip(problem.parametric.labels, problem.parameter_bounds, strict=True):
         if np.isfinite(low):
             words.append(f"{name} {number(low)}" if low == high else f"{name} {number(low)} … {number(high)}")

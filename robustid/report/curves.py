@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+
+from robustid.core import Real
 
 # Cells of the frequency axis; of each, two points of the curve or three samples are drawn.
 _MOST_CELLS, _LEAST_CELLS, _ALL_CELLS = 350, 60, 4800
@@ -31,6 +33,11 @@ def log_axis(omega: np.ndarray) -> bool:
         return bool(known.size)
     middle, ends = np.median(known), known[[0, -1]]
     return bool(abs(np.log(middle / np.sqrt(ends.prod()))) <= abs(np.log(middle / ends.mean())))
+
+
+def spread(low: float, high: float, count: int, log: bool) -> Real:
+    """Points between two ends, even on a logarithmic axis or on a linear one."""
+    return np.asarray(np.geomspace(low, high, count) if log else np.linspace(low, high, count), dtype=float)
 
 
 def position(omega: np.ndarray, log: bool) -> np.ndarray:
@@ -91,10 +98,10 @@ def next_to(angle: np.ndarray, near: np.ndarray) -> np.ndarray:
     return angle - 360 * np.round((angle - near) / 360)
 
 
-def phase_curves(values: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[float, float]]:
+def phase_curves(values: list[np.ndarray]) -> tuple[Sequence[np.ndarray], tuple[float, float]]:
     """Phases in degrees and their range: continuous where they stay within two turns, else from -180 to 180."""
-    turned = [np.degrees(np.unwrap(np.angle(v))) for v in values]
-    turned = [p - 360 * np.round(np.median(p - turned[0]) / 360) for p in turned]
+    unwrapped: list[Real] = [np.degrees(np.unwrap(np.angle(v))) for v in values]
+    turned: list[Real] = [p - 360 * np.round(np.median(p - unwrapped[0]) / 360) for p in unwrapped]
     low, high = (float(limit(np.concatenate(turned))) for limit in (np.min, np.max))
     if high - low <= _TURNS:
         return turned, _quarter_turns(low, high)

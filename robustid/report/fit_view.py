@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Signal, StateMatrices, as_signals, points_of, response_at
+from robustid.core import Signal, StateMatrices, as_kind, as_signals, points_of, response_at
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, fit_covariance, mode_table
 from robustid.identification import Check
 
@@ -52,12 +52,10 @@ class FitView:
     data: FrequencyResponse | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.fit, MatrixFraction):
-            raise InputTypeError(f"`fit` must be a MatrixFraction; got {type(self.fit).__name__}")
+        as_kind("fit", self.fit, MatrixFraction, "a MatrixFraction")
         if self.data is None:
             return
-        if not isinstance(self.data, FrequencyResponse):
-            raise InputTypeError(f"`data` must be a FrequencyResponse; got {type(self.data).__name__}")
+        as_kind("data", self.data, FrequencyResponse, "a FrequencyResponse")
         # A fit knows zeros where entries are missing.
         measured = np.where(self.data.missing, 0, self.data.values)
         same = np.array_equal(self.data.omega, self.omega) and np.array_equal(measured, self.values)

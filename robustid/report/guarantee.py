@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.core import Real
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
@@ -17,9 +18,6 @@ from robustid.report.charts import (
     Chart,
     Layer,
     Panel,
-    band_around,
-    behind,
-    error_range,
     lighter,
     named,
     side_by_side,
@@ -30,6 +28,7 @@ from robustid.report.identified import (
     about,
     bounded_model,
     checked,
+    entry_unit,
     error_label,
     in_unit,
     model_size,
@@ -38,8 +37,9 @@ from robustid.report.identified import (
     transfer,
     unit,
 )
+from robustid.report.magnitude_phase import band_around, behind, error_panel
 from robustid.report.value_sets import nyquist_chart
-from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number, unit_label
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
 
 _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
@@ -226,7 +226,7 @@ def worst_table(error: WorstCaseError) -> Table:
 
 def entry_table(error: WorstCaseError) -> Table:
     """The largest error of every entry."""
-    size, rows = np.abs(error.nominal.reshape(error.upper.shape)), []
+    size, rows = np.abs(error.nominal.reshape(error.upper.shape)), list[tuple[str, ...]]()
     for i, j in np.ndindex(size.shape[1:]):
         k = int(np.argmax(error.upper[:, i, j]))
         relative = float(np.median(error.upper[:, i, j] / np.maximum(size[:, i, j], _TINY)))
@@ -244,7 +244,7 @@ def entry_table(error: WorstCaseError) -> Table:
 def parameter_table(error: WorstCaseError) -> Table:
     """The interval that holds every coefficient of the parametric part in every consistent system."""
     identification, found = error.identification, error.parameters
-    rows, values = [], identification.parameters
+    rows, values = list[tuple[str, ...]](), identification.parameters
     for place in np.ndindex(found.lower.shape):
         if not np.isfinite(found.lower[place]):
             continue
@@ -321,8 +321,9 @@ def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
 
 def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
     """Ends of the ranges of the phase less the phase of the model, in degrees, (F, 2); NaN where the phase can be anything."""
-    offset = phase - np.angle(nominal)[:, None]
-    offset -= 2 * np.pi * np.round(offset.mean(axis=1, keepdims=True) / (2 * np.pi))
+    centred: Real = phase - np.angle(nominal)[:, None]
+    middle: Real = np.mean(centred, axis=1, keepdims=True)
+    offset = centred - 2 * np.pi * np.round(middle / (2 * np.pi))
     anything = phase[:, 1] - phase[:, 0] >= 2 * np.pi * (1 - 1e-12)
     return np.where(anything[:, None], np.nan, np.degrees(offset))
 
@@ -355,11 +356,9 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     layers.append(Layer(name, at, upper, ALERT, dash="dash", marker="circle", hover=hover))
     reached = np.where(lower > 0, lower, np.nan)
     layers.append(Layer(REACHED, at, reached, DATA, marker=MARKERS[2], hover=hover))
-    span = error_range(layers)  # none where nothing is uncertain
     title = "Error of the model: the farthest consistent system"
     title += ", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""
     label = error_label(identification)
     if entry is not None and not siso(identification):  # the name stands above
-        output, input_ = identification.problem.outputs[entry[0]], identification.problem.inputs[entry[1]]
-        title, label = "", f"error{unit_label(output.unit, input_.unit)}"
-    return Panel(title, x, Axis(label, log=True, range=span), layers)
+        title, label = "", f"error{entry_unit(identification, *entry)}"
+    return error_panel(title, x, label, layers)

@@ -13,10 +13,10 @@ from robustid.errors import Status
 from robustid.guarantees import Band, SampleCheck, WorstCaseError
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, NOMINAL, Layer, Panel
-from robustid.report.frequency import entry_chart, frequency_charts
+from robustid.report.frequency import Curve, entry_chart, frequency_charts
 from robustid.report.guarantee import guarantee_sentence, worst_case_charts
 from robustid.report.identification_page import identification_verdict, margin_interval
-from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
+from robustid.report.identified import Posed, sample_words, shown_band, unit
 from robustid.report.proved_band import band_sentence, drawn_band, with_band
 from robustid.report.with_plotly import Drawn, plotly_figure
 from robustid.report.words import HZ, number, percent
@@ -65,8 +65,8 @@ def look_figure(
     if band is not None:
         name, (omega, values, *_) = "centre of the proved band", drawn_band(band)
     above = omega > 0  # a logarithmic axis has no 0
-    shown = Shown(name, None, NOMINAL if band is not None else ALERT, "dot", "")
-    panels = entry_chart(check, (0, 0), [shown], omega[above], [values[above]], shown_band(check)).panels
+    curve = Curve(name, values[above], NOMINAL if band is not None else ALERT, "dot")
+    panels = entry_chart(check, (0, 0), omega[above], [curve], shown_band(check)).panels
     if band is not None:
         return _figure(check, with_band(band, panels), left_out, withheld)
     worst = int(np.argmax(check.ratio))

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Unpack
 
-from robustid.core import as_flag, atomic_write
+from robustid.core import as_flag, as_kind, atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
@@ -134,8 +134,8 @@ def render_report(
     """Return the page of `write_report`, which names the parts, as text."""
     static = as_flag("static", static)
     kind = kind_of("identification", identification, _PAGES)
-    if title is not None and not isinstance(title, str):
-        raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
+    if title is not None:
+        as_kind("title", title, str, "text")
     build, belonging = _PAGES[kind]
     given = {name: part for name, part in parts.items() if part is not None and part != ()}
     refuse_foreign(identification, given, belonging)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -17,9 +18,6 @@ from robustid.report.charts import (
     Chart,
     Layer,
     Panel,
-    band_around,
-    behind,
-    error_range,
     named,
 )
 from robustid.report.document import (
@@ -45,6 +43,7 @@ from robustid.report.identified import (
     model_size,
     siso,
 )
+from robustid.report.magnitude_phase import band_around, behind, error_range
 from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
 
 BOX = FURTHER[2]
@@ -216,11 +215,11 @@ def box_verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
 
 def box_entries(band: WorstCaseOverPoles) -> Table:
     """Largest guaranteed error of every entry, and where it is possible."""
-    problem, rows = band.identification.problem, []
-    for i, j in np.ndindex(*band.upper.shape[1:]):
+    problem, rows = band.identification.problem, list[tuple[str, ...]]()
+    for (i, output), (j, input_) in itertools.product(enumerate(problem.outputs), enumerate(problem.inputs)):
         k = int(np.argmax(band.upper[:, i, j]))
         at = number(float(band.omega[k]) / HZ, 5)
-        rows.append((str(problem.outputs[i]), str(problem.inputs[j]), at_most(float(band.upper[k, i, j])), at))
+        rows.append((str(output), str(input_), at_most(float(band.upper[k, i, j])), at))
     heads = Column("output"), Column("input"), Column("error at most", "n"), Column("at [Hz]", "n")
     return Table(list(heads), rows)
 

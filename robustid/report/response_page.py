@@ -194,7 +194,7 @@ def summary_rows(view: ResponseView) -> list[tuple[str, str]]:
 
 def _missing_words(view: ResponseView) -> str:
     """Say how much was not measured, and where."""
-    points, parts = view.frf.omega.size, []
+    points, parts = view.frf.omega.size, list[str]()
     for i, j in np.argwhere(view.measured < points).tolist():
         gone = points - int(view.measured[i, j])
         where = "every point" if gone == points else f"{gone} point{plural(gone)}"
@@ -219,14 +219,14 @@ def _coherence_words(view: ResponseView) -> str:
 def level_table(view: ResponseView) -> Table:
     """A row an entry: medians over the frequency points, the levels relative to the response."""
     shares = [None if array is None else view.relative(array) for array in (view.radius, *view.levels.values())]
-    rows, sizes = [], view.median(view.size)
+    rows, sizes = list[tuple[str, ...]](), view.median(view.size)
     for i, j in np.ndindex(view.ny, view.nu):
         cells = ["–" if share is None else percent(float(share[i, j])) for share in shares]
         silent = "–"
         if view.frf.bound is not None:
             silent = f"{int(view.silent[:, i, j].sum())} of {view.measured[i, j]}"
         rows.append((view.entry(i, j), number(float(sizes[i, j]), 3), *cells, silent))
-    heads = ("|G|", "Bound", *(f"σ, {name.removeprefix('σ of the ')}" for name in view.levels))
+    heads = ("|G|", "Bound", *(f"σ, {name}" for name in view.levels))
     columns = [Column("Response", "text"), *(Column(head, "n") for head in (*heads, "Points below\ntheir bound"))]
     title = "Medians over the frequency points, relative to the response"
     return Table(columns, rows, title=title, most=_MOST_ENTRIES)

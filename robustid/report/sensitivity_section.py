@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustid.advice import Content, Sensitivity, Variation
-from robustid.errors import InputError, InputTypeError
+from robustid.core import as_kind
+from robustid.errors import InputError
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
@@ -44,8 +45,7 @@ def sensitivity_section(identification: Identification, table: Sensitivity) -> l
 
 def _check(table: Sensitivity, identification: Identification) -> None:
     """Refuse what isn't a table of sensitivities, or belongs to another problem, as far as its margin tells."""
-    if not isinstance(table, Sensitivity):
-        raise InputTypeError(f"`sensitivity` must be a Sensitivity, from sensitivity(); got {type(table).__name__}")
+    as_kind("sensitivity", table, Sensitivity, "a Sensitivity, from sensitivity()")
     margin, low, high = table.variations[0].margin, identification.margin_lower, identification.margin
     if np.isfinite(margin) and not (1 - _SAME) * low - _SAME <= margin <= (1 + _SAME) * high + _SAME:
         raise InputError(

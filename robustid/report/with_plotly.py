@@ -69,7 +69,9 @@ def plotly_figure(
         layout["showlegend"] = False
     if domains:  # a tall figure that is watched: more room for its curves
         layout["legend"]["font"] = {"size": 12}
-    count, gap, traces, named = len(panels), 0.08, [], set()
+    count, gap = len(panels), 0.08
+    traces: list[Drawn] = []
+    named: set[str] = set()
     for k, panel in enumerate(panels):
         suffix = "" if k == 0 else str(k + 1)
         top = 1 - k * (1 + gap) / (count + (count - 1) * gap)

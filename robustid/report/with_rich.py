@@ -39,7 +39,8 @@ def _rendered(block: Block) -> RenderableType | None:
             return Words(f"\n{block.text}", style="bold")
         case Code():
             return Words(f"{block.text}\n")
-    return None
+        case _:
+            return None
 
 
 def _banner(verdict: Verdict) -> RenderableType:

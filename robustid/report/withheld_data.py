@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustid.guarantees import Coverage
-from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Ends, Layer, Panel, frequency_axis
+from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict, of_numbers
 from robustid.report.words import HZ, at_hz, number, percent
 
@@ -75,11 +75,10 @@ def withheld_chart(found: Coverage) -> Chart:
         for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
             if mask.any():
                 words = name + (", outside" if colour == ALERT else "")
-                bars: Ends = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
+                low, high = np.maximum(size - own, 0.0)[mask], (size + own)[mask]
                 said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
-                layers.append(
-                    Layer(words, found.omega[mask] / HZ, size[mask], colour, marker=marker, hover=said, **bars)
-                )
+                x, y = found.omega[mask] / HZ, size[mask]
+                layers.append(Layer(words, x, y, colour, marker=marker, hover=said, low=low, high=high))
     x = frequency_axis(found.omega)
     ends = np.array(x.range if x.range else (0.0, 1.0))
     layers.append(Layer("edge of the band", ends, np.ones(2), FAINT, dash="dash"))
