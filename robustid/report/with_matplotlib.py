@@ -22,6 +22,7 @@ _DASHES = {"": "none", "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":"}
 _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "x": "x"}
 _WIDTH, _HEIGHT = 7.2, 2.7  # inches, of a panel
 _FURTHER, _LOW = 2.6, 1.9  # inches: width of each further column, height of one panel of a grid
+_TALL = 4.2  # inches: height of a square panel, and of panels beside each other
 _LABEL = 0.5  # inches that one label of an axis takes
 _LETTERS = 14  # of a title in an inch
 
@@ -36,8 +37,9 @@ def draw(chart: Chart, ax: object = None) -> Figure:
 
     columns = chart.columns
     rows = -(-len(chart.panels) // columns)
-    height = _HEIGHT if columns == 1 else _LOW if chart.grid else 4.2
-    width = _WIDTH + _FURTHER * (columns - 1)
+    square = any(panel.square for panel in chart.panels)
+    height = _LOW if chart.grid and columns > 1 else _TALL if columns > 1 or square else _HEIGHT
+    width = _TALL + 1.0 if square and columns == 1 else _WIDTH + _FURTHER * (columns - 1)
     with matplotlib.rc_context(MATPLOTLIB):
         figure = Figure(figsize=(width, height * rows + 0.5), layout="constrained", dpi=120)
         axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if chart.linked else "none").ravel()
@@ -106,7 +108,7 @@ def _dress(ax: Axes, panel: Panel, *, label_x: bool, size: tuple[float, float]) 
     from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
     ax.set_title(textwrap.fill(_plain(panel.title), int(_LETTERS * size[0])))
-    room = size[0] / _LABEL, 2 * size[1] / _LABEL
+    room = (min(size) if panel.square else size[0]) / _LABEL, 2 * size[1] / _LABEL
     for axis, side, described, labels in ((ax.xaxis, "x", panel.x, room[0]), (ax.yaxis, "y", panel.y, room[1])):
         getattr(ax, f"set_{side}scale")("log" if described.log else "linear")
         if described.range is not None:
