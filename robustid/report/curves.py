@@ -48,11 +48,6 @@ def position(omega: np.ndarray, log: bool) -> np.ndarray:
 def thinned(position: np.ndarray, sizes: list[np.ndarray], cells: int) -> np.ndarray:
     """Choose the points to draw: all where they are few, else of every cell the smallest and largest of the first array, and
     the largest of every other one; no peak, no notch and no outlier is lost.
-
-    Examples
-    --------
-    >>> thinned(np.arange(12.0), [np.array([1, 3, 2, 9, 4, 5, 5, 6, 5, 5, 0, 5])], 2)
-    array([ 0,  3,  7, 10])
     """
     if position.size <= (len(sizes) + 1) * cells:
         return np.arange(position.size)
@@ -150,13 +145,7 @@ def with_gaps(angle: np.ndarray) -> np.ndarray:
 
 
 def between_gaps(values: np.ndarray) -> list[slice]:
-    """Stretches without NaN.
-
-    Examples
-    --------
-    >>> between_gaps(np.array([1.0, np.nan, 2.0, 3.0]))
-    [slice(0, 1, None), slice(2, 4, None)]
-    """
+    """Stretches without NaN."""
     known = np.concatenate([[False], np.isfinite(values), [False]])
     ends = np.flatnonzero(np.diff(known.astype(int)))
     return [slice(int(a), int(b)) for a, b in ends.reshape(-1, 2)]

@@ -72,7 +72,7 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
                 *findings_section(parts.get("findings", ())),
                 Heading("Members"),
                 member_table(family),
-                Heading("What is guaranteed"),
+                Heading("What is guaranteed", guarantee=True),
                 Text(guarantee_words(family), id="guarantee-sentence"),
                 certificates(count, family.certified, "certificates"),
                 Facts(_facts(family)),

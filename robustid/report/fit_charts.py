@@ -214,13 +214,7 @@ def _words(row: ModeRow) -> str:
 
 
 def with_deviation(value: float, deviation: float) -> str:
-    """Write the value with as many digits as its standard deviation leaves.
-
-    Examples
-    --------
-    >>> with_deviation(635.12345, 0.0213), with_deviation(0.0123456, 4e-5), with_deviation(17.67, float("nan"))
-    ('635.123 ± 0.021', '0.012346 ± 0.000040', '17.67')
-    """
+    """Write the value with as many digits as its standard deviation leaves."""
     if np.isnan(deviation) or deviation <= 0:
         return number(value, 5)
     if np.isinf(deviation):

@@ -49,11 +49,11 @@ def guarantee_section(identification: Identification, error: WorstCaseError, hol
     """Build the section of what is guaranteed of the response, with its certificates; `holds`: they were evaluated again."""
     checked("worst_case", error, WorstCaseError, "worst_case_error", identification)
     alone, entries = siso(identification), worst_case_charts(error)
-    blocks: list[Block] = [Heading("What is guaranteed")]
+    blocks: list[Block] = [Heading("What is guaranteed", guarantee=True)]
     if error.missing.size:
         blocks.append(Text(error.unfinished))
     blocks += [
-        Text(guarantee_sentence(error), id="guarantee-sentence"),
+        Text(f"{about(identification)}{guarantee_sentence(error)}", id="guarantee-sentence"),
         certificates(error.claim_count, error.verify() if holds is None else holds, "certificates"),
         Facts(guarantee_rows(error)),
         Heading("Worst frequencies", 3),
@@ -98,7 +98,7 @@ def guarantee_sentence(error: WorstCaseError) -> str:
     if omega.size > 1:
         worst = f" The largest error is possible at {number(omega[np.argmax(upper)] / HZ, 5)} Hz;"
     return (
-        f"{about(error.identification)}Every plant that agrees with the data and the assumptions has a response within"
+        "Every plant that agrees with the data and the assumptions has a response within"
         f" {in_unit(at_most(upper.max()), error.identification)} of the {model}{norm},"
         f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median over the frequencies is"
         f" {at_most(100 * float(np.median(relative)))} % of the response."

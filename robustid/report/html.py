@@ -31,6 +31,7 @@ _COLOURS = {"consistent": "0,158,115", "inconsistent": "213,94,0", "failed": "12
 _OTHER = "230,159,0"
 _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
 MOST_BYTES = 360_000  # of all pictures of a page, as base64
+_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 _PALETTE = 96  # of a picture: those of its curves, and steps between
 _FIRST = 110  # dots per inch of the picture of the first screen
 _FINENESS = (110, 96, 84, 72, 60, 50, 40, 32)  # of the others, tried one after another
@@ -70,10 +71,7 @@ def render_head(document: Document) -> str:
 
 def _in_short(words: str) -> tuple[str, str]:
     """The first sentence of a warning, and the rest of it."""
-    first, *rest = re.split(r"(?<=[.:]) (?=[A-Z])", words.removeprefix("Warning: "), maxsplit=1)
-    if first.endswith(":") and rest:  # a heading word, then its first sentence
-        second, *rest = re.split(r"(?<=\.) (?=[A-Z])", rest[0], maxsplit=1)
-        first = f"{first} {second}"
+    first, *rest = _SENTENCE_END.split(words, maxsplit=1)
     return first[0].upper() + first[1:], "".join(rest)
 
 
@@ -131,7 +129,7 @@ def words(text: Text) -> Markup:
     """The text, escaped, with the words of programs marked as such."""
     import markupsafe
 
-    out = markupsafe.escape(text.text)
+    out = markupsafe.escape(f"{text.head}: {text.text}" if text.head else text.text)
     for said in text.code:
         unbroken = markupsafe.Markup(" ").join(markupsafe.Markup("<span>{}</span>").format(one) for one in said.split())
         marked = unbroken if " --" in said else said  # no line breaks inside of an option

@@ -10,7 +10,7 @@ import numpy as np
 from robustid.core import Complex, as_kind, fingerprint
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Sample, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, MixedProblem, Residual, check_model
 from robustid.report.charts import NOMINAL, Axis, further
 from robustid.report.curves import resolved
@@ -131,14 +131,16 @@ def started(record: TimeRecord) -> str:
     return words[record.initial]
 
 
-def sample_words(identification: Identification, sample: str) -> str:
-    """Name a sample by the kind of its experiment, "response at 13 Hz", in place of "frequency 1 at 13 Hz"."""
+def sample_words(identification: Identification, sample: Sample) -> str:
+    """Name a sample by its experiment, which has a number where there are several: "response at 13 Hz", "record 2 at 3 s"."""
+    return f"{experiment_words(identification, sample.kind, sample.experiment)} {sample.place}"
+
+
+def experiment_words(identification: Identification, kind: str, index: int) -> str:
+    """Name an experiment, with a number where there are several of its kind."""
     problem = identification.problem
-    for kind, words, given in (("frequency", "response", problem.frequency), ("time", "record", problem.time)):
-        if sample.startswith(f"{kind} "):
-            rest = sample.removeprefix(f"{kind} ")
-            return f"{words} {rest.removeprefix('1 ') if len(given) == 1 else rest}"
-    return sample
+    words, given = ("response", problem.frequency) if kind == "frequency" else ("record", problem.time)
+    return f"{words} {index + 1}" if len(given) > 1 else words
 
 
 def numbered(text: str, index: int, count: int) -> str:

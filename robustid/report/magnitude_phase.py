@@ -75,10 +75,8 @@ def behind(panel: Panel, layers: Sequence[Layer], span: tuple[float, float]) -> 
 
 
 def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
-    """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps.
-
-    Between them the offsets are interpolated in the logarithm. One of NaN is a phase that can be anything: half a turn to both
-    sides, up to the next frequencies.
+    """Areas around a curve, exact at the frequencies `at` in Hz, one for each piece of a curve with gaps; between them offsets
+    are interpolated in the logarithm. One of NaN, a phase that can be anything, is half a turn to both sides.
     """
     if not at.size:
         return []

@@ -53,8 +53,8 @@ def proved_band_section(
     check_band(identification, band)
     words = stands_on(band, error)
     return [
-        Heading("What is guaranteed at every frequency"),
-        Text(band_sentence(identification, band), id="band-sentence"),
+        Heading("What is guaranteed at every frequency", guarantee=True),
+        Text(f"{about(identification)}{band_sentence(identification, band)}", id="band-sentence"),
         *([Text(words, id="band-stands-on")] if words else []),
         band_verdict(band, holds),
         Facts(band_rows(identification, band)),
@@ -87,9 +87,8 @@ def poles_words(band: Band) -> str:
 def band_sentence(identification: Posed, band: Band) -> str:
     """The guarantee in plain words; of a problem that was not identified its band takes that place."""
     upper, known = band.sigma_upper, band.bounded
-    start = about(identification)
     if not known.any():
-        return f"{start}Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
+        return f"Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
     relative = float(np.median((upper / np.maximum(model_size(band), _TINY))[known]))
     norm = "" if siso(identification) else " (largest singular value of the difference)"
     largest = np.where(known, upper, -1.0)
@@ -98,7 +97,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
         but = f" but from {band.open_words}, where nothing is proved, since a mode there may be undamped for all the data say"
     nominal = "centre of the band" if band.model is None else f"model of order {band.order}"
     return (
-        f"{start}Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
+        f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
         f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
         f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median over"
         f" {int(known.sum())} frequencies is {at_most(100 * relative)} % of the response."

@@ -63,26 +63,7 @@ class Spectrum(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ResponseView:
-    """A frequency response, with the records that it was estimated from.
-
-    Parameters
-    ----------
-    frf : FrequencyResponse
-    given : TimeRecord or sequence of TimeRecord, optional
-        Show what was excited.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        Records with other signals or another sample time, or of different lengths.
-
-    Examples
-    --------
-    >>> import robustid as rid
-    >>> view = ResponseView(rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.01j], bound=0.02, outputs=["x [m]"]))
-    >>> view.entry(0, 0), view.silent.ravel().tolist()
-    ('x [m] / u', [False, True])
-    """
+    """Frequency response with the records that it was estimated from, which must belong to it: they show what was excited."""
 
     frf: FrequencyResponse
     given: Records = None

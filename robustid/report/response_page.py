@@ -108,15 +108,6 @@ def _spectra(view: ResponseView, charts: list[Chart]) -> list[Block]:
     return [Heading("Spectra of the records"), Text(words, "soft"), Grid(charts, max(view.nu, view.ny))]
 
 
-def kind(view: ResponseView) -> str:
-    """Kind of the bound, in a few words."""
-    frf = view.frf
-    if frf.bound is None:
-        return "No bound"
-    words = frf.bound.words().replace(" jointly", "")
-    return words[0].upper() + words[1:]
-
-
 def response_verdict(view: ResponseView) -> Verdict:
     """Verdict on the bound: what it promises, in one sentence."""
     frf, points = view.frf, f"at all {view.frf.omega.size} frequency points"
@@ -147,7 +138,8 @@ def response_verdict(view: ResponseView) -> Verdict:
             sentence += " The warnings say what this leaves out."
     alone = frf.bound is not None and frf.bound.excitations == 1
     key = "undecided" if frf.bound is None else "weak" if alone or warning_sentences(view) else "consistent"
-    return Verdict(key, kind(view), sentence, tuple(_numbers(view)))
+    word = "No bound" if frf.bound is None else frf.bound.heading
+    return Verdict(key, word, sentence, tuple(_numbers(view)))
 
 
 def _chance(bound: Bound | None) -> str:
@@ -234,7 +226,7 @@ def level_table(view: ResponseView) -> Table:
 
 def warnings(view: ResponseView) -> list[Text]:
     """Warnings that must be seen before this is used."""
-    return [Text(f"Warning: {sentence}", "warning") for sentence in warning_sentences(view)]
+    return [Text(sentence, "warning", head="Warning") for sentence in warning_sentences(view)]
 
 
 def warning_sentences(view: ResponseView) -> list[str]:

@@ -102,20 +102,23 @@ def sensitivity_sentence(table: Sensitivity) -> str:
         return "None of the variations leaves a guarantee to compare with: as stated, or with every change, the data don’t fit."
     _, most = max(moved, key=lambda pair: pair[0])
     return (
-        f"The guarantee moves most with {_WORDS[most.kind]}: with {_change(most)} the median half-width is"
+        f"The guarantee moves most with {_WORDS[most.kind]}: with {_change(most, stated)} the median half-width is"
         f" {at_most(100 * most.median, 3)} % of the response instead of {at_most(100 * stated.median, 3)} %."
     )
 
 
-def _change(row: Variation) -> str:
-    return row.what.replace(" x ", " × ")
+def _change(row: Variation, stated: Variation) -> str:
+    return f"gain bound × {row.gain_bound / stated.gain_bound:g}" if row.kind == "gain" else row.what
 
 
 def _table(table: Sensitivity) -> Table:
     """Table of the variations, as stated first; the change is that of the median."""
-    stated = table.variations[0].median
+    stated = table.variations[0]
     rows = [
-        (_change(row), _margin(row), _percent(row.median), _percent(row.worst), _against(row.median, stated))
+        (
+            _change(row, stated),
+            *(_margin(row), _percent(row.median), _percent(row.worst), _against(row.median, stated.median)),
+        )
         for row in table.variations
     ]
     heads = ("margin", "median", "worst", "median against stated")

@@ -46,10 +46,8 @@ def figures(chart: Chart, *, small: bool = False) -> list[Figure]:
 def plotly_figure(
     panels: Sequence[Panel], height: int, *, small: bool = False, domains: Sequence[tuple[float, float]] = ()
 ) -> Drawn:
-    """Describe panels below each other on one x axis as plotly does: data and layout.
-
-    A small one is one of many, whose legend stands before them all; `domains`: the ends of each
-    panel of a live figure, as parts of its height.
+    """Describe panels below each other on one x axis as plotly does: data and layout. A `small` one is one of many, under one
+    legend; `domains`: the ends of each panel of a live figure, as parts of its height.
     """
     layout: Drawn = {
         "height": height,

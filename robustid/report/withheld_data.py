@@ -16,19 +16,14 @@ CONTRADICTED = "What follows from the class and the data that were used: no guar
 
 def withheld_verdict(found: Coverage) -> Verdict:
     """Verdict on the band: what it leaves out contradicts it."""
-    word = "Contradicted by withheld data" if found.contradicted else "Not contradicted by withheld data"
-    sentence = found.verdict.split(": ", 1)[1]
-    sentence = sentence[0].upper() + sentence[1:]
+    sentence = found.finding[0].upper() + found.finding[1:]
     if found.contradicted:
         sentence += (
             " What is said below of every consistent system is about the class and the data that were used: it is no"
         )
         sentence += " guarantee for the machine."
     key = "inconsistent" if found.contradicted else "consistent"
-    return Verdict(key, word, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
-
-
-GUARANTEED = "What is guaranteed"  # how the headings of guarantees begin
+    return Verdict(key, found.heading, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
 
 
 def not_guaranteed(blocks: Sequence[Block], found: Coverage | None) -> list[Block]:
@@ -36,7 +31,7 @@ def not_guaranteed(blocks: Sequence[Block], found: Coverage | None) -> list[Bloc
     if found is None or not found.contradicted:
         return list(blocks)
     other = Heading(CONTRADICTED)
-    return [other if isinstance(b, Heading) and b.text.startswith(GUARANTEED) else b for b in blocks]
+    return [other if isinstance(b, Heading) and b.guarantee else b for b in blocks]
 
 
 def withheld_section(found: Coverage | None) -> list[Block]:
