@@ -23,7 +23,7 @@ from robustid.report.charts import (
     side_by_side,
 )
 from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text, certificates
-from robustid.report.frequency import LARGEST, frequency_charts, sigma_chart
+from robustid.report.frequency import frequency_charts, size_panel
 from robustid.report.identified import (
     about,
     bounded_model,
@@ -305,15 +305,13 @@ def _with_range(error: WorstCaseError, chart: Chart, entry: tuple[int, int], nam
 
 def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
     """Singular values with the guaranteed range of the largest one, and that of F - model, guaranteed and reached."""
-    name, further = bounded_model(error.identification, error.model)
-    sigma = sigma_chart(error.identification, further, error.omega)
-    (panel,) = sigma.panels
+    name, panel = size_panel(error.identification, error.model, error.omega)
     proved = error.omega > 0
     # No singular value moves by more than the largest one of what is added.
     offsets = error.sigma_upper[proved, None] * np.array([-1.0, 1.0])
     bottom, top = panel.y.range or (0.0, 1.0)
     words = f"guaranteed range of σmax ({error.omega.size} frequencies)"
-    areas = band_around(words, named(panel, LARGEST + name), error.omega[proved] / HZ, offsets, bottom)
+    areas = band_around(words, named(panel, name), error.omega[proved] / HZ, offsets, bottom)
     span = bottom, max(top, *(1.2 * float(area.high.max()) for area in areas if area.high is not None))
     errors = _error_panel(error, panel.x, None)
     return Chart("guarantee-sigma", (behind(panel, areas, span), errors), linked=True)
