@@ -31,4 +31,6 @@ class Drawable:
 
 def head(result: Any) -> str | None:
     """Head of the page about a result, for notebooks; None where it has none."""
-    return importlib.import_module("robustid.report.notebook").head(result)  # no room imports one that stands after it
+    return importlib.import_module("robustid.report.pages").notebook_head(
+        result
+    )  # no room imports one that stands after it

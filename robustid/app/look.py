@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -150,8 +150,15 @@ def _own_bound(frf: FrequencyResponse) -> str:
         return ""
 
 
-def run_file_text(looks: Sequence[Look], folder: Path) -> str:
-    """Text of a commented run file for files that were looked into; names are seen from `folder`."""
+class Draft(NamedTuple):
+    """Text of a run file, and the lines of it that somebody has to edit or check first."""
+
+    text: str
+    edits: tuple[str, ...]
+
+
+def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
+    """Draft a commented run file for files that were looked into; names are seen from `folder`."""
     lines = [
         "# A run file for `robustid run`: what isn't stated here is chosen from the data, and written back with its reason.",
         "# `robustid run --keys` lists all keys. Lines that begin with # do nothing.",
@@ -159,6 +166,8 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
         "",
     ]
     periods: list[int] = []
+    edits: list[str] = []
+    checks: list[str] = []
     for one in looks:
         name = os.path.relpath(one.path, folder)
         response = isinstance(one.data, FrequencyResponse) or "values" in one.arguments.get("fields", {})
@@ -168,11 +177,13 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
         lines.append(f"file = {json.dumps(name)}")
         lines += [f"{key} = {_toml(value)}" for key, value in one.arguments.items()]
         if one.data is None:
-            lines.append(f"# Check these lines: {' '.join(one.refusal.split())}")
+            checks.append(f"# Check these lines: {' '.join(one.refusal.split())}")
+            lines.append(checks[-1])
         if response and getattr(one.data, "bound", None) is None:
             words = "the radius of the error disc of every frequency point, or a part of the response"
             own = one.bound or ("one is taken from the data" if one.data is None else "")
-            lines.append(f'# bound = "5%"  # {words}; without it: {own}' if own else f'bound = "5%"  # EDIT: {words}')
+            edits += [] if own else [f'bound = "5%"  # EDIT: {words}']
+            lines.append(f'# bound = "5%"  # {words}; without it: {own}' if own else edits[-1])
         if not response:
             bounded = getattr(one.data, "bound", None) is not None
             use, other = ("samples", "response") if bounded else ("response", "samples")
@@ -194,7 +205,7 @@ def run_file_text(looks: Sequence[Look], folder: Path) -> str:
         "# decay_rate = 1.1",
         "",
     ]
-    return "\n".join(lines)
+    return Draft("\n".join(lines), (*edits, *checks))
 
 
 def _toml(value: object) -> str:

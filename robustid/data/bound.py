@@ -310,15 +310,32 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         >>> Bound(0.1, kind="confidence", probability=0.95, excitations=1).words()
         'confidence bound of the mean response, 95 % jointly, from one excitation'
         """
+        said = self._named(" jointly")
+        return f"{said}: {note}" if note else said
+
+    @property
+    def heading(self) -> str:
+        """Kind of the bound in few words.
+
+        Examples
+        --------
+        >>> from robustid.data import Bound
+        >>> Bound(0.1, kind="confidence", probability=0.95).heading
+        'Confidence bound, 95 %'
+        """
+        said = self._named("")
+        return said[0].upper() + said[1:]
+
+    def _named(self, jointly: str) -> str:
         said = KINDS[self.kind]
         if self.excitations is not None and self.kind == "confidence":
             said += " of the mean response"
         if self.probability is not None:
-            said += f", {100 * self.probability:.6g} % jointly"
+            said += f", {100 * self.probability:.6g} %{jointly}"
         if self.excitations is not None:
             several = f"{self.excitations} independent excitations"
             said += f", from {'one excitation' if self.excitations == 1 else several}"
-        return f"{said}: {note}" if note else said
+        return said
 
     @property
     def of_kind(self) -> dict[str, Any]:

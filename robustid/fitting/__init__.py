@@ -15,7 +15,7 @@ from robustid.fitting.modal.modal_form import ModalForm, continuous, modal_form
 from robustid.fitting.modal.modal_structure import DAMPINGS, QUANTITIES, Modal
 from robustid.fitting.modal.mode_table import ModeRow, mode_table
 from robustid.fitting.order_choice import suggest_order
-from robustid.fitting.order_sweep import OrderSweep
+from robustid.fitting.order_sweep import OrderSweep, StabilisationMark
 from robustid.fitting.records.output_error import fit_records
 from robustid.fitting.records.record_fit import RecordFit
 from robustid.fitting.state_space.subspace import subspace_estimate
@@ -36,6 +36,7 @@ __all__ = [
     "RecordFit",
     "RigidBody",
     "RollOff",
+    "StabilisationMark",
     "StaticGain",
     "Weight",
     "Zero",

@@ -21,7 +21,7 @@ _AS_GOOD = 0.25
 _INSIDE = 1.05  # of a bound: least squares don't minimise the largest residual
 
 
-class PoleRow(NamedTuple):
+class StabilisationMark(NamedTuple):
     """One mark of a stabilisation diagram."""
 
     order: int
@@ -173,17 +173,17 @@ class OrderSweep(Frozen, Drawable):
         return {order: fit.fraction.poles for order, fit in self.fits.items()}
 
     @property
-    def stabilisation(self) -> tuple[PoleRow, ...]:
+    def stabilisation(self) -> tuple[StabilisationMark, ...]:
         """Every pole with Im(s) > 0, compared with those of the next lower order.
 
         "stable": one of them has the frequency within 1 % and the damping within 5 %; "frequency": only the
         frequency; "damping": only the damping of the nearest one; else "new", as all poles of the lowest order are.
         """
-        rows: list[PoleRow] = []
+        rows: list[StabilisationMark] = []
         last = np.zeros(0, dtype=complex)
         for order, fit in self.fits.items():
             here = _upper_poles(fit)
-            rows += [PoleRow(order, abs(s), -s.real / abs(s), stability_kind(s, last)) for s in here.tolist()]
+            rows += [StabilisationMark(order, abs(s), -s.real / abs(s), stability_kind(s, last)) for s in here.tolist()]
             last = here
         return tuple(rows)
 
@@ -238,7 +238,7 @@ def _upper_poles(fit: MatrixFraction) -> np.ndarray:
 
 
 def stability_kind(pole: complex, last: np.ndarray) -> str:
-    """The kind of a `PoleRow`, of a pole against those of the next lower order."""
+    """The kind of a `StabilisationMark`, of a pole against those of the next lower order."""
     if not last.size:
         return "new"
     size, damping = abs(pole), -pole.real / abs(pole)

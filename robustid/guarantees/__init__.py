@@ -5,7 +5,7 @@ from robustid.guarantees.band import band
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
-from robustid.guarantees.consistent_set import consistent_set
+from robustid.guarantees.consistent_set import Sample, consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction
 from robustid.guarantees.coverage import (
     Coverage,
@@ -64,6 +64,7 @@ __all__ = [
     "ResponseDiscs",
     "ResponseTube",
     "RobustStabilityMargin",
+    "Sample",
     "SampleCheck",
     "StructuredPlant",
     "StructuredWeight",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -347,6 +348,43 @@ def independent_entries(entries: Entries) -> list[Entry]:
     """The entries whose values are independent, in the order of their unknowns: of symmetric matrices the upper triangle."""
     places = np.ndindex(entries.outputs, entries.inputs)
     return [(a, b) for a, b in places if a <= b or not entries.symmetric]
+
+
+class Sample(NamedTuple):
+    """A sample of a problem, named by its experiment and its place.
+
+    Attributes
+    ----------
+    kind : str
+        "frequency" or "time".
+    experiment : int
+        Number of its response or record, from 0.
+    at : float
+        Frequency in rad/s, or time in s.
+    entry : str
+        Its entry, in words that follow others; empty for SISO plants.
+
+    Examples
+    --------
+    >>> from robustid.guarantees import Sample
+    >>> print(Sample("time", 1, 0.25, " (y1)"))
+    time 2 at 0.25 s (y1)
+    """
+
+    kind: str
+    experiment: int
+    at: float
+    entry: str = ""
+
+    @property
+    def place(self) -> str:
+        """Place in words, "at 13 Hz (y1 / u1)"."""
+        return (
+            f"at {self.at / (2 * np.pi):.5g} Hz" if self.kind == "frequency" else f"at {self.at:.5g} s"
+        ) + self.entry
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.experiment + 1} {self.place}"
 
 
 def which(problem: MixedProblem, entry: tuple[int | None, int | None]) -> str:

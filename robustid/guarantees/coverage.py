@@ -20,10 +20,10 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 
 Discs = Band | WorstCaseError | WorstCaseOverPoles | Family | FrequencyResponse
 Withheld = FrequencyResponse | Sequence[FrequencyResponse]
-UNITS = {
-    "records": "withheld records",
-    "periods": "withheld periods of the same excitation",
-    "lines": "withheld spectral lines of the same records",
+UNITS = {  # one of them, and several
+    "records": ("withheld record", "withheld records"),
+    "periods": ("withheld period of the same excitation", "withheld periods of the same excitation"),
+    "lines": ("withheld spectral line of the same records", "withheld spectral lines of the same records"),
 }
 _SAME = 1e-9  # relative distance up to which two frequencies are one
 _IN_ORDER = 0.1  # probability below which the order of the scores is no chance
@@ -234,13 +234,20 @@ class Coverage(Frozen):
     @property
     def verdict(self) -> str:
         """Sentence on what the withheld data say of the band."""
+        return f"{self.heading}: {self.finding}"
+
+    @property
+    def heading(self) -> str:
+        """Verdict on the band, in few words."""
+        return "Contradicted by withheld data" if self.contradicted else "Not contradicted by withheld data"
+
+    @property
+    def finding(self) -> str:
+        """Rest of the verdict: how many samples lie inside the band, and how far the farthest one is from its middle."""
         count = self.omega.size if self.kind == "lines" else len(self.names)
-        what = f"{count} {UNITS[self.kind] if count > 1 else UNITS[self.kind].replace(self.kind, self.kind[:-1], 1)}"
-        inside = f"{_percent(self.share)} % of the samples of {what} lie inside the band"
+        inside = f"{_percent(self.share)} % of the samples of {count} {UNITS[self.kind][count > 1]} lie inside the band"
         found = f"{self.largest:.4g} of its half-width ({self.where})"
-        if not self.contradicted:
-            return f"Not contradicted by withheld data: {inside}, up to {found}."
-        return f"Contradicted by withheld data: only {inside}, one at {found}."
+        return f"only {inside}, one at {found}." if self.contradicted else f"{inside}, up to {found}."
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -256,7 +263,7 @@ class Coverage(Frozen):
         count = len(self.names)
         if self.kind != "records":
             said.append(
-                f"These are {UNITS[self.kind]}: they say nothing of the next record, and no probability follows."
+                f"These are {UNITS[self.kind][True]}: they say nothing of the next record, and no probability follows."
             )
         elif not self.exchangeable:
             said.append(

@@ -26,7 +26,7 @@ from robustid.core import (
 from robustid.errors import InputError, TimeLimitError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, Remembered, refine, supported
-from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
+from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.pole_cells import has_single_pairs
@@ -336,21 +336,19 @@ class WorstCaseError(Frozen, Drawable, Savable):
         circle = self.circle
         return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
 
-    def worst(self, count: int = 5) -> list[tuple[float, float, float, str]]:
+    def worst(self, count: int = 5) -> list[tuple[float, float, float, Sample]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the active constraint of largest dual weight).
 
         MIMO: `sigma_upper` and `sigma_lower`.
         """
         order: list[int] = np.argsort(-self.sigma_upper)[:count].tolist()
-        labels = [
-            f"{r.kind} {r.index + 1} at "
-            + (f"{at / (2 * np.pi):.5g} Hz" if r.kind == "frequency" else f"{at:.5g} s")
-            + which(self.identification.problem, r.entry)
+        samples = [
+            Sample(r.kind, r.index, at, which(self.identification.problem, r.entry))
             for r in self.identification.residuals
-            for at in r.axis
+            for at in r.axis.tolist()
         ]
         rows = ((k, self._errors[k].sigma_upper, self._errors[k].sigma_lower) for k in order)
-        return [(float(self.omega[k]), high, low, labels[self.active_constraint(k)]) for k, high, low in rows]
+        return [(float(self.omega[k]), high, low, samples[self.active_constraint(k)]) for k, high, low in rows]
 
     def active_constraint(self, index: int) -> int:
         """Number of the sample with the largest dual weight in the proofs at a frequency (of the samples' part, however small)."""
@@ -386,9 +384,9 @@ class WorstCaseError(Frozen, Drawable, Savable):
             name = which(self.identification.problem, (output, input))
             lines.append("norm       largest singular value of F - model, from the bounds of its entries and the class")
             lines.append(f"entry      at most {self.upper.max():.4g}{name}")
-        for w, high, low, label in self.worst():
+        for w, high, low, sample in self.worst():
             lines.append(
-                f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), active constraint: {label}"
+                f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), active constraint: {sample}"
             )
         modes = self.identification.choices.get("modes")
         if modes is not None and modes.source is Source.DATA:

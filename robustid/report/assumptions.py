@@ -170,7 +170,7 @@ def shared_words(identification: Identification) -> str:
 
 def _interval_words(identification: Identification) -> str:
     """The intervals of the parameters, and which of their ends are reached."""
-    problem, words = identification.problem, []
+    problem, words = identification.problem, list[str]()
     for name, (low, high) in zip(problem.parametric.labels, problem.parameter_bounds, strict=True):
         if np.isfinite(low):
             words.append(f"{name} {number(low)}" if low == high else f"{name} {number(low)} … {number(high)}")
@@ -201,16 +201,16 @@ def experiments(identification: Identification) -> list[Experiment]:
         row = _experiment(identification, r, given[r.kind][r.index])
         shared = row.of if r.kind == "frequency" and None in r.entry else ""
         alike.setdefault((r.kind, r.index, row._replace(of=shared)), []).append(row)
-    return [row for rows in alike.values() for row in _together(rows)]
+    return [row for (kind, *_), rows in alike.items() for row in _together(kind, rows)]
 
 
-def _together(rows: list[Experiment]) -> list[Experiment]:
+def _together(kind: str, rows: list[Experiment]) -> list[Experiment]:
     """Entries of one experiment that differ in nothing but their names, in one row."""
     if len(rows) == 1:
         return rows
     if rows[0].of == DIRECTIONS:
         return [rows[0]._replace(samples=sum(row.samples for row in rows))]
-    what = "outputs" if rows[0].name.startswith("time") else "entries"
+    what = "outputs" if kind == "time" else "entries"
     names = "; ".join(row.of for row in rows)
     listed = f": {names}" if len(names) <= _LONG else ""
     return [rows[0]._replace(of=f"each of {len(rows)} {what}{listed}")]
@@ -242,12 +242,5 @@ def _experiment(identification: Identification, residual: Residual, data: Freque
 
 
 def bound_source(data: FrequencyResponse | TimeRecord) -> str:
-    """Kind of the bound of a response or record, and where it comes from.
-
-    Examples
-    --------
-    >>> import robustid as rid
-    >>> bound_source(rid.FrequencyResponse([1.0], [1.0], bound=0.1))
-    'hard bound: source not stated'
-    """
+    """Kind of the bound of a response or record, and where it comes from."""
     return data.bound.words(data.note or "source not stated")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
-from robustid.report.curves import cells_per_entry, log_axis, phase_tick, rounded, thinned
+from robustid.report.curves import cells_per_entry, log_axis, rounded, thinned
 from robustid.report.words import HZ
 
 # Okabe and Ito's palette: told apart with every kind of colour blindness, and by their grey when printed.
@@ -86,13 +86,6 @@ class Layer:
     choice: bool = False
 
 
-class Ends(TypedDict, total=False):
-    """Ends of the bars or of the area of a layer; none where they are not known."""
-
-    low: np.ndarray
-    high: np.ndarray
-
-
 @dataclasses.dataclass(frozen=True)
 class Panel:
     """One pair of axes."""
@@ -130,33 +123,14 @@ def frequency_axis(omega: np.ndarray) -> Axis:
     return Axis("frequency [Hz]", range=(float(omega.min()) / HZ - 0.02 * high, 1.02 * high))
 
 
-def phase_axis(span: tuple[float, float], label: str = "phase [°]", tick: float | None = None) -> Axis:
-    """Axis of a phase in degrees."""
-    return Axis(label, range=span, tick=tick or phase_tick(span))
-
-
 def order_axis(low: float, high: float, beyond: float) -> Axis:
     """Axis of whole numbers, at most some fifteen ticks."""
     return Axis("order [–]", range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
 
 
-def stacked(
-    name: str, x: Axis, drawn: Sequence[tuple[Axis, Sequence[Layer]]], titles: Sequence[str], *, grid: bool = False
-) -> Chart:
-    """Chart of panels below each other on one x axis: each with its y axis, its layers and its title."""
-    panels = [Panel(title, x, y, layers) for (y, layers), title in zip(drawn, titles, strict=True)]
-    return Chart(name, panels, linked=True, grid=grid)
-
-
 def named(panel: Panel, name: str) -> Layer:
     """Return the layer of this name."""
     return next(layer for layer in panel.layers if layer.name == name)
-
-
-def behind(panel: Panel, layers: Sequence[Layer], span: tuple[float, float]) -> Panel:
-    """Put layers under those of the panel, whose curves become fine lines, and give it another range of y."""
-    fine = (dataclasses.replace(layer, size=FINE) if layer.dash else layer for layer in panel.layers)
-    return dataclasses.replace(panel, layers=(*layers, *fine), y=dataclasses.replace(panel.y, range=span))
 
 
 def side_by_side(name: str, charts: Sequence[Chart], columns: int, *further: Sequence[Panel]) -> Chart:
@@ -204,38 +178,3 @@ def _light(layer: Layer, log: bool, cells: int) -> Layer:
     return dataclasses.replace(
         layer, size=size, **{name: rounded(array[kept]) for name, array in arrays.items() if array is not None}
     )
-
-
-def band_around(name: str, curve: Layer, at: np.ndarray, offsets: np.ndarray, bottom: float = -np.inf) -> list[Layer]:
-    """Areas around a curve, exact at the frequencies `at` in Hz; one for each piece of a curve with gaps.
-
-    Between them the offsets are interpolated in the logarithm. One of NaN is a phase that can be anything: half a turn to both
-    sides, up to the next frequencies.
-    """
-    if not at.size:
-        return []
-    inside = (curve.x >= at[0]) & (curve.x <= at[-1])
-    x, y = curve.x[inside], curve.y[inside]
-    known = np.interp(np.log(x), np.log(at), np.isnan(offsets[:, 0])) == 0
-    low, high = (
-        np.maximum(y + np.where(known, _between(x, at, end), any_phase), bottom)
-        for end, any_phase in zip(offsets.T, (-180.0, 180.0), strict=True)
-    )
-    pieces = np.split(np.arange(x.size), np.flatnonzero(~np.isfinite(y)))
-    kept = [piece[np.isfinite(y[piece])] for piece in pieces]
-    return [Layer(name, x[k], y[k], BAND, low=low[k], high=high[k], fill=True) for k in kept if k.size]
-
-
-def _between(x: np.ndarray, at: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Offsets between the frequencies: straight on logarithmic axes, as errors are drawn; linear where the sign changes."""
-    sign = np.sign(offset[0])
-    if sign and np.all(sign * offset > 0):
-        return sign * np.exp(np.interp(np.log(x), np.log(at), np.log(np.abs(offset))))
-    return np.interp(np.log(x), np.log(at), np.nan_to_num(offset))
-
-
-def error_range(layers: list[Layer]) -> tuple[float, float] | None:
-    """Range of an axis of errors; None where there are none."""
-    values = np.concatenate([layer.y for layer in layers])
-    values = values[np.isfinite(values) & (values > 0)]
-    return (0.6 * float(values.min()), 1.6 * float(values.max())) if values.size else None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+
+from robustid.core import Real
 
 # Cells of the frequency axis; of each, two points of the curve or three samples are drawn.
 _MOST_CELLS, _LEAST_CELLS, _ALL_CELLS = 350, 60, 4800
@@ -33,6 +35,11 @@ def log_axis(omega: np.ndarray) -> bool:
     return bool(abs(np.log(middle / np.sqrt(ends.prod()))) <= abs(np.log(middle / ends.mean())))
 
 
+def spread(low: float, high: float, count: int, log: bool) -> Real:
+    """Points between two ends, even on a logarithmic axis or on a linear one."""
+    return np.asarray(np.geomspace(low, high, count) if log else np.linspace(low, high, count), dtype=float)
+
+
 def position(omega: np.ndarray, log: bool) -> np.ndarray:
     """Place of each frequency along the axis."""
     return np.log(np.maximum(omega, omega[omega > 0].min(initial=1.0))) if log else omega
@@ -41,11 +48,6 @@ def position(omega: np.ndarray, log: bool) -> np.ndarray:
 def thinned(position: np.ndarray, sizes: list[np.ndarray], cells: int) -> np.ndarray:
     """Choose the points to draw: all where they are few, else of every cell the smallest and largest of the first array, and
     the largest of every other one; no peak, no notch and no outlier is lost.
-
-    Examples
-    --------
-    >>> thinned(np.arange(12.0), [np.array([1, 3, 2, 9, 4, 5, 5, 6, 5, 5, 0, 5])], 2)
-    array([ 0,  3,  7, 10])
     """
     if position.size <= (len(sizes) + 1) * cells:
         return np.arange(position.size)
@@ -91,10 +93,10 @@ def next_to(angle: np.ndarray, near: np.ndarray) -> np.ndarray:
     return angle - 360 * np.round((angle - near) / 360)
 
 
-def phase_curves(values: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[float, float]]:
+def phase_curves(values: list[np.ndarray]) -> tuple[Sequence[np.ndarray], tuple[float, float]]:
     """Phases in degrees and their range: continuous where they stay within two turns, else from -180 to 180."""
-    turned = [np.degrees(np.unwrap(np.angle(v))) for v in values]
-    turned = [p - 360 * np.round(np.median(p - turned[0]) / 360) for p in turned]
+    unwrapped: list[Real] = [np.degrees(np.unwrap(np.angle(v))) for v in values]
+    turned: list[Real] = [p - 360 * np.round(np.median(p - unwrapped[0]) / 360) for p in unwrapped]
     low, high = (float(limit(np.concatenate(turned))) for limit in (np.min, np.max))
     if high - low <= _TURNS:
         return turned, _quarter_turns(low, high)
@@ -143,13 +145,7 @@ def with_gaps(angle: np.ndarray) -> np.ndarray:
 
 
 def between_gaps(values: np.ndarray) -> list[slice]:
-    """Stretches without NaN.
-
-    Examples
-    --------
-    >>> between_gaps(np.array([1.0, np.nan, 2.0, 3.0]))
-    [slice(0, 1, None), slice(2, 4, None)]
-    """
+    """Stretches without NaN."""
     known = np.concatenate([[False], np.isfinite(values), [False]])
     ends = np.flatnonzero(np.diff(known.astype(int)))
     return [slice(int(a), int(b)) for a, b in ends.reshape(-1, 2)]

@@ -19,20 +19,22 @@ Kind = Literal["", "text", "n", "whole", "share"]
 
 @dataclasses.dataclass(frozen=True)
 class Heading:
-    """Heading of a part (level 2) or of what stands in one (3)."""
+    """Heading of a part (level 2) or of what stands in one (3); `guarantee`: the part says what is guaranteed."""
 
     text: str
     level: int = 2
+    guarantee: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
 class Text:
-    """Paragraph; the words in `code` are set as those of a program."""
+    """Paragraph; the words in `code` are set as those of a program; a `head`, such as "Warning", may stand before it."""
 
     text: str
     role: Role = ""
     id: str = ""
     code: tuple[str, ...] = ()
+    head: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,20 +83,8 @@ class Share:
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Rows of cells.
-
-    Attributes
-    ----------
-    marks : sequence of bool
-        Whether the claim of each row holds; none for a table without claims.
-    strong : sequence of bool
-        Which rows stand out.
-    empty : str
-        What is said in place of rows.
-    title, note : str
-        Shown at the terminal, where no heading and no text stands beside the table.
-    most : int or None
-        Most rows at the terminal; a page shows all.
+    """Rows of cells; `marks`: whether the claim of each row holds, `strong`: which rows stand out, `empty`: said where there are
+    no rows.
     """
 
     columns: Sequence[Column]
@@ -102,9 +92,9 @@ class Table:
     marks: Sequence[bool] = ()
     strong: Sequence[bool] = ()
     empty: str = ""
-    title: str = ""
+    title: str = ""  # as the note: at the terminal, where no heading and no text stands beside the table
     note: str = ""
-    most: int | None = None
+    most: int | None = None  # rows at the terminal; a page shows all
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,18 +136,7 @@ Block = Heading | Text | Verdict | Facts | Table | Drawing | Grid | Beside | Cod
 
 @dataclasses.dataclass(frozen=True)
 class Glance:
-    """The first screen below the verdict.
-
-    Attributes
-    ----------
-    numbers : sequence of (what, how much)
-    words : str
-        The result in words: of a guarantee its band.
-    chart : Chart or None
-        The one plot.
-    next : sequence of Text
-        What to do next.
-    """
+    """First screen below the verdict: numbers (what, how much), the result in words, the one plot, what to do next."""
 
     numbers: Sequence[tuple[str, str]] = ()
     words: str = ""

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from robustid.core import Complex
+from robustid.core import Complex, Real
 from robustid.errors import InputError
 from robustid.guarantees import Coverage, Family, WorstCaseOverPoles
 from robustid.report.charts import (
@@ -19,14 +19,13 @@ from robustid.report.charts import (
     NOMINAL,
     Axis,
     Chart,
-    Ends,
     Layer,
     Panel,
     first_panel,
     frequency_axis,
     side_by_side,
 )
-from robustid.report.curves import magnitude_range
+from robustid.report.curves import magnitude_range, spread
 from robustid.report.document import (
     Block,
     Column,
@@ -73,7 +72,7 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
                 *findings_section(parts.get("findings", ())),
                 Heading("Members"),
                 member_table(family),
-                Heading("What is guaranteed"),
+                Heading("What is guaranteed", guarantee=True),
                 Text(guarantee_words(family), id="guarantee-sentence"),
                 certificates(count, family.certified, "certificates"),
                 Facts(_facts(family)),
@@ -204,8 +203,8 @@ def family_charts(family: Family) -> list[Chart]:
     """Charts of every entry: the magnitude of the nominal with the band, the ranges of the members, and the errors of these."""
     at = family.omega[family.omega > 0]
     low, high = (at[0], at[-1]) if at.size > 1 else (at[0] / 2, min(2 * at[0], family.plane.top))
-    fine = np.unique(np.concatenate([np.geomspace(low, high, _CURVE // 2), np.linspace(low, high, _CURVE // 2), at]))
-    curve = np.abs(family.plane.values_at(family.model, fine))
+    fine = np.unique(np.concatenate([*(spread(low, high, _CURVE // 2, log) for log in (True, False)), at]))
+    curve: Real = np.abs(family.plane.values_at(family.model, fine))
     return [_entry_chart(family, entry, fine, curve[:, *entry]) for entry in np.ndindex(family.upper.shape[1:])]
 
 
@@ -229,8 +228,8 @@ def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve
         ends = np.reshape(error.magnitude, (*family.upper.shape, 2))[place][proved]
         drawn = partial(Layer, colour=FURTHER[k % 3], marker=MARKERS[k % len(MARKERS)])
         middle = np.maximum(ends.mean(axis=1), span[0])
-        bars: Ends = {"low": np.maximum(ends[:, 0], span[0]), "high": ends[:, 1]}
-        sizes.append(drawn(member.name, hz, middle, size=0.5, **bars))
+        low, high = np.maximum(ends[:, 0], span[0]), ends[:, 1]
+        sizes.append(drawn(member.name, hz, middle, size=0.5, low=low, high=high))
         own = error.upper[place][proved]
         said = at_hz(hz, "at most {}", own)
         errors.append(drawn(f"{member.name}: error", hz, own, dash=DASHES[k % len(DASHES)], hover=said))
@@ -266,7 +265,7 @@ def schedule_chart(family: Family) -> Chart:
         middle, bottom, top = ends.mean(axis=1), ends[:, 0], ends[:, 1]
         bands.append(Layer(name, values[order], middle, colour, dash="dot", marker=marker, low=bottom, high=top))
     panels = [Panel("Range of the magnitude where the band is widest", x, Axis("magnitude", log=True), bands)]
-    poles = paired_modes([_poles_of(family.errors[k]) for k in order])
+    poles = paired_modes([_poles_of(family.errors[int(k)]) for k in order])
     if poles:
         for part, label in enumerate(("change of the natural frequency [%]", "damping ratio [–]")):
             layers: list[Layer] = []

@@ -13,7 +13,7 @@ from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import at_resonance, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
-from robustid.report.identified import Bounded, Parts, about, further_models, in_unit, sample_words, siso
+from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, siso
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
 from robustid.report.time_response import time_chart
@@ -40,10 +40,8 @@ def glance(
     drawn: bool = True,
     bounding: str = BOUND,
 ) -> Glance:
-    """Return numbers, words, plot and next steps.
-
-    `advice`: sentences of what would make inconsistent data consistent; `drawn`: the words stand beside the plot; `bounding`: the
-    command that bounds the error.
+    """Return numbers, words, plot and next steps; `advice`: what would make inconsistent data consistent, `drawn`: the words
+    stand beside the plot, `bounding`: the command that bounds the error.
     """
     reduction, band, withheld = parts.get("reduction"), parts.get("band"), parts.get("withheld")
     worst_case, over_poles = parts.get("worst_case"), parts.get("over_poles")
@@ -53,7 +51,7 @@ def glance(
     contradicted = withheld is not None and withheld.contradicted
     words = ""
     if bound is not None and not contradicted:
-        words = _sentence(identification, bound, drawn).removeprefix(about(identification))  # a warning says so
+        words = _sentence(identification, bound, drawn)  # a warning says what it is about
     elif bound is None and identification.status is Status.CONSISTENT:
         words = _UNBOUNDED
     if isinstance(bound, Band) and words:

@@ -17,13 +17,10 @@ from robustid.report.charts import (
     NOMINAL,
     Axis,
     Chart,
-    Ends,
     Layer,
     Panel,
     frequency_axis,
-    phase_axis,
     side_by_side,
-    stacked,
 )
 from robustid.report.curves import (
     cells_per_entry,
@@ -36,10 +33,12 @@ from robustid.report.curves import (
     positive,
     resolved,
     rounded,
+    spread,
     thinned,
     with_gaps,
 )
 from robustid.report.fit_view import FitView
+from robustid.report.magnitude_phase import MagnitudePhase, Ranged, phase_axis
 from robustid.report.words import HZ, number, unit_label
 
 EPSILON = float(np.finfo(float).eps)
@@ -76,48 +75,42 @@ def _entry(
     span = magnitude_range(top, [*floors, top / 10], _DEPTH)
     (angle,), phase_span = phase_curves([values])
     name = f"model, order {view.fit.fraction.A.shape[0]}"
-    magnitude: list[Layer] = []
-    phase: list[Layer] = []
-    x = rounded(omega / HZ)
+    drawn, x, size = MagnitudePhase(), rounded(omega / HZ), rounded(np.abs(values))
     if deviation is not None:
-        low = np.maximum(np.abs(values) - deviation, span[0])
-        bounds: Ends = {"low": rounded(low), "high": rounded(np.abs(values) + deviation)}
-        magnitude.append(Layer("model ± σ", x, rounded(np.abs(values)), NOMINAL, dash="solid", fill=True, **bounds))
-        magnitude.append(Layer("σ of the model", x, rounded(deviation), FURTHER[0], dash="dash"))
+        ends = np.maximum(np.abs(values) - deviation, span[0]), np.abs(values) + deviation
+        drawn.add("model ± σ", x, Ranged(size, *map(rounded, ends)), colour=NOMINAL, dash="solid", fill=True)
+        drawn.add("σ of the model", x, rounded(deviation), colour=FURTHER[0], dash="dash")
     if view.noise is not None:
-        at, level = rounded(points[kept] / HZ), rounded(view.noise[kept, i, j])
-        magnitude.append(Layer("σ of the data", at, level, FAINT, dash="dot"))
-    # Drawn over the samples, thin: where both agree both are seen.
-    curve = partial(Layer, name, x, colour=NOMINAL, dash="solid", size=0.5)
+        drawn.add(
+            "σ of the data", rounded(points[kept] / HZ), rounded(view.noise[kept, i, j]), colour=FAINT, dash="dot"
+        )
     unused = ~used & (measured != 0)  # a fit knows zeros where entries are missing
     groups = ((used, "data", DATA, "circle"), (unused, "data without weight", FAINT, "circle-open"))
     for mask, label, colour, marker in groups:
         part = kept[mask[kept]]
         if not part.size:
             continue
-        samples = partial(Layer, label, rounded(points[part] / HZ), colour=colour, marker=marker, size=0.6)
         near = angle[np.searchsorted(omega, points[part]).clip(0, omega.size - 1)]
         turned = next_to(np.degrees(np.angle(measured[part])), near)
-        magnitude.append(samples(rounded(np.abs(measured[part]))))
-        phase.append(samples(rounded(turned)))
+        samples = rounded(np.abs(measured[part])), rounded(turned)
+        drawn.add(label, rounded(points[part] / HZ), *samples, colour=colour, marker=marker, size=0.6)
     part = kept[used[kept]]
     at, left = rounded(points[part] / HZ), rounded(error[part])
-    magnitude.append(Layer("residual |data − model|", at, left, ALERT, marker="circle", size=0.45))
-    magnitude.append(curve(rounded(np.abs(values))))
-    phase.append(curve(rounded(with_gaps(angle))))
-    size = Axis(f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
-    drawn = (size, magnitude), (phase_axis(phase_span), phase)
-    return stacked(f"entry-{i}-{j}", axis, drawn, (view.entry(i, j), ""))
+    drawn.add("residual |data − model|", at, left, colour=ALERT, marker="circle", size=0.45)
+    # Drawn over the samples, thin: where both agree both are seen.
+    drawn.add(name, x, size, rounded(with_gaps(angle)), colour=NOMINAL, dash="solid", size=0.5)
+    y = Axis(f"magnitude{unit_label(view.outputs[i].unit, view.inputs[j].unit)}", log=True, range=span)
+    return drawn.chart(f"entry-{i}-{j}", axis, y, phase_axis(phase_span), view.entry(i, j))
 
 
 def model_grid(view: FitView, log: bool) -> np.ndarray:
     """Frequencies of the curves: spread along the axis, and as many around each light pole as its resonance needs."""
     points = view.omega
-    low, high = float(points[points > 0].min(initial=points.max())), float(points.max())
-    base = np.geomspace(low, high, _GRID) if log else np.linspace(points.min(), high, _GRID)
+    high = float(points.max())
+    low = float(points[points > 0].min(initial=high) if log else points.min())
     s = np.array([continuous(row.pole, view.dt or 0) for row in view.modes if row.count == 2 and not row.rigid])
     s = s[np.isfinite(s)] if s.size else np.zeros(0, dtype=complex)
-    return resolved(base, s, _AROUND, low if log else float(points.min()), high)
+    return resolved(spread(low, high, _GRID, log), s, _AROUND, low, high)
 
 
 def convergence_chart(view: FitView) -> Chart:
@@ -126,10 +119,8 @@ def convergence_chart(view: FitView) -> Chart:
     steps = fit.history
     iteration = np.arange(1.0, len(steps) + 1)
     axis = Axis("iteration [–]", range=(-0.5, len(steps) + 0.5), tick=float(max(1, np.ceil(len(steps) / 12))))
-    cost, condition = (
-        [Layer("start", np.zeros(1), positive(np.array([fit.start_cost])), DATA, marker="x", size=1.4)],
-        [],
-    )
+    cost = [Layer("start", np.zeros(1), positive(np.array([fit.start_cost])), DATA, marker="x", size=1.4)]
+    condition: list[Layer] = []
     looks = zip((NOMINAL, *FURTHER, ALERT, FAINT), ("circle", *MARKERS, "circle-open", "square"), strict=False)
     for name, (colour, marker) in zip(dict.fromkeys(step.words for step in steps), looks, strict=False):
         mine = np.array([step.words == name for step in steps])
@@ -169,11 +160,9 @@ def fit_pole_chart(view: FitView) -> Chart:
     plane = [_plane_layer(view, kind) for kind in (False, True) if any(row.rigid == kind for row in rows)]
     damped = [row for row in rows if row.count == 2 and not row.rigid and row.damping > 0]
     hz, damping, std = (np.array([getattr(row, part) for row in damped]) for part in ("hz", "damping", "damping_std"))
-    bars: Ends = {}
-    if np.all(np.isfinite(std)):
-        bars = {"low": np.maximum(damping - std, damping / 100), "high": damping + std}
+    low, high = (np.maximum(damping - std, damping / 100), damping + std) if np.all(np.isfinite(std)) else (None, None)
     hover = tuple(_words(row) for row in damped)
-    modes = Layer("modes", hz, damping, NOMINAL, marker="x", hover=hover, size=1.3, **bars)
+    modes = Layer("modes", hz, damping, NOMINAL, marker="x", hover=hover, size=1.3, low=low, high=high)
     if dt is None:
         across = max((abs(row.pole.real) / HZ for row in rows), default=1.0) or 1.0
         x = Axis("real part of s/2π [Hz]", range=(-1.1 * across, 0.15 * across))
@@ -202,17 +191,18 @@ def _plane_layer(view: FitView, rigid: bool) -> Layer:
     rows = [row for row in view.modes if row.rigid == rigid]
     poles = np.array([complex(row.pole) for row in rows], dtype=complex)
     hover = tuple(_words(row) for row in rows)
-    bars: Ends = {}
+    low = high = None
     if view.dt is None:
         poles = poles / HZ
         # The imaginary part of a light mode is its frequency.
         std = np.array([row.hz_std if row.count == 2 else 0.0 for row in rows])
         if np.all(np.isfinite(std)):
-            bars = {"low": np.imag(poles) - std, "high": np.imag(poles) + std}
+            low, high = np.imag(poles) - std, np.imag(poles) + std
     else:
         poles, hover = np.concatenate([poles, poles.conj()]), hover + hover
     name, colour, marker = ("rigid body", ALERT, "square-open") if rigid else ("poles", NOMINAL, "x")
-    return Layer(name, np.real(poles), np.imag(poles), colour, marker=marker, hover=hover, size=1.3, **bars)
+    where = np.real(poles), np.imag(poles)
+    return Layer(name, *where, colour, marker=marker, hover=hover, size=1.3, low=low, high=high)
 
 
 def _words(row: ModeRow) -> str:
@@ -224,13 +214,7 @@ def _words(row: ModeRow) -> str:
 
 
 def with_deviation(value: float, deviation: float) -> str:
-    """Write the value with as many digits as its standard deviation leaves.
-
-    Examples
-    --------
-    >>> with_deviation(635.12345, 0.0213), with_deviation(0.0123456, 4e-5), with_deviation(17.67, float("nan"))
-    ('635.123 ± 0.021', '0.012346 ± 0.000040', '17.67')
-    """
+    """Write the value with as many digits as its standard deviation leaves."""
     if np.isnan(deviation) or deviation <= 0:
         return number(value, 5)
     if np.isinf(deviation):

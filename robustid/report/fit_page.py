@@ -28,17 +28,9 @@ from robustid.report.order_sweep_section import order_sweep_section
 from robustid.report.small_model import matrices_section
 from robustid.report.words import HZ, drawn_words, number, title
 
-_WORDS = {
-    FitStatus.STATIONARY: ("consistent", "Converged"),
-    FitStatus.FLAT: ("consistent", "Converged"),
-    FitStatus.EXACT: ("consistent", "Exact"),
-    FitStatus.BOUNDARY: ("weak", "At the stability boundary"),
-    FitStatus.SLOW: ("weak", "Almost converged"),
-    FitStatus.LIMIT: ("undecided", "Not converged"),
-    FitStatus.TIME: ("undecided", "Stopped at the time limit"),
-    FitStatus.INTERRUPTED: ("undecided", "Interrupted"),
-    FitStatus.STALLED: ("undecided", "Not converged"),
-}
+_KEYS = {FitStatus.BOUNDARY: "weak", FitStatus.SLOW: "weak"} | dict.fromkeys(
+    (FitStatus.LIMIT, FitStatus.TIME, FitStatus.INTERRUPTED, FitStatus.STALLED), "undecided"
+)
 SIGMA = (
     "±: one standard deviation, from what the fit leaves: errors of the model count as noise, and data with errors that"
     " are correlated between frequency points are less sure than this says."
@@ -127,14 +119,13 @@ def _response_words(view: FitView, sure: bool) -> str:
 
 def fit_verdict(view: FitView) -> Verdict:
     """The outcome in one word and one sentence; a model that failed a check is never called converged."""
-    failed = [check.name.split(":")[0] for check in view.checks if not check.holds]
+    status, failed = view.fit.status, [claim for claim, check in view.claims if not check.holds]
     if failed:
         key, word = "failed", "Not verified"
-        sentence = f"The fit ended with “{view.fit.status.value}”, but this doesn't hold: {'; '.join(failed)}."
+        sentence = f"The fit ended with “{status.value}”, but this doesn't hold: {'; '.join(failed)}."
     else:
-        key, word = _WORDS[view.fit.status]
-        sentence = view.fit.status.value.removeprefix(f"{word.lower()}: ")
-        sentence = f"{sentence[0].upper()}{sentence[1:]}."
+        key, word = _KEYS.get(status, "consistent"), f"{status.head[0].upper()}{status.head[1:]}"
+        sentence = f"{status.reason[0].upper()}{status.reason[1:]}."
     order = f"{view.fit.fraction.A.shape[0]}"
     return Verdict(key, word, sentence, (("order", order), ("weighted residual, rms", number(_rms(view), 3))))
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Signal, StateMatrices, as_signals, points_of, response_at
+from robustid.core import Signal, StateMatrices, as_kind, as_signals, points_of, response_at
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, fit_covariance, mode_table
 from robustid.identification import Check
 
@@ -25,39 +25,18 @@ _WORK = 3e10  # products of equations and squared coefficients: some seconds
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FitView:
-    """A fit in the orientation of its data, with what follows from it.
-
-    Parameters
-    ----------
-    fit : MatrixFraction
-    data : FrequencyResponse, optional
-        What was fitted: gives the names of the signals and the noise. Without it, they are y1, u1, ...
-
-    Raises
-    ------
-    InputError, InputTypeError
-        `fit` isn't one; `data` has other frequency points or values than those that were fitted.
-
-    Examples
-    --------
-    >>> import numpy as np, robustid as rid
-    >>> omega = np.linspace(1, 9, 60)
-    >>> frf = rid.FrequencyResponse(omega, 1 / ((1j * omega) ** 2 + 0.2j * omega + 16), outputs=["x [m]"])
-    >>> view = FitView(rid.fit_mfd(frf, order=2), frf)
-    >>> view.entry(0, 0), all(check.holds for check in view.checks)
-    ('x [m] / u', True)
+    """Fit in the orientation of its data, with what follows from it; the data, which must be those that were fitted, give the
+    names of the signals (else y1, u1, ...) and the noise.
     """
 
     fit: MatrixFraction
     data: FrequencyResponse | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.fit, MatrixFraction):
-            raise InputTypeError(f"`fit` must be a MatrixFraction; got {type(self.fit).__name__}")
+        as_kind("fit", self.fit, MatrixFraction, "a MatrixFraction")
         if self.data is None:
             return
-        if not isinstance(self.data, FrequencyResponse):
-            raise InputTypeError(f"`data` must be a FrequencyResponse; got {type(self.data).__name__}")
+        as_kind("data", self.data, FrequencyResponse, "a FrequencyResponse")
         # A fit knows zeros where entries are missing.
         measured = np.where(self.data.missing, 0, self.data.values)
         same = np.array_equal(self.data.omega, self.omega) and np.array_equal(measured, self.values)
@@ -175,29 +154,34 @@ class FitView:
         """Number of real equations."""
         return self.fit.problem.equations
 
-    @cached_property
+    @property
     def checks(self) -> tuple[Check, ...]:
-        """Claims of the fit, evaluated again from the state-space model."""
+        """Claims of the fit, each with what is measured of it."""
+        return tuple(dataclasses.replace(check, name=f"{claim}: {check.name}") for claim, check in self.claims)
+
+    @cached_property
+    def claims(self) -> tuple[tuple[str, Check], ...]:
+        """Claims of the fit, evaluated again from the state-space model: each with the check of a number."""
         fit = self.fit
         problem = fit.problem
         size = float(np.linalg.norm(problem.weight.apply(problem.values))) or 1.0
         cost = float(np.linalg.norm(problem.residual(fit.fraction.fitted(self.fitted))))
         rigid = sum(row.count for row in self.modes if row.rigid)
         outside = sum(row.count for row in self.modes if not row.rigid and self._outside(row.pole))
+        difference = abs(cost - np.sqrt(fit.cost)) / size
         out = [
-            Check(
-                "the state-space model has the cost of the fraction: difference of their roots, part of the weighted data",
-                abs(cost - np.sqrt(fit.cost)) / size,
-                _SAME_MODEL,
+            (
+                "the state-space model has the cost of the fraction",
+                Check("difference of their roots, part of the weighted data", difference, _SAME_MODEL),
             ),
-            Check("stable: number of poles outside the stability region, the rigid body left aside", outside, 0),
+            ("stable", Check("number of poles outside the stability region, the rigid body left aside", outside, 0)),
         ]
         if fit.fraction.rigid_count:
-            words = "rigid body: states that are missing in exact chains of two integrators"
-            out.append(Check(words, abs(2 * fit.fraction.rigid_count - rigid), 0))
+            missing = abs(2 * fit.fraction.rigid_count - rigid)
+            out.append(("rigid body", Check("states that are missing in exact chains of two integrators", missing, 0)))
         if fit.condition_numbers.size:
-            words = "well-conditioned: largest κ − 1 of a normal matrix"
-            out.append(Check(words, float(np.max(fit.condition_numbers)) - 1, _CONDITION))
+            excess = float(np.max(fit.condition_numbers)) - 1
+            out.append(("well-conditioned", Check("largest κ − 1 of a normal matrix", excess, _CONDITION)))
         return tuple(out)
 
     def _outside(self, pole: complex) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,21 +14,18 @@ from robustid.report.charts import (
     FAINT,
     Axis,
     Chart,
-    Ends,
     Layer,
     Panel,
     lighter,
-    phase_axis,
     side_by_side,
-    stacked,
 )
 from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
 from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import (
     Models,
     Posed,
-    Shown,
     bounded_model,
+    entry_unit,
     hertz,
     numbered,
     responses,
@@ -39,7 +35,8 @@ from robustid.report.identified import (
     siso,
     transfer,
 )
-from robustid.report.words import HZ, at_hz, unit_label
+from robustid.report.magnitude_phase import Look, MagnitudePhase, Ranged, phase_axis
+from robustid.report.words import HZ, at_hz
 
 LARGEST = "σmax of the "
 if TYPE_CHECKING:
@@ -93,49 +90,52 @@ def frequency_charts(
         shown_models(identification, models),
     )
     omega, values = responses([one.model for one in shown], problem, ends, omega)
-    pairs = np.ndindex(len(problem.outputs), len(problem.inputs))
-    return [entry_chart(identification, (i, j), shown, omega, [v[:, i, j] for v in values], ends) for i, j in pairs]
+    charts: list[Chart] = []
+    for i, j in np.ndindex(problem.entries.shape):
+        curves = [Curve(one.name, v[:, i, j], one.colour, one.dash) for one, v in zip(shown, values, strict=True)]
+        charts.append(entry_chart(identification, (i, j), omega, curves, ends))
+    return charts
+
+
+class Curve(NamedTuple):
+    """A response to be drawn, under its name and with its looks."""
+
+    name: str
+    values: np.ndarray  # (F,) complex
+    colour: str
+    dash: str
 
 
 def entry_chart(
     identification: Posed,
     entry: tuple[int, int],
-    shown: list[Shown],
     omega: np.ndarray,
-    values: list[np.ndarray],
+    curves: list[Curve],
     band: tuple[float, float],
 ) -> Chart:
-    """Magnitude and phase of an entry: the response of every model at `omega`, and every sample with its disc."""
+    """Magnitude and phase of an entry: curves at `omega`, and every sample with its disc."""
     problem = identification.problem
-    output, input_ = problem.outputs[entry[0]], problem.inputs[entry[1]]
+    values = [one.values for one in curves]
     phases, span = phase_curves(values)
     measured = _measured(problem, *entry)
     reach = _range(measured, values)
-    magnitude: list[Layer] = []
-    phase: list[Layer] = []
-    for one, value, angle in zip(shown, values, phases, strict=True):
-        curve = partial(Layer, one.name, omega / HZ, colour=one.colour, dash=one.dash)
-        magnitude.append(curve(np.abs(value)))
-        phase.append(curve(with_gaps(angle)))
+    drawn = MagnitudePhase()
+    for one, angle in zip(curves, phases, strict=True):
+        drawn.add(one.name, omega / HZ, np.abs(one.values), with_gaps(angle), colour=one.colour, dash=one.dash)
     for what, at, value, bound in measured:
         size, angle = np.abs(value), np.degrees(np.angle(value))
         turn = np.where(bound >= size, 180.0, half_angle(size, bound))  # the disc holds 0: any phase
         angle = next_to(angle, phases[0][np.searchsorted(omega, at).clip(0, omega.size - 1)])
         hover = at_hz(at / HZ, "{} ± {}, {}°", size, bound, angle)
-        x = np.maximum(at, band[0]) / HZ
-        ends = np.maximum(size - bound, reach[0]), size + bound
-        _add_samples(magnitude, what, x, np.maximum(size, reach[0]), ends, hover)
-        _add_samples(phase, what, x, angle, (angle - turn, angle + turn), hover)
-    axis, title = hertz(problem, *band), transfer(identification, *entry)
+        sizes = Ranged(np.maximum(size, reach[0]), np.maximum(size - bound, reach[0]), size + bound)
+        angles = Ranged(angle, angle - turn, angle + turn)
+        _add_samples(drawn, what, np.maximum(at, band[0]) / HZ, sizes, angles, hover)
+    x, name = hertz(problem, *band), transfer(identification, *entry)
     if siso(identification):
-        titles, label = ("Magnitude", "Phase"), title
-        turn_axis = phase_axis(span, f"phase [°] of\n{output.name} / {input_.name}", tick=90.0)
-    else:  # the name stands above
-        titles, label, turn_axis = (title, ""), f"magnitude{unit_label(output.unit, input_.unit)}", phase_axis(span)
-    size_axis = Axis(label, log=True, range=reach)
-    chart = "frequency" if siso(identification) else f"entry-{entry[0]}-{entry[1]}"
-    drawn = (size_axis, magnitude), (turn_axis, phase)
-    return stacked(chart, axis, drawn, titles, grid=not siso(identification))
+        turn_axis = phase_axis(span, f"phase [°] of\n{problem.outputs[0].name} / {problem.inputs[0].name}", tick=90.0)
+        return drawn.chart("frequency", x, Axis(name, log=True, range=reach), turn_axis, "Magnitude", "Phase")
+    size_axis = Axis(f"magnitude{entry_unit(identification, *entry)}", log=True, range=reach)  # the name stands above
+    return drawn.chart(f"entry-{entry[0]}-{entry[1]}", x, size_axis, phase_axis(span), name, grid=True)
 
 
 class Named(NamedTuple):
@@ -167,23 +167,15 @@ def _measured(problem: MixedProblem, output: int, input_: int) -> list[Samples]:
 
 
 def _add_samples(
-    layers: list[Layer],
-    named: Named,
-    x: np.ndarray,
-    y: np.ndarray,
-    ends: tuple[np.ndarray, np.ndarray],
-    hover: tuple[str, ...],
+    drawn: MagnitudePhase, named: Named, x: np.ndarray, size: Ranged, angle: Ranged, hover: tuple[str, ...]
 ) -> None:
     """Samples with bars; so many that bars would hide everything: small ones on an area, behind the models."""
-    low, high = ends
-    samples = partial(Layer, x=x, y=y, colour=DATA, marker="circle", hover=hover, choice=True)
-    if y.size <= _MANY:
-        layers.append(samples(named.both, low=low, high=high))
+    if x.size <= _MANY:
+        drawn.add(named.both, x, size, angle, colour=DATA, marker="circle", hover=hover, choice=True)
         return
-    layers[:0] = [
-        Layer(named.area, x, y, DATA, low=low, high=high, fill=True),
-        samples(named.alone, size=0.4),
-    ]
+    look: Look = {"marker": "circle", "hover": hover, "choice": True, "size": 0.4}
+    drawn.add(named.alone, x, size.y, angle.y, colour=DATA, under=True, **look)
+    drawn.add(named.area, x, size, angle, under=True, colour=DATA, fill=True)
 
 
 def _range(measured: list[Samples], values: list[np.ndarray]) -> tuple[float, float]:
@@ -210,9 +202,9 @@ def sigma_chart(identification: Identification, models: Models = None, omega: np
     reach = magnitude_range(top, [low, 2 * low_quantile(sizes[0])])
     if points.size:
         hover = at_hz(points / HZ, "{} ± {}", sigma, radius)
-        bars: Ends = {"low": np.maximum(sigma - radius, reach[0]), "high": sigma + radius}
+        low, high = np.maximum(sigma - radius, reach[0]), sigma + radius
         x, y = np.maximum(points, ends[0]) / HZ, np.maximum(sigma, reach[0])
-        layers.append(Layer("σmax of the data", x, y, DATA, marker="circle", hover=hover, **bars))
+        layers.append(Layer("σmax of the data", x, y, DATA, marker="circle", hover=hover, low=low, high=high))
     y_axis = Axis(f"singular value{sigma_unit(identification)}", log=True, range=reach)
     panel = Panel("Singular values", hertz(problem, *ends), y_axis, layers)
     return Chart("sigma", (panel,), linked=True)

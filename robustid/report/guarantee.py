@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.core import Real
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
@@ -17,19 +18,17 @@ from robustid.report.charts import (
     Chart,
     Layer,
     Panel,
-    band_around,
-    behind,
-    error_range,
     lighter,
     named,
     side_by_side,
 )
 from robustid.report.document import Block, Column, Drawing, Facts, Grid, Heading, Table, Text, certificates
-from robustid.report.frequency import LARGEST, frequency_charts, sigma_chart
+from robustid.report.frequency import frequency_charts, size_panel
 from robustid.report.identified import (
     about,
     bounded_model,
     checked,
+    entry_unit,
     error_label,
     in_unit,
     model_size,
@@ -38,8 +37,9 @@ from robustid.report.identified import (
     transfer,
     unit,
 )
+from robustid.report.magnitude_phase import band_around, behind, error_panel
 from robustid.report.value_sets import nyquist_chart
-from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number, unit_label
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
 
 _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
@@ -49,11 +49,11 @@ def guarantee_section(identification: Identification, error: WorstCaseError, hol
     """Build the section of what is guaranteed of the response, with its certificates; `holds`: they were evaluated again."""
     checked("worst_case", error, WorstCaseError, "worst_case_error", identification)
     alone, entries = siso(identification), worst_case_charts(error)
-    blocks: list[Block] = [Heading("What is guaranteed")]
+    blocks: list[Block] = [Heading("What is guaranteed", guarantee=True)]
     if error.missing.size:
         blocks.append(Text(error.unfinished))
     blocks += [
-        Text(guarantee_sentence(error), id="guarantee-sentence"),
+        Text(f"{about(identification)}{guarantee_sentence(error)}", id="guarantee-sentence"),
         certificates(error.claim_count, error.verify() if holds is None else holds, "certificates"),
         Facts(guarantee_rows(error)),
         Heading("Worst frequencies", 3),
@@ -98,7 +98,7 @@ def guarantee_sentence(error: WorstCaseError) -> str:
     if omega.size > 1:
         worst = f" The largest error is possible at {number(omega[np.argmax(upper)] / HZ, 5)} Hz;"
     return (
-        f"{about(error.identification)}Every plant that agrees with the data and the assumptions has a response within"
+        "Every plant that agrees with the data and the assumptions has a response within"
         f" {in_unit(at_most(upper.max()), error.identification)} of the {model}{norm},"
         f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median over the frequencies is"
         f" {at_most(100 * float(np.median(relative)))} % of the response."
@@ -226,7 +226,7 @@ def worst_table(error: WorstCaseError) -> Table:
 
 def entry_table(error: WorstCaseError) -> Table:
     """The largest error of every entry."""
-    size, rows = np.abs(error.nominal.reshape(error.upper.shape)), []
+    size, rows = np.abs(error.nominal.reshape(error.upper.shape)), list[tuple[str, ...]]()
     for i, j in np.ndindex(size.shape[1:]):
         k = int(np.argmax(error.upper[:, i, j]))
         relative = float(np.median(error.upper[:, i, j] / np.maximum(size[:, i, j], _TINY)))
@@ -244,7 +244,7 @@ def entry_table(error: WorstCaseError) -> Table:
 def parameter_table(error: WorstCaseError) -> Table:
     """The interval that holds every coefficient of the parametric part in every consistent system."""
     identification, found = error.identification, error.parameters
-    rows, values = [], identification.parameters
+    rows, values = list[tuple[str, ...]](), identification.parameters
     for place in np.ndindex(found.lower.shape):
         if not np.isfinite(found.lower[place]):
             continue
@@ -305,15 +305,13 @@ def _with_range(error: WorstCaseError, chart: Chart, entry: tuple[int, int], nam
 
 def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
     """Singular values with the guaranteed range of the largest one, and that of F - model, guaranteed and reached."""
-    name, further = bounded_model(error.identification, error.model)
-    sigma = sigma_chart(error.identification, further, error.omega)
-    (panel,) = sigma.panels
+    name, panel = size_panel(error.identification, error.model, error.omega)
     proved = error.omega > 0
     # No singular value moves by more than the largest one of what is added.
     offsets = error.sigma_upper[proved, None] * np.array([-1.0, 1.0])
     bottom, top = panel.y.range or (0.0, 1.0)
     words = f"guaranteed range of σmax ({error.omega.size} frequencies)"
-    areas = band_around(words, named(panel, LARGEST + name), error.omega[proved] / HZ, offsets, bottom)
+    areas = band_around(words, named(panel, name), error.omega[proved] / HZ, offsets, bottom)
     span = bottom, max(top, *(1.2 * float(area.high.max()) for area in areas if area.high is not None))
     errors = _error_panel(error, panel.x, None)
     return Chart("guarantee-sigma", (behind(panel, areas, span), errors), linked=True)
@@ -321,8 +319,9 @@ def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
 
 def _turns(phase: np.ndarray, nominal: np.ndarray) -> np.ndarray:
     """Ends of the ranges of the phase less the phase of the model, in degrees, (F, 2); NaN where the phase can be anything."""
-    offset = phase - np.angle(nominal)[:, None]
-    offset -= 2 * np.pi * np.round(offset.mean(axis=1, keepdims=True) / (2 * np.pi))
+    centred: Real = phase - np.angle(nominal)[:, None]
+    middle: Real = np.mean(centred, axis=1, keepdims=True)
+    offset = centred - 2 * np.pi * np.round(middle / (2 * np.pi))
     anything = phase[:, 1] - phase[:, 0] >= 2 * np.pi * (1 - 1e-12)
     return np.where(anything[:, None], np.nan, np.degrees(offset))
 
@@ -355,11 +354,9 @@ def _error_panel(error: WorstCaseError, x: Axis, entry: tuple[int, int] | None) 
     layers.append(Layer(name, at, upper, ALERT, dash="dash", marker="circle", hover=hover))
     reached = np.where(lower > 0, lower, np.nan)
     layers.append(Layer(REACHED, at, reached, DATA, marker=MARKERS[2], hover=hover))
-    span = error_range(layers)  # none where nothing is uncertain
     title = "Error of the model: the farthest consistent system"
     title += ", 0 Hz drawn at the left end" if error.omega[0] == 0 else ""
     label = error_label(identification)
     if entry is not None and not siso(identification):  # the name stands above
-        output, input_ = identification.problem.outputs[entry[0]], identification.problem.inputs[entry[1]]
-        title, label = "", f"error{unit_label(output.unit, input_.unit)}"
-    return Panel(title, x, Axis(label, log=True, range=span), layers)
+        title, label = "", f"error{entry_unit(identification, *entry)}"
+    return error_panel(title, x, label, layers)

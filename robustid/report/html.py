@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from robustid._version import __version__
 from robustid.report.charts import Chart, Layer
-from robustid.report.document import Document, Drawing, Grid, Text
+from robustid.report.document import Block, Document, Drawing, Grid, Text
 from robustid.report.with_matplotlib import draw
 from robustid.report.with_plotly import Figure, figures
 
@@ -31,6 +31,7 @@ _COLOURS = {"consistent": "0,158,115", "inconsistent": "213,94,0", "failed": "12
 _OTHER = "230,159,0"
 _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
 MOST_BYTES = 360_000  # of all pictures of a page, as base64
+_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 _PALETTE = 96  # of a picture: those of its curves, and steps between
 _FIRST = 110  # dots per inch of the picture of the first screen
 _FINENESS = (110, 96, 84, 72, 60, 50, 40, 32)  # of the others, tried one after another
@@ -70,10 +71,7 @@ def render_head(document: Document) -> str:
 
 def _in_short(words: str) -> tuple[str, str]:
     """The first sentence of a warning, and the rest of it."""
-    first, *rest = re.split(r"(?<=[.:]) (?=[A-Z])", words.removeprefix("Warning: "), maxsplit=1)
-    if first.endswith(":") and rest:  # a heading word, then its first sentence
-        second, *rest = re.split(r"(?<=\.) (?=[A-Z])", rest[0], maxsplit=1)
-        first = f"{first} {second}"
+    first, *rest = _SENTENCE_END.split(words, maxsplit=1)
     return first[0].upper() + first[1:], "".join(rest)
 
 
@@ -88,14 +86,6 @@ def _figures(document: Document) -> dict[str, list[Figure]]:
     return drawn
 
 
-def _legend(grid: Grid) -> list[Layer]:
-    """One layer of each name, for the legend that stands before all figures of a grid."""
-    found: dict[str, Layer] = {}
-    for layer in (layer for chart in grid.charts for panel in chart.panels for layer in panel.layers):
-        found.setdefault(layer.name, layer)
-    return list(found.values())
-
-
 @functools.cache  # it keeps the compiled template, which takes longer than a page
 def _environment() -> Environment:
     import jinja2
@@ -107,27 +97,43 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {
-        "kind_of": lambda block: type(block).__name__,
-        "words": _words,
-        "legend_of": _legend,
-        "layers_of": lambda chart: _legend(Grid([chart], 1)),
-        "columns_of": lambda grid: min(grid.columns, _COLUMNS),
-    }
+    for function in (kind_of, words, legend_of, layers_of, columns_of):
+        environment.globals[function.__name__] = function  # pyright: ignore[reportUnknownMemberType] - values of any kind
     return environment
 
 
-def _words(text: Text) -> Markup:
+def kind_of(block: Block) -> str:
+    """Name of a kind of block, by which the template renders it."""
+    return type(block).__name__
+
+
+def legend_of(grid: Grid) -> list[Layer]:
+    """One layer of each name, for the legend that stands before all figures of a grid."""
+    found: dict[str, Layer] = {}
+    for layer in (layer for chart in grid.charts for panel in chart.panels for layer in panel.layers):
+        found.setdefault(layer.name, layer)
+    return list(found.values())
+
+
+def layers_of(chart: Chart) -> list[Layer]:
+    """One layer of each name of a chart."""
+    return legend_of(Grid([chart], 1))
+
+
+def columns_of(grid: Grid) -> int:
+    """Number of columns of a grid on a wide screen."""
+    return min(grid.columns, _COLUMNS)
+
+
+def words(text: Text) -> Markup:
     """The text, escaped, with the words of programs marked as such."""
     import markupsafe
 
-    out = markupsafe.escape(text.text)
-    for words in text.code:
-        unbroken = markupsafe.Markup(" ").join(
-            markupsafe.Markup("<span>{}</span>").format(one) for one in words.split()
-        )
-        marked = unbroken if " --" in words else words  # no line breaks inside of an option
-        out = out.replace(markupsafe.escape(words), markupsafe.Markup("<code>{}</code>").format(marked))
+    out = markupsafe.escape(f"{text.head}: {text.text}" if text.head else text.text)
+    for said in text.code:
+        unbroken = markupsafe.Markup(" ").join(markupsafe.Markup("<span>{}</span>").format(one) for one in said.split())
+        marked = unbroken if " --" in said else said  # no line breaks inside of an option
+        out = out.replace(markupsafe.escape(said), markupsafe.Markup("<code>{}</code>").format(marked))
     return out
 
 
@@ -150,7 +156,7 @@ def packed(text: str) -> str:
 @functools.cache
 def _plotly() -> str:
     """Source of the library that draws the figures."""
-    from plotly.offline import get_plotlyjs
+    from plotly.offline import get_plotlyjs  # type: ignore[reportMissingTypeStubs]
 
     return packed(get_plotlyjs())
 
@@ -172,7 +178,7 @@ def _address(figure: Picture, dpi: float) -> str:
     from PIL import Image
 
     raw, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(raw, format="png", dpi=dpi)
+    figure.savefig(raw, format="png", dpi=dpi)  # pyright: ignore[reportUnknownMemberType] - keywords without types
     # Every colour counts, those of few points too: not only the frequent ones.
     few = Image.open(raw).convert("RGB").quantize(_PALETTE, method=Image.Quantize.MAXCOVERAGE)
     few.save(small, format="png", optimize=True)

@@ -150,7 +150,7 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
     if shared := shared_words(identification):
         rows.append(("Bounds", shared))
     rows += assumptions(identification)[:-1]  # the bounds stand with their experiments
-    rows.append(("Model", f"order {identification.order}, {_time_base(identification)}"))
+    rows.append(("Model", f"order {identification.order}, {_time_base(identification, 'dt =')}"))
     if reduction is not None:
         rows.append(("Reduced model", reduction_words(identification, reduction)))
     return rows
@@ -160,7 +160,7 @@ def _warnings(identification: Identification) -> list[Text]:
     problem = identification.problem
     about = [Text(sentence, "warning") for sentence in problem.about]
     about += [Text(f"Fault of the data: {fault}.", "warning") for fault in problem.data_faults]
-    return about + [Text(f"Warning: {sentence}.", "warning") for sentence in identification.warnings]
+    return about + [Text(f"{sentence}.", "warning", head="Warning") for sentence in identification.warnings]
 
 
 def identification_verdict(identification: Identification, reduction: Reduction | None = None) -> Verdict:
@@ -253,9 +253,9 @@ def _parameters_section(identification: Identification) -> list[Block]:
     return [Heading("Parameters"), Table(columns, rows)]
 
 
-def _time_base(identification: Identification) -> str:
+def _time_base(identification: Identification, name: str) -> str:
     dt = identification.problem.dt
-    return f"dt = {number(dt, 6)} s" if dt else "continuous time"
+    return f"{name} {number(dt, 6)} s" if dt else "continuous time"
 
 
 def _foot(identification: Identification) -> list[Text]:
@@ -263,7 +263,7 @@ def _foot(identification: Identification) -> list[Text]:
     return [
         Text(
             f"Objective “{identification.objective}”, solver “{identification.solver}”, accuracy of the margin"
-            f" {number(identification.accuracy, 2)}, {_time_base(identification).replace('dt =', 'sample time')}."
+            f" {number(identification.accuracy, 2)}, {_time_base(identification, 'sample time')}."
         ),
         Text(f"Time: {timing}."),
     ]

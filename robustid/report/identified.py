@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypedDict, cast
 
 import numpy as np
 
-from robustid.core import Complex, fingerprint
+from robustid.core import Complex, as_kind, fingerprint
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Sample, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, MixedProblem, Residual, check_model
 from robustid.report.charts import NOMINAL, Axis, further
 from robustid.report.curves import resolved
-from robustid.report.words import HZ, matrix_unit_label, units
+from robustid.report.words import HZ, matrix_unit_label, unit_label, units
 
 if TYPE_CHECKING:
     import control
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
     from robustid.reduction import ModelWorth, Reduction
 
-Models = Mapping[str, Any] | None
+Models = Mapping[str, "control.StateSpace"] | None
 Bounded = WorstCaseError | WorstCaseOverPoles
 DIRECTIONS = "combinations of outputs / combinations of inputs"
 _GRID = 800  # points of a response, evenly spaced in log frequency
@@ -74,6 +74,11 @@ def unit(identification: Posed) -> str:
     """Unit of the transfer function, "mm/N"; empty where neither signal has one, or entries have different ones."""
     found = units(identification.problem.outputs, identification.problem.inputs)
     return found.pop() if len(found) == 1 else ""
+
+
+def entry_unit(identification: Posed, output: int, input_: int) -> str:
+    """Unit of an entry in brackets, after a space; empty where neither signal has one."""
+    return unit_label(identification.problem.outputs[output].unit, identification.problem.inputs[input_].unit)
 
 
 def in_unit(text: str, identification: Posed) -> str:
@@ -126,14 +131,16 @@ def started(record: TimeRecord) -> str:
     return words[record.initial]
 
 
-def sample_words(identification: Identification, sample: str) -> str:
-    """Name a sample by the kind of its experiment, "response at 13 Hz", in place of "frequency 1 at 13 Hz"."""
+def sample_words(identification: Identification, sample: Sample) -> str:
+    """Name a sample by its experiment, which has a number where there are several: "response at 13 Hz", "record 2 at 3 s"."""
+    return f"{experiment_words(identification, sample.kind, sample.experiment)} {sample.place}"
+
+
+def experiment_words(identification: Identification, kind: str, index: int) -> str:
+    """Name an experiment, with a number where there are several of its kind."""
     problem = identification.problem
-    for kind, words, given in (("frequency", "response", problem.frequency), ("time", "record", problem.time)):
-        if sample.startswith(f"{kind} "):
-            rest = sample.removeprefix(f"{kind} ")
-            return f"{words} {rest.removeprefix('1 ') if len(given) == 1 else rest}"
-    return sample
+    words, given = ("response", problem.frequency) if kind == "frequency" else ("record", problem.time)
+    return f"{words} {index + 1}" if len(given) > 1 else words
 
 
 def numbered(text: str, index: int, count: int) -> str:
@@ -145,7 +152,7 @@ class Shown(NamedTuple):
     """A model to be drawn, under its name and with its looks."""
 
     name: str
-    model: Any  # a control.StateSpace; None where there is no model yet
+    model: control.StateSpace
     colour: str
     dash: str
     marker: str
@@ -154,15 +161,21 @@ class Shown(NamedTuple):
 def shown_models(identification: Identification, models: Models = None) -> list[Shown]:
     """The nominal model and the further ones."""
     out = [Shown(f"nominal model, order {identification.order}", identification.model, NOMINAL, "solid", "circle")]
-    if models is None:
-        return out
-    if not isinstance(models, Mapping):
-        raise InputTypeError(f"`models` must map names to control.StateSpace; got {type(models).__name__}")
-    for k, (name, model) in enumerate(models.items()):
-        if not isinstance(name, str):
-            raise InputTypeError(f"`models` must have text as names; got {name!r}")
+    for k, (name, model) in enumerate(by_name("models", models or {}, "map names to control.StateSpace").items()):
         out.append(Shown(name, checked_model(f"models[{name!r}]", model, identification), *further(k)))
     return out
+
+
+def by_name(argument: str, things: object, wanted: str) -> dict[str, object]:
+    """Return what is mapped from names; refuse everything else, with what is `wanted`."""
+    if not isinstance(things, Mapping):
+        raise InputTypeError(f"`{argument}` must {wanted}; got {type(things).__name__}")
+    found: dict[str, object] = {}
+    for name, thing in cast("Mapping[object, object]", things).items():
+        if not isinstance(name, str):
+            raise InputTypeError(f"`{argument}` must have text as names; got {name!r}")
+        found[name] = thing
+    return found
 
 
 def checked_model(name: str, model: object, identification: Identification) -> control.StateSpace:
@@ -189,8 +202,7 @@ def further_models(reduction: Reduction | None, models: Models) -> dict[str, con
     out: dict[str, control.StateSpace] = {}
     if reduction is not None:
         out[f"reduced model, order {reduction.order}"] = reduction.model
-    if models is not None and not isinstance(models, Mapping):
-        raise InputTypeError(f"`models` must map names to control.StateSpace; got {type(models).__name__}")
+    by_name("models", models or {}, "map names to control.StateSpace")
     return out | dict(models or {})
 
 
@@ -239,10 +251,11 @@ def _grid(
     return resolved(every, light, _AROUND, low, high)
 
 
-def checked(name: str, value: Any, kind: type, function: str, identification: Identification) -> None:
+def checked(
+    name: str, value: Bounded | ResponseTube, kind: type, function: str, identification: Identification
+) -> None:
     """Refuse an argument that isn't of its kind, or isn't about this identification or a copy of it (loaded, say)."""
-    if not isinstance(value, kind):
-        raise InputTypeError(f"`{name}` must be a {kind.__name__}, from {function}(); got {type(value).__name__}")
+    as_kind(name, value, kind, f"a {kind.__name__}, from {function}()")
     if not same(value.identification, identification):
         raise InputError(
             f"`{name}` is about another identification than the one reported; give {name}.identification, or compute"

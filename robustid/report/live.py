@@ -10,13 +10,13 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.errors import Status
-from robustid.guarantees import Band, SampleCheck, WorstCaseError
+from robustid.guarantees import Band, Sample, SampleCheck, WorstCaseError
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, NOMINAL, Layer, Panel
-from robustid.report.frequency import entry_chart, frequency_charts
+from robustid.report.frequency import Curve, entry_chart, frequency_charts
 from robustid.report.guarantee import guarantee_sentence, worst_case_charts
 from robustid.report.identification_page import identification_verdict, margin_interval
-from robustid.report.identified import Posed, Shown, sample_words, shown_band, unit
+from robustid.report.identified import Posed, about, sample_words, shown_band, unit
 from robustid.report.proved_band import band_sentence, drawn_band, with_band
 from robustid.report.with_plotly import Drawn, plotly_figure
 from robustid.report.words import HZ, number, percent
@@ -37,10 +37,8 @@ def live_figure(
     left_out: Sequence[FrequencyResponse] = (),
     withheld: Sequence[FrequencyResponse] = (),
 ) -> Drawn:
-    """Magnitude, phase and error of a SISO identification as plotly draws them: data and layout.
-
-    The points of the data that are used or `left_out` carry their frequency in Hz as `customdata`. The error is that of the
-    nominal model, as far as it is bounded; nothing of it is drawn between the frequencies, where the band is.
+    """Magnitude, phase and error of a SISO identification as plotly draws them: the error is that of the nominal model, drawn
+    between the frequencies where the band is. Points that are used or `left_out` carry their frequency in Hz as `customdata`.
     """
     panels = (frequency_charts(identification) if error is None else worst_case_charts(error))[0].panels
     if error is not None:
@@ -65,8 +63,8 @@ def look_figure(
     if band is not None:
         name, (omega, values, *_) = "centre of the proved band", drawn_band(band)
     above = omega > 0  # a logarithmic axis has no 0
-    shown = Shown(name, None, NOMINAL if band is not None else ALERT, "dot", "")
-    panels = entry_chart(check, (0, 0), [shown], omega[above], [values[above]], shown_band(check)).panels
+    curve = Curve(name, values[above], NOMINAL if band is not None else ALERT, "dot")
+    panels = entry_chart(check, (0, 0), omega[above], [curve], shown_band(check)).panels
     if band is not None:
         return _figure(check, with_band(band, panels), left_out, withheld)
     worst = int(np.argmax(check.ratio))
@@ -76,7 +74,7 @@ def look_figure(
 
 
 def _figure(
-    about: Posed,
+    posed: Posed,
     panels: Sequence[Panel],
     left_out: Sequence[FrequencyResponse],
     withheld: Sequence[FrequencyResponse],
@@ -84,7 +82,7 @@ def _figure(
     """Panels with the points that are not used, as plotly draws them."""
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4, choice=True)
     first = replace(panels[0], layers=(*under, *panels[0].layers, *over))
-    what = f" [{unit(about)}]" if unit(about) else ""
+    what = f" [{unit(posed)}]" if unit(posed) else ""
     labels = f"magnitude{what}", "phase [°]", f"error{what}"
     drawn = [
         replace(panel, y=replace(panel.y, label=label))
@@ -94,8 +92,8 @@ def _figure(
 
 
 @functools.lru_cache(maxsize=2)
-def _band_words(about: Identification | Band, band: Band) -> str:
-    return band_sentence(about, band)
+def _band_words(posed: Identification | Band, band: Band) -> str:
+    return f"{about(posed)}{band_sentence(posed, band)}"
 
 
 def live_words(
@@ -106,13 +104,13 @@ def live_words(
     words = f"{said.word}, margin {margin_interval(identification)} (proved). {said.sentence}"
     if identification.status is Status.INCONSISTENT:
         parts = [
-            f"{sample_words(identification, _sample(*one[:3]))} ({percent(one[3])})"
+            f"{sample_words(identification, Sample(*one[:3]))} ({percent(one[3])})"
             for one in identification.conflicting_samples(_SHARE)[:_MOST]
         ]
         return said.key, words, f"These samples carry the proof: {'; '.join(parts)}."
     if band is not None:
         return said.key, words, _band_words(identification, band)
-    return said.key, words, "" if error is None else guarantee_sentence(error)
+    return said.key, words, "" if error is None else f"{about(identification)}{guarantee_sentence(error)}"
 
 
 def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, str]:
@@ -125,13 +123,6 @@ def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, 
         " the other samples and the assumptions leave no room for it."
     )
     return "inconsistent", words, "No band is drawn: there is no system that it could hold."
-
-
-def _sample(kind: str, index: int, at: float) -> str:
-    """Name of a sample, as results name them."""
-    return (
-        f"{kind} {index + 1} at {number(at / HZ, 5)} Hz" if kind == "frequency" else f"time {index + 1} at {at:.5g} s"
-    )
 
 
 def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below: Panel) -> tuple[Panel, Panel, Panel]:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from robustid.errors import InputTypeError
-from robustid.fitting import OrderSweep
+from robustid.core import as_kind
+from robustid.fitting import OrderSweep, StabilisationMark
 from robustid.report.charts import (
     ALERT,
     DATA,
@@ -36,10 +34,11 @@ _CELLS = 400
 
 def order_sweep_section(sweep: OrderSweep) -> list[Block]:
     """Build the section of the order that the data carry."""
+    as_kind("order_sweep", sweep, OrderSweep, "an OrderSweep from suggest_order")
     words = "Every oscillating pole of every order, compared with those of the next lower order: frequency within 1 %, damping"
     return [
         Heading("Order"),
-        Text(order_words(checked_sweep(sweep))),
+        Text(order_words(sweep)),
         Drawing(order_chart(sweep), titled=True),
         Heading("Stabilisation diagram", 3),
         Text(f"{words} within 5 %.", "soft"),
@@ -64,13 +63,6 @@ def order_words(sweep: OrderSweep) -> str:
     if sweep.interrupted:
         words += " Ctrl-C ended the sweep: the other orders were not tried."
     return words
-
-
-def checked_sweep(sweep: OrderSweep) -> OrderSweep:
-    """Return the sweep, or refuse what isn't one."""
-    if not isinstance(sweep, OrderSweep):
-        raise InputTypeError(f"`order_sweep` must be an OrderSweep from suggest_order; got {type(sweep).__name__}")
-    return sweep
 
 
 def order_chart(sweep: OrderSweep) -> Chart:
@@ -164,7 +156,7 @@ def stabilisation_chart(sweep: OrderSweep) -> Chart:
     return Chart("stabilisation", (Panel("Stabilisation", axis, order, layers),))
 
 
-def _marks(rows: list[Any], name: str, colour: str, marker: str) -> list[Layer]:
+def _marks(rows: list[StabilisationMark], name: str, colour: str, marker: str) -> list[Layer]:
     if not rows:
         return []
     x, y = np.array([row.frequency / HZ for row in rows]), np.array([float(row.order) for row in rows])

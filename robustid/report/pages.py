@@ -1,4 +1,4 @@
-"""The front of the room: a page or a summary of whatever kind of result is given."""
+"""The front of the room: a page, a summary, or a head for notebooks of whatever kind of result is given."""
 
 from __future__ import annotations
 
@@ -6,18 +6,24 @@ import os
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Unpack
 
-from robustid.core import as_flag, atomic_write
-from robustid.data import FrequencyResponse
+from robustid.core import as_flag, as_kind, atomic_write
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
-from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight
+from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report import html, with_rich
-from robustid.report.document import Document, Verdict
+from robustid.report.document import Code, Document, Glance, Text, Verdict
 from robustid.report.family_page import family_page
+from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
 from robustid.report.fit_view import FitView
-from robustid.report.identification_page import identification_page, identification_summary, identification_verdict
+from robustid.report.identification_page import (
+    identification_page,
+    identification_summary,
+    identification_verdict,
+    margin_interval,
+)
 from robustid.report.identified import Parts
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_page, response_summary, response_verdict
@@ -28,6 +34,7 @@ if TYPE_CHECKING:
 
     from robustid.reduction import Reduction
 
+_LINES = 18  # of a summary
 Shown = Identification | MatrixFraction | FrequencyResponse | Family
 
 
@@ -134,8 +141,8 @@ def render_report(
     """Return the page of `write_report`, which names the parts, as text."""
     static = as_flag("static", static)
     kind = kind_of("identification", identification, _PAGES)
-    if title is not None and not isinstance(title, str):
-        raise InputTypeError(f"`title` must be text; got {type(title).__name__}")
+    if title is not None:
+        as_kind("title", title, str, "text")
     build, belonging = _PAGES[kind]
     given = {name: part for name, part in parts.items() if part is not None and part != ()}
     refuse_foreign(identification, given, belonging)
@@ -228,3 +235,69 @@ def refuse_foreign(result: object, given: Iterable[str], belonging: Iterable[str
     for name in given:
         if name not in belonging:
             raise InputTypeError(f"`{name}` doesn't belong to a {type(result).__name__}; leave it out")
+
+
+def notebook_head(result: object) -> str | None:
+    """Head of the page about a result as HTML; of what has no page, the first lines of its summary, or None."""
+    document = _head(result)
+    return None if document is None else html.render_head(document)
+
+
+def _head(result: object) -> Document | None:
+    if isinstance(result, Identification):
+        return _identified(result)
+    if isinstance(result, WorstCaseError):
+        return _identified(result.identification, worst_case=result)
+    if isinstance(result, WorstCaseOverPoles):
+        return _identified(result.identification, over_poles=result)
+    identification = getattr(result, "identification", None)
+    if isinstance(identification, Identification) and hasattr(result, "reduction"):
+        reduction, error = getattr(result, "reduction"), getattr(result, "error", None)  # noqa: B009 - any result of a run
+        return _identified(identification, reduction=reduction, worst_case=error)
+    if isinstance(result, MatrixFraction):
+        said = verdict(result)
+        return _first_screen(said, Glance(said.numbers))
+    if isinstance(result, FrequencyResponse):
+        low, high = result.freq_hz[[0, -1]]
+        size = ("frequency points", f"{result.omega.size}"), ("range", f"{low:.5g} to {high:.5g} Hz")
+        return _first_screen(verdict(result), Glance([*size, _signals(result), _sample_time(result.dt)]))
+    if isinstance(result, TimeRecord):
+        return _record(result)
+    summary = getattr(result, "summary", None)
+    return _listed(type(result).__name__, str(summary())) if callable(summary) else None
+
+
+def _first_screen(said: Verdict, glance: Glance) -> Document:
+    return Document("", head=[said], body=[], glance=glance)
+
+
+def _identified(identification: Identification, **parts: Unpack[Parts]) -> Document:
+    margin = margin_interval(identification)
+    shown = glance(identification, margin, parts, drawn=False, bounding="rid.worst_case_error(result)")
+    steps = [Text(step.text) for step in shown.next]
+    return _first_screen(
+        identification_verdict(identification, parts.get("reduction")), Glance(shown.numbers, shown.words, next=steps)
+    )
+
+
+def _signals(data: FrequencyResponse | TimeRecord) -> tuple[str, str]:
+    return "outputs × inputs", f"{len(data.outputs)} × {len(data.inputs)}"
+
+
+def _sample_time(dt: float | None) -> tuple[str, str]:
+    return "sample time", "continuous" if dt is None else f"{dt:.6g} s"
+
+
+def _record(record: TimeRecord) -> Document:
+    inputs, outputs = (", ".join(map(str, group)) for group in (record.inputs, record.outputs))
+    bound = "No bound on the errors." if record.bound is None else f"{record.bound.words(record.note)}."
+    sentence = f"{inputs} to {outputs}. {bound[0].upper()}{bound[1:]}"
+    said = Verdict("consistent" if record.bound is not None else "", "Time record", sentence)
+    numbers = [("samples", f"{len(record.u)}"), _sample_time(record.dt), _signals(record)]
+    return _first_screen(said, Glance([*numbers, ("before the first sample", record.initial)]))
+
+
+def _listed(name: str, summary: str) -> Document:
+    lines = summary.splitlines()
+    more = f"\n… {len(lines) - _LINES} more lines: print(result.summary())" if len(lines) > _LINES else ""
+    return Document(name, head=[], body=[Code("\n".join(lines[:_LINES]) + more)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -17,9 +18,6 @@ from robustid.report.charts import (
     Chart,
     Layer,
     Panel,
-    band_around,
-    behind,
-    error_range,
     named,
 )
 from robustid.report.document import (
@@ -45,6 +43,7 @@ from robustid.report.identified import (
     model_size,
     siso,
 )
+from robustid.report.magnitude_phase import band_around, behind, error_range
 from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
 
 BOX = FURTHER[2]
@@ -63,7 +62,7 @@ def pole_box_section(
         words += " No singular value is farther from that of the model than the largest one of the difference."
     return [
         Heading("Guarantee over a pole-uncertainty box"),
-        Text(box_sentence(band), id="box-sentence"),
+        Text(f"{about(identification)}{box_sentence(band)}", id="box-sentence"),
         box_verdict(band, holds),
         Facts(box_rows(band, error)),
         Heading("The pole-uncertainty box", 3),
@@ -77,10 +76,8 @@ def pole_box_section(
 
 
 def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None) -> Chart:
-    """Magnitude with its guaranteed range over the pole-uncertainty box, beside that at the fixed poles, and both errors.
-
-    MIMO: of the largest singular value. Over the frequencies of the band; between them the distance of each end of a range from the
-    model is interpolated: nothing is proved there.
+    """Magnitude (MIMO: largest singular value) with its guaranteed range over the pole-uncertainty box, beside that at the fixed
+    poles, and both errors. Proved at the frequencies of the band; between them distances from the model are interpolated.
     """
     fixed = _beside(band, error)
     omega = band.omega if fixed is None else np.union1d(band.omega, fixed.omega)
@@ -171,7 +168,7 @@ def box_sentence(band: WorstCaseOverPoles) -> str:
     norm = "" if siso(band.identification) else " (largest singular value of the difference)"
     model = bounded_model(band.identification, band.model)[0]
     return (
-        f"{about(band.identification)}Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
+        "Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
         " below, has a response within"
         f" {in_unit(at_most(upper[known].max()), band.identification)} of the {model}{norm},"
         f" {at_frequencies(band.omega[known])}; the median is {at_most(100 * relative)} % of the response. {open_}"
@@ -216,11 +213,11 @@ def box_verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
 
 def box_entries(band: WorstCaseOverPoles) -> Table:
     """Largest guaranteed error of every entry, and where it is possible."""
-    problem, rows = band.identification.problem, []
-    for i, j in np.ndindex(*band.upper.shape[1:]):
+    problem, rows = band.identification.problem, list[tuple[str, ...]]()
+    for (i, output), (j, input_) in itertools.product(enumerate(problem.outputs), enumerate(problem.inputs)):
         k = int(np.argmax(band.upper[:, i, j]))
         at = number(float(band.omega[k]) / HZ, 5)
-        rows.append((str(problem.outputs[i]), str(problem.inputs[j]), at_most(float(band.upper[k, i, j])), at))
+        rows.append((str(output), str(input_), at_most(float(band.upper[k, i, j])), at))
     heads = Column("output"), Column("input"), Column("error at most", "n"), Column("at [Hz]", "n")
     return Table(list(heads), rows)
 

@@ -213,7 +213,7 @@ def modes_table(identification: Identification) -> Table:
     """Table of the modes of the parametric part and their residue matrices; empty for a SISO problem, whose coefficients say
     it all.
     """
-    problem, rows = identification.problem, []
+    problem, rows = identification.problem, list[tuple[str, ...]]()
     for mode in () if siso(identification) else identification.modes:
         size = np.abs(mode.residue)
         i, j = np.unravel_index(int(np.argmax(size)), size.shape)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import fingerprint
-from robustid.errors import InputError, InputTypeError
+from robustid.core import as_kind, fingerprint
+from robustid.errors import InputError
 from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
@@ -18,21 +18,17 @@ from robustid.report.charts import (
     BAND,
     FINE,
     NOMINAL,
-    Axis,
     Chart,
     Layer,
     Panel,
-    behind,
-    error_range,
     lighter,
     named,
     side_by_side,
 )
 from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict, proved
-from robustid.report.frequency import entry_chart, size_panel
+from robustid.report.frequency import Curve, entry_chart, size_panel
 from robustid.report.identified import (
     Posed,
-    Shown,
     about,
     error_label,
     in_unit,
@@ -40,6 +36,7 @@ from robustid.report.identified import (
     shown_band,
     siso,
 )
+from robustid.report.magnitude_phase import behind, error_panel
 from robustid.report.words import HZ, at_hz, at_most, number
 
 _TINY = np.finfo(float).tiny
@@ -56,8 +53,8 @@ def proved_band_section(
     check_band(identification, band)
     words = stands_on(band, error)
     return [
-        Heading("What is guaranteed at every frequency"),
-        Text(band_sentence(identification, band), id="band-sentence"),
+        Heading("What is guaranteed at every frequency", guarantee=True),
+        Text(f"{about(identification)}{band_sentence(identification, band)}", id="band-sentence"),
         *([Text(words, id="band-stands-on")] if words else []),
         band_verdict(band, holds),
         Facts(band_rows(identification, band)),
@@ -67,8 +64,7 @@ def proved_band_section(
 
 def check_band(identification: Identification, band: Band) -> None:
     """Refuse a band of another problem than the one that is reported, or one without a model."""
-    if not isinstance(band, Band):
-        raise InputTypeError(f"`band` must be a Band, from band(); got {type(band).__name__}")
+    as_kind("band", band, Band, "a Band, from band()")
     if band.model is None:
         raise InputError("`band` has no model that errors are measured from; give band.with_model(model)")
     mine, other = band.problem, identification.problem
@@ -91,9 +87,8 @@ def poles_words(band: Band) -> str:
 def band_sentence(identification: Posed, band: Band) -> str:
     """The guarantee in plain words; of a problem that was not identified its band takes that place."""
     upper, known = band.sigma_upper, band.bounded
-    start = about(identification)
     if not known.any():
-        return f"{start}Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
+        return f"Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
     relative = float(np.median((upper / np.maximum(model_size(band), _TINY))[known]))
     norm = "" if siso(identification) else " (largest singular value of the difference)"
     largest = np.where(known, upper, -1.0)
@@ -102,7 +97,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
         but = f" but from {band.open_words}, where nothing is proved, since a mode there may be undamped for all the data say"
     nominal = "centre of the band" if band.model is None else f"model of order {band.order}"
     return (
-        f"{start}Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
+        f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
         f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
         f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median over"
         f" {int(known.sum())} frequencies is {at_most(100 * relative)} % of the response."
@@ -186,12 +181,8 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     hover = at_hz(x, "at most {}", error)
     line = Layer("proved error", x, error, ALERT, dash="solid", hover=hover)
     bars, dots = _refined(band, bottom)
-    errors = Panel(
-        "Error of the model: no consistent system is farther",
-        panel.x,
-        Axis(error_label(identification), log=True, range=error_range([line, *dots])),
-        (line, *dots),
-    )
+    title = "Error of the model: no consistent system is farther"
+    errors = error_panel(title, panel.x, error_label(identification), (line, *dots))
     return Chart("proved-band", (behind(panel, [area, *bars], span), errors), linked=True)
 
 
@@ -224,9 +215,8 @@ def with_band(band: Band, panels: Sequence[Panel], entry: tuple[int, int] = (0, 
     about = "proved error" if band.model is not None else "radius of the band"
     line = Layer(about + poles, x, np.where(np.isfinite(error), error, np.nan), BAND, dash="solid")
     layers = (line, *(() if below is None else below.layers))
-    axis = Axis("", log=True, range=error_range(list(layers)))
     title = "Error: no consistent system is farther" if below is None else below.title
-    return first, phase, Panel(title, magnitude.x, axis, layers)
+    return first, phase, error_panel(title, magnitude.x, "", layers)
 
 
 def _poles(band: Band) -> str:
@@ -249,8 +239,8 @@ def centre_chart(band: Band) -> Chart:
                 band.problem.plane.values_at(band.model, omega)[:, *entry],
             )
         above = omega > 0  # a logarithmic axis has no 0
-        shown = [Shown(name, None, NOMINAL, "solid", "")]
-        one = entry_chart(band, entry, shown, omega[above], [centre[above]], shown_band(band))
+        curve = Curve(name, centre[above], NOMINAL, "solid")
+        one = entry_chart(band, entry, omega[above], [curve], shown_band(band))
         found.append(dataclasses.replace(one, panels=with_band(band, one.panels, entry)))
     return found[0] if len(found) == 1 else side_by_side("proved-band", lighter(found), inputs)
 

@@ -10,7 +10,7 @@ from robustid.identification import Identification, Residual, model_residuals
 from robustid.report.assumptions import shared_words
 from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, in_rows, lighter
 from robustid.report.document import Block, Column, Drawing, Grid, Heading, Share, Table, Text
-from robustid.report.identified import Models, Shown, band, hertz, shown_models, siso, transfer, where
+from robustid.report.identified import Models, Shown, band, experiment_words, hertz, shown_models, siso, transfer, where
 from robustid.report.words import HZ, number
 
 _TOUCHES = 0.99  # of the limit: the sample is marked
@@ -55,12 +55,7 @@ def active_constraints(identification: Identification) -> list[Active]:
         at = residual.axis[index]
         ratio = float(residual.ratio[residual.axis == at].max())  # of repeated points the worst
         place = f"{number(at / HZ, 5)} Hz" if residual.kind == "frequency" else f"{number(at, 5)} s"
-        kinds = {
-            "frequency": ("response", identification.problem.frequency),
-            "time": ("record", identification.problem.time),
-        }
-        kind, given = kinds[residual.kind]
-        experiment = f"{kind} {residual.index + 1}" if len(given) > 1 else kind
+        experiment = experiment_words(identification, residual.kind, residual.index)
         rows.append(Active(experiment, where(identification, residual), place, share, ratio))
     return rows
 

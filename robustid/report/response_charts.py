@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from functools import cached_property, partial
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Signal
+from robustid.core import Signal, as_kind
 from robustid.data import FrequencyResponse, TimeRecord, as_records, variances
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.report.charts import (
     ALERT,
+    BAND,
     DASHES,
     DATA,
     FAINT,
@@ -24,9 +25,7 @@ from robustid.report.charts import (
     Layer,
     Panel,
     frequency_axis,
-    phase_axis,
     side_by_side,
-    stacked,
 )
 from robustid.report.curves import (
     cells_per_entry,
@@ -40,14 +39,14 @@ from robustid.report.curves import (
     thinned,
     with_gaps,
 )
+from robustid.report.magnitude_phase import MagnitudePhase, Ranged, phase_axis
 from robustid.report.words import HZ, matrix_unit_label, unit_label
 
 _SAME_STEP = 1e-6
-_BAND = FURTHER[3]
 _LOOKS = {
-    "σ of the noise": (FURTHER[0], "dot"),
-    "σ of the response": (FURTHER[0], "dot"),
-    "σ of the distortion": (FURTHER[1], "dashdot"),
+    "noise": (FURTHER[0], "dot"),
+    "response": (FURTHER[0], "dot"),
+    "distortion": (FURTHER[1], "dashdot"),
 }
 _FEW = 300  # points, up to which each gets a marker
 
@@ -64,34 +63,19 @@ class Spectrum(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ResponseView:
-    """A frequency response, with the records that it was estimated from.
-
-    Parameters
-    ----------
-    frf : FrequencyResponse
-    records : TimeRecord or sequence of TimeRecord, optional
-        Show what was excited.
-
-    Raises
-    ------
-    InputError, InputTypeError
-        Records with other signals or another sample time, or of different lengths.
-
-    Examples
-    --------
-    >>> import robustid as rid
-    >>> view = ResponseView(rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.01j], bound=0.02, outputs=["x [m]"]))
-    >>> view.entry(0, 0), view.silent.ravel().tolist()
-    ('x [m] / u', [False, True])
-    """
+    """Frequency response with the records that it was estimated from, which must belong to it: they show what was excited."""
 
     frf: FrequencyResponse
-    records: Any = None  # as given, then a tuple of TimeRecord
+    given: Records = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.frf, FrequencyResponse):
-            raise InputTypeError(f"`frf` must be a FrequencyResponse; got {type(self.frf).__name__}")
-        object.__setattr__(self, "records", _checked(self.records, self.frf))
+        as_kind("frf", self.frf, FrequencyResponse, "a FrequencyResponse")
+        _ = self.records
+
+    @cached_property
+    def records(self) -> tuple[TimeRecord, ...]:
+        """The records that are given, which belong to the response."""
+        return _checked(self.given, self.frf)
 
     @property
     def ny(self) -> int:
@@ -134,14 +118,14 @@ class ResponseView:
 
     @cached_property
     def levels(self) -> dict[str, np.ndarray]:
-        """Standard deviations (F, ny, nu) that are known, by their names."""
+        """Standard deviations (F, ny, nu) that are known, by that of which they are."""
         frf, found = self.frf, dict[str, np.ndarray]()
         if frf.noise is not None:
-            found["σ of the noise"] = frf.noise
+            found["noise"] = frf.noise
         elif frf.covariance is not None:
-            found["σ of the response"] = np.sqrt(np.maximum(variances(frf.covariance, self.size.shape), 0))
+            found["response"] = np.sqrt(np.maximum(variances(frf.covariance, self.size.shape), 0))
         if frf.distortion is not None:
-            found["σ of the distortion"] = frf.distortion
+            found["distortion"] = frf.distortion
         return found
 
     def relative(self, level: np.ndarray) -> np.ndarray:
@@ -215,47 +199,34 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
     frf, axis = view.frf, frequency_axis(view.frf.omega)
     used = ~frf.missing[:, i, j]
     if not used.any():
-        titles = f"{view.entry(i, j)}: not measured", ""
-        return stacked(f"entry-{i}-{j}", axis, [(Axis(""), ())] * 2, titles)
+        title = f"{view.entry(i, j)}: not measured"
+        return MagnitudePhase().chart(f"entry-{i}-{j}", axis, Axis(""), Axis(""), title)
     omega, size, silent = frf.omega[used], view.size[used, i, j], view.silent[used, i, j]
     radius = None if view.radius is None else view.radius[used, i, j]
     levels = {name: level[used, i, j] for name, level in view.levels.items()}
     angle, span = measured_phase(omega, frf.values[used, i, j], radius)
     kept = _thinned(omega, axis, [size, next(iter(levels.values()), size)], cells)
     x, low_high = rounded(omega[kept] / HZ), _range(size, [*levels.values(), *([] if radius is None else [radius])])
-    magnitude: list[Layer] = []
-    phase: list[Layer] = []
+    drawn = MagnitudePhase()
     if radius is not None:
-        ends = np.maximum(size - radius, low_high[0]), size + radius
-        magnitude.append(_band(x, size, ends, kept))
         turn = half_angle(size, radius)
         ends = np.where(silent, span[0], angle - turn), np.where(silent, span[1], angle + turn)
         jump = np.isnan(with_gaps(angle[kept])) & ~silent[kept] & ~silent[np.roll(kept, 1)]
-        phase.append(_band(x, angle, (np.clip(ends[0], *span), np.clip(ends[1], *span)), kept, jump))
-        magnitude.append(Layer("bound", x, _shown(radius[kept]), NOMINAL, dash="dash", size=0.5))
+        low, high = (np.where(jump, np.nan, np.clip(end, *span)[kept]) for end in ends)
+        sizes = Ranged(*map(rounded, (size[kept], np.maximum(size - radius, low_high[0])[kept], (size + radius)[kept])))
+        angles = Ranged(*map(rounded, (angle[kept], low, high)))
+        drawn.add("response ± bound", x, sizes, angles, colour=BAND, fill=True)
+        drawn.add("bound", x, _shown(radius[kept]), colour=NOMINAL, dash="dash", size=0.5)
     for name, level in levels.items():
-        colour, dash = _LOOKS[name]
-        magnitude.append(Layer(name, x, _shown(level[kept]), colour, dash=dash))
-    marker = "circle" if kept.size <= _FEW else ""
-    curve = partial(Layer, "response", x, colour=DATA, dash="solid", marker=marker, size=0.5)
-    sure = np.where(silent, np.nan, 1.0)
-    magnitude.append(curve(_shown((sure * size)[kept])))
-    phase.append(curve(rounded(with_gaps((sure * angle)[kept]))))
-    if silent[kept].any():
-        part = silent[kept]
-        lost = partial(Layer, "response below its bound", x[part], colour=ALERT, marker="circle-open", size=0.5)
-        magnitude.append(lost(_shown(size[kept][part])))
-        phase.append(lost(rounded(angle[kept][part])))
-    unit = unit_label(frf.outputs[i].unit, frf.inputs[j].unit)
-    y = Axis(f"magnitude{unit}", log=True, range=low_high)
-    return stacked(f"entry-{i}-{j}", axis, ((y, magnitude), (phase_axis(span), phase)), (view.entry(i, j), ""))
-
-
-def _band(
-    x: np.ndarray, y: np.ndarray, ends: tuple[np.ndarray, np.ndarray], kept: np.ndarray, gap: np.ndarray | bool = False
-) -> Layer:
-    low, high = (rounded(np.where(gap, np.nan, end[kept])) for end in ends)
-    return Layer("response ± bound", x, rounded(y[kept]), _BAND, fill=True, low=low, high=high)
+        drawn.add(f"σ of the {name}", x, _shown(level[kept]), colour=_LOOKS[name][0], dash=_LOOKS[name][1])
+    marker, sure = "circle" if kept.size <= _FEW else "", np.where(silent, np.nan, 1.0)
+    curve = _shown((sure * size)[kept]), rounded(with_gaps((sure * angle)[kept]))
+    drawn.add("response", x, *curve, colour=DATA, dash="solid", marker=marker, size=0.5)
+    if (lost := silent[kept]).any():
+        places = _shown(size[kept][lost]), rounded(angle[kept][lost])
+        drawn.add("response below its bound", x[lost], *places, colour=ALERT, marker="circle-open", size=0.5)
+    y = Axis(f"magnitude{unit_label(frf.outputs[i].unit, frf.inputs[j].unit)}", log=True, range=low_high)
+    return drawn.chart(f"entry-{i}-{j}", axis, y, phase_axis(span), view.entry(i, j))
 
 
 def _shown(values: np.ndarray) -> np.ndarray:

@@ -108,15 +108,6 @@ def _spectra(view: ResponseView, charts: list[Chart]) -> list[Block]:
     return [Heading("Spectra of the records"), Text(words, "soft"), Grid(charts, max(view.nu, view.ny))]
 
 
-def kind(view: ResponseView) -> str:
-    """Kind of the bound, in a few words."""
-    frf = view.frf
-    if frf.bound is None:
-        return "No bound"
-    words = frf.bound.words().replace(" jointly", "")
-    return words[0].upper() + words[1:]
-
-
 def response_verdict(view: ResponseView) -> Verdict:
     """Verdict on the bound: what it promises, in one sentence."""
     frf, points = view.frf, f"at all {view.frf.omega.size} frequency points"
@@ -147,7 +138,8 @@ def response_verdict(view: ResponseView) -> Verdict:
             sentence += " The warnings say what this leaves out."
     alone = frf.bound is not None and frf.bound.excitations == 1
     key = "undecided" if frf.bound is None else "weak" if alone or warning_sentences(view) else "consistent"
-    return Verdict(key, kind(view), sentence, tuple(_numbers(view)))
+    word = "No bound" if frf.bound is None else frf.bound.heading
+    return Verdict(key, word, sentence, tuple(_numbers(view)))
 
 
 def _chance(bound: Bound | None) -> str:
@@ -194,7 +186,7 @@ def summary_rows(view: ResponseView) -> list[tuple[str, str]]:
 
 def _missing_words(view: ResponseView) -> str:
     """Say how much was not measured, and where."""
-    points, parts = view.frf.omega.size, []
+    points, parts = view.frf.omega.size, list[str]()
     for i, j in np.argwhere(view.measured < points).tolist():
         gone = points - int(view.measured[i, j])
         where = "every point" if gone == points else f"{gone} point{plural(gone)}"
@@ -219,14 +211,14 @@ def _coherence_words(view: ResponseView) -> str:
 def level_table(view: ResponseView) -> Table:
     """A row an entry: medians over the frequency points, the levels relative to the response."""
     shares = [None if array is None else view.relative(array) for array in (view.radius, *view.levels.values())]
-    rows, sizes = [], view.median(view.size)
+    rows, sizes = list[tuple[str, ...]](), view.median(view.size)
     for i, j in np.ndindex(view.ny, view.nu):
         cells = ["–" if share is None else percent(float(share[i, j])) for share in shares]
         silent = "–"
         if view.frf.bound is not None:
             silent = f"{int(view.silent[:, i, j].sum())} of {view.measured[i, j]}"
         rows.append((view.entry(i, j), number(float(sizes[i, j]), 3), *cells, silent))
-    heads = ("|G|", "Bound", *(f"σ, {name.removeprefix('σ of the ')}" for name in view.levels))
+    heads = ("|G|", "Bound", *(f"σ, {name}" for name in view.levels))
     columns = [Column("Response", "text"), *(Column(head, "n") for head in (*heads, "Points below\ntheir bound"))]
     title = "Medians over the frequency points, relative to the response"
     return Table(columns, rows, title=title, most=_MOST_ENTRIES)
@@ -234,7 +226,7 @@ def level_table(view: ResponseView) -> Table:
 
 def warnings(view: ResponseView) -> list[Text]:
     """Warnings that must be seen before this is used."""
-    return [Text(f"Warning: {sentence}", "warning") for sentence in warning_sentences(view)]
+    return [Text(sentence, "warning", head="Warning") for sentence in warning_sentences(view)]
 
 
 def warning_sentences(view: ResponseView) -> list[str]:

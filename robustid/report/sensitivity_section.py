@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustid.advice import Content, Sensitivity, Variation
-from robustid.errors import InputError, InputTypeError
+from robustid.core import as_kind
+from robustid.errors import InputError
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
@@ -44,8 +45,7 @@ def sensitivity_section(identification: Identification, table: Sensitivity) -> l
 
 def _check(table: Sensitivity, identification: Identification) -> None:
     """Refuse what isn't a table of sensitivities, or belongs to another problem, as far as its margin tells."""
-    if not isinstance(table, Sensitivity):
-        raise InputTypeError(f"`sensitivity` must be a Sensitivity, from sensitivity(); got {type(table).__name__}")
+    as_kind("sensitivity", table, Sensitivity, "a Sensitivity, from sensitivity()")
     margin, low, high = table.variations[0].margin, identification.margin_lower, identification.margin
     if np.isfinite(margin) and not (1 - _SAME) * low - _SAME <= margin <= (1 + _SAME) * high + _SAME:
         raise InputError(
@@ -102,20 +102,23 @@ def sensitivity_sentence(table: Sensitivity) -> str:
         return "None of the variations leaves a guarantee to compare with: as stated, or with every change, the data don’t fit."
     _, most = max(moved, key=lambda pair: pair[0])
     return (
-        f"The guarantee moves most with {_WORDS[most.kind]}: with {_change(most)} the median half-width is"
+        f"The guarantee moves most with {_WORDS[most.kind]}: with {_change(most, stated)} the median half-width is"
         f" {at_most(100 * most.median, 3)} % of the response instead of {at_most(100 * stated.median, 3)} %."
     )
 
 
-def _change(row: Variation) -> str:
-    return row.what.replace(" x ", " × ")
+def _change(row: Variation, stated: Variation) -> str:
+    return f"gain bound × {row.gain_bound / stated.gain_bound:g}" if row.kind == "gain" else row.what
 
 
 def _table(table: Sensitivity) -> Table:
     """Table of the variations, as stated first; the change is that of the median."""
-    stated = table.variations[0].median
+    stated = table.variations[0]
     rows = [
-        (_change(row), _margin(row), _percent(row.median), _percent(row.worst), _against(row.median, stated))
+        (
+            _change(row, stated),
+            *(_margin(row), _percent(row.median), _percent(row.worst), _against(row.median, stated.median)),
+        )
         for row in table.variations
     ]
     heads = ("margin", "median", "worst", "median against stated")

@@ -22,13 +22,12 @@ from robustid.report.charts import (
     Panel,
     frequency_axis,
     order_axis,
-    phase_axis,
     side_by_side,
-    stacked,
 )
-from robustid.report.curves import low_quantile, magnitude_range, phase_curves, resolved, span_of, with_gaps
+from robustid.report.curves import low_quantile, magnitude_range, phase_curves, resolved, span_of, spread, with_gaps
 from robustid.report.document import Block, Code, Drawing, Heading, Text, Verdict
 from robustid.report.identified import in_unit, siso, transfer, unit
+from robustid.report.magnitude_phase import MagnitudePhase, phase_axis
 from robustid.report.words import HZ, number
 
 if TYPE_CHECKING:
@@ -227,7 +226,7 @@ def model_chart(model: control.StateSpace) -> Chart:
     sizes = np.abs(s) if s.size else np.ones(1)
     high = np.pi / dt if dt else _BESIDE * sizes.max()
     low = min(sizes.min(), high) / _BESIDE
-    omega = resolved(np.geomspace(low, high, _POINTS), s, _AROUND, low, high)
+    omega = resolved(spread(low, high, _POINTS, log=True), s, _AROUND, low, high)
     values = response_at(StateMatrices.of(system), points_of(omega, dt))
     charts = [_entry(system, i, j, omega, values[:, i, j]) for i, j in np.ndindex(values.shape[1:])]
     return side_by_side("model", charts, system.ninputs)
@@ -235,8 +234,8 @@ def model_chart(model: control.StateSpace) -> Chart:
 
 def _entry(system: control.StateSpace, i: int, j: int, omega: np.ndarray, values: np.ndarray) -> Chart:
     size, ((angle,), span) = np.abs(values), phase_curves([values])
-    axis, name = frequency_axis(omega), f"model, order {system.nstates}"
-    magnitude = Axis("magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))
-    drawn = [Layer(name, omega / HZ, y, NOMINAL, dash="solid") for y in (size, with_gaps(angle))]
+    drawn, name = MagnitudePhase(), f"model, order {system.nstates}"
+    drawn.add(name, omega / HZ, size, with_gaps(angle), colour=NOMINAL, dash="solid")
+    y = Axis("magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))
     title = f"{system.output_labels[i]} / {system.input_labels[j]}"
-    return stacked(f"entry-{i}-{j}", axis, ((magnitude, drawn[:1]), (phase_axis(span), drawn[1:])), (title, ""))
+    return drawn.chart(f"entry-{i}-{j}", frequency_axis(omega), y, phase_axis(span), title)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import MarginStatus, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis, further
-from robustid.report.curves import positive, span_of
+from robustid.report.curves import positive, span_of, spread
 from robustid.report.document import (
     Block,
     Column,
@@ -27,7 +28,7 @@ from robustid.report.document import (
     of_numbers,
     proved,
 )
-from robustid.report.identified import about
+from robustid.report.identified import about, by_name
 from robustid.report.words import HZ, at_least, at_most, number, percent
 
 Margins = RobustStabilityMargin | Mapping[str, RobustStabilityMargin]
@@ -183,13 +184,10 @@ def named_margins(argument: str, margins: object) -> dict[str, RobustStabilityMa
     """Margins by the names of their controllers; one alone has none."""
     if isinstance(margins, RobustStabilityMargin):
         return {"": margins}
-    if not isinstance(margins, Mapping) or not margins:
-        raise InputTypeError(
-            f"`{argument}` must be a RobustStabilityMargin, or map names of controllers to such; got {type(margins).__name__}"
-        )
+    wanted = "be a RobustStabilityMargin, or map names of controllers to such"
     found: dict[str, RobustStabilityMargin] = {}
-    for name, one in margins.items():
-        if not isinstance(name, str) or not isinstance(one, RobustStabilityMargin):
+    for name, one in by_name(argument, margins or None, wanted).items():
+        if not isinstance(one, RobustStabilityMargin):
             raise InputTypeError(
                 f"`{argument}` must map names to RobustStabilityMargin; got {name!r}: {type(one).__name__}"
             )
@@ -273,8 +271,7 @@ def weights_chart(
     _, p, q = weight.bound.shape
     axis = frequency_axis(weight.edges)
     low, high = axis.range or tuple(weight.edges[[0, -1]] / HZ)
-    hz = np.geomspace(low, high, _POINTS) if axis.log else np.linspace(low, high, _POINTS)
-    hz = np.unique(np.append(hz, weight.edges / HZ))
+    hz = np.unique(np.append(spread(low, high, _POINTS, axis.log), weight.edges / HZ))
     hz = hz[(hz >= max(low, 0.0)) & (hz <= weight.edges[-1] / HZ)]
     steps = np.maximum(np.repeat(weight.edges, 2)[1:-1] / HZ, low)
     panels: list[Panel] = []
@@ -304,10 +301,12 @@ def _names(identification: Identification) -> tuple[list[str], list[str]]:
 
 def as_weights(weights: object) -> tuple[StructuredWeight, ...]:
     """One structure or several, as `structured_weights` gives them."""
-    found = (weights,) if isinstance(weights, StructuredWeight) else weights
-    if not isinstance(found, Sequence) or not found or not all(isinstance(one, StructuredWeight) for one in found):
+    found = [weights] if isinstance(weights, StructuredWeight) else weights
+    each = cast("Sequence[object]", found) if isinstance(found, Sequence) else ()
+    good = tuple(one for one in each if isinstance(one, StructuredWeight))
+    if not good or len(good) < len(each):
         raise InputTypeError(
             "`weights` must be a StructuredWeight or a sequence of them, from structured_weights(); got"
             f" {type(weights).__name__}"
         )
-    return tuple(found)
+    return good

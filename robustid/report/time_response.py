@@ -34,6 +34,7 @@ from robustid.report.identified import (
     Shown,
     about,
     checked,
+    entry_unit,
     in_unit,
     numbered,
     shown_models,
@@ -41,7 +42,7 @@ from robustid.report.identified import (
     started,
     transfer,
 )
-from robustid.report.words import at_least, at_most, number, unit_label
+from robustid.report.words import at_least, at_most, number
 
 if TYPE_CHECKING:
     import control
@@ -93,7 +94,7 @@ def answer_charts(identification: Identification, models: Models = None) -> list
     problem, shown = identification.problem, shown_models(identification, models)
     charts: list[Chart] = []
     for i, j in np.ndindex(len(problem.outputs), len(problem.inputs)):
-        label = unit_label(problem.outputs[i].unit, problem.inputs[j].unit)
+        label = entry_unit(identification, i, j)
         step, pulse = answer_panels(identification, shown, i, j)
         panels = (
             dataclasses.replace(step, title=transfer(identification, i, j), y=Axis(f"step{label}")),

@@ -21,8 +21,8 @@ from robustid.report.charts import (
     Layer,
     Panel,
 )
-from robustid.report.identified import bounded_model, responses, shown_band, transfer
-from robustid.report.words import HZ, number, unit_label
+from robustid.report.identified import bounded_model, entry_unit, responses, shown_band, transfer
+from robustid.report.words import HZ, number
 
 _TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 73))
 _CLOSE_UP = 4  # frequencies drawn around the model
@@ -52,9 +52,11 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
         _plane(REACHED, np.concatenate([v.points for v in sets]), DATA, marker=MARKERS[2], size=0.6),
         _plane(f"model at the {error.omega.size} frequencies", nominal, NOMINAL, marker="circle", size=0.6),
     ]
-    worst = np.argsort(-error.sigma_upper)[:_CLOSE_UP]  # the same ones, in the same colours, for every entry
+    worst: list[int] = np.argsort(-error.sigma_upper)[
+        :_CLOSE_UP
+    ].tolist()  # the same, in the same colours, of every entry
     near: list[Layer] = []
-    for colour, k in zip((ALERT, *FURTHER), worst.tolist(), strict=False):
+    for colour, k in zip((ALERT, *FURTHER), worst, strict=False):
         words = f"{number(float(error.omega[k]) / HZ, 5)} Hz"
         near.append(_plane(words, _outline(sets[k]) - nominal[k], colour, dash="solid"))
     points = np.concatenate([sets[k].points - nominal[k] for k in worst])
@@ -62,7 +64,7 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
         _plane(REACHED, points, DATA, marker=MARKERS[2], size=0.6),
         _plane("model", np.zeros(1), NOMINAL, marker="x"),
     ]
-    what = unit_label(problem.outputs[entry[0]].unit, problem.inputs[entry[1]].unit) or " [–]"
+    what = entry_unit(error.identification, *entry) or " [–]"
     return [
         _square("Values at the frequencies", f"of {transfer(error.identification, *entry)}", layers),
         _square("Largest errors, around the model", f"of F − model{what}", near),

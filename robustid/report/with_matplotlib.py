@@ -1,9 +1,12 @@
 """A chart as matplotlib draws it: a figure of its own, or axes of the user."""
 
+# Keywords of matplotlib have no types.
+# pyright: reportUnknownMemberType=false
+
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -19,11 +22,12 @@ _DASHES = {"": "none", "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":"}
 _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "x": "x"}
 _WIDTH, _HEIGHT = 7.2, 2.7  # inches, of a panel
 _FURTHER, _LOW = 2.6, 1.9  # inches: width of each further column, height of one panel of a grid
+_TALL = 4.2  # inches: height of a square panel, and of panels beside each other
 _LABEL = 0.5  # inches that one label of an axis takes
 _LETTERS = 14  # of a title in an inch
 
 
-def draw(chart: Chart, ax: Any = None) -> Figure:
+def draw(chart: Chart, ax: object = None) -> Figure:
     """Draw the chart as a matplotlib figure, or on the axes `ax` (a sequence where the chart has several panels)."""
     import matplotlib
 
@@ -33,21 +37,22 @@ def draw(chart: Chart, ax: Any = None) -> Figure:
 
     columns = chart.columns
     rows = -(-len(chart.panels) // columns)
-    height = _HEIGHT if columns == 1 else _LOW if chart.grid else 4.2
-    width = _WIDTH + _FURTHER * (columns - 1)
+    square = any(panel.square for panel in chart.panels)
+    height = _LOW if chart.grid and columns > 1 else _TALL if columns > 1 or square else _HEIGHT
+    width = _TALL + 1.0 if square and columns == 1 else _WIDTH + _FURTHER * (columns - 1)
     with matplotlib.rc_context(MATPLOTLIB):
         figure = Figure(figsize=(width, height * rows + 0.5), layout="constrained", dpi=120)
         axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if chart.linked else "none").ravel()
         handles: dict[str, Any] = {}
-        for k, (ax, panel) in enumerate(zip(axes, chart.panels, strict=True)):
+        for k, (one, panel) in enumerate(zip(axes, chart.panels, strict=True)):
             for layer in panel.layers:
-                handles.setdefault(layer.name, _draw_layer(ax, layer))
+                handles.setdefault(layer.name, _draw_layer(one, layer))
             lowest = not chart.linked or not any(below.layers for below in chart.panels[k + columns :: columns])
             if panel.layers:  # a blank one would change the axis that it shares
-                _dress(ax, panel, label_x=lowest, size=(width / columns - 0.9, height - 0.5))
+                _dress(one, panel, label_x=lowest, size=(width / columns - 0.9, height - 0.5))
             if lowest:
-                ax.tick_params(labelbottom=True)
-            ax.set_visible(bool(panel.layers))
+                one.tick_params(labelbottom=True)
+            one.set_visible(bool(panel.layers))
         figure.legend(
             list(handles.values()),
             [_plain(name) for name in handles],
@@ -58,13 +63,14 @@ def draw(chart: Chart, ax: Any = None) -> Figure:
     return figure
 
 
-def _draw_on(chart: Chart, ax: Any) -> Figure:
+def _draw_on(chart: Chart, ax: object) -> Figure:
     """Draw on axes of the user, whose style and size stay; each gets its own legend."""
     from matplotlib.axes import Axes
 
     panels = [panel for panel in chart.panels if panel.layers]
-    axes: list[Axes] = list(np.ravel(np.asarray(ax, dtype=object)))
-    if not axes or not all(isinstance(one, Axes) for one in axes):
+    given: list[object] = np.ravel(np.asarray(ax, dtype=object)).tolist()
+    axes = [one for one in given if isinstance(one, Axes)]
+    if not axes or len(axes) < len(given):
         raise InputTypeError(f"`ax` must be matplotlib axes, or a sequence of them; got {type(ax).__name__}")
     if len(axes) != len(panels):
         raise InputError(
@@ -78,8 +84,7 @@ def _draw_on(chart: Chart, ax: Any) -> Figure:
         inches = box.width / one.figure.dpi, box.height / one.figure.dpi
         _dress(one, panel, label_x=True, size=inches)
         one.legend(list(handles.values()), [_plain(name) for name in handles], fontsize="small")
-    figure: Any = axes[0].figure
-    return figure
+    return cast("Figure", axes[0].figure)
 
 
 def _draw_layer(ax: Axes, layer: Layer) -> Any:
@@ -103,7 +108,7 @@ def _dress(ax: Axes, panel: Panel, *, label_x: bool, size: tuple[float, float]) 
     from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
     ax.set_title(textwrap.fill(_plain(panel.title), int(_LETTERS * size[0])))
-    room = size[0] / _LABEL, 2 * size[1] / _LABEL
+    room = (min(size) if panel.square else size[0]) / _LABEL, 2 * size[1] / _LABEL
     for axis, side, described, labels in ((ax.xaxis, "x", panel.x, room[0]), (ax.yaxis, "y", panel.y, room[1])):
         getattr(ax, f"set_{side}scale")("log" if described.log else "linear")
         if described.range is not None:
@@ -120,9 +125,13 @@ def _dress(ax: Axes, panel: Panel, *, label_x: bool, size: tuple[float, float]) 
             decades = np.log10(described.range[1] / described.range[0])
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if 3 * decades <= labels else (1.0,)))
             axis.set_minor_formatter(NullFormatter())
-            axis.set_major_formatter(FuncFormatter(lambda value, _: _plain(number(value))))
+            axis.set_major_formatter(FuncFormatter(_tick))
     if panel.square:
         ax.set_aspect("equal")
+
+
+def _tick(value: float, _: object = None) -> str:
+    return _plain(number(value))
 
 
 def _plain(text: str) -> str:

@@ -46,10 +46,8 @@ def figures(chart: Chart, *, small: bool = False) -> list[Figure]:
 def plotly_figure(
     panels: Sequence[Panel], height: int, *, small: bool = False, domains: Sequence[tuple[float, float]] = ()
 ) -> Drawn:
-    """Describe panels below each other on one x axis as plotly does: data and layout.
-
-    A small one is one of many, whose legend stands before them all; `domains`: the ends of each
-    panel of a live figure, as parts of its height.
+    """Describe panels below each other on one x axis as plotly does: data and layout. A `small` one is one of many, under one
+    legend; `domains`: the ends of each panel of a live figure, as parts of its height.
     """
     layout: Drawn = {
         "height": height,
@@ -69,7 +67,9 @@ def plotly_figure(
         layout["showlegend"] = False
     if domains:  # a tall figure that is watched: more room for its curves
         layout["legend"]["font"] = {"size": 12}
-    count, gap, traces, named = len(panels), 0.08, [], set()
+    count, gap = len(panels), 0.08
+    traces: list[Drawn] = []
+    named: set[str] = set()
     for k, panel in enumerate(panels):
         suffix = "" if k == 0 else str(k + 1)
         top = 1 - k * (1 + gap) / (count + (count - 1) * gap)

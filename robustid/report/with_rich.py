@@ -34,12 +34,13 @@ def _rendered(block: Block) -> RenderableType | None:
         case Table():
             return _table(block)
         case Text():
-            return Words(block.text, style=_STYLES[block.role])
+            return Words(f"{block.head}: {block.text}" if block.head else block.text, style=_STYLES[block.role])
         case Heading():
             return Words(f"\n{block.text}", style="bold")
         case Code():
             return Words(f"{block.text}\n")
-    return None
+        case _:
+            return None
 
 
 def _banner(verdict: Verdict) -> RenderableType:

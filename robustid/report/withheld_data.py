@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustid.guarantees import Coverage
-from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Ends, Layer, Panel, frequency_axis
+from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict, of_numbers
 from robustid.report.words import HZ, at_hz, number, percent
 
@@ -16,19 +16,14 @@ CONTRADICTED = "What follows from the class and the data that were used: no guar
 
 def withheld_verdict(found: Coverage) -> Verdict:
     """Verdict on the band: what it leaves out contradicts it."""
-    word = "Contradicted by withheld data" if found.contradicted else "Not contradicted by withheld data"
-    sentence = found.verdict.split(": ", 1)[1]
-    sentence = sentence[0].upper() + sentence[1:]
+    sentence = found.finding[0].upper() + found.finding[1:]
     if found.contradicted:
         sentence += (
             " What is said below of every consistent system is about the class and the data that were used: it is no"
         )
         sentence += " guarantee for the machine."
     key = "inconsistent" if found.contradicted else "consistent"
-    return Verdict(key, word, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
-
-
-GUARANTEED = "What is guaranteed"  # how the headings of guarantees begin
+    return Verdict(key, found.heading, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
 
 
 def not_guaranteed(blocks: Sequence[Block], found: Coverage | None) -> list[Block]:
@@ -36,7 +31,7 @@ def not_guaranteed(blocks: Sequence[Block], found: Coverage | None) -> list[Bloc
     if found is None or not found.contradicted:
         return list(blocks)
     other = Heading(CONTRADICTED)
-    return [other if isinstance(b, Heading) and b.text.startswith(GUARANTEED) else b for b in blocks]
+    return [other if isinstance(b, Heading) and b.guarantee else b for b in blocks]
 
 
 def withheld_section(found: Coverage | None) -> list[Block]:
@@ -75,11 +70,10 @@ def withheld_chart(found: Coverage) -> Chart:
         for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
             if mask.any():
                 words = name + (", outside" if colour == ALERT else "")
-                bars: Ends = {"low": np.maximum(size - own, 0.0)[mask], "high": (size + own)[mask]}
+                low, high = np.maximum(size - own, 0.0)[mask], (size + own)[mask]
                 said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
-                layers.append(
-                    Layer(words, found.omega[mask] / HZ, size[mask], colour, marker=marker, hover=said, **bars)
-                )
+                x, y = found.omega[mask] / HZ, size[mask]
+                layers.append(Layer(words, x, y, colour, marker=marker, hover=said, low=low, high=high))
     x = frequency_axis(found.omega)
     ends = np.array(x.range if x.range else (0.0, 1.0))
     layers.append(Layer("edge of the band", ends, np.ones(2), FAINT, dash="dash"))

@@ -19,13 +19,7 @@ _LONG = 100  # letters of a heading
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Write a number for people: significant digits, powers of ten as such.
-
-    Examples
-    --------
-    >>> number(17.67321), number(5.2e-7, 2), number(float("inf")), number(float("nan"))
-    ('17.67', '5.2×10⁻⁷', '∞', '–')
-    """
+    """Write a number for people: significant digits, powers of ten as such, 5.2×10⁻⁷."""
     if math.isnan(value):
         return "–"
     if math.isinf(value):
@@ -64,13 +58,7 @@ def plural(count: float) -> str:
 
 
 def at_frequencies(omega: np.ndarray) -> str:
-    """Say where a claim holds, "at 4 frequencies from 4 to 30 Hz"; `omega` in rad/s, ascending.
-
-    Examples
-    --------
-    >>> at_frequencies(np.array([HZ, 3 * HZ])), at_frequencies(np.array([2 * HZ]))
-    ('at 2 frequencies from 1 to 3 Hz', 'at 2 Hz')
-    """
+    """Say where a claim holds, "at 4 frequencies from 4 to 30 Hz"; `omega` in rad/s, ascending."""
     hz = omega / HZ
     if hz.size == 1:
         return f"at {number(hz[0])} Hz"
@@ -78,13 +66,7 @@ def at_frequencies(omega: np.ndarray) -> str:
 
 
 def at_hz(hz: np.ndarray, said: str, *values: np.ndarray) -> tuple[str, ...]:
-    """Words for the points of a curve: the frequency of each, and its values in the places of `said`.
-
-    Examples
-    --------
-    >>> at_hz(np.array([1.0, 2.5]), "{} ± {}", np.array([3.0, 4.0]), np.array([0.1, 0.2]))
-    ('1 Hz: 3 ± 0.1', '2.5 Hz: 4 ± 0.2')
-    """
+    """Words for the points of a curve: the frequency of each, and its values in the places of `said`."""
     rows = zip(hz, *values, strict=True)
     return tuple(f"{number(at, 6)} Hz: {said.format(*map(number, row))}" for at, *row in rows)
 
@@ -115,14 +97,7 @@ def matrix_unit_label(outputs: Sequence[Signal], inputs: Sequence[Signal]) -> st
 
 
 def title(kind: str, outputs: Sequence[Signal], inputs: Sequence[Signal]) -> str:
-    """Heading of a page: what it is about, and of which signals.
-
-    Examples
-    --------
-    >>> from robustid.core import Signal
-    >>> title("Fit", [Signal("x", "m")], [Signal("u", "N")]), title("Fit", [Signal("x", "m")], [Signal("a"), Signal("b")])
-    ('Fit of x [m] / u [N]', 'Fit from a, b to x')
-    """
+    """Heading of a page: what it is about, and of which signals, "Fit of x [m] / u [N]"."""
     if len(outputs) == len(inputs) == 1:
         return f"{kind} of {outputs[0]} / {inputs[0]}"
     names = [", ".join(signal.name for signal in group) for group in (inputs, outputs)]

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import robustid as rid
 from robustid.app.cli.main import app
-from robustid.app.look import run_file_text
+from robustid.app.look import drafted_run_file
 from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.formats import readers
@@ -48,7 +48,7 @@ def test_a_look_says_what_is_there_what_is_odd_and_how_to_go_on(folder):
 
 
 def test_the_run_file_of_a_look_can_be_read_as_it_is(folder):
-    text = run_file_text([rid.look(name) for name in ("frf.csv", "record.csv", "bench.npz")], folder)
+    text = drafted_run_file([rid.look(name) for name in ("frf.csv", "record.csv", "bench.npz")], folder).text
     (folder / "run.toml").write_text(text)
     read = read_run_file("run.toml")
     assert text.count("[[record]]") == 2
@@ -62,7 +62,7 @@ def test_the_run_file_of_a_look_can_be_read_as_it_is(folder):
 def test_measured_periods_and_faults_stand_in_the_run_file(folder):
     u = np.tile(np.random.default_rng(0).standard_normal(50), 6)
     rid.save("periodic.csv", rid.TimeRecord(u, np.convolve(u, [0, 1, 0.5])[:300], dt=0.01))
-    text = run_file_text([rid.look("periodic.csv"), rid.look("wrong.csv")], folder)
+    text = drafted_run_file([rid.look("periodic.csv"), rid.look("wrong.csv")], folder).text
     assert re.search(r"^period = 50  #", text, re.M)
     assert "# Looks odd: the phase has the wrong sign" in text
 
@@ -79,7 +79,7 @@ def test_a_two_sided_spectrum_and_a_bound_from_the_scatter_are_said(folder):
     found = rid.look("sweep.csv")
     assert "from the scatter of the response around a smooth model" in found.summary()
     assert found.next[1] == "robustid identify --frequency sweep.csv --report report.html"
-    assert re.search(r'^# bound = "5%".*from the scatter', run_file_text([found], folder), re.M)
+    assert re.search(r'^# bound = "5%".*from the scatter', drafted_run_file([found], folder).text, re.M)
 
 
 def test_look_and_new_on_the_command_line(folder, capsys, monkeypatch):
@@ -121,7 +121,7 @@ def test_a_file_that_may_be_both_begins_as_the_response_that_its_fields_name(tmp
     scipy.io.savemat(tmp_path / "analyser.mat", names)
     found = rid.look(tmp_path / "analyser.mat")
     assert "can't tell" in found.refusal
-    text = run_file_text([found], tmp_path)
+    text = drafted_run_file([found], tmp_path).text
     assert "[[frequency]]" in text
     assert "[[record]]" not in text
     assert '"values" = "Hf_chan_2"' in text

@@ -280,7 +280,7 @@ def test_every_kind_of_data_bounds_the_errors():
     assert np.all(np.abs(response(truth, error.omega) - error.nominal) <= error.upper)
     assert np.all((error.parameters.lower <= 0) & (error.parameters.upper >= 0))
     assert error.certified
-    assert error.worst(1)[0][3].startswith(("time 1 at", "frequency 1 at", "frequency 2 at"))
+    assert error.worst(1)[0][3][:2] in (("time", 0), ("frequency", 0), ("frequency", 1))
 
 
 # Parameters, the circle, other nominals.

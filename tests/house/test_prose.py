@@ -2,6 +2,7 @@
 
 import ast
 import pathlib
+import re
 
 import pytest
 
@@ -9,6 +10,7 @@ import robustid
 
 ROOT = pathlib.Path(robustid.__file__).parent
 PROSE = {"note", "notes", "reason", "reasons", "label", "labels", "message", "sentence", "sentences", "summary"}
+MADE = PROSE | {"words", "verdict", "finding", "findings", "heading", "advice", "about"}  # by a property or function
 READS = {"startswith", "endswith", "removeprefix", "removesuffix", "replace", "find", "rfind", "index", "count"}
 READS |= {"split", "rsplit", "partition", "rpartition"}
 PATTERNS = {"match", "fullmatch", "search", "sub", "subn", "split", "findall", "finditer"}
@@ -17,8 +19,10 @@ PATTERNS = {"match", "fullmatch", "search", "sub", "subn", "split", "findall", "
 def is_prose(node):
     """A name or attribute for prose, also in brackets, called, indexed, or with a default."""
     match node:
-        case ast.Name(id=name) | ast.Attribute(attr=name):
+        case ast.Name(id=name):
             return name in PROSE
+        case ast.Attribute(attr=name) | ast.Call(func=ast.Name(id=name)) if name.rsplit("_", 1)[-1] in MADE:
+            return True
         case ast.BoolOp(values=values):
             return any(map(is_prose, values))
         case ast.Call(func=ast.Name(id="str"), args=args):
@@ -28,13 +32,27 @@ def is_prose(node):
     return False
 
 
+def is_phrase(node):
+    """A part of a sentence: a constant, or text that is put together, with a letter beside a space; or what names prose."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return bool(re.search(r"[^\W\d_] | [^\W\d_]", text))
+        case ast.JoinedStr(values=values):
+            return any(isinstance(one, ast.Constant) and " " in str(one.value) for one in values)
+    return is_prose(node)
+
+
 def reads(node):
     """True for an expression that looks into prose: a method, a pattern, `in`, or a comparison with a constant."""
     match node:
         case ast.Call(func=ast.Attribute(attr="replace"), args=[ast.Constant(value=str(one)), _]) if len(one) == 1:
             return False  # a letter is escaped for a medium
+        case ast.Call(func=ast.Attribute(value=ast.Name(id="dataclasses"))):
+            return False
         case ast.Call(func=ast.Attribute(value=owner, attr=method), args=args):
-            return (method in READS and is_prose(owner)) or (method in PATTERNS and any(map(is_prose, args)))
+            return (method in READS and (is_prose(owner) or any(map(is_phrase, args[:1])))) or (
+                method in PATTERNS and any(map(is_prose, args))
+            )
         case ast.Compare(left=left, ops=[ast.In() | ast.NotIn()], comparators=[right]):
             return is_prose(left) or is_prose(right)
         case ast.Compare(left=left, ops=[ast.Eq() | ast.NotEq()], comparators=[right]):
@@ -62,7 +80,15 @@ def test_no_code_branches_on_a_sentence():
         ("basis.labels[-1] == 'constant'", True),
         ("PATTERN.search(str(result.message))", True),
         ("found.summary().split(':')", True),
+        ("bound.words().replace(' jointly', '')", True),
+        ("said(bound).replace(' jointly', '')", True),
+        ("said(bound).removeprefix(about(bound))", True),
+        ("found.verdict.split(': ', 1)", True),
+        ("name.removeprefix(f'{word} of the ')", True),
+        ("band_sentence(band).startswith(start)", True),
+        ("name.removeprefix('withheld-')", False),
         ("dataclasses.replace(found, note=note)", False),
+        ("dataclasses.replace(band_sentence(found), note=note)", False),
         ("""label.replace("'", "''")""", False),
         ("note.splitlines()", False),  # laid out, not read
         ("choice.source is Source.DATA", False),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustid.report.charts import frequency_axis
-from robustid.report.curves import log_axis, measured_phase, rounded, thinned
+from robustid.report.curves import between_gaps, log_axis, measured_phase, rounded, thinned
 from support.frf_records import HZ
 
 pytestmark = pytest.mark.quick
@@ -44,6 +44,8 @@ def test_thinning_keeps_every_extreme():
     for k in range(99):
         inside = np.flatnonzero((position - position[0]) // ((position[-1] - position[0]) / 100) == k)
         assert {inside[size[inside].argmax()], inside[size[inside].argmin()], inside[error[inside].argmax()]} <= {*kept}
+    few = np.array([1, 3, 2, 9, 4, 5, 5, 6, 5, 5, 0, 5])
+    np.testing.assert_array_equal(thinned(np.arange(12.0), [few], 2), [0, 3, 7, 10])
     np.testing.assert_array_equal(thinned(position[:300], [size[:300], error[:300]], 100), np.arange(300))
 
 
@@ -51,3 +53,7 @@ def test_six_digits():
     values = np.array([0.0, 1.23456789e-30, -123456789.0, 3.0, np.nan, 1e-5 / 3])
     expected = [0.0, 1.23457e-30, -123457000.0, 3.0, np.nan, 3.33333e-6]
     np.testing.assert_allclose(rounded(values), expected, rtol=1e-15)
+
+
+def test_stretches_between_gaps():
+    assert between_gaps(np.array([1.0, np.nan, 2.0, 3.0])) == [slice(0, 1), slice(2, 4)]

@@ -36,7 +36,7 @@ def test_parts_of_the_first_screen_stand_in_their_order(error):
 
 @pytest.mark.parametrize("count", [0, 2, 3, 5])
 def test_at_most_three_warnings_stand_on_it_and_none_is_lost(count):
-    warnings = [Text(f"Warning: number {k} is wrong. Its remainder {k}.", "warning") for k in range(count)]
+    warnings = [Text(f"number {k} is wrong. Its remainder {k}.", "warning", head="Warning") for k in range(count)]
     page = render(Document("t", [Verdict("weak", "Word", "Sentence."), *warnings], [Heading("Part"), Text("body")]))
     first = page.split("Open all details</button>")[0]
     assert len(re.findall("Number . is wrong", first)) == min(count, MOST_WARNINGS)

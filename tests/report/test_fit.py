@@ -22,6 +22,14 @@ from support.mfd_systems import random_modal_system
 from support.report_pages import NASTY, Page, printed
 
 
+def test_the_data_give_the_names():
+    omega = np.linspace(1, 9, 60)
+    frf = rid.FrequencyResponse(omega, 1 / ((1j * omega) ** 2 + 0.2j * omega + 16), outputs=["x [m]"])
+    view = FitView(fit_mfd(frf, order=2), frf)
+    assert view.entry(0, 0) == "x [m] / u"
+    assert all(check.holds for check in view.checks)
+
+
 def test_a_start_that_is_exact_has_no_iterations():
     exact = fit_mfd(rid.FrequencyResponse(OMEGA, SMALL.response(1j * OMEGA)), order=4)
     assert exact.status is FitStatus.EXACT

@@ -7,8 +7,9 @@ import pytest
 
 import robustid as rid
 from robustid.report import plot, render_report
-from robustid.report.charts import REACHED, Layer, band_around
+from robustid.report.charts import REACHED, Layer
 from robustid.report.guarantee import worst_case_charts, worst_case_sigma_chart
+from robustid.report.magnitude_phase import band_around
 from robustid.report.value_sets import data_discs, nyquist_chart
 from robustid.report.words import number
 from support.matrix_pages import response_of

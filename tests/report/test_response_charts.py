@@ -21,6 +21,12 @@ from support.matrix_pages import measured, with_values
 from support.report_pages import NASTY, Page, layers
 
 
+def test_what_is_below_its_bound_says_nothing():
+    view = ResponseView(FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.01j], bound=0.02, outputs=["x [m]"]))
+    assert view.entry(0, 0) == "x [m] / u"
+    assert view.silent.ravel().tolist() == [False, True]
+
+
 def test_every_entry_shows_value_bound_and_levels(frf):
     charts = entry_charts(ResponseView(frf))
     assert [chart.panels[0].title for chart in charts][:2] == ["x [mm] / force [N]", "x [mm] / torque [Nm]"]

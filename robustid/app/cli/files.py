@@ -34,18 +34,16 @@ def new(
 
     [bold]Example[/bold]: robustid new bench.mat -o bench.toml
     """
-    from robustid.app.look import look, run_file_text
+    from robustid.app.look import drafted_run_file, look
     from robustid.core import atomic_write
 
     written_files.check_outputs([output], files, False)
     console = screen.console()
-    text = run_file_text([look(path) for path in files], output.parent)
+    draft = drafted_run_file([look(path) for path in files], output.parent)
     with atomic_write(output) as file:
-        file.write(text)
+        file.write(draft.text)
     screen.say_written(console, output)
-    edits = [line.strip() for line in text.splitlines() if "EDIT" in line and not line.startswith("#")]
-    edits += [line.strip() for line in text.splitlines() if line.startswith("# Check these lines")]
-    say(console, *(f"edit first: {line}" for line in edits))
+    say(console, *(f"edit first: {line}" for line in draft.edits))
     say(console, f"next: robustid run {output} -o {output.stem}")
 
 

@@ -41,17 +41,33 @@ _LIMIT = {"iv": 30, "gn": 30, "lm": 30} | dict.fromkeys(_SK, 20)
 class FitStatus(enum.Enum):
     """Status of a fit; the value is the user's sentence."""
 
-    STATIONARY = "converged: the gradient of the criterion vanishes at the model, within 1 % of what noise does to it"
-    FLAT = "converged: a full step no longer lowers the criterion, but for rounding or a part of what noise does to it"
-    EXACT = "exact: the model passes through the data to 1e-10"
-    SLOW = "almost converged: the last steps lowered the criterion by less than 0.1 % together"
-    BOUNDARY = "at the stability boundary: the criterion falls further only through unstable poles"
-    LIMIT = (
-        "not converged: the iteration limit was reached; fit again with `start` = the model found, to go on from there"
+    STATIONARY = "converged", "the gradient of the criterion vanishes at the model, within 1 % of what noise does to it"
+    FLAT = (
+        "converged",
+        "a full step no longer lowers the criterion, but for rounding or a part of what noise does to it",
     )
-    STALLED = "not converged: no step along the Gauss-Newton direction lowers the criterion; give another `start`"
-    TIME = "stopped at the time limit: the best model so far; give a larger `time_limit`, or `start` = the model found"
-    INTERRUPTED = "interrupted: the best model so far; fit again with `start` = the model found, to go on from there"
+    EXACT = "exact", "the model passes through the data to 1e-10"
+    SLOW = "almost converged", "the last steps lowered the criterion by less than 0.1 % together"
+    BOUNDARY = "at the stability boundary", "the criterion falls further only through unstable poles"
+    LIMIT = (
+        "not converged",
+        "the iteration limit was reached; fit again with `start` = the model found, to go on from there",
+    )
+    STALLED = "not converged", "no step along the Gauss-Newton direction lowers the criterion; give another `start`"
+    TIME = (
+        "stopped at the time limit",
+        "the best model so far; give a larger `time_limit`, or `start` = the model found",
+    )
+    INTERRUPTED = "interrupted", "the best model so far; fit again with `start` = the model found, to go on from there"
+
+    head: str
+    reason: str
+
+    def __new__(cls, head: str, reason: str) -> FitStatus:
+        """Make the sentence of its head and its reason."""
+        one = object.__new__(cls)
+        one._value_, one.head, one.reason = f"{head}: {reason}", head, reason
+        return one
 
     @property
     def converged(self) -> bool:
