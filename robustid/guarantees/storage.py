@@ -211,17 +211,9 @@ def _amplitudes(found: Extraction) -> Arrays:
 
 
 def _contradiction(found: Contradiction) -> Record:
-    clash = found.clash
-    return {
-        "problem": found.problem,
-        "box": found.box,
-        "entry": clash.samples.entry,
-        "sample": clash.sample,
-        "base": clash.base,
-        "points": clash.points,
-        "multipliers": clash.multipliers,
-        "amplitudes": _amplitudes(clash.extraction),
-    }
+    proof = {name: getattr(found, name) for name in ("sample", "base", "points", "multipliers")}
+    about = {"problem": found.problem, "box": found.box, "entry": found.samples.entry}
+    return about | proof | {"amplitudes": _amplitudes(found.extraction)}
 
 
 def _make_contradiction(
