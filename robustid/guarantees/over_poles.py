@@ -110,16 +110,9 @@ class WorstCaseOverPoles(WorstCase):
     @property
     def poles(self) -> tuple[Real, Real]:
         """Smallest box around the cells that are left: natural frequencies (M, 2) in rad/s and damping ratios (M, 2)."""
-        return tuple(
-            np.stack(
-                [
-                    np.min([getattr(c, name)[:, 0] for c in self.cells], axis=0),
-                    np.max([getattr(c, name)[:, 1] for c in self.cells], axis=0),
-                ],
-                axis=1,
-            )
-            for name in ("omega", "damping")
-        )  # type: ignore[return-value]
+        every = [np.array([getattr(cell, name) for cell in self.cells]) for name in ("omega", "damping")]
+        omega, damping = (np.stack([ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)], axis=1) for ends in every)
+        return omega, damping
 
     @property
     def too_wide(self) -> str:
