@@ -24,8 +24,6 @@ from robustid.identification import MarginCertificate, MixedProblem
 from robustid.identification.formulation import Candidate, Formulation, formulate
 
 _ACCURACY = 1e-4  # to which the form of a relaxed problem is chosen
-
-
 _AROUND = np.exp(2j * np.pi * np.arange(16) / 16) / np.cos(np.pi / 16)  # a polygon around the unit disc
 
 

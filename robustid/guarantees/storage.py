@@ -22,6 +22,7 @@ from robustid.guarantees.packing import pack_certificates, pack_values, unpack_c
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
+from robustid.guarantees.value_set import by_frequency
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MarginCertificate, MixedProblem
 
@@ -129,17 +130,18 @@ def _make_over_poles(
     refuted: tuple[_Refuted, ...],
 ) -> WorstCaseOverPoles:
     problem, whole = identification.problem, box_of(identification, *box, as_count("delay", delay))
-    if not kept:
-        raise ValueError("it keeps no cell")
+    cells = tuple(
+        KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), _cell(whole, *item["cell"]))
+        for item in kept
+    )
+    if not cells or any(item.values and len(by_frequency(item.values)) != omega.size for item in cells):
+        raise ValueError("it keeps no cell, or one that is bounded at other frequencies than it")
     return WorstCaseOverPoles(
         identification=identification,
         model=_nominal(nominal, identification),
         omega=omega,
         box=whole,
-        kept=tuple(
-            KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), _cell(whole, *item["cell"]))
-            for item in kept
-        ),
+        kept=cells,
         refuted=tuple(RefutedCell(_cell(whole, *item["cell"]), item["certificate"]) for item in refuted),
     )
 

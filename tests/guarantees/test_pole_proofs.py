@@ -50,6 +50,17 @@ def test_the_proofs_hold_in_ball_arithmetic(computed):
     assert computed.verify(exact=True)
 
 
+def test_poles_as_stated_are_proved_in_ball_arithmetic_too():
+    pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
+    error = rid.worst_case_error(identified()[0], omega=[30.0], directions=4)
+    assert error.verify(exact=True)
+    (value,) = error.values
+    tighter = dataclasses.replace(value, support=value.support - 1e-9)
+    assert not dataclasses.replace(error, values=(tighter,)).verify(exact=True)
+    open_ = dataclasses.replace(value, directions=value.directions[:3], support=value.support[:3])
+    assert not dataclasses.replace(error, values=(open_,)).verify()
+
+
 def same(band, again):
     for name in ("omega", "upper", "magnitude"):
         assert np.array_equal(getattr(again, name), getattr(band, name))
