@@ -118,11 +118,8 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         covariance = None
         if self.covariance is not None:
             covariance = as_array("covariance", self.covariance, dtype=complex)
-            if covariance.shape != (points, ny * nu, ny * nu):
-                raise InputError(
-                    f"`covariance` must have shape (F, ny*nu, ny*nu) = {(points, ny * nu, ny * nu)};"
-                    f" got {covariance.shape}"
-                )
+            if covariance.shape != (wanted := (points, ny * nu, ny * nu)):
+                raise InputError(f"`covariance` must have shape (F, ny*nu, ny*nu) = {wanted}; got {covariance.shape}")
         levels = {"coherence": (points, ny), "noise": values.shape, "distortion": values.shape}
         levels = {name: as_level(name, getattr(self, name), shape) for name, shape in levels.items()}
         order = np.argsort(omega, kind="stable")
@@ -395,9 +392,6 @@ def as_frequency_response(name: str, value: object) -> FrequencyResponse:
     """A FrequencyResponse as it is, or what a `control.FRD` says."""
     if isinstance(value, FrequencyResponse):
         return value
-    if type(value).__module__.startswith("control."):
-        import control
-
-        if isinstance(value, control.FrequencyResponseData):
-            return FrequencyResponse.from_control(value)
+    if hasattr(value, "frdata"):
+        return FrequencyResponse.from_control(value)
     raise InputTypeError(f"`{name}` must be a FrequencyResponse or a control.FRD; got {type(value).__name__}")

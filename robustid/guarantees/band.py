@@ -23,7 +23,8 @@ from robustid.guarantees.linear.entry_band import (
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
-from robustid.guarantees.refinement import Polygons, polygons_hold
+from robustid.guarantees.over_poles import Bounded
+from robustid.guarantees.refinement import polygons_hold
 from robustid.identification import Identification, MixedProblem
 
 if TYPE_CHECKING:
@@ -150,7 +151,7 @@ def band_of_multipliers(
     omega: Real,
     model: control.StateSpace | None,
     multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], Arrays]],
-    polygons: Polygons | None = None,
+    polygons: Bounded | None = None,
 ) -> Band:
     """Make the band of known multipliers; all that it claims follows from them. ValueError for arrays of another problem.
 

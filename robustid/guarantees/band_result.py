@@ -27,19 +27,11 @@ from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.linear.arcs import arc_bounds
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
 from robustid.guarantees.nominal import as_frequencies, check_nominal
+from robustid.guarantees.over_cells import AroundModel
+from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.pole_cells import AMPLITUDE
-from robustid.guarantees.refinement import (
-    SAME,
-    Polygons,
-    Spent,
-    check_polygons,
-    narrowed,
-    narrowed_norm,
-    polygons_hold,
-    polygons_of,
-)
-from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
-from robustid.guarantees.sweep import Folder, Processes
+from robustid.guarantees.refinement import SAME, check_polygons, narrowed, narrowed_norm, polygons_hold, polygons_of
+from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.identification import Identification
@@ -49,7 +41,7 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Band(ProvedDiscs, Drawable, Savable):
+class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     """Discs that hold the response of every consistent system, proved at every frequency by sums.
 
     At each frequency ``|F - centre| <= radius`` for every F of the class that keeps the samples within their bounds: the centre is
@@ -74,7 +66,7 @@ class Band(ProvedDiscs, Drawable, Savable):
 
     omega: Real
     model: control.StateSpace | None = None
-    polygons: Polygons | None = None
+    polygons: Bounded | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -125,7 +117,7 @@ class Band(ProvedDiscs, Drawable, Savable):
 
     def _discs_about(
         self, model: control.StateSpace | None, omega: ArrayLike
-    ) -> tuple[Real, Polygons | None, Real, Complex]:
+    ) -> tuple[Real, Bounded | None, Real, Complex]:
         """Bounds by the discs, with polygons, frequencies and nominal values by which they may be narrowed."""
         omega = np.atleast_1d(as_array("omega", omega))
         centre, radius = self.at(omega)
@@ -193,14 +185,13 @@ class Band(ProvedDiscs, Drawable, Savable):
         grid = grid[(grid >= low) & (grid <= high)]
         if not grid.size:
             raise InputError(f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; none does")
-        budget = Budget(time_limit)
+        means = Means(executor, progress, resume, Budget(time_limit))
         thing = self.problem
         if identification is not None:
             thing = as_kind("identification", identification, Identification, "an Identification")
-        means = Spent(executor, progress, resume, budget)
         return self.with_polygons(polygons_of(thing, self.box, self.model, grid, self, means))
 
-    def with_polygons(self, polygons: Polygons) -> Band:
+    def with_polygons(self, polygons: Bounded) -> Band:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
 
         Parameters
@@ -220,7 +211,7 @@ class Band(ProvedDiscs, Drawable, Savable):
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
         return dataclasses.replace(self, problem=polygons.identification.problem, omega=omega, polygons=polygons)
 
-    @functools.cached_property
+    @property
     def circle(self) -> CircleBound:
         """Bound of |F - model| on the whole axis, arc by arc, up to pi/dt or infinity.
 
@@ -231,6 +222,10 @@ class Band(ProvedDiscs, Drawable, Savable):
         """
         if self.model is None:
             raise InputError("`model` is missing: the whole axis is bounded about a model; use with_model(...)")
+        return self._arcs
+
+    @functools.cached_property
+    def _arcs(self) -> CircleBound:
         with one_thread():
             angles, entries = arc_bounds(self._entries, self.model, self._corners)
         edges = np.where(angles < np.pi, self.problem.plane.omega(np.minimum(angles, 3.0)), self.problem.plane.top)
@@ -247,24 +242,12 @@ class Band(ProvedDiscs, Drawable, Savable):
         omega = self.polygons.omega[(self.polygons.omega >= low) & (self.polygons.omega <= high)]
         return self.problem.plane.angles(omega), self.error_at(omega)
 
-    @property
-    def hinf(self) -> float:
-        """Proved bound of the H-infinity norm of F - model (with an integrator: over |omega| >= the first frequency point)."""
-        return self.circle.largest
-
     def weight(
         self, *, kind: str = "additive", order: int | None = None, below: float | None = None
     ) -> UncertaintyWeight:
         """Stable minimum-phase W above the error on the whole axis; see `uncertainty_weight`."""
         circle = self.circle
         return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
-
-    def robust_stability_margin(
-        self, controller: control.StateSpace, *, kind: str = "additive"
-    ) -> RobustStabilityMargin:
-        """`robust_stability_margin` of a controller for `model` against every consistent system; see there."""
-        circle = self.circle
-        return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
 
     @property
     def bounded(self) -> NDArray[np.bool_]:
@@ -305,11 +288,6 @@ class Band(ProvedDiscs, Drawable, Savable):
     def assumes_amplitudes(self) -> bool:
         """Return whether polygons over a box narrow it: these assume amplitudes of at most twice those of the identified model."""
         return self.polygons is not None and self.box is not None and bool(self.narrowed.any())
-
-    @property
-    def certified(self) -> bool:
-        """Return whether every disc holds when it is evaluated anew from its multipliers and the data."""
-        return self.verify()
 
     def verify(self, exact: bool = False) -> bool:
         """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone; polygons.

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Frozen, Progress, Real, freeze
+from robustid.core import Complex, Frozen, Real, freeze
 from robustid.data import FrequencyResponse
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.sweep import Folder, Processes, value_sets
+from robustid.guarantees.sweep import Means, value_sets
 from robustid.guarantees.value_set import (
     FINE,
     Errors,
@@ -185,13 +185,12 @@ def refine(
     settings: tuple[int, float],
     rtol: float,
     everywhere: bool,
-    means: tuple[Processes, Progress | None, Folder | None],
-    budget: Budget,
+    means: Means,
     most: int = LARGEST,
 ) -> CircleBound:
     """Halve the arcs whose bound exceeds the largest error (or that at its own ends) by more than rtol, up to `most` frequencies.
 
-    Within the budget; `values`, of `settings` (directions and gap), and those of a bound `before` are used again. New ends get a
+    Within the time; `values`, of `settings` (directions and gap), and those of a bound `before` are used again. New ends get a
     coarse value set, which does for most of them, and a fine one where the arc is short enough for it to matter.
     """
     plane, (bottom, top) = error.identification.problem.plane, error.range
@@ -210,13 +209,13 @@ def refine(
     rounds = 0
     while True:
         rounds += 1
-        cut = rounds > 1 and budget.over
+        cut = rounds > 1 and means.budget is not None and means.budget.over
         for wanted, how in ((coarse, _COARSE), (sharp, settings)):
             if cut:
                 break
             # The ends of the circle, first of all, whatever they take.
-            limit = budget if rounds > 1 else None
-            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, *means, limit, error.model)
+            now = means if rounds > 1 else means._replace(budget=None)
+            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, now, error.model)
             found = by_frequency(sets_there)
             known |= found
             fine |= set(found) & set(sharp)

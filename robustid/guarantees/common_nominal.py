@@ -10,10 +10,10 @@ import numpy as np
 
 from robustid.core import Complex, Plane, Real, freeze
 from robustid.data import FrequencyResponse
-from robustid.errors import RobustIdError
+from robustid.errors import InputError, RobustIdError
 from robustid.fitting import fit_mfd
-from robustid.guarantees.member import Bounded, corners
 from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.over_cells import WorstCase
 from robustid.identification import Identification
 
 if TYPE_CHECKING:
@@ -94,12 +94,16 @@ class Centres(NamedTuple):
     radius: Real
 
 
-def centres_of(bounded: Sequence[Bounded]) -> Centres:
-    """Smallest discs around the polygons of all members."""
+def centres_of(bounded: Sequence[WorstCase]) -> Centres:
+    """Smallest discs around the polygons of all members; InputError for a pole-uncertainty box that is too wide for a bound."""
     shape = bounded[0].upper.shape
     centre, radius = np.zeros(shape, complex), np.zeros(shape)
     for entry in np.ndindex(shape[1:]):
-        hulls = [corners(one, entry) for one in bounded]
+        hulls = [hull for one in bounded if (hull := one.hull(entry)) is not None]
+        if len(hulls) < len(bounded):
+            raise InputError(
+                "`poles`: the pole-uncertainty box of a member is too wide for a bound; allow more `cells`, or measure more"
+            )
         for k, parts in enumerate(zip(*hulls, strict=True)):
             centre[k, *entry], radius[k, *entry] = smallest_disc(np.concatenate(parts))
     return Centres(freeze(centre), freeze(radius))

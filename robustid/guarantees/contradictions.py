@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,20 @@ from robustid.core import Arrays, Complex, Frozen, Record, Savable, as_flag, as_
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import independent_entries, which
 from robustid.guarantees.linear.amplitudes import Extraction, extract
-from robustid.guarantees.linear.clash import Clash, clash_of
+from robustid.guarantees.linear.certificate import centres, choose, radii
 from robustid.guarantees.linear.entry_band import extraction_fits, multipliers_fit
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
-from robustid.guarantees.linear.samples import samples_of, seen_in
+from robustid.guarantees.linear.predictions import lines_of, nothing, predicted_lines, predicted_rows
+from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
+from robustid.guarantees.linear.search import POINTS, nearest_points, reweighted
 from robustid.identification import MixedProblem
+
+_MOST = 4 * POINTS  # points of a combination of all samples together
+_STEPS = 30
+_TRIED = 3  # predictions from which such combinations start
+_HOPE = 0.5  # ratio of the worst prediction below which they are not tried: they are seldom twice as large
+_INSIDE = 1.0, 0.9  # times the zeta of these: from farther inside more of the circle counts
+_BELOW = 1 - 1e-9  # the factor on the bounds: what is proved, just below where the combination is as large as allowed
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -23,43 +33,101 @@ class Contradiction(Frozen, Savable):
     """Proof that no system of the class keeps all samples within their bounds: one of them, and what the others leave there.
 
     With ``|F - centre| <= radius`` for the value of every system that keeps the other samples, ``|centre - measured| > radius +
-    bound``: an assumption is wrong, the class or a bound; the data cannot say which.
+    bound``: an assumption is wrong, the class or a bound; the data cannot say which. The proof is multipliers d of the samples, -1
+    for that one: a sum of functionals, d_k f_k, is bounded for all systems by its norm and what it sees of the functions; the sum
+    of the samples is no farther from it than sum |d_k| bound_k.
 
     Attributes
     ----------
     problem : MixedProblem
     box : pair of (M, 2) arrays, or None
         Pole-uncertainty box that is covered; None: poles exactly as stated.
-    clash : Clash
-        The multipliers of the samples, and those that bound the amplitudes of the parametric part.
+    extraction : Extraction
+        Of the samples of an entry, with multipliers that bound the amplitudes of the parametric part.
+    base : complex
+        zeta from which the harmonic measure is seen.
+    points : (n,) array of int
+        Numbers of the lines that are combined: those from the number of lines on are conjugates.
+    multipliers : (n + T,) complex array
+        Of these lines and of all samples of records: -1 for the sample in question.
+    sample : int
+        Its number among them.
     """
 
     problem: MixedProblem
     box: Box | None
-    clash: Clash
+    extraction: Extraction
+    base: complex
+    points: NDArray[np.intp]
+    multipliers: Complex
+    sample: int
 
     def __post_init__(self) -> None:
+        self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("points", "multipliers")})
         if self.box is not None:
             self._set(box=tuple(freeze(ends) for ends in self.box))
 
     @property
+    def samples(self) -> Samples:
+        """All samples of the entry."""
+        return self.extraction.samples
+
+    @functools.cached_property
+    def _own(self) -> tuple[complex, float]:
+        """The sample that is predicted, and its bound with what the series leave out."""
+        chosen = choose(self.samples, nothing(self.samples, np.array([self.base])), self.points[None])
+        bound = chosen.bound + chosen.left_out @ self.extraction.known.largest
+        return complex(chosen.y[0, self.sample]), float(bound[0, self.sample])
+
+    @functools.cached_property
+    def _disc(self) -> tuple[complex, float]:
+        """Centre and radius of the disc that holds zero, if any system keeps all bounds."""
+        targets, d = nothing(self.samples, np.array([self.base])), self.multipliers[None]
+        parts = self.samples, choose(self.samples, targets, self.points[None]), targets, d, self.extraction.known
+        return complex(centres(*parts)[0]), float(radii(*parts)[0])
+
+    @property
+    def excess(self) -> float:
+        """Distance |centre - measured| over radius + bound: above 1."""
+        centre, radius = self._disc
+        return float(np.abs(centre) / radius)
+
+    def _at_bounds(self, factor: float) -> Contradiction:
+        """The same multipliers with every bound times a factor."""
+        samples = self.samples
+        records = tuple(dataclasses.replace(one, bound=factor * one.bound) for one in samples.records)
+        wider = dataclasses.replace(samples, bound=factor * samples.bound, records=records)
+        return dataclasses.replace(self, extraction=dataclasses.replace(self.extraction, samples=wider))
+
+    @functools.cached_property
+    def factor(self) -> float:
+        """Factor on all bounds up to which this proof holds: a lower bound of the margin of `identify`."""
+        # Radii are affine in it, as those of the amplitudes are.
+        size, radius = abs(self._disc[0]), self._disc[1]
+        slope = self._at_bounds(2.0)._disc[1] - radius
+        if not slope > 0:
+            return np.inf  # all bounds are zero
+        found = max(_BELOW * (1 + (size - radius) / slope), 1.0)
+        return found if self._at_bounds(found).excess > 1 else 1.0
+
+    @property
     def _place(self) -> tuple[int, int] | None:
         """Numbers of the record and of its sample; None of a line."""
-        row = self.clash.sample - self.clash.points.size
+        row = self.sample - self.points.size
         if row < 0:
             return None
-        ends = np.cumsum([one.y.size for one in self.clash.samples.records])
+        ends = np.cumsum([one.y.size for one in self.samples.records])
         number = int(np.searchsorted(ends, row, side="right"))
-        return number, row - int(ends[number] - self.clash.samples.records[number].y.size)
+        return number, row - int(ends[number] - self.samples.records[number].y.size)
 
     @property
     def entry(self) -> tuple[int, int | None]:
         """Output and input of the sample; the input is None where it sees several."""
-        samples, place = self.clash.samples, self._place
+        samples, place = self.samples, self._place
         if place is not None:
             one = samples.records[place[0]].output
             return one, None if self.problem.entries.inputs > 1 else 0
-        seen = np.flatnonzero(samples.v[self.clash.points[self.clash.sample]])
+        seen = np.flatnonzero(samples.v[self.points[self.sample]])
         output, own = samples.components[int(seen[0])]
         return output, own if seen.size == 1 else None
 
@@ -68,72 +136,52 @@ class Contradiction(Frozen, Savable):
         """Frequency of the sample, rad/s; None of a sample of a record."""
         if self._place is not None:
             return None
-        angle = self.clash.samples.angles[self.clash.points[self.clash.sample]]
+        angle = self.samples.angles[self.points[self.sample]]
         return float(self.problem.plane.omega(np.abs(np.atleast_1d(angle)))[0])
 
     @property
     def time(self) -> float | None:
         """Time of the sample, s; None of a line."""
         place = self._place
-        return None if place is None else float(self.clash.samples.records[place[0]].time[place[1]])
+        return None if place is None else float(self.samples.records[place[0]].time[place[1]])
 
     @property
     def measured(self) -> complex:
         """The sample; of a record in steady state its spectral line."""
-        return complex(self._true(self.clash.own[0]))
+        return self._true(self._own[0])
 
     @property
     def bound(self) -> float:
         """Bound of the sample, with what a series over the box leaves out."""
-        return float(self.clash.own[1])
+        return self._own[1]
 
     @property
     def centre(self) -> complex:
         """Centre of the disc that the other samples leave to it."""
-        return complex(self._true(self.clash.disc[0] + self.clash.own[0]))
+        return self._true(self._disc[0] + self._own[0])
 
     @property
     def radius(self) -> float:
         """Radius of that disc."""
-        return float(self.clash.disc[1]) - self.bound
+        return self._disc[1] - self.bound
 
-    def _true(self, value: Complex) -> Complex:
+    def _true(self, value: complex) -> complex:
         """A value at a line, and not its conjugate."""
-        sample, points = self.clash.sample, self.clash.points
-        mirrored = sample < points.size and points[sample] >= self.clash.samples.angles.size // 2
-        return np.conj(value) if mirrored else value
-
-    @property
-    def points(self) -> NDArray[np.intp]:
-        """Numbers of the lines that are combined, (n,): those from the number of lines on are conjugates."""
-        return self.clash.points
-
-    @property
-    def multipliers(self) -> Complex:
-        """Multipliers d of these lines and of all samples of records, (n + T,): -1 for the sample in question."""
-        return self.clash.multipliers
-
-    @property
-    def excess(self) -> float:
-        """Distance |centre - measured| over radius + bound: above 1."""
-        return self.clash.excess
-
-    @property
-    def factor(self) -> float:
-        """Factor on all bounds up to which this proof holds: a lower bound of the margin of `identify`."""
-        return self.clash.factor
+        mirrored = self._place is None and self.points[self.sample] >= self.samples.angles.size // 2
+        return value.conjugate() if mirrored else value
 
     def verify(self, exact: bool = False) -> bool:
         """Evaluate the proof again from multipliers and data alone.
 
         `exact` in ball arithmetic, by code of its own (`robustid[exact]`).
         """
-        from robustid.guarantees.linear.verification import clashes_exactly
+        from robustid.guarantees.linear.verification import contradicts_exactly
 
         exact = as_flag("exact", exact)
         with one_thread():
-            again = dataclasses.replace(self.clash, extraction=dataclasses.replace(self.clash.extraction))
-            return again.excess > 1 and (not exact or clashes_exactly(again))
+            again = dataclasses.replace(self, extraction=dataclasses.replace(self.extraction))
+            proof = again.extraction, again.base, again.points, again.multipliers
+            return again.excess > 1 and (not exact or contradicts_exactly(*proof))
 
     def __repr__(self) -> str:
         return f"<Contradiction: {self._where}, excess {self.excess:.4g}, bounds at least {self.factor:.4g} times as large>"
@@ -214,24 +262,64 @@ def contradiction(problem: MixedProblem, *, box: BoxLike | None = None) -> Contr
         )
     functions, seen = functions_of(problem, box), seen_in(problem)
     known: dict[tuple[tuple[int, int], ...], Extraction] = {}  # of entries that samples tie together it is the same
-    found: list[Clash] = []
+    found: list[Contradiction] = []
+    stated = None if box is None else ends_of(box)
     with one_thread():
         for entry in independent_entries(problem.entries):
             samples = samples_of(problem, functions, entry, seen)
             if samples.components not in known:
                 known[samples.components] = extract(samples)
-            clash = clash_of(dataclasses.replace(known[samples.components], samples=samples))
-            found += [clash] if clash is not None and clash.excess > 1 else []
-    if not found:
+            one = _largest(problem, stated, dataclasses.replace(known[samples.components], samples=samples))
+            found += [one] if one is not None and one.excess > 1 else []
+    return max(found, key=lambda one: one.excess, default=None)
+
+
+def _largest(problem: MixedProblem, box: Box | None, extraction: Extraction) -> Contradiction | None:
+    """The combination that is largest against what systems and bounds allow; None where nothing is known of the amplitudes.
+
+    At first every line, and some samples of the records, as the others predict it; then, unless all of them agree well, all samples
+    together, from the worst ones on.
+    """
+    samples = extraction.samples
+    if not np.all(np.isfinite(extraction.known.radius)) or samples.angles.size + samples.rows < 2:
         return None
-    worst = max(found, key=lambda one: one.excess)
-    return Contradiction(problem=problem, box=None if box is None else ends_of(box), clash=worst)
+    each = [*predicted_lines(extraction, lines_of(samples)), *predicted_rows(extraction)]
+    worst = [(float(part.ratio[k]), part.proof(k)) for part in each for k in np.argsort(-part.ratio)[:_TRIED].tolist()]
+    worst = sorted(worst, key=lambda one: -one[0])[:_TRIED]
+    found = [Contradiction(problem=problem, box=box, extraction=extraction, **proof) for _, proof in worst]
+    if worst and worst[0][0] > _HOPE:
+        found += [_together(dataclasses.replace(one, base=part * one.base)) for one in found for part in _INSIDE]
+    return max(found, key=lambda one: one.excess, default=None)
+
+
+def _together(start: Contradiction) -> Contradiction:
+    """Search the combination of all samples that is 1 and of the smallest radius, from a prediction on."""
+    extraction, samples = start.extraction, start.samples
+    count, base = start.points.size, np.array([start.base])
+    far = nearest_points(samples, base, _MOST)[0]
+    points = np.concatenate([start.points, far[~np.isin(far, start.points)]])
+    added = np.zeros(points.size - count, complex)
+    d = np.concatenate([start.multipliers[:count], added, start.multipliers[count:]])
+    targets = nothing(samples, base)
+    chosen = choose(samples, targets, points[None])
+    middle, _ = extraction.known.coefficients(samples)
+    seen = chosen.y - chosen.values @ middle
+    size = complex(seen[0] @ d)
+    if size == 0:
+        return start
+    d = reweighted(samples, chosen, targets, extraction.known, steps=_STEPS, start=d[None] / size, one=seen)[0]
+    sample = int(np.argmax(np.abs(d) * chosen.bound[0]))
+    if d[sample] == 0:
+        return start
+    d = -d / d[sample]
+    d[sample] = -1
+    return dataclasses.replace(start, points=points, multipliers=d, sample=sample)
 
 
 def contradiction_of_multipliers(
     problem: MixedProblem, box: Box | None, entry: tuple[int, int], proof: Record, amplitudes: Arrays
 ) -> Contradiction:
-    """Make the contradiction of known multipliers: the fields of a `Clash` and of an `Extraction`, but for the samples.
+    """Make the contradiction of known multipliers: the its fields from `base` on, and those of an `Extraction` but for the samples.
 
     ValueError for arrays that do not belong to the problem, or contradict nothing.
     """
@@ -243,7 +331,7 @@ def contradiction_of_multipliers(
     fits = multipliers_fit(samples, points[None], d[None], 1) and 0 <= sample < d.size and abs(proof["base"]) < 1
     if not (fits and extraction_fits(extraction)):
         raise ValueError("its multipliers do not belong to the samples of the problem")
-    found = Contradiction(problem=problem, box=box, clash=Clash(extraction, **proof))
+    found = Contradiction(problem=problem, box=box, extraction=extraction, **proof)
     if not found.verify():
         raise ValueError("its multipliers contradict nothing")
     return found

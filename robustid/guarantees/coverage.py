@@ -14,11 +14,9 @@ from robustid.core import Complex, Frozen, Real, as_array, as_kind, freeze, plan
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
-from robustid.guarantees.family_result import Family
-from robustid.guarantees.over_poles import WorstCaseOverPoles
-from robustid.guarantees.worst_case_result import WorstCaseError
+from robustid.guarantees.over_cells import WorstCase
 
-Discs = Band | WorstCaseError | WorstCaseOverPoles | Family | FrequencyResponse
+Discs = Band | WorstCase | FrequencyResponse
 Withheld = FrequencyResponse | Sequence[FrequencyResponse]
 UNITS = {  # one of them, and several
     "records": ("withheld record", "withheld records"),
@@ -114,7 +112,7 @@ class ResponseDiscs(NamedTuple):
         if isinstance(thing, Band):
             radius = dataclasses.replace(thing, model=None).upper  # about the centres, polygons included
             return cls(thing.omega, thing.centre, radius, thing.problem.dt)
-        if isinstance(thing, WorstCaseError | WorstCaseOverPoles | Family):
+        if isinstance(thing, WorstCase):
             model, omega = thing.model, thing.omega
             return cls(omega, plane_of(model.dt, omega).values_at(model, omega), thing.upper, float(model.dt))
         raise InputTypeError(

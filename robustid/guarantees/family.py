@@ -5,23 +5,22 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
-import pathlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Real, as_array, as_count
+from robustid.core import Budget, Progress, Real, Record, as_array, as_count
 from robustid.errors import InputError
 from robustid.guarantees.common_nominal import centres_of, fitted_nominal
 from robustid.guarantees.family_result import Family
-from robustid.guarantees.member import CONDITIONS, Bounded, Member, Members, as_members
+from robustid.guarantees.member import CONDITIONS, Member, Members, as_members
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
-from robustid.guarantees.over_poles import worst_case_over_poles
+from robustid.guarantees.over_poles import Bounded, worst_case_over_poles
 from robustid.guarantees.pole_cells import box_of
 from robustid.guarantees.pole_sweep import default_frequencies
-from robustid.guarantees.sweep import Folder, Processes, Progress
+from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
@@ -30,28 +29,6 @@ if TYPE_CHECKING:
     import control
 
 _log = logging.getLogger("robustid")
-
-
-class _Settings(NamedTuple):
-    """Settings with which the values of every member are bounded."""
-
-    directions: int
-    rtol: float
-    executor: Processes
-    progress: Progress | None
-    resume: Folder | None
-
-    def of(self, number: int, count: int) -> dict[str, Any]:
-        """The settings of one member of so many: a folder of its own, and a count over all of them."""
-        folder = None if self.resume is None else pathlib.Path(self.resume) / f"member-{number + 1}"
-        told = None if self.progress is None else functools.partial(_counted, self.progress, number, count)
-        common = {"directions": self.directions, "rtol": self.rtol, "executor": self.executor}
-        return common | {"progress": told, "resume": folder}
-
-
-def _counted(progress: Progress, number: int, count: int, text: str, done: int, each: int) -> None:
-    """Tell how much is done of all members."""
-    progress(text, number * each + done, count * each)
 
 
 def family(
@@ -130,8 +107,8 @@ def family(
     order = None if order is None else as_count("order", order, least=1)
     if model is not None and order is not None:
         raise InputError("`order` is that of the nominal that is fitted, and `model` states one; leave one of them out")
-    settings, grid = _Settings(directions, rtol, executor, progress, resume), _frequencies(found, omega)
-    bounded = _bounded(found, grid, settings, Budget(time_limit))
+    means, grid = Means(executor, progress, resume, Budget(time_limit)), _frequencies(found, omega)
+    bounded = _bounded(found, grid, directions, rtol, means)
     results = [result for _, result in bounded]
     first, tried = results[0].identification, ()
     if model is not None:
@@ -179,24 +156,26 @@ def frequencies_of(members: Sequence[Member]) -> Real:
 
 
 def _bounded(
-    members: Sequence[Member], grid: Real, settings: _Settings, budget: Budget
+    members: Sequence[Member], grid: Real, directions: int, rtol: float, means: Means
 ) -> list[tuple[Member, Bounded]]:
     """The members with the bounds of their values at the same frequencies, computed where they aren't there.
 
     Where the time ends, at those that were finished for all: each member is asked about what the ones before it have.
     """
-    todo, asked = [k for k, m in enumerate(members) if isinstance(m.result, Identification)], grid.size
+    asked, count = grid.size, sum(isinstance(m.result, Identification) for m in members)
     results: list[Bounded] = []
-    for k, m in enumerate(members):
-        if isinstance(m.result, Identification):
-            how = settings.of(todo.index(k), len(todo))
-            how["time_limit"] = budget.share(1 / (len(todo) - todo.index(k))).seconds
+    done = 0
+    for m in members:
+        error = m.result
+        if isinstance(error, Identification):
+            told = None if means.progress is None else functools.partial(_counted, means.progress, done, count)
+            options = means.part(f"member-{done + 1}", 1 / (count - done), told).options
+            how: Record = {"omega": grid, "directions": directions, "rtol": rtol, **options}
             if m.poles is None:
-                error: Bounded = worst_case_error(m.result, omega=grid, **how)
+                error = worst_case_error(error, **how)
             else:
-                error = worst_case_over_poles(m.result, *m.poles, delay=m.delay, omega=grid, **how)
-        else:
-            error = m.result
+                error = worst_case_over_poles(error, *m.poles, delay=m.delay, **how)
+            done += 1
         grid = error.omega
         results.append(error)
     if grid.size < asked:
@@ -207,21 +186,21 @@ def _bounded(
     return [(m if error is m.result else m.bounded(error), error) for m, error in zip(members, results, strict=True)]
 
 
+def _counted(progress: Progress, number: int, count: int, text: str, done: int, each: int) -> None:
+    """Tell how much is done of all members."""
+    progress(text, number * each + done, count * each)
+
+
 def _at(error: Bounded, grid: Real) -> Bounded:
     """The bounds at those of the frequencies that all members have."""
     used = np.isin(error.omega, grid)
     if used.all():
         return error
-    wanted = set(grid.tolist())
+    kept = tuple(item.at(grid) for item in error.kept)
     if isinstance(error, WorstCaseError):
-        values = tuple(one for one in error.values if one.omega in wanted)
-        return dataclasses.replace(error, values=values, missing=np.union1d(error.missing, error.omega[~used]))
-    kept = [
-        dataclasses.replace(item, values=tuple(one for one in item.values if one.omega in wanted))
-        for item in error.kept
-    ]
-    parts = {name: getattr(error, name)[used] for name in ("omega", "upper", "magnitude")}
-    return dataclasses.replace(error, kept=tuple(kept), **parts)
+        missing = np.union1d(error.missing, error.omega[~used])
+        return dataclasses.replace(error, values=kept[0].values, missing=missing)
+    return dataclasses.replace(error, kept=kept, omega=error.omega[used])
 
 
 def _scheduled(

@@ -5,22 +5,22 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Plane, Real, Savable, freeze
-from robustid.figures import Drawable
+from robustid.core import Plane, Progress, Real, freeze
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
-from robustid.guarantees.covers import cover_bound
-from robustid.guarantees.member import Bounded, Member
-from robustid.guarantees.nominal import as_nominal
-from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
-from robustid.guarantees.sweep import Processes, Progress
-from robustid.guarantees.value_set import norm_of_bounds
-from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
-from robustid.guarantees.worst_case_result import WorstCaseError
+from robustid.guarantees.member import Member
+from robustid.guarantees.over_cells import WorstCase
+from robustid.guarantees.over_poles import Bounded
+from robustid.guarantees.pole_proofs import Cell
+from robustid.guarantees.sweep import Means, Processes
+from robustid.guarantees.value_set import RefutationClaim, SupportClaim
+from robustid.guarantees.weight import UncertaintyWeight, from_zero, uncertainty_weight
+from robustid.identification import MixedProblem
 
 if TYPE_CHECKING:
     import control
@@ -39,7 +39,7 @@ class Driver(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Family(Frozen, Drawable, Savable):
+class Family(WorstCase):
     """Band around one nominal model that holds every system consistent with the data of any member.
 
     The guarantee is about these members: of a plant under another condition, between two of them say, nothing is proved.
@@ -59,10 +59,20 @@ class Family(Frozen, Drawable, Savable):
     """
 
     members: tuple[Member, ...]
-    model: control.StateSpace
+    omega: Real = dataclasses.field(init=False)
+    kept: tuple[Cell, ...] = dataclasses.field(init=False)
     tried: tuple[tuple[int, float], ...] = ()
     schedule: str | None = None
     interval: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        results: list[Bounded] = [m.result for m in self.members]
+        self._set(omega=results[0].omega, kept=tuple(itertools.chain.from_iterable(one.kept for one in results)))
+
+    @property
+    def problem(self) -> MixedProblem:
+        """Statement of the first member: signals and class are those of all."""
+        return self.members[0].identification.problem
 
     @functools.cached_property
     def errors(self) -> tuple[Bounded, ...]:
@@ -75,127 +85,108 @@ class Family(Frozen, Drawable, Savable):
         return tuple(m.name for m in self.members)
 
     @property
-    def omega(self) -> Real:
-        """Frequencies, rad/s, (F,)."""
-        return self.members[0].result.omega
-
-    @property
     def dt(self) -> float:
         """Sample time, s; 0 in continuous time."""
         return self.plane.dt
 
     @property
     def plane(self) -> Plane:
-        """The plane of the first member."""
-        return self.members[0].identification.problem.plane
-
-    @functools.cached_property
-    def nominal(self) -> Complex:
-        """Response of the nominal, (F,) complex; MIMO: (F, ny, nu)."""
-        found = self.plane.values_at(self.model, self.omega)
-        return freeze(self.members[0].identification.problem.entries.as_given(found))
+        """The plane of all members."""
+        return self.problem.plane
 
     @functools.cached_property
     def uppers(self) -> Real:
         """Guaranteed bound of |F - nominal| over all consistent systems of every member, (R, F, ny, nu)."""
         return freeze(np.stack([e.upper for e in self.errors]))
 
-    @property
-    def upper(self) -> Real:
-        """The largest of them: the band of the family, (F, ny, nu)."""
-        return freeze(self.uppers.max(axis=0))
-
     @functools.cached_property
     def sigma_uppers(self) -> Real:
         """Guaranteed bound of the largest singular value of F - nominal, of every member, (R, F)."""
-        found = [e.sigma_upper if isinstance(e, WorstCaseError) else norm_of_bounds(e.upper) for e in self.errors]
-        return freeze(np.stack(found))
+        return freeze(np.stack([e.sigma_upper for e in self.errors]))
 
     @property
     def sigma_upper(self) -> Real:
         """The largest of them, (F,)."""
         return freeze(self.sigma_uppers.max(axis=0))
 
+    @property
+    def lower(self) -> Real:
+        """Error of consistent systems of any member that were found, (F, ny, nu): no bound can be smaller."""
+        return freeze(np.max([e.lower for e in self.errors], axis=0))
+
+    @property
+    def sigma_lower(self) -> Real:
+        """Largest singular value of F - nominal of systems that were found, (F,)."""
+        return freeze(np.max([e.sigma_lower for e in self.errors], axis=0))
+
     @functools.cached_property
     def centres(self) -> Centres:
         """Smallest disc that holds the values of all members, at every frequency and entry: no nominal has a smaller band."""
         return centres_of([m.result for m in self.members])
 
+    def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
+        """Every inequality that is stated of a member, with its certificate."""
+        for name, error in zip(self.names, self.errors, strict=True):
+            yield from (dataclasses.replace(claim, name=f"{name}: {claim.name}") for claim in error.claims())
+
     @property
-    def certified(self) -> bool:
-        """Return whether every bound of every member has its certificate and every certificate, evaluated anew, supports it."""
-        return all(error.verify() for error in self.errors)
+    def claim_count(self) -> int:
+        """Number of `claims`."""
+        return sum(error.claim_count for error in self.errors)
 
-    def with_model(self, model: control.StateSpace) -> Family:
+    @property
+    def supported(self) -> bool:
+        """Return whether those of every member are."""
+        return all(error.supported for error in self.errors)
+
+    def not_relaxed_enough(self) -> list[str]:
+        """Cells of members whose relaxed problem can't be shown to cover all their poles; see there."""
+        each = zip(self.names, self.errors, strict=True)
+        return [f"{name}: {cell}" for name, error in each for cell in error.not_relaxed_enough()]
+
+    def with_model(self, model: control.StateSpace) -> Self:
         """Return the same family around another nominal; nothing is solved anew."""
-        found = as_nominal(model, self.members[0].identification)
-        return dataclasses.replace(self, model=found, tried=())
+        return dataclasses.replace(super().with_model(model), tried=())
 
-    def on_circle(
-        self,
-        rtol: float = 0.05,
-        *,
-        everywhere: bool = False,
-        executor: Processes = None,
-        progress: Progress | None = None,
-    ) -> CircleBound:
-        """Rigorous bound of |F - nominal| on the whole circle over all members; MIMO: of its singular values.
-
-        On every arc the largest of the bounds of the members, each refined by itself; see `WorstCaseError.on_circle`.
-
-        Members with a pole-uncertainty box are bounded on the circle over every cell that may contain their poles, as of
-        `WorstCaseOverPoles.on_circle`.
-        """
-        for error in self.errors:
-            error.on_circle(rtol, everywhere=everywhere, executor=executor, progress=progress)
+    def _refined(self, rtol: float, everywhere: bool, means: Means) -> CircleBound:
+        for number, error in enumerate(self.errors):
+            mine = means.part(f"member-{number + 1}", 1 / (len(self.members) - number), means.progress)
+            error.on_circle(rtol, everywhere=everywhere, **mine.options)
         return self.circle
+
+    @property
+    def known_circle(self) -> CircleBound | None:
+        """The largest of the bounds that are known of all members, on every arc; None where one is missing."""
+        known = [e.known_circle for e in self.errors if e.known_circle is not None]
+        return union_of_circles(known) if len(known) == len(self.errors) else None
 
     @property
     def circle(self) -> CircleBound:
         """The bound on the whole circle, to 5 % where none was computed before; `on_circle` first for members with a box."""
         return union_of_circles([e.circle for e in self.errors])
 
-    @property
-    def hinf(self) -> float:
-        """Guaranteed bound of the H-infinity norm of F - nominal over all members."""
-        return self.circle.largest
-
-    def cover(self, kind: str = "additive") -> tuple[Real, Real]:
-        """Edges (C + 1,) in rad/s, and the bound (C,) of the uncertainty of a kind on every arc between them, over all members."""
-        circle = self.circle
-        return circle.edges, cover_bound(self.model, circle.edges, circle.bound, circle.entries, kind)
-
-    def weight(self, *, kind: str = "additive", order: int | None = None) -> UncertaintyWeight:
+    def weight(
+        self,
+        *,
+        kind: str = "additive",
+        order: int | None = None,
+        below: float | None = None,
+        executor: Processes = None,
+        progress: Progress | None = None,
+        time_limit: float | None = None,
+    ) -> UncertaintyWeight:
         r"""Stable minimum-phase W of the smallest order above the uncertainty of all members on the whole circle, certified.
 
         .. math::
             F = F_0 + W\Delta, \quad (I + W\Delta) F_0, \quad F_0 (I + W\Delta), \quad (I + W\Delta)^{-1} F_0, \qquad
             \bar\sigma(\Delta) \le 1
 
-        for the kinds "additive", "multiplicative" (at the outputs), "input_multiplicative" and "inverse".
-
-        Parameters
-        ----------
-        kind : str
-        order : int, optional
-            At most; see `uncertainty_weight`.
-
-        Returns
-        -------
-        UncertaintyWeight
-            With `to_control` for synthesis.
+        for the kinds "additive", "multiplicative" (at the outputs), "input_multiplicative" and "inverse". Arguments as of any worst
+        case; relative kinds from `cover`.
         """
-        self.on_circle(0.3, everywhere=True)
-        edges, bound = self.cover(kind)
-        found = uncertainty_weight(self.model, edges, bound, order=order)
+        self.on_circle(0.3, everywhere=True, executor=executor, progress=progress, time_limit=time_limit)
+        found = uncertainty_weight(self.model, *from_zero(*self.cover(kind), kind, below), order=order)
         return dataclasses.replace(found, kind=kind)
-
-    def robust_stability_margin(
-        self, controller: control.StateSpace, *, kind: str = "additive"
-    ) -> RobustStabilityMargin:
-        """`robust_stability_margin` of a controller against every system of every member, as of a `WorstCaseError`."""
-        circle = self.circle
-        return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
 
     def drivers(self) -> list[Driver]:
         """Who drives the band where: ranges of frequencies with the member whose bound is largest there, from low to high."""
@@ -241,7 +232,7 @@ class Family(Frozen, Drawable, Savable):
 
     def summary(self) -> str:
         """The result in plain text."""
-        size = np.linalg.norm(self.plane.values_at(self.model, self.omega), 2, axis=(1, 2))
+        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
         relative = np.median(self.sigma_upper / np.maximum(size, np.finfo(float).tiny))
         lines = [
             f"guarantee  every system consistent with the data of any of {len(self.members)} members is within"

@@ -8,16 +8,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, as_count, as_float, digest, time_words
+from robustid.core import Frozen, as_count, as_float, digest, time_words
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
-from robustid.guarantees.over_poles import WorstCaseOverPoles
+from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, prior_fields
 
 CONDITIONS = ("amplitude", "position", "load", "date")
-Bounded = WorstCaseError | WorstCaseOverPoles
 Members = Mapping[str, "Member | Identification | Bounded"] | Sequence["Member | Identification | Bounded"]
-_AROUND = np.exp(2j * np.pi * np.arange(16) / 16) / np.cos(np.pi / 16)  # a polygon around the unit disc
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -206,24 +204,3 @@ def _check_consistent(members: Sequence[Member]) -> None:
             " their bounds, so that nothing of the family can be bounded; give the same larger prior, or another"
             f" pole, to all, or state bounds {worst:.3g} times as large"
         )
-
-
-def corners(bounded: Bounded, entry: tuple[int, int]) -> list[Complex]:
-    """At every frequency, points whose convex hull holds an entry of every consistent system.
-
-    InputError for a pole-uncertainty box that is too wide for a bound.
-    """
-    if isinstance(bounded, WorstCaseError):
-        return [one.vertices for one in bounded.of_entry(*entry)]
-    slacks = [item.cell.slack(bounded.omega)[:, *entry] for item in bounded.kept]
-    if not all(item.values for item in bounded.kept) or not np.all(np.isfinite(slacks)):
-        raise InputError(
-            "`poles`: the pole-uncertainty box of a member is too wide for a bound; allow more `cells`, or measure more"
-        )
-    sets = [item.of_entry(*entry) for item in bounded.kept]
-    return [
-        np.concatenate(
-            [(mine[k].vertices[:, None] + slack[k] * _AROUND).ravel() for mine, slack in zip(sets, slacks, strict=True)]
-        )
-        for k in range(bounded.omega.size)
-    ]

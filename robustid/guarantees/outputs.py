@@ -15,6 +15,7 @@ from robustid.core import Frozen, Real, as_array, as_count, freeze, simulate, th
 from robustid.data import signal_index
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import ConsistentSet, Extreme, consistent_set
+from robustid.guarantees.value_set import SupportClaim
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 from robustid.identification.formulation import formulate_over
 from robustid.identification.solver import analytic_center
@@ -100,11 +101,8 @@ class Outputs(Frozen):
     ) -> bool:
         """Return whether a certificate, evaluated anew, proves that +-y_k of an output is at most `value`."""
         data = self.consistent.data
-        return (
-            certificate.level >= 1
-            and certificate.value <= value
-            and certificate.verify(self.functional(sample, sign, output), data.rows, data.sarason)
-        )
+        functional = self.functional(sample, sign, output)
+        return SupportClaim(f"sample {sample}", functional, value, certificate, data.rows, data.sarason).verify()
 
 
 def consistent_outputs(identification: Identification, u: Real) -> Outputs:

@@ -3,51 +3,36 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import (
-    Budget,
-    Complex,
-    Frozen,
-    Progress,
-    Real,
-    Savable,
-    as_count,
-    as_flag,
-    as_kind,
-    as_positive,
-    freeze,
-    threads_for,
-)
+from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, freeze, threads_for
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
-from robustid.figures import Drawable
-from robustid.guarantees.circle import CircleBound, Remembered
+from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import which
 from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.nominal import as_frequencies, as_nominal
+from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
-from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
-from robustid.guarantees.pole_sweep import affordable, bounded, default_frequencies, searched
-from robustid.guarantees.sweep import Folder, Known, Processes
-from robustid.guarantees.value_set import RefutationClaim, SupportClaim, gap_of, norm_of_bounds
-from robustid.identification import Identification
+from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
+from robustid.guarantees.pole_sweep import affordable, bounded, circle_over_poles, default_frequencies, searched
+from robustid.guarantees.sweep import Folder, Known, Means, Processes
+from robustid.guarantees.value_set import RefutationClaim, SupportClaim, gap_of
+from robustid.guarantees.worst_case_result import WorstCaseError
+from robustid.identification import Identification, MixedProblem
 
 if TYPE_CHECKING:
     import control
-
-_log = logging.getLogger("robustid")
 
 _SEARCH = 1 / 3  # of a time limit, after which cells are split no further
 _AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are computed again elsewhere
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class WorstCaseOverPoles(Frozen, Drawable, Savable):
+class WorstCaseOverPoles(WorstCase):
     """Largest distance from a model, and magnitudes, of all consistent systems whose poles lie anywhere in a pole-uncertainty box.
 
     Attributes
@@ -55,10 +40,6 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     identification : Identification
     model : control.StateSpace
     omega : (F,) array, rad/s
-    upper : (F, ny, nu) array
-        Proved bound of |F - model|, of every entry; inf where the pole-uncertainty box is too wide for a bound.
-    magnitude : (F, 2) array; MIMO: (F, ny, nu, 2)
-        Proved range of |F|, of every entry.
     box : PoleCell
         As it was stated, with the amplitudes that are assumed.
     kept : tuple of KeptCell
@@ -68,57 +49,35 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     """
 
     identification: Identification
-    model: control.StateSpace
-    omega: Real
-    upper: Real
-    magnitude: Real
-    box: PoleCell
     kept: tuple[KeptCell, ...]
+    box: PoleCell
     refuted: tuple[RefutedCell, ...]
-    _circle: Remembered = dataclasses.field(init=False, default_factory=Remembered)
 
     def __post_init__(self) -> None:
-        self._set(
-            **{name: freeze(getattr(self, name)) for name in ("omega", "upper", "magnitude")}, _circle=Remembered()
-        )
+        self._set(omega=freeze(self.omega))
+
+    @property
+    def problem(self) -> MixedProblem:
+        """Statement that the systems are consistent with, but for its poles."""
+        return self.identification.problem
 
     @property
     def cells(self) -> tuple[PoleCell, ...]:
         """Cells that may contain the poles."""
         return tuple(item.cell for item in self.kept)
 
-    @property
-    def certified(self) -> bool:
-        """Return whether every bound has its certificate and every certificate, evaluated anew, supports it."""
-        return self.verify()
-
-    def verify(self, exact: bool = False) -> bool:
-        """Evaluate all proofs again, from their numbers and those of the problem; no solver is involved.
-
-        The cells must leave out no part of the box, the certificates of each must hold for its relaxed problem, made anew, and the
-        bounds follow from them. `exact` evaluates the certificates in ball arithmetic too, and what the problems are relaxed by,
-        for all poles between the ends of each cell (`robustid[exact]`); the arrays of the problems, and the polygons of the
-        certificates, are taken as they are in double precision.
-        """
-        if not (self.covered and self.supported) or (exact and self.not_relaxed_enough()):
-            return False
-        with threads_for(self.identification.problem.coefficients):
-            return all(claim.verify(exact) for claim in self.claims())
-
     def not_relaxed_enough(self) -> list[str]:
         """Cells whose relaxed problem can't be shown in ball arithmetic to cover all their poles; needs `robustid[exact]`."""
-        cells = [item.cell for item in (*self.kept, *self.refuted)]
-        problem = self.identification.problem
         return [
             f"cell {number}, expansion about its middle"
-            for number, cell in enumerate(cells, start=1)
-            if not relaxed_enough(cell, problem, self.omega)
+            for number, item in enumerate((*self.kept, *self.refuted), start=1)
+            if not relaxed_enough(item.cell, self.problem, self.omega)
         ]
 
     def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
         """Every inequality that is stated of a cell, with its certificate."""
         for number, item in enumerate((*self.kept, *self.refuted), start=1):
-            yield from item.claims(self.identification.problem, f"cell {number}")
+            yield from item.claims(self.problem, f"cell {number}")
 
     @property
     def claim_count(self) -> int:
@@ -139,25 +98,9 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 
     @property
     def supported(self) -> bool:
-        """Return whether the polygons of the kept cells give the stated bounds, and there are data that can refute the others."""
-        problem = self.identification.problem
-        if not self.kept or not all(item.is_about(problem, self.omega) for item in (*self.kept, *self.refuted)):
-            return False
-        upper, magnitude = _bounds(self.kept, self.model, self.omega, self.identification)
-        if (self.upper.shape, self.magnitude.shape) != (upper.shape, magnitude.shape):
-            return False
-        below = np.all(upper <= self.upper * _AGAIN) and np.all(magnitude[..., 1] <= self.magnitude[..., 1] * _AGAIN)
-        return bool(below and np.all(self.magnitude[..., 0] <= magnitude[..., 0] * _AGAIN))
-
-    @property
-    def sigma_upper(self) -> Real:
-        """Proved bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
-        return norm_of_bounds(self.upper)
-
-    @property
-    def nominal(self) -> Complex:
-        """Response of the model, (F, ny, nu)."""
-        return self.identification.problem.plane.values_at(self.model, self.omega)
+        """Return whether the cells cover the box, those kept with closed polygons, and with data that can refute the others."""
+        items = *self.kept, *self.refuted
+        return bool(self.kept) and self.covered and all(item.is_about(self.problem, self.omega) for item in items)
 
     @property
     def next_line(self) -> float:
@@ -167,16 +110,9 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
     @property
     def poles(self) -> tuple[Real, Real]:
         """Smallest box around the cells that are left: natural frequencies (M, 2) in rad/s and damping ratios (M, 2)."""
-        return tuple(
-            np.stack(
-                [
-                    np.min([getattr(c, name)[:, 0] for c in self.cells], axis=0),
-                    np.max([getattr(c, name)[:, 1] for c in self.cells], axis=0),
-                ],
-                axis=1,
-            )
-            for name in ("omega", "damping")
-        )  # type: ignore[return-value]
+        every = [np.array([getattr(cell, name) for cell in self.cells]) for name in ("omega", "damping")]
+        omega, damping = (np.stack([ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)], axis=1) for ends in every)
+        return omega, damping
 
     @property
     def too_wide(self) -> str:
@@ -186,58 +122,8 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         numbers = [str(mode) for mode in np.flatnonzero(away) + 1]
         return "" if not numbers else f"mode{'s' * (len(numbers) > 1)} {' and '.join(numbers)}"
 
-    def with_model(self, model: control.StateSpace) -> WorstCaseOverPoles:
-        """Return the same guarantees around another nominal; nothing is solved anew."""
-        model = as_nominal(model, self.identification)
-        upper, magnitude = _bounds(self.kept, model, self.omega, self.identification)
-        return dataclasses.replace(self, model=model, upper=upper, magnitude=magnitude)
-
-    def on_circle(
-        self,
-        rtol: float = 0.05,
-        *,
-        everywhere: bool = False,
-        executor: Processes = None,
-        progress: Progress | None = None,
-        time_limit: float | None = None,
-    ) -> CircleBound:
-        """Rigorous bound of |F - model| on the whole circle over all poles in the box; MIMO: of its singular values.
-
-        For every cell that may contain the poles the bound of its relaxed problem, as of `WorstCaseError.on_circle`, and what
-        the relaxation leaves out; the largest over the cells. Where cells are wide beside the damping, far above the bounds at
-        the frequencies: bound the box with more `cells` then.
-
-        Parameters
-        ----------
-        rtol, everywhere, executor, time_limit : optional
-            As in `WorstCaseError.on_circle`.
-        progress : callable (text, done, count), optional
-            Cells.
-
-        Raises
-        ------
-        InputError
-            A cell is so wide that no sample says anything of all its poles at once.
-        """
-        from robustid.guarantees.pole_sweep import circle_over_poles
-
-        rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
-        budget, problem = (
-            Budget(time_limit, progress, "bounding the error between the frequencies"),
-            self.identification.problem,
-        )
-        found = circle_over_poles(
-            problem, self.kept, self.model, self.omega, rtol, everywhere=everywhere, executor=executor, budget=budget
-        )
-        self._circle.take(found)
-        return found
-
-    @property
-    def circle(self) -> CircleBound:
-        """The smallest bound that `on_circle` has found."""
-        if self._circle.bound is None:
-            raise InputError("nothing is known of the whole circle yet: call `on_circle`, which takes a while, before")
-        return self._circle.bound
+    def _refined(self, rtol: float, everywhere: bool, means: Means) -> CircleBound:
+        return circle_over_poles(self.problem, self.kept, self.model, self.omega, rtol, everywhere, means)
 
     def __repr__(self) -> str:
         return (
@@ -247,8 +133,8 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
 
     def summary(self) -> str:
         """The result in plain text."""
-        problem, largest = self.identification.problem, self.sigma_upper
-        known, relative = np.isfinite(largest), largest / np.linalg.norm(self.nominal, 2, axis=(1, 2))
+        problem, largest = self.problem, self.sigma_upper
+        known, relative = np.isfinite(largest), largest / np.linalg.norm(self._nominal, 2, axis=(1, 2))
         lines: list[str] = []
         if known.any():
             part = "" if known.all() else f" at {known.sum()} of {known.size} frequencies"
@@ -280,13 +166,7 @@ class WorstCaseOverPoles(Frozen, Drawable, Savable):
         return "\n".join(lines)
 
 
-def _bounds(
-    kept: tuple[KeptCell, ...], model: control.StateSpace, omega: Real, identification: Identification
-) -> tuple[Real, Real]:
-    """Error and magnitude over all cells, around a model, as they are stated."""
-    problem = identification.problem
-    upper, magnitude = union_of(kept, problem.plane.values_at(model, omega), omega)
-    return upper, problem.entries.as_given(magnitude)
+Bounded = WorstCaseError | WorstCaseOverPoles  # the worst case of one plant
 
 
 def _interval(omega: Real, damping: Real) -> str:
@@ -382,14 +262,12 @@ def worst_case_over_poles(
             f"no system with poles in the pole-uncertainty box fits the data: all {len(refuted)} cells of it are refuted; loosen"
             " the bounds, the prior or the box"
         )
-    kept, grid = bounded(sets, grid, (directions, gap), (executor, progress, resume), budget, model, known)
-    upper, magnitude = _bounds(kept, model, grid, identification)
+    means = Means(executor, progress, resume, budget)
+    kept, grid = bounded(sets, grid, (directions, gap), means, model, known)
     return WorstCaseOverPoles(
         identification=identification,
         model=model,
         omega=grid,
-        upper=upper,
-        magnitude=magnitude,
         box=whole,
         kept=kept,
         refuted=tuple(refuted),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Complex, Frozen, Real, as_array, freeze
+from robustid.core import Complex, Frozen, Real, as_array, exponents_of, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.widening import Points, smallest_bounds, widened_points, widened_record
@@ -265,7 +265,7 @@ def box_of(identification: Identification, omega: ArrayLike | None, damping: Arr
                 " box do to its initial state is not bounded here; use a frequency response (`estimate_frf`) or a record"
                 " with zero initial conditions"
             )
-    logs = np.log(poles) / problem.dt if problem.dt else poles
+    logs = exponents_of(poles, problem.dt)
     for name, ends, own in (
         ("omega_interval", omega, np.abs(logs)),
         ("damping_interval", damping, -logs.real / np.abs(logs)),
@@ -314,7 +314,7 @@ def _modes(identification: Identification, delay: int) -> Complex:
         )
     poles = basis.in_s().poles[np.imag(basis.poles) > 0]
     if has_single_pairs(basis):
-        logs = np.log(poles) / problem.dt if problem.dt else poles
+        logs = exponents_of(poles, problem.dt)
         pairs = kautz(np.abs(logs), -logs.real / np.abs(logs), dt=problem.dt, delay=delay).on(problem.plane)
         count = delay + 4  # a pair has two functions of second order
         if np.allclose(pairs.impulse(count), basis.impulse(count), rtol=1e-9, atol=1e-12):

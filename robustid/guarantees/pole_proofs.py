@@ -1,14 +1,15 @@
-"""Proofs about the cells of a pole-uncertainty box: bounds of those that are kept, refutations of the others."""
+"""Cells of poles: the values of the systems with poles in one, proofs of them, refutations of others, and the union of all."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import Self
 
 import numpy as np
 
 from robustid.core import Complex, Frozen, Real
-from robustid.guarantees.consistent_set import ConsistentSet, independent_entries
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, independent_entries
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import (
     RefutationClaim,
@@ -23,17 +24,16 @@ from robustid.identification import MarginCertificate, MixedProblem
 from robustid.identification.formulation import Candidate, Formulation, formulate
 
 _ACCURACY = 1e-4  # to which the form of a relaxed problem is chosen
+_AROUND = np.exp(2j * np.pi * np.arange(16) / 16) / np.cos(np.pi / 16)  # a polygon around the unit disc
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class KeptCell(Frozen):
-    """A cell that may contain the poles, and the values of the systems with poles inside.
+class Cell(Frozen):
+    """The values of the systems of one cell at every frequency; of a cell by itself, of poles exactly as they are stated.
 
-    Those of its relaxed problem, at every frequency; none where the cell is so wide that no sample says anything. MIMO: entry after
-    entry, of symmetric matrices the upper triangle.
+    MIMO: entry after entry, of symmetric matrices the upper triangle.
     """
 
-    cell: PoleCell
     values: tuple[ValueSet, ...]
 
     def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
@@ -41,6 +41,35 @@ class KeptCell(Frozen):
         places = (output, input), (input, output)
         found = [tuple(one for one in self.values if one.entry == place) for place in places]
         return found[0] or found[1]
+
+    def at(self, omega: Real) -> Self:
+        """The cell at some of its frequencies."""
+        return dataclasses.replace(self, values=tuple(one for one in self.values if one.omega in omega))
+
+    def slack(self, omega: Real) -> Real:
+        """Distance of the systems of the cell from the values, at frequencies in rad/s, (F, ny, nu)."""
+        return np.zeros((omega.size, *self.values[0].matrices.shape[1:]))
+
+    def is_about(self, problem: MixedProblem, omega: Real) -> bool:
+        """Return whether the polygons are closed, and of all entries at these frequencies."""
+        found, wanted = by_frequency(self.values), independent_entries(problem.entries)
+        closed = all(closes(v.directions, v.omega, problem.dt) for v in self.values)
+        complete = all([v.entry for v in sets] == wanted for sets in found.values())
+        return closed and complete and np.array_equal(list(found), omega)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class KeptCell(Cell):
+    """A cell of a pole-uncertainty box that may contain the poles: the values are those of its relaxed problem.
+
+    None where the cell is so wide that no sample says anything.
+    """
+
+    cell: PoleCell
+
+    def slack(self, omega: Real) -> Real:
+        """Remainder of the expansion behind the relaxed problem."""
+        return self.cell.slack(omega)
 
     def claims(self, problem: MixedProblem, name: str) -> Iterator[SupportClaim]:
         """Claims of the polygons about the relaxed problem, which is made anew from the original one."""
@@ -56,14 +85,8 @@ class KeptCell(Frozen):
                 yield RelaxedClaim(f"{name}, {one.name}", *parts)
 
     def is_about(self, problem: MixedProblem, omega: Real) -> bool:
-        """Return whether the polygons are closed, of all entries at these frequencies, of a relaxed problem; or there are none."""
-        if not self.values:
-            return True
-        found, wanted = by_frequency(self.values), independent_entries(problem.entries)
-        closed = all(closes(v.directions, v.omega, problem.dt) for v in self.values)
-        complete = all([v.entry for v in sets] == wanted for sets in found.values())
-        there = closed and complete and np.array_equal(list(found), omega)
-        return there and self.cell.relaxed(problem) is not None
+        """Return whether there are no polygons, or such as of any cell, of a relaxed problem."""
+        return not self.values or (super().is_about(problem, omega) and self.cell.relaxed(problem) is not None)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -90,12 +113,12 @@ def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Formulation | Non
     return None if relaxed is None else formulate(relaxed, accuracy=_ACCURACY)
 
 
-def union_of(kept: Sequence[KeptCell], nominal: Complex, omega: Real) -> tuple[Real, Real]:
-    """Bound of |F - nominal|, (F, ny, nu), and range of |F|, (F, ny, nu, 2), over all systems with poles in a cell that is kept."""
+def union_of(cells: Sequence[Cell], nominal: Complex, omega: Real) -> tuple[Real, Real]:
+    """Bound of |F - nominal|, (F, ny, nu), and range of |F|, (F, ny, nu, 2), over all systems of any cell."""
     shape = nominal.shape
     upper, low, high = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape)
-    for item in kept:
-        slack = item.cell.slack(omega)
+    for item in cells:
+        slack = item.slack(omega)
         far, least, most = np.full(shape, np.inf), np.zeros(shape), np.full(shape, np.inf)
         for entry in np.ndindex(*shape[1:]) if item.values else ():
             sets, at = item.of_entry(*entry), (slice(None), *entry)
@@ -104,3 +127,17 @@ def union_of(kept: Sequence[KeptCell], nominal: Complex, omega: Real) -> tuple[R
         upper, high = np.maximum(upper, far + slack), np.maximum(high, most + slack)
         low = np.minimum(low, np.maximum(0.0, least - slack))
     return upper, np.stack([low, high], axis=-1)
+
+
+def hulls_of(cells: Sequence[Cell], omega: Real, entry: Entry) -> list[Complex] | None:
+    """At every frequency, points whose convex hull holds an entry of every system of any cell; None where one is too wide."""
+    slacks = [item.slack(omega)[:, *entry] for item in cells]
+    if not all(item.values for item in cells) or not np.all(np.isfinite(slacks)):
+        return None
+    sets = [item.of_entry(*entry) for item in cells]
+    return [
+        np.concatenate(
+            [(mine[k].vertices[:, None] + slack[k] * _AROUND).ravel() for mine, slack in zip(sets, slacks, strict=True)]
+        )
+        for k in range(omega.size)
+    ]

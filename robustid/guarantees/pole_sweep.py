@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import pathlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Budget, Progress, Real, as_count, worker_pool
+from robustid.core import Budget, Real, as_count, worker_pool
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.consistent_set import ConsistentSet, set_of
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation
-from robustid.guarantees.sweep import Folder, Known, Processes, value_sets
+from robustid.guarantees.sweep import Known, Means, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency, norm_of_bounds
 from robustid.guarantees.widening import smallest_bounds
 from robustid.guarantees.worst_case import worst_case_error
@@ -83,7 +82,7 @@ def affordable(
     if budget.seconds is None or first is None:
         return len(sets)
     before = budget.left
-    value_sets(first, grid[grid.size // 2 :][:1], *settings, model=model)
+    value_sets(first, grid[grid.size // 2 :][:1], *settings, Means(), model)
     each = max(before - budget.left, 1e-9)
     return max(1, int(max(budget.left, 0.0) / each) // min(_ENOUGH, grid.size))
 
@@ -92,8 +91,7 @@ def bounded(
     sets: list[tuple[PoleCell, ConsistentSet | None]],
     grid: Real,
     settings: tuple[int, float],
-    means: tuple[Processes, Progress | None, Folder | None],
-    budget: Budget,
+    means: Means,
     model: control.StateSpace,
     known: Known | None = None,
 ) -> tuple[tuple[KeptCell, ...], Real]:
@@ -101,29 +99,28 @@ def bounded(
 
     One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part.
     """
-    executor, progress, resume = means
     left = sum(consistent is not None for _, consistent in sets)
     done, count = 0, grid.size * left
     found: list[tuple[PoleCell, dict[float, tuple[ValueSet, ...]] | None]] = []
 
     def counted(_: str, here: int, __: int) -> None:
-        if progress is not None:
-            progress("bounding the error over the pole-uncertainty box", done + here, count)
+        if means.progress is not None:
+            means.progress("bounding the error over the pole-uncertainty box", done + here, count)
 
     with contextlib.ExitStack() as stack:
-        if isinstance(executor, int):
-            executor = stack.enter_context(worker_pool(as_count("executor", executor, least=1)))
+        if isinstance(means.executor, int):
+            pool = worker_pool(as_count("executor", means.executor, least=1))
+            means = means._replace(executor=stack.enter_context(pool))
         for number, (cell, consistent) in enumerate(sets, start=1):
             if consistent is None:
                 found.append((cell, None))
                 continue
-            folder = None if resume is None else pathlib.Path(resume) / f"cell-{number}"
-            mine = executor, counted, folder, budget.share(1 / left), model, known
-            values = by_frequency(value_sets(consistent, grid, *settings, *mine))
+            mine = means.part(f"cell-{number}", 1 / left, counted)
+            values = by_frequency(value_sets(consistent, grid, *settings, mine, model, known))
             # Other frequencies are of no use any more: the union is over all cells.
             done, left, grid = done + grid.size, left - 1, grid[np.isin(grid, list(values))]
             found.append((cell, values))
-    kept = [KeptCell(c, () if v is None else tuple(one for w in grid.tolist() for one in v[w])) for c, v in found]
+    kept = [KeptCell(() if v is None else tuple(one for w in grid.tolist() for one in v[w]), c) for c, v in found]
     return tuple(kept), grid
 
 
@@ -133,10 +130,8 @@ def circle_over_poles(
     model: control.StateSpace,
     omega: Real,
     rtol: float,
-    *,
     everywhere: bool,
-    executor: Processes,
-    budget: Budget,
+    means: Means,
 ) -> CircleBound:
     """Bound of |F - model| on every arc over all systems with poles in a cell that may contain them.
 
@@ -145,11 +140,11 @@ def circle_over_poles(
     """
     circles: list[CircleBound] = []
     for number, item in enumerate(kept, start=1):
-        found = _of_cell(
-            problem, item.cell, model, omega, rtol, everywhere, executor, budget.share(1 / (len(kept) - number + 1))
-        )
+        mine = means.part(f"circle-{number}", 1 / (len(kept) - number + 1))
+        found = _of_cell(problem, item.cell, model, omega, rtol, everywhere, mine)
         circles += [] if found is None else [found]
-        budget.tell(number, len(kept))
+        if means.progress is not None:
+            means.progress("bounding the error between the frequencies", number, len(kept))
     if not circles:
         raise InconsistentDataError(
             "no system with poles in the pole-uncertainty box fits the data: every cell of it is refuted"
@@ -164,8 +159,7 @@ def _of_cell(
     omega: Real,
     rtol: float,
     everywhere: bool,
-    executor: Processes,
-    budget: Budget,
+    means: Means,
 ) -> CircleBound | None:
     """The bound over the systems of a cell; None where it is proved to have none."""
     relaxed = cell.relaxed(problem)
@@ -178,8 +172,11 @@ def _of_cell(
             " at once; bound it with more `cells`, or state a smaller box"
         )
     at = omega[np.unique(np.linspace(0, omega.size - 1, _FIRST).round().astype(int))]
-    error = worst_case_error(found, model=model, omega=at, directions=_DIRECTIONS, rtol=rtol, executor=executor)
-    circle = error.on_circle(rtol, everywhere=everywhere, executor=executor, time_limit=budget.seconds)
+    workers, folder = means.executor, means.resume
+    error = worst_case_error(
+        found, model=model, omega=at, directions=_DIRECTIONS, rtol=rtol, executor=workers, resume=folder
+    )
+    circle = error.on_circle(rtol, everywhere=everywhere, **means.options)
     slack = cell.slack_on(circle.edges[:-1], circle.edges[1:])
     return CircleBound(
         circle.edges,

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Progress, Real, Record, fingerprint, threads_for
+from robustid.core import Complex, Real, Record, exponents_of, fingerprint
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.functions import Box, pairs_of
-from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
+from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.pole_proofs import union_of
-from robustid.guarantees.sweep import Folder, Known, Processes
-from robustid.guarantees.value_set import by_frequency
+from robustid.guarantees.sweep import Known, Means
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MixedProblem, identify
@@ -21,18 +19,7 @@ from robustid.identification import Identification, MixedProblem, identify
 if TYPE_CHECKING:
     import control
 
-Polygons = WorstCaseError | WorstCaseOverPoles
-
 SAME = 1e-9  # relative distance up to which two frequencies are one
-
-
-class Spent(NamedTuple):
-    """Workers, receiver of progress, folder of finished frequencies and time of a refinement."""
-
-    executor: Processes
-    progress: Progress | None
-    resume: Folder | None
-    budget: Budget
 
 
 def polygons_of(
@@ -41,12 +28,12 @@ def polygons_of(
     model: control.StateSpace | None,
     omega: Real,
     known: Known,
-    spent: Spent,
-) -> Polygons:
-    """Polygons at frequencies, those first at which the known discs are loose; over the box where there is one."""
-    identification = thing if isinstance(thing, Identification) else identify(thing, time_limit=spent.budget.seconds)
-    how: Record = {"executor": spent.executor, "progress": spent.progress, "resume": spent.resume}
-    how |= {"model": model, "omega": omega, "time_limit": spent.budget.seconds, "known": known}
+    means: Means,
+) -> Bounded:
+    """Worst case at frequencies, those first at which the known discs are loose; over the box where there is one."""
+    limit = means.options["time_limit"]
+    identification = thing if isinstance(thing, Identification) else identify(thing, time_limit=limit)
+    how: Record = {"model": model, "omega": omega, "known": known, **means.options}
     if box is None:
         return worst_case_error(identification, **how)
     omega_interval, damping_interval, delay = _in_order(identification.problem, box)
@@ -59,7 +46,7 @@ def _in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:
         return *box, 0
     poles = problem.parametric.in_s().poles
     poles = poles[np.imag(poles) > 0]
-    sizes = np.abs(np.log(poles)) if problem.dt else np.abs(poles)
+    sizes = np.abs(exponents_of(poles, problem.dt))
     rank = np.argsort(np.argsort(sizes, kind="stable"), kind="stable")
     if rank.size != len(box[0]):  # refused, with its sentence, by what is asked for polygons
         rank = np.arange(len(box[0]))
@@ -94,33 +81,12 @@ def check_polygons(polygons: object, problem: MixedProblem, box: Box | None) -> 
             )
 
 
-def polygons_hold(polygons: Polygons, exact: bool = False) -> bool:
+def polygons_hold(polygons: Bounded, exact: bool = False) -> bool:
     """Evaluate every certificate of polygons again, and say whether they are of all entries at rising frequencies."""
-    omega = polygons.omega
-    if not omega.size or np.any(np.diff(omega) <= 0):
-        return False
-    if isinstance(polygons, WorstCaseOverPoles):
-        return polygons.verify(exact)
-    problem = polygons.identification.problem
-    wanted = independent_entries(problem.entries)
-    if any([one.entry for one in sets] != wanted for sets in by_frequency(polygons.values).values()):
-        return False
-    with threads_for(problem.coefficients):
-        return all(claim.verify(exact) for claim in polygons.claims())
+    return bool(polygons.omega.size and np.all(np.diff(polygons.omega) > 0)) and polygons.verify(exact)
 
 
-def bounds_of(polygons: Polygons, nominal: Complex) -> Real:
-    """Bounds of |F - nominal| at the frequencies of the polygons, (F, ny, nu): the farthest corner; over poles that of any cell."""
-    if isinstance(polygons, WorstCaseOverPoles):
-        return union_of(polygons.kept, nominal, polygons.omega)[0]
-    found = np.empty(nominal.shape)
-    for place in np.ndindex(*nominal.shape[1:]):
-        pairs = zip(polygons.of_entry(*place), nominal[:, *place].tolist(), strict=True)
-        found[:, *place] = [one.farthest(value)[0] for one, value in pairs]
-    return found
-
-
-def narrowed(found: Real, polygons: Polygons | None, omega: Real, nominal: Complex) -> Real:
+def narrowed(found: Real, polygons: Bounded | None, omega: Real, nominal: Complex) -> Real:
     """Bounds (F, ny, nu) of the errors of nominal values, or those of the polygons at exactly their frequencies, if smaller."""
     if polygons is None:
         return found
@@ -131,11 +97,11 @@ def narrowed(found: Real, polygons: Polygons | None, omega: Real, nominal: Compl
     values = np.zeros((polygons.omega.size, *nominal.shape[1:]), complex)
     values[at] = nominal[here]
     found = np.array(found)
-    found[here] = np.minimum(found[here], bounds_of(polygons, values)[at])
+    found[here] = np.minimum(found[here], union_of(polygons.kept, values, polygons.omega)[0][at])
     return found
 
 
-def narrowed_norm(found: Real, polygons: Polygons | None, omega: Real, model: control.StateSpace) -> Real:
+def narrowed_norm(found: Real, polygons: Bounded | None, omega: Real, model: control.StateSpace) -> Real:
     """Bounds (F,) of the largest singular value of F - model, or those that polygons of matrices have of it, if smaller."""
     if not isinstance(polygons, WorstCaseError) or model is None or polygons.identification.problem.entries.single:
         return found

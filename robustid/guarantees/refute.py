@@ -13,6 +13,7 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
 from robustid.guarantees.outputs import consistent_outputs
+from robustid.guarantees.value_set import SupportClaim
 from robustid.identification import Functional, Identification, MixedProblem, SupportCertificate
 
 Experiment = FrequencyResponse | TimeRecord
@@ -338,9 +339,8 @@ def _verify(identification: Identification, item: Experiment, judged: Judged) ->
         for plane in judged.proofs:
             if plane.place != place.number:
                 continue
-            certificate, functional = plane.certificate, place.functional(plane.normal)
-            holds = certificate.level >= 1 and certificate.value <= plane.value and abs(abs(plane.normal) - 1) < 1e-12
-            if not (holds and certificate.verify(functional, data.rows, data.sarason)):
+            about = place.functional(plane.normal), plane.value, plane.certificate, data.rows, data.sarason
+            if not (abs(abs(plane.normal) - 1) < 1e-12 and SupportClaim(f"sample {place.number}", *about).verify()):
                 return False
             proved[place.number] = max(proved[place.number], place.beyond(plane))
     return bool(np.all(judged.ratio <= proved))

@@ -15,13 +15,14 @@ from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
 from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.member import Bounded, Member, as_members
+from robustid.guarantees.member import Member, as_members
 from robustid.guarantees.nominal import as_nominal
-from robustid.guarantees.over_poles import WorstCaseOverPoles
+from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
+from robustid.guarantees.value_set import by_frequency
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MarginCertificate, MixedProblem
 
@@ -114,8 +115,6 @@ def _over_poles(band: WorstCaseOverPoles) -> Record:
         "box": _ends(band.box),
         "delay": band.box.delay,
         "omega": band.omega,
-        "upper": band.upper,
-        "magnitude": band.magnitude,
         "kept": tuple({"cell": _ends(item.cell), "values": pack_values(item.values)} for item in band.kept),
         "refuted": tuple({"cell": _ends(item.cell), "certificate": item.certificate} for item in band.refuted),
     }
@@ -127,27 +126,22 @@ def _make_over_poles(
     box: Ends,
     delay: int,
     omega: Real,
-    upper: Real,
-    magnitude: Real,
     kept: tuple[_Kept, ...],
     refuted: tuple[_Refuted, ...],
 ) -> WorstCaseOverPoles:
     problem, whole = identification.problem, box_of(identification, *box, as_count("delay", delay))
-    shape = omega.size, *problem.entries.shape
-    wanted = shape, ((shape[0], 2) if problem.entries.single else (*shape, 2))
-    if not kept or (upper.shape, magnitude.shape) != wanted:
-        raise ValueError("it keeps no cell, or its bounds are not those of its frequencies")
+    cells = tuple(
+        KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), _cell(whole, *item["cell"]))
+        for item in kept
+    )
+    if not cells or any(item.values and len(by_frequency(item.values)) != omega.size for item in cells):
+        raise ValueError("it keeps no cell, or one that is bounded at other frequencies than it")
     return WorstCaseOverPoles(
         identification=identification,
         model=_nominal(nominal, identification),
         omega=omega,
-        upper=upper,
-        magnitude=magnitude,
         box=whole,
-        kept=tuple(
-            KeptCell(_cell(whole, *item["cell"]), tuple(unpack_values(item["values"], problem.dt, problem.entries)))
-            for item in kept
-        ),
+        kept=cells,
         refuted=tuple(RefutedCell(_cell(whole, *item["cell"]), item["certificate"]) for item in refuted),
     )
 
@@ -219,17 +213,9 @@ def _amplitudes(found: Extraction) -> Arrays:
 
 
 def _contradiction(found: Contradiction) -> Record:
-    clash = found.clash
-    return {
-        "problem": found.problem,
-        "box": found.box,
-        "entry": clash.samples.entry,
-        "sample": clash.sample,
-        "base": clash.base,
-        "points": clash.points,
-        "multipliers": clash.multipliers,
-        "amplitudes": _amplitudes(clash.extraction),
-    }
+    proof = {name: getattr(found, name) for name in ("sample", "base", "points", "multipliers")}
+    about = {"problem": found.problem, "box": found.box, "entry": found.samples.entry}
+    return about | proof | {"amplitudes": _amplitudes(found.extraction)}
 
 
 def _make_contradiction(
@@ -273,7 +259,7 @@ def _make_family(
         raise ValueError("its members are not bounded at the same frequencies")
     model = _nominal(nominal, found[0].identification)
     family = Family(members=as_members(found), model=model, tried=tried, schedule=schedule, interval=interval)
-    family.__dict__["errors"] = tuple(m.result for m in found)
+    object.__setattr__(family, "errors", tuple(m.result for m in found))  # with the circle, where it has been bounded
     return family
 
 

@@ -12,7 +12,7 @@ import pickle
 import zipfile
 from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
     import control
 
 Processes = Executor | int | None  # over any executor, over so many processes of our own, or in this process
+Folder = str | os.PathLike[str]
 
 Asked = TypeVar("Asked", bound=Hashable)
 Found = TypeVar("Found")
 _log = logging.getLogger("robustid")
 Sets = tuple[ValueSet, ...]  # of the entries at one frequency
-Folder = str | os.PathLike[str]
 _WORDS = "bounding the error at every frequency"
 _LOOSE = 8.0  # radius of a known disc over the half-width of an ellipsoid inside the set, where it may be twice what can be proved
 _TOGETHER = 24  # frequencies whose widths are estimated at once, where each is a node of its own
@@ -83,6 +83,35 @@ def _unpacked(packed: bytes) -> ConsistentSet:
     return pickle.loads(packed)
 
 
+class Means(NamedTuple):
+    """Workers, receiver of progress, folder of what is finished, and time of a sweep."""
+
+    executor: Processes = None
+    progress: Progress | None = None
+    resume: Folder | None = None
+    budget: Budget | None = None
+
+    def part(self, name: str, share: float = 1.0, progress: Progress | None = None) -> Means:
+        """The same for a part of the work: a folder of its own, a share of the time that is left, and its own receiver."""
+        folder = None if self.resume is None else pathlib.Path(self.resume) / name
+        return Means(self.executor, progress, folder, None if self.budget is None else self.budget.share(share))
+
+    @property
+    def options(self) -> Options:
+        """The same as keywords of a public function."""
+        limit = None if self.budget is None else self.budget.seconds
+        return {"executor": self.executor, "progress": self.progress, "resume": self.resume, "time_limit": limit}
+
+
+class Options(TypedDict):
+    """Keywords of the public functions that sweep."""
+
+    executor: Processes
+    progress: Progress | None
+    resume: Folder | None
+    time_limit: float | None
+
+
 class Known(Protocol):
     """Discs that are known to hold the responses before a sweep, a `Band` for instance."""
 
@@ -101,18 +130,16 @@ def value_sets(
     omega: Real,
     directions: int,
     gap: float,
-    executor: Processes = None,
-    progress: Progress | None = None,
-    resume: Folder | None = None,
-    budget: Budget | None = None,
+    means: Means,
     model: control.StateSpace | None = None,
     known: Known | None = None,
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is told of them.
 
-    Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; `resume` holds
+    Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; a folder holds
     those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, one at least.
     """
+    executor, progress, resume, budget = means
     store = None if resume is None else _Store(resume, consistent, directions, gap)
     found = {} if store is None else store.load(omega.tolist())
     if found and progress is not None:

@@ -194,13 +194,18 @@ def uncertainty_weight(
     cells = Cells.read(edges, bound, float(plant.dt), plant)
     size = cells.bound if cells.bound.ndim == 1 else np.linalg.norm(cells.bound, 2, axis=(1, 2)) * (1 + 1e-12)
     cells = cells._replace(bound=_relative(plant, cells._replace(bound=size), kind))
-    if below is not None:
-        if kind == "additive" or cells.edges[0] == 0:
-            raise InputError("`below` serves the relative kinds, where `edges` start above 0; leave it out")
-        first = [as_positive("below", below)]
-        cells = Cells(*(np.concatenate(parts) for parts in zip(([0.0], [0.0], first), cells, strict=True)))
-    weight = magnitude_weight(cells.edges, cells.bound, dt=float(plant.dt), order=order, tightness=tightness)
+    edges, bound = from_zero(cells.edges, cells.bound, kind, below)
+    weight = magnitude_weight(edges, bound, dt=float(plant.dt), order=order, tightness=tightness)
     return dataclasses.replace(weight, kind=kind, nominal=plant)
+
+
+def from_zero(edges: Real, bound: Real, kind: str, below: float | None) -> tuple[Real, Real]:
+    """Edges and bound of a kind, with the bound `below` the first edge where it is given."""
+    if below is None:
+        return edges, bound
+    if kind == "additive" or edges[0] == 0:
+        raise InputError("`below` serves the relative kinds, where `edges` start above 0; leave it out")
+    return np.append(0.0, edges), np.append(as_positive("below", below), bound)
 
 
 def entry_weights(

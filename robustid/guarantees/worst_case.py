@@ -21,7 +21,7 @@ from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.parameters import parameter_intervals
 from robustid.guarantees.polygons import value_set
-from robustid.guarantees.sweep import Folder, Known, Processes, spread_order, value_sets
+from robustid.guarantees.sweep import Folder, Known, Means, Processes, spread_order, value_sets
 from robustid.guarantees.value_set import ValueSet, gap_of
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification
@@ -120,9 +120,10 @@ def worst_case_error(
     model = as_nominal(model, identification)
     grid = default_grid(identification.problem) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
-    budget = Budget(time_limit)
-    values = value_sets(consistent, grid, directions, gap, executor, progress, resume, budget, model, known)
-    intervals = parameter_intervals(consistent, None if identification.problem.entries.single else executor, budget)
+    means = Means(executor, progress, resume, Budget(time_limit))
+    values = value_sets(consistent, grid, directions, gap, means, model, known)
+    workers = None if identification.problem.entries.single else executor
+    intervals = parameter_intervals(consistent, workers, means.budget)
     return WorstCaseError(
         identification=identification,
         model=model,

@@ -6,38 +6,20 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import (
-    Budget,
-    Complex,
-    Frozen,
-    Progress,
-    Real,
-    Savable,
-    Source,
-    as_flag,
-    as_positive,
-    freeze,
-    threads_for,
-)
+from robustid.core import Real, Source, freeze, threads_for
 from robustid.errors import InputError, TimeLimitError
-from robustid.figures import Drawable
-from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, Remembered, refine, supported
+from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
-from robustid.guarantees.nominal import as_nominal
+from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
 from robustid.guarantees.pole_cells import has_single_pairs
-from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
-from robustid.guarantees.sweep import Folder, Processes
+from robustid.guarantees.pole_proofs import Cell
+from robustid.guarantees.sweep import Means, Processes
 from robustid.guarantees.value_set import Errors, SupportClaim, ValueSet, by_frequency, value_set_claims
-from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
-from robustid.identification import Identification, check_gain
-
-if TYPE_CHECKING:
-    import control
+from robustid.identification import Identification, MixedProblem
 
 _AT_ONCE = 10.0  # seconds of work, as estimated, that an attribute may take
 _COARSE_STEPS = 100  # Newton steps at a frequency of the circle, approximately
@@ -45,8 +27,8 @@ _SECONDS, _EACH = 2e-10, 0.01  # for a multiplication of a Newton step, and for 
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class WorstCaseError(Frozen, Drawable, Savable):
-    """Largest distance of all consistent systems from a model: proved from above, attained from below.
+class WorstCaseError(WorstCase):
+    """Largest distance of all consistent systems from a model, of poles as stated: proved from above, attained from below.
 
     The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
     the samples. Data can refute these, never prove them.
@@ -68,31 +50,25 @@ class WorstCaseError(Frozen, Drawable, Savable):
     """
 
     identification: Identification
-    model: control.StateSpace
+    omega: Real = dataclasses.field(init=False)
+    kept: tuple[Cell, ...] = dataclasses.field(init=False)
     values: tuple[ValueSet, ...]
     parameters: ParameterIntervals
     directions: int
     gap: float
     missing: Real = dataclasses.field(default_factory=lambda: np.zeros(0))
-    _circle: Remembered = dataclasses.field(init=False, default_factory=Remembered)
 
-    @functools.cached_property
-    def omega(self) -> Real:
-        """Frequencies, rad/s, (F,)."""
-        return freeze(np.array(list(self._sets_at)))
+    def __post_init__(self) -> None:
+        self._set(omega=freeze(np.array(list(by_frequency(self.values)))), kept=(Cell(self.values),))
 
-    @functools.cached_property
-    def nominal(self) -> Complex:
-        """Response of the model at them, (F,) complex; MIMO: (F, ny, nu)."""
-        return freeze(self.identification.problem.entries.as_given(self._nominal))
+    @property
+    def problem(self) -> MixedProblem:
+        """Statement that the systems are consistent with."""
+        return self.identification.problem
 
     @functools.cached_property
     def _sets_at(self) -> dict[float, tuple[ValueSet, ...]]:
         return by_frequency(self.values)
-
-    @functools.cached_property
-    def _nominal(self) -> Complex:
-        return self.identification.problem.plane.values_at(self.model, self.omega)
 
     @functools.cached_property
     def _errors(self) -> tuple[Errors, ...]:
@@ -104,21 +80,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
 
     def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
         """The sets of values of an entry at every frequency; of symmetric matrices of either one."""
-        symmetric = self.identification.problem.entries.symmetric
-        place = (min(output, input), max(output, input)) if symmetric else (output, input)
-        return tuple(one for one in self.values if one.entry == place)
-
-    def _of_entries(self, name: str) -> Real:
-        """A range that all value sets have, (F, ny, nu, 2); of SISO plants (F, 2)."""
-        places = list(np.ndindex(self._nominal.shape[1:]))
-        ranges = np.array([[getattr(one, name) for one in self.of_entry(*place)] for place in places])
-        ranges = ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
-        return freeze(self.identification.problem.entries.as_given(ranges))
-
-    @property
-    def upper(self) -> Real:
-        """Guaranteed bound of |F - model| over all consistent F, of every entry, (F, ny, nu)."""
-        return freeze(np.array([e.upper for e in self._errors]))
+        return self.kept[0].of_entry(output, input)
 
     @property
     def lower(self) -> Real:
@@ -140,14 +102,12 @@ class WorstCaseError(Frozen, Drawable, Savable):
         return freeze(np.array([e.sigma_lower for e in self._errors]))
 
     @property
-    def magnitude(self) -> Real:
-        """Guaranteed range of |F|, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
-        return self._of_entries("magnitude")
-
-    @property
     def phase(self) -> Real:
         """Guaranteed range of the phase in rad, (F, 2); MIMO: of every entry, (F, ny, nu, 2)."""
-        return self._of_entries("phase")
+        places = list(np.ndindex(self._nominal.shape[1:]))
+        ranges = np.array([[one.phase for one in self.of_entry(*place)] for place in places])
+        ranges = ranges.transpose(1, 0, 2).reshape(*self._nominal.shape, 2)
+        return freeze(self.problem.entries.as_given(ranges))
 
     @property
     def circle(self) -> CircleBound:
@@ -162,7 +122,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         if self.known_circle is not None:
             return self.known_circle
         most = int(_AT_ONCE / (_SECONDS * self.consistent_set.posed.work * _COARSE_STEPS + _EACH))
-        found = self._refined(most=most) if most else None
+        found = self._refined(0.05, False, Means(), most) if most else None
         if found is None or not found.converged:
             raise TimeLimitError(
                 "the bound on the whole circle takes more work than an attribute should: call"
@@ -171,31 +131,11 @@ class WorstCaseError(Frozen, Drawable, Savable):
         self._circle.take(found)
         return found
 
-    @property
-    def known_circle(self) -> CircleBound | None:
-        """The smallest bound on the circle that has been found so far; None as long as there is none."""
-        return self._circle.bound
-
     def with_circle(self, circle: CircleBound) -> WorstCaseError:
         """Return the same result with a bound on the circle that is known from elsewhere, a file for instance."""
         result = dataclasses.replace(self)
         result._circle.take(circle)
         return result
-
-    @property
-    def hinf(self) -> float:
-        """Guaranteed bound of the H-infinity norm of F - model (with an integrator: from the first line on); see `circle`."""
-        return self.circle.largest
-
-    @property
-    def certified(self) -> bool:
-        """Return whether every bound has its certificate and every certificate, evaluated anew, supports it."""
-        return self.verify()
-
-    def verify(self) -> bool:
-        """Evaluate all certificates again, from their numbers and those of the problem; no solver is involved."""
-        with threads_for(self.consistent_set.data.sarason.pair.order):
-            return all(claim.verify() for claim in self.claims()) and self.circle_supported
 
     def claims(self) -> Iterator[SupportClaim]:
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""
@@ -207,6 +147,11 @@ class WorstCaseError(Frozen, Drawable, Savable):
     def claim_count(self) -> int:
         """Number of `claims`."""
         return len(self.parameters.certificates) + sum(len(v.certificates) for v in self._sets())
+
+    @property
+    def supported(self) -> bool:
+        """Return whether the polygons are closed and of every entry and frequency, and give the bound on the circle."""
+        return self.kept[0].is_about(self.problem, self.omega) and self.circle_supported
 
     @property
     def circle_supported(self) -> bool:
@@ -223,65 +168,13 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """All consistent systems, as a convex set."""
         return consistent_set(self.identification)
 
-    def with_model(self, model: control.StateSpace) -> WorstCaseError:
-        """Return the same guarantees around another nominal; nothing is solved anew."""
-        return dataclasses.replace(self, model=as_nominal(model, self.identification))
-
     def completed(self, *, executor: Processes = None) -> WorstCaseError:
         """Return the result with the intervals of all parameters: itself, unless a time limit left some out."""
         if self.parameters.complete:
             return self
         return dataclasses.replace(self, parameters=parameter_intervals(self.consistent_set, executor))
 
-    def on_circle(
-        self,
-        rtol: float = 0.05,
-        *,
-        everywhere: bool = False,
-        executor: Processes = None,
-        progress: Progress | None = None,
-        resume: Folder | None = None,
-        time_limit: float | None = None,
-    ) -> CircleBound:
-        """Rigorous bound of |F - model| on the whole circle, by adaptive refinement; MIMO: of its singular values.
-
-        Between two frequencies |E| is at most the larger of its bounds there plus h^2/8 max|E''|, h the arc between them; arcs
-        that set the maximum are halved. For bounds of the second derivative see `Curvature`.
-
-        Parameters
-        ----------
-        rtol : float
-            Tolerance of the largest bound, relative to the largest error at a frequency.
-        everywhere : bool
-            Hold every arc to the tolerance, relative to the bounds at its own ends: for a weight that follows the error.
-        executor, progress, resume : optional
-            As in `worst_case_error`.
-        time_limit : float, optional
-            Seconds; then, and on Ctrl-C, the bound so far is returned: it holds, and says that it has not converged. A further
-            call goes on from there.
-
-        Returns
-        -------
-        CircleBound
-
-        Raises
-        ------
-        InputError
-            If a time limit has left parameters without intervals; see `completed`.
-        """
-        rtol, everywhere = as_positive("rtol", rtol), as_flag("everywhere", everywhere)
-        found = self._refined(rtol, everywhere, (executor, progress, resume), time_limit)
-        self._circle.take(found)  # for `hinf` and `save`, from now on
-        return found
-
-    def _refined(
-        self,
-        rtol: float = 0.05,
-        everywhere: bool = False,
-        means: tuple[Processes, Progress | None, Folder | None] = (None, None, None),
-        time_limit: float | None = None,
-        most: int = LARGEST,
-    ) -> CircleBound:
+    def _refined(self, rtol: float, everywhere: bool, means: Means, most: int = LARGEST) -> CircleBound:
         """The bound on the circle from what is known, of `most` frequencies at most."""
         if not self.parameters.complete:
             raise InputError(
@@ -289,52 +182,9 @@ class WorstCaseError(Frozen, Drawable, Savable):
                 " call on_circle of completed()"
             )
         consistent, settings = self.consistent_set, (self.directions, self.gap)
-        known, budget = (self.values, self.known_circle), Budget(time_limit)
+        known = self.values, self.known_circle
         with threads_for(consistent.data.sarason.pair.order):
-            return refine(
-                self._around, consistent, *known, settings, rtol, everywhere, means, budget, min(most, LARGEST)
-            )
-
-    def weight(
-        self,
-        *,
-        kind: str = "additive",
-        order: int | None = None,
-        below: float | None = None,
-        executor: Processes = None,
-        progress: Progress | None = None,
-        time_limit: float | None = None,
-    ) -> UncertaintyWeight:
-        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
-
-        See `uncertainty_weight` for the first three arguments; the bound is that of `on_circle`, held to 30 % everywhere, or as far
-        as it comes within `time_limit` seconds: W is above it all the same.
-        """
-        if not self.identification.problem.dt:
-            check_gain(self.identification.problem, "a weight up to infinity")
-        circle = self.on_circle(0.3, everywhere=True, executor=executor, progress=progress, time_limit=time_limit)
-        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
-
-    def robust_stability_margin(
-        self, controller: control.StateSpace, *, kind: str = "additive"
-    ) -> RobustStabilityMargin:
-        """`robust_stability_margin` of a controller for `model` against every consistent system.
-
-        From the bounds of `circle`; MIMO: those of the largest singular value and of the entries at the same time.
-
-        Parameters
-        ----------
-        controller : control.StateSpace
-            From the outputs to the inputs, ``u = -K y``.
-        kind : {"additive", "multiplicative", "input_multiplicative", "inverse"}
-
-        Raises
-        ------
-        TimeLimitError
-            As `circle`.
-        """
-        circle = self.circle
-        return margin_of_circle(self.model, controller, (circle.edges, circle.bound, circle.entries), kind)
+            return refine(self._around, consistent, *known, settings, rtol, everywhere, means, min(most, LARGEST))
 
     def worst(self, count: int = 5) -> list[tuple[float, float, float, Sample]]:
         """Frequencies with the largest bounds: (rad/s, upper, lower, the active constraint of largest dual weight).
@@ -343,7 +193,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
         """
         order: list[int] = np.argsort(-self.sigma_upper)[:count].tolist()
         samples = [
-            Sample(r.kind, r.index, at, which(self.identification.problem, r.entry))
+            Sample(r.kind, r.index, at, which(self.problem, r.entry))
             for r in self.identification.residuals
             for at in r.axis.tolist()
         ]
@@ -379,9 +229,9 @@ class WorstCaseError(Frozen, Drawable, Savable):
             f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
         ]
-        if not self.identification.problem.entries.single:
+        if not self.problem.entries.single:
             _, output, input = map(int, np.unravel_index(np.argmax(self.upper), self.upper.shape))
-            name = which(self.identification.problem, (output, input))
+            name = which(self.problem, (output, input))
             lines.append("norm       largest singular value of F - model, from the bounds of its entries and the class")
             lines.append(f"entry      at most {self.upper.max():.4g}{name}")
         for w, high, low, sample in self.worst():
@@ -393,7 +243,7 @@ class WorstCaseError(Frozen, Drawable, Savable):
             lines.append(
                 "warning    the poles were taken from these data, which leave them a pole-uncertainty box: this band does not cover"
                 " it, but that of worst_case_over_poles (robustid bounds --poles) does"
-                if has_single_pairs(self.identification.problem.parametric)
+                if has_single_pairs(self.problem.parametric)
                 else "warning    the poles were taken from these data and are a part of the class: others may follow them as well"
             )
         lines.append(

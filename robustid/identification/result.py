@@ -308,9 +308,9 @@ class Identification(Frozen, Drawable, Savable):
             + (f"dt = {problem.dt:g} s" if problem.dt else "continuous time"),
             *self._signal_lines,
             f"class      {self._class_words} in {prior.where}{prior.weight_words}"
-            + (f", {problem.functions} parametric functions" if self._own_functions else "")
+            + (f", {problem.functions} parametric functions" if problem.functions else "")
             + f", {self._intervals} of their coefficients with an interval"
-            * bool(self._own_functions and self._intervals),
+            * bool(problem.functions and self._intervals),
             *(
                 [f"form       {self.form}; the remainder moves no sample by more than {self.tail:.2g} bounds"]
                 * (not self.formulation.exact)
@@ -339,11 +339,6 @@ class Identification(Frozen, Drawable, Savable):
         if prior.physical:
             said = f"passivity with this {decay}: data can refute it, never prove it"
         return "\n".join([*lines, f"assumed    {said}"])
-
-    @property
-    def _own_functions(self) -> bool:
-        """Say whether there is a parametric part but for the constant of a positive-real class."""
-        return self.problem.functions > 0
 
     @property
     def _class_words(self) -> str:

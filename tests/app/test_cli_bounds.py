@@ -136,7 +136,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
     assert code == 0
     assert "these poles were given otherwise" in out
     assert not (files / "others-poles.npz").exists()
-    forge(files / "bounds-poles", lambda a: {"upper": 0.99 * a["upper"]})
+    forge(files / "bounds-poles", lambda a: {"omega": 0.99 * a["omega"]})
     code, out, _ = run("verify", "bounds-poles.json")
     assert code == 1
     assert "FAILED     bounds, from those of the cells" in out

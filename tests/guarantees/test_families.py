@@ -38,6 +38,16 @@ def test_every_true_member_is_inside_and_every_bound_certified(three):
     assert three.uppers.shape == (3, 5, 1, 1)
 
 
+def test_what_holds_of_the_family_is_the_union_over_its_members(three):
+    np.testing.assert_array_equal(three.upper, three.uppers.max(axis=0))
+    for name in ("lower", "sigma_upper", "sigma_lower"):
+        np.testing.assert_array_equal(getattr(three, name), np.max([getattr(e, name) for e in three.errors], axis=0))
+    ranges = np.array([e.magnitude for e in three.errors])
+    np.testing.assert_array_equal(three.magnitude, np.stack([ranges[..., 0].min(0), ranges[..., 1].max(0)], axis=1))
+    names = [claim.name for claim in three.claims()]
+    assert len(set(names)) == three.claim_count == sum(e.claim_count for e in three.errors)
+
+
 def test_the_union_is_that_of_the_polygons_around_any_nominal(three):
     other = control.ss([], [], [], 1.1, DT)
     for family in (three, three.with_model(other)):

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 
@@ -113,7 +114,13 @@ def test_the_bound_on_the_circle_holds_plants_with_poles_anywhere_in_the_box(lin
             assert np.all(np.abs(away) <= bound)
             inside += 1
     assert inside >= plants // 2
-    assert circle.lower <= circle.largest
+    assert circle.lower <= circle.largest == band.hinf
+    assert np.all(band.sigma_upper <= band.hinf)
+    assert np.all(band.lower == 0)  # systems of relaxed problems are none that were found
+    gain = control.ss([], [], [], 0.5 / band.hinf, 0.02)
+    edges, bound = band.cover()
+    alone = rid.guarantee.robust_stability_margin(band.model, gain, edges, bound)
+    assert band.robust_stability_margin(gain).margin == alone.margin
 
 
 def test_what_the_expansion_leaves_out_on_an_arc_is_the_largest_inside_it():

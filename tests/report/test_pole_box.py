@@ -64,7 +64,7 @@ def test_errors_beside_each_other_are_of_one_model(band, error):
 
 
 def test_one_frequency_and_none_beside_it_are_drawn(band, error):
-    one = dataclasses.replace(band, omega=band.omega[1:2], upper=band.upper[1:2], magnitude=band.magnitude[1:2])
+    one = dataclasses.replace(band, omega=band.omega[1:2], kept=tuple(cell.at(band.omega[1:2]) for cell in band.kept))
     page = Page(render_report(band.identification, over_poles=one, worst_case=error))
     assert "over_poles-0" in page.figures
     assert "At the fixed poles" not in page.text
@@ -72,11 +72,11 @@ def test_one_frequency_and_none_beside_it_are_drawn(band, error):
 
 
 def test_a_range_without_an_end_reaches_beyond_the_axis(band):
-    open_ = dataclasses.replace(
-        band,
-        upper=np.where(band.upper == band.upper[2], np.inf, band.upper),
-        magnitude=np.where(np.arange(4)[:, None] == 2, [0.0, np.inf], band.magnitude),
-    )
+    (kept,) = band.kept
+    damping = np.array([band.box.damping[0], [0.0005, 0.25]])  # of the mode at 17.6 Hz
+    wide = dataclasses.replace(kept, cell=dataclasses.replace(kept.cell, damping=damping))
+    open_ = dataclasses.replace(band, kept=(wide,))
+    assert np.isinf(open_.upper).ravel().tolist() == [False, False, True, False]
     magnitude, errors = pole_box_chart(open_).panels
     area = named(magnitude, WORDS)
     index = np.searchsorted(area.x, 17.6 * (1 - 1e-12))
@@ -86,12 +86,13 @@ def test_a_range_without_an_end_reaches_beyond_the_axis(band):
     assert np.isnan(named(errors, "error over the box").y).tolist() == [False, False, True, False]
     text = Page(render_report(band.identification, over_poles=open_)).text
     assert "The box is too wide: at 1 of the frequencies nothing is guaranteed (at 17.6 Hz)" in text
-    rest = at_most(np.delete(band.upper, 2).max())
+    rest = at_most(np.delete(open_.upper, 2).max())
     assert f"has a response within {rest} mm/N of the nominal model" in " ".join(text.split())
     assert "nothing is guaranteed at 1 of 4 frequencies, 17.6 Hz" in open_.summary()
-    assert f"within {np.delete(band.upper, 2).max():.4g} of the model at 3 of 4 frequencies" in open_.summary()
+    assert f"within {np.delete(open_.upper, 2).max():.4g} of the model at 3 of 4 frequencies" in open_.summary()
     assert "A frequency point near 17.6 Hz" in text
-    for one in (pole_box_chart(dataclasses.replace(open_, upper=np.full((4, 1, 1), np.inf))), pole_box_chart(open_)):
+    nothing = dataclasses.replace(band, kept=(dataclasses.replace(kept, values=()),))
+    for one in (pole_box_chart(nothing), pole_box_chart(open_)):
         assert all(np.isfinite(panel.y.range).all() for panel in one.panels)
 
 
@@ -131,7 +132,9 @@ def test_the_box_before_and_after_the_refuted_cells(band):
 def test_a_band_that_its_certificates_do_not_support_is_not_called_proved(band):
     page = Page(render_report(band.identification, over_poles=band))
     assert ("section", {"class": "verdict consistent", "id": "box-certificates"}) in page.tags
-    false = dataclasses.replace(band, upper=band.upper * 0.9)
+    (kept,) = band.kept
+    tighter = dataclasses.replace(kept.values[0], support=kept.values[0].support - 0.1 * band.upper[0, 0, 0])
+    false = dataclasses.replace(band, kept=(dataclasses.replace(kept, values=(tighter, *kept.values[1:])),))
     page = Page(render_report(band.identification, over_poles=false))
     assert ("section", {"class": "verdict failed", "id": "box-certificates"}) in page.tags
     assert "Not proved" in page.text

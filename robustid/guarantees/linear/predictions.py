@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, freeze, one_thread
+from robustid.core import Complex, Frozen, Real, Record, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.certificate import Chosen, Targets, centres, choose, radii
@@ -31,19 +31,20 @@ class Predictions(Frozen):
     points: NDArray[np.intp]  # (B, n)
     multipliers: Complex  # (B, n + T)
     own: NDArray[np.intp]  # (B,), number of the sample among the multipliers
-    y: Complex  # (B,), the samples
+    values: Complex  # (B,), the samples
     bound: Real  # (B,), their bounds, with what the series leave out
-    centre: Complex  # (B,); zero is in the disc about it if any system keeps all bounds, and the sample in that about centre + y
-    radius: Real  # (B,); of the disc that holds the sample it is radius - bound
+    centre: Complex  # (B,), of the disc that the others leave to the sample
+    radius: Real  # (B,)
 
     @property
-    def excess(self) -> Real:
-        """Above 1 no system keeps the bounds, (B,)."""
-        return np.abs(self.centre) / self.radius
+    def ratio(self) -> Real:
+        """|value - centre| over bound + radius, (B,): above 1 no system keeps the bounds."""
+        return np.abs(self.values - self.centre) / (self.bound + self.radius)
 
-    def proof(self, k: int) -> tuple[complex, NDArray[np.intp], Complex, int]:
+    def proof(self, k: int) -> Record:
         """Base, points, multipliers and the number of the sample of one of them."""
-        return complex(self.base[k]), self.points[k], self.multipliers[k], int(self.own[k])
+        parts = {"points": self.points[k], "multipliers": self.multipliers[k]}
+        return {"base": complex(self.base[k]), "sample": int(self.own[k]), **parts}
 
 
 def nothing(samples: Samples, base: Complex) -> Targets:
@@ -110,7 +111,8 @@ def _found(extraction: Extraction, base: Complex, points: NDArray[np.intp], own:
         discs = centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
         numbers.append((y, own_bound.real, *discs))
     y, bound, centre, radius = (np.concatenate(one) for one in zip(*numbers, strict=True))
-    return Predictions(base, points, multipliers, own, y, bound, centre, radius)
+    # Zero is in the disc about `centre` if any system keeps all bounds.
+    return Predictions(base, points, multipliers, own, y.astype(complex), bound, centre + y, radius - bound)
 
 
 def without(chosen: Chosen, base: Complex, own: NDArray[np.intp]) -> tuple[Chosen, Targets, NDArray[np.intp]]:
@@ -196,13 +198,12 @@ def check_samples(problem: MixedProblem) -> SampleCheck:
         own = _checked(samples)
         each = predicted_lines(extract(samples), own, FEW)
     none = np.zeros(0)
-    names = "y", "bound", "centre", "radius"
-    parts = [np.concatenate([none, *(getattr(one, name) for one in each)]) for name in names]
+    parts = ([none, *(getattr(one, name) for one in each)] for name in ("values", "bound", "centre", "radius"))
+    values, bound, centre, radius = (np.concatenate(one) for one in parts)
     angles = np.concatenate([none, *(samples.angles[one.points[:, 0]] for one in each)])
     order = np.argsort(angles, kind="stable")
-    y, bound, centre, radius = (one[order] for one in parts)
-    middle: Complex = np.asarray(centre + y, dtype=complex)
-    return SampleCheck(problem, problem.plane.omega(angles[order]), y.astype(complex), bound, middle, radius - bound)
+    sample = values[order].astype(complex), bound[order], centre[order].astype(complex), radius[order]
+    return SampleCheck(problem, problem.plane.omega(angles[order]), *sample)
 
 
 def _checked(samples: Samples) -> NDArray[np.intp]:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Real
 from robustid.guarantees.linear.amplitudes import Extraction, amplitude_targets
 from robustid.guarantees.linear.certificate import Amplitudes, Targets, targets_at
-from robustid.guarantees.linear.clash import Clash
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.predictions import nothing
 from robustid.guarantees.linear.samples import Samples
@@ -43,15 +42,14 @@ def holds_exactly(band: EntryBand) -> bool:
     return True
 
 
-def clashes_exactly(clash: Clash) -> bool:
+def contradicts_exactly(extraction: Extraction, base: complex, points: NDArray[np.intp], d: Complex) -> bool:
     """Say whether the discs of the amplitudes are proved, and zero is outside of that of a combination, all rounding enclosed."""
-    samples, extraction = clash.samples, clash.extraction
-    known, targets = extraction.known, nothing(samples, np.array([clash.base]))
+    samples, known = extraction.samples, extraction.known
     with ball_arithmetic() as flint:
         sums = Sums(flint, samples)
         if samples.amplitudes and not sums.amplitudes_proved(extraction, known):
             return False
-        numbers = targets, 0, clash.points, clash.multipliers, known
+        numbers = nothing(samples, np.array([base])), 0, points, d, known
         return bool(sums.distance(sums.centre(*numbers), 0j) > sums.radius(*numbers))
 
 
