@@ -61,11 +61,7 @@ def main():
     sampled = control.sample_system(plant, DT)
     cases = {
         "continuous": (plant, measured(plant(s), 1), lambda w: 1j * w),
-        "sampled at 200 Hz": (
-            sampled,
-            measured(sampled(np.exp(s * DT)), 1, dt=DT),
-            lambda w: np.exp(1j * w * DT),
-        ),
+        "sampled at 200 Hz": (sampled, measured(sampled(np.exp(s * DT)), 1, dt=DT), lambda w: np.exp(1j * w * DT)),
     }
     figure, panel = plt.subplots(figsize=(7, 4), layout="constrained")
     print(f"{'':>20}{'K':>8}{'margin':>8}{'order':>7}   largest error / bound, and bound / response, median")

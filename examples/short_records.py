@@ -33,10 +33,7 @@ class Machine(NamedTuple):
     bounded: int  # frequencies of the band; of a matrix each takes 20 s and more
 
 
-MACHINES = (
-    Machine("hair dryer", "hairdryer", None, 8),
-    Machine("arm of a CD player", "cdplayer", (1.1, 1.2), 0),
-)
+MACHINES = (Machine("hair dryer", "hairdryer", None, 8), Machine("arm of a CD player", "cdplayer", (1.1, 1.2), 0))
 
 
 def halves(record):

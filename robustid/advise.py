@@ -2,11 +2,4 @@
 
 from robustid.advice import improve_kautz, prior_weight, sensitivity, suggest_class, suggest_roll_off, suggest_scaling
 
-__all__ = [
-    "improve_kautz",
-    "prior_weight",
-    "sensitivity",
-    "suggest_class",
-    "suggest_roll_off",
-    "suggest_scaling",
-]
+__all__ = ["improve_kautz", "prior_weight", "sensitivity", "suggest_class", "suggest_roll_off", "suggest_scaling"]

@@ -3,8 +3,4 @@
 from robustid.bases import passive_modes
 from robustid.passivity import make_passive, reduce_passive
 
-__all__ = [
-    "make_passive",
-    "passive_modes",
-    "reduce_passive",
-]
+__all__ = ["make_passive", "passive_modes", "reduce_passive"]

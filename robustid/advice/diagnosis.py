@@ -79,6 +79,9 @@ class Diagnosis(Frozen):
 
     def summary(self) -> str:
         """Plain sentences, one change a line."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> list[str]:
         consistent = self.inflation <= 1
         head = (
             f"The data are consistent: the bounds could shrink to {self.inflation:.3g} times their size."
@@ -106,7 +109,13 @@ class Diagnosis(Frozen):
         if self.corrections and not self.passive:
             lines.append(_ASKS_LESS)
             lines += [] if consistent else [_NO_KNOWLEDGE]
-        return "\n".join([*lines, *self._last()])
+        return [*lines, *self._last()]
+
+    @property
+    def next_steps(self) -> list[str]:
+        """The likely cause and the change to make: the first and the last sentence of the summary."""
+        lines = self._lines()
+        return list(dict.fromkeys([lines[0], lines[-1]]))
 
     def _first(self) -> list[str]:
         """The most likely cause, and others."""

@@ -29,13 +29,7 @@ from robustid.core import (
 )
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, SolverError
-from robustid.identification import (
-    Claim,
-    Identification,
-    MixedProblem,
-    identify,
-    prove_margin,
-)
+from robustid.identification import Claim, Identification, MixedProblem, identify, prove_margin
 from robustid.identification.formulation import ConvexData, Formulation, formulate
 
 _log = logging.getLogger("robustid")

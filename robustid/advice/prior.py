@@ -342,11 +342,7 @@ def _rate_words(rate: float, problem: MixedProblem) -> str:
 
 
 def _recommend(
-    problem: MixedProblem,
-    rates: Real,
-    gains: Real,
-    errors: Real,
-    priors: tuple[Prior | None, ...],
+    problem: MixedProblem, rates: Real, gains: Real, errors: Real, priors: tuple[Prior | None, ...]
 ) -> tuple[Prior | None, str]:
     largest, floor = response_sizes(problem)
     cost = np.array([np.inf if p is None else p.slope for p in priors])

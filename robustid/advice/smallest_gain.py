@@ -32,10 +32,7 @@ _NEGLIGIBLE = 0.01  # a non-parametric part below this part of the smallest boun
 
 
 def smallest_gain(
-    problem: MixedProblem,
-    decay_rate: float,
-    whole: MixedProblem | None = None,
-    ceilings: tuple[float, ...] = CEILINGS,
+    problem: MixedProblem, decay_rate: float, whole: MixedProblem | None = None, ceilings: tuple[float, ...] = CEILINGS
 ) -> float:
     """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none.
 

@@ -25,17 +25,7 @@ from robustid.core.state_space import (
     series_at,
     simulate,
 )
-from robustid.core.storage import (
-    Savable,
-    keep,
-    load_saved,
-    part,
-    paths,
-    read_arrays,
-    save,
-    saved_kind,
-    written_by,
-)
+from robustid.core.storage import Savable, keep, load_saved, part, paths, read_arrays, save, saved_kind, written_by
 from robustid.core.threads import one_thread, threads_for
 from robustid.core.validation import (
     Signal,

@@ -163,11 +163,7 @@ def suggest_order(
 
 
 def _assembled(
-    frf: FrequencyResponse,
-    noise_known: bool,
-    singular_values: np.ndarray,
-    edge: float,
-    found: Found,
+    frf: FrequencyResponse, noise_known: bool, singular_values: np.ndarray, edge: float, found: Found
 ) -> OrderSweep:
     """The sweep of these fits."""
     fits, failures, withheld, interrupted = found

@@ -137,11 +137,7 @@ def _fits(names: str | tuple[str, ...], own: list[np.ndarray]) -> bool:
 
 
 def _state_space(
-    path: pathlib.Path,
-    numbers: _Numbers,
-    names: str,
-    dt: float | None,
-    texts: dict[str, list[str]] | None = None,
+    path: pathlib.Path, numbers: _Numbers, names: str, dt: float | None, texts: dict[str, list[str]] | None = None
 ) -> control.StateSpace:
     """The model of the matrices A, B, C and, optionally, D."""
     import control

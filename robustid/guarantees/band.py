@@ -13,13 +13,7 @@ from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.entry_band import (
-    EntryBand,
-    entry_band,
-    extraction_fits,
-    multipliers_fit,
-    quick_band,
-)
+from robustid.guarantees.linear.entry_band import EntryBand, entry_band, extraction_fits, multipliers_fit, quick_band
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid

@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import (
-    Budget,
-    Complex,
-    Progress,
-    Real,
-    Savable,
-    as_array,
-    as_flag,
-    as_kind,
-    freeze,
-    one_thread,
-)
+from robustid.core import Budget, Complex, Progress, Real, Savable, as_array, as_flag, as_kind, freeze, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound

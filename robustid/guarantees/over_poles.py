@@ -265,10 +265,5 @@ def worst_case_over_poles(
     means = Means(executor, progress, resume, budget)
     kept, grid = bounded(sets, grid, (directions, gap), means, model, known)
     return WorstCaseOverPoles(
-        identification=identification,
-        model=model,
-        omega=grid,
-        box=whole,
-        kept=kept,
-        refuted=tuple(refuted),
+        identification=identification, model=model, omega=grid, box=whole, kept=kept, refuted=tuple(refuted)
     )

@@ -179,10 +179,5 @@ def _of_cell(
     circle = error.on_circle(rtol, everywhere=everywhere, **means.options)
     slack = cell.slack_on(circle.edges[:-1], circle.edges[1:])
     return CircleBound(
-        circle.edges,
-        circle.bound + norm_of_bounds(slack),
-        circle.lower,
-        circle.converged,
-        (),
-        circle.entries + slack,
+        circle.edges, circle.bound + norm_of_bounds(slack), circle.lower, circle.converged, (), circle.entries + slack
     )

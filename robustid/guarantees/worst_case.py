@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import (
-    Budget,
-    Progress,
-    Real,
-    as_count,
-    as_kind,
-    as_positive,
-)
+from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid

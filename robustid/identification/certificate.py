@@ -278,11 +278,7 @@ def mismatched(
 
 
 def leaked(
-    samples: NDArray[np.complex128],
-    rows: Rows,
-    upper: float,
-    largest: float,
-    wanted: NDArray[np.float64] | float = 0.0,
+    samples: NDArray[np.complex128], rows: Rows, upper: float, largest: float, wanted: NDArray[np.float64] | float = 0.0
 ) -> float:
     """An upper bound of (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper.
 

@@ -16,14 +16,7 @@ from robustid.identification.certificate import MarginCertificate
 from robustid.identification.formulation.base import Family, Formulation
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.interpolant import FreeParameter
-from robustid.identification.model import (
-    Mode,
-    level_of,
-    modes_of,
-    nominal_model,
-    parametric_values,
-    residue_matrices,
-)
+from robustid.identification.model import Mode, level_of, modes_of, nominal_model, parametric_values, residue_matrices
 from robustid.identification.prior import Prior
 from robustid.identification.problem import MixedProblem
 from robustid.identification.residuals import Residual, entry_name

@@ -135,16 +135,8 @@ def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) 
             Check("largest |pole| of the non-parametric part", float(np.abs(poles).max(initial=0.0)), 1.0),
         ]
     return [
-        Check(
-            "model minus its own interpolation data, relative",
-            interpolation_error(formulation, point, model),
-            1e-9,
-        ),
-        Check(
-            problem.region.depth_name,
-            problem.region.depth(poles),
-            1.0,
-        ),
+        Check("model minus its own interpolation data, relative", interpolation_error(formulation, point, model), 1e-9),
+        Check(problem.region.depth_name, problem.region.depth(poles), 1.0),
     ]
 
 

@@ -60,12 +60,7 @@ def step(system: StateMatrices, popov: Popov, omega: Real, residual: Complex, we
     seen = int(np.sum(sizes > _SEEN * sizes[0]))
     changes = V[:seen].reshape(seen, *2 * (n + system.B.shape[1],)) / sizes[:seen, None, None]
     grid = _grid(omega, popov.marks)
-    family = _Changes(
-        U[:, :seen].T @ reduced[:, -1],
-        popov.values(grid),
-        changes,
-        _sides(system, grid / popov.unit),
-    )
+    family = _Changes(U[:, :seen].T @ reduced[:, -1], popov.values(grid), changes, _sides(system, grid / popov.unit))
     found = _inside(family, popov)
     if found is None:
         return None

@@ -39,13 +39,7 @@ Form = Callable[[StateMatrices], tuple[Real, Real, Real]]  # Q, S and R of an in
 
 
 def refined_proofs(
-    system: StateMatrices,
-    form: Form,
-    slack: Real,
-    gap: float,
-    exact: Equation,
-    S: Real,
-    unit: float,
+    system: StateMatrices, form: Form, slack: Real, gap: float, exact: Equation, S: Real, unit: float
 ) -> Iterator[tuple[Real, Real]]:
     """P and what is to be added to it, in the coordinates S, that may prove a bound. `system` is rounded, in these coordinates
     and the unit of frequency, `exact` as the proof means it, in those of the model; `form` gives Q, S and R of the inequality

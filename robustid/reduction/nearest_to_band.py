@@ -16,14 +16,7 @@ from robustid.identification import MixedProblem, largest_ratio
 from robustid.reduction.best_models import REFINED, BestModels, Found
 from robustid.reduction.between_points import resonances
 from robustid.reduction.pole_starts import statespace
-from robustid.reduction.sample_fits import (
-    Fit,
-    descended,
-    inside,
-    least_squares,
-    normal_functions,
-    numerators_levelled,
-)
+from robustid.reduction.sample_fits import Fit, descended, inside, least_squares, normal_functions, numerators_levelled
 from robustid.reduction.sample_map import with_lines
 
 if TYPE_CHECKING:

@@ -253,12 +253,7 @@ def _seen(samples: SampleMap, U: Real, ways: Moves) -> Moves:
 
 
 def descended(
-    samples: SampleMap,
-    fit: Fit,
-    radius: float,
-    steps: int = _STEPS,
-    held: Poles = _NONE,
-    budget: Budget = _UNLIMITED,
+    samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS, held: Poles = _NONE, budget: Budget = _UNLIMITED
 ) -> Fit:
     """Levenberg-Marquardt over the functions, the numerators at their best for all (variable projection)."""
     damping = 0.1

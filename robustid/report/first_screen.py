@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +36,7 @@ def glance(
     identification: Identification,
     margin: str,
     parts: Parts,
-    advice: str = "",
+    advice: Sequence[str] = (),
     *,
     drawn: bool = True,
     bounding: str = BOUND,
@@ -119,12 +120,11 @@ def _next(
     error: WorstCaseError | None,
     band: Band | None,
     contradicted: bool,
-    advice: str,
+    advice: Sequence[str],
     bounding: str,
 ) -> list[Text]:
     if identification.status is Status.INCONSISTENT:
-        lines = advice.splitlines()  # the likely cause, and at the end the change to make
-        return [Text(line) for line in dict.fromkeys([*lines[:1], *lines[-1:]])] or [
+        return [Text(line) for line in advice] or [
             Text("Find the cause: rid.diagnose(result) ranks what would help.", code=("rid.diagnose(result)",))
         ]
     if identification.status is not Status.CONSISTENT:

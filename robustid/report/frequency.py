@@ -9,16 +9,7 @@ import numpy as np
 from robustid.data import FrequencyResponse
 from robustid.identification import Identification, MixedProblem
 from robustid.report.assumptions import shared_words
-from robustid.report.charts import (
-    DATA,
-    FAINT,
-    Axis,
-    Chart,
-    Layer,
-    Panel,
-    lighter,
-    side_by_side,
-)
+from robustid.report.charts import DATA, FAINT, Axis, Chart, Layer, Panel, lighter, side_by_side
 from robustid.report.curves import half_angle, low_quantile, magnitude_range, next_to, phase_curves, with_gaps
 from robustid.report.document import Block, Drawing, Grid, Heading, Text
 from robustid.report.identified import (
@@ -107,11 +98,7 @@ class Curve(NamedTuple):
 
 
 def entry_chart(
-    identification: Posed,
-    entry: tuple[int, int],
-    omega: np.ndarray,
-    curves: list[Curve],
-    band: tuple[float, float],
+    identification: Posed, entry: tuple[int, int], omega: np.ndarray, curves: list[Curve], band: tuple[float, float]
 ) -> Chart:
     """Magnitude and phase of an entry: curves at `omega`, and every sample with its disc."""
     problem = identification.problem

@@ -45,7 +45,7 @@ def identification_page(identification: Identification, title: str | None, parts
         head=[*_verdicts(identification, parts), *_warnings(identification)],
         body=[
             *findings_section(findings),
-            *([Heading("What would help"), Code(diagnosis)] if diagnosis else []),
+            *([Heading("What would help"), Code(diagnosis.summary())] if diagnosis is not None else []),
             *withheld_section(withheld),
             Heading("Consistency margin"),
             Facts([("Proven interval", margin_interval(identification))]),
@@ -68,12 +68,8 @@ def identification_page(identification: Identification, title: str | None, parts
             *run_file_section(parts.get("run_file")),
         ],
         foot=_foot(identification),
-        # Of a run the diagnosis stands among its findings, the only one of several lines.
         glance=glance(
-            identification,
-            margin_interval(identification),
-            parts,
-            diagnosis or next((words for words in findings if "\n" in words), ""),
+            identification, margin_interval(identification), parts, [] if diagnosis is None else diagnosis.next_steps
         ),
     )
 
@@ -270,10 +266,8 @@ def _foot(identification: Identification) -> list[Text]:
 
 
 def findings_section(findings: Sequence[str]) -> list[Block]:
-    """Build the section of the findings; those with line breaks keep them."""
-    if not findings:
-        return []
-    return [Heading("What was found"), *(Code(words) if "\n" in words else Text(words) for words in findings)]
+    """Build the section of the findings."""
+    return [Heading("What was found"), *map(Text, findings)] if findings else []
 
 
 def run_file_section(run_file: str | None) -> list[Block]:

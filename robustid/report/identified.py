@@ -19,7 +19,7 @@ from robustid.report.words import HZ, matrix_unit_label, unit_label, units
 if TYPE_CHECKING:
     import control
 
-    from robustid.advice import Content, Sensitivity
+    from robustid.advice import Content, Diagnosis, Sensitivity
     from robustid.data import TimeRecord
     from robustid.fitting import OrderSweep
     from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
@@ -51,7 +51,7 @@ class Parts(TypedDict, total=False):
     withheld: Coverage | None
     content: Content | None
     worth: ModelWorth | None
-    diagnosis: str | None
+    diagnosis: Diagnosis | None
     run_file: str | None
     band: Band | None
 

@@ -74,10 +74,7 @@ def look_figure(
 
 
 def _figure(
-    posed: Posed,
-    panels: Sequence[Panel],
-    left_out: Sequence[FrequencyResponse],
-    withheld: Sequence[FrequencyResponse],
+    posed: Posed, panels: Sequence[Panel], left_out: Sequence[FrequencyResponse], withheld: Sequence[FrequencyResponse]
 ) -> Drawn:
     """Panels with the points that are not used, as plotly draws them."""
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4, choice=True)

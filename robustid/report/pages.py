@@ -105,8 +105,8 @@ def write_report(
         From `model_worth_having`: the small model beside the best least-squares fits, a verdict and a section.
     findings : sequence of str
         What can be said, in sentences, shown first; of `identify_reduced`. Not for a MatrixFraction.
-    diagnosis : str, optional
-        From `diagnose(identification).summary()`: its first lines stand on the first screen as the next step, all of it below.
+    diagnosis : Diagnosis, optional
+        From `diagnose(identification)`: cause and change stand on the first screen as the next step, all of it below.
     run_file : str, optional
         The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
     band : Band, optional

@@ -9,17 +9,7 @@ import numpy as np
 
 from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.report.charts import (
-    ALERT,
-    BAND,
-    FAINT,
-    FURTHER,
-    Axis,
-    Chart,
-    Layer,
-    Panel,
-    named,
-)
+from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, Axis, Chart, Layer, Panel, named
 from robustid.report.document import (
     Block,
     Column,
@@ -33,16 +23,7 @@ from robustid.report.document import (
     of_numbers,
 )
 from robustid.report.frequency import size_panel
-from robustid.report.identified import (
-    Bounded,
-    about,
-    bounded_model,
-    checked,
-    error_label,
-    in_unit,
-    model_size,
-    siso,
-)
+from robustid.report.identified import Bounded, about, bounded_model, checked, error_label, in_unit, model_size, siso
 from robustid.report.magnitude_phase import band_around, behind, error_range
 from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
 

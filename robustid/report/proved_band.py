@@ -13,29 +13,10 @@ from robustid.errors import InputError
 from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
-from robustid.report.charts import (
-    ALERT,
-    BAND,
-    FINE,
-    NOMINAL,
-    Chart,
-    Layer,
-    Panel,
-    lighter,
-    named,
-    side_by_side,
-)
+from robustid.report.charts import ALERT, BAND, FINE, NOMINAL, Chart, Layer, Panel, lighter, named, side_by_side
 from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict, proved
 from robustid.report.frequency import Curve, entry_chart, size_panel
-from robustid.report.identified import (
-    Posed,
-    about,
-    error_label,
-    in_unit,
-    model_size,
-    shown_band,
-    siso,
-)
+from robustid.report.identified import Posed, about, error_label, in_unit, model_size, shown_band, siso
 from robustid.report.magnitude_phase import behind, error_panel
 from robustid.report.words import HZ, at_hz, at_most, number
 
@@ -234,10 +215,7 @@ def centre_chart(band: Band) -> Chart:
         omega, centre, *_ = drawn_band(band, entry)
         name = "centre of the proved band"
         if band.model is not None:
-            name, centre = (
-                f"model, order {band.order}",
-                band.problem.plane.values_at(band.model, omega)[:, *entry],
-            )
+            name, centre = (f"model, order {band.order}", band.problem.plane.values_at(band.model, omega)[:, *entry])
         above = omega > 0  # a logarithmic axis has no 0
         curve = Curve(name, centre[above], NOMINAL, "solid")
         one = entry_chart(band, entry, omega[above], [curve], shown_band(band))

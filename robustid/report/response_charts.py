@@ -43,11 +43,7 @@ from robustid.report.magnitude_phase import MagnitudePhase, Ranged, phase_axis
 from robustid.report.words import HZ, matrix_unit_label, unit_label
 
 _SAME_STEP = 1e-6
-_LOOKS = {
-    "noise": (FURTHER[0], "dot"),
-    "response": (FURTHER[0], "dot"),
-    "distortion": (FURTHER[1], "dashdot"),
-}
+_LOOKS = {"noise": (FURTHER[0], "dot"), "response": (FURTHER[0], "dot"), "distortion": (FURTHER[1], "dashdot")}
 _FEW = 300  # points, up to which each gets a marker
 
 Records = TimeRecord | Sequence[TimeRecord] | None

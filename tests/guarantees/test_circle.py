@@ -29,8 +29,7 @@ TWENTY = [slow(seed, case, 10, 100_000) for case in CASES for seed in range(60, 
 
 
 @pytest.mark.parametrize(
-    ("seed", "case", "coefficients", "points"),
-    [(4, "parametric", 8, 20_000), slow(4, "mixed", 8, 20_000), *TWENTY],
+    ("seed", "case", "coefficients", "points"), [(4, "parametric", 8, 20_000), slow(4, "mixed", 8, 20_000), *TWENTY]
 )
 def test_no_system_exceeds_the_bound_on_the_circle(seed, case, coefficients, points):
     """Cell by cell: the truth, and central interpolants of extreme coefficients."""

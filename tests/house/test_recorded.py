@@ -19,8 +19,7 @@ LIMIT = 1e-6
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=() if one.quick else pytest.mark.slow) for name, one in recorded.PROBLEMS.items()],
+    "name", [pytest.param(name, marks=() if one.quick else pytest.mark.slow) for name, one in recorded.PROBLEMS.items()]
 )
 def test_a_recorded_problem_gives_the_same(name):
     assert recorded.failures(name, recorded.differences(name), LIMIT) == []

@@ -79,12 +79,14 @@ def test_the_default_page_is_packed_and_its_plots_have_words(consistent):
 
 def test_an_inconsistent_page_leads_on():
     result = rid.identify(problem(hz=17.3))
-    text = Page(render_report(result, diagnosis="Most likely cause: a mode at 17.67 Hz.\nAnother line.\nThird.")).text
-    first = text.split("Open all details")[0]
-    assert "Most likely cause: a mode at 17.67 Hz." in first
+    diagnosis = rid.diagnose(result)
+    text = Page(render_report(result, diagnosis=diagnosis)).text
+    first, lines = text.split("Open all details")[0], diagnosis.summary().splitlines()
     assert "What would help" in text
-    assert "Third." in first
-    assert "Another line." not in first
+    assert diagnosis.next_steps == [lines[0], lines[-1]]
+    assert all(line in first for line in diagnosis.next_steps)
+    assert lines[2] not in first
+    assert lines[2] in text
     assert "margin: factor on all bounds" in first
 
 

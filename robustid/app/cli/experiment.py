@@ -74,11 +74,7 @@ def excite(
     written_files.check_outputs([output], [], force)
     console = screen.console()
     with in_words(words_of(excite, band_hz="--band", path="--output")):
-        asked: dict[str, Any] = {
-            "band_hz": low_high("--band", band),
-            "period": period,
-            "spacing": spacing,
-        }
+        asked: dict[str, Any] = {"band_hz": low_high("--band", band), "period": period, "spacing": spacing}
         asked |= {"lines_per_decade": lines_per_decade, "inputs": inputs, "realisations": realisations}
         asked |= {"periods": periods, "amplitude": _one_or_all(amplitude), "rms": _one_or_all(rms)}
         with step(console, "choosing phases" + " for a small crest factor" * minimise_crest):
@@ -176,12 +172,7 @@ def frf(
     with in_words(words_of(frf, record="RECORD", path="--output")), step(console, words):
         try:
             found = estimate_frf(
-                records,
-                period=samples,
-                lines=index,
-                method=how.method,
-                probability=how.probability,
-                about=how.about,
+                records, period=samples, lines=index, method=how.method, probability=how.probability, about=how.about
             )
         except InputError as error:
             if "samples" not in error.remedy:

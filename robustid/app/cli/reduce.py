@@ -38,23 +38,19 @@ def reduce(
         float | None, typer.Option(help="Only the first part of the response counts. Needs --order.", metavar="SECONDS")
     ] = None,
     weight: Annotated[
-        Path | None,
-        typer.Option(help="A model (.npz or .mat) that weights the error at the outputs. Needs --order."),
+        Path | None, typer.Option(help="A model (.npz or .mat) that weights the error at the outputs. Needs --order.")
     ] = None,
     static_gain: Annotated[
         bool, typer.Option("--static-gain", help="Keep the gain at frequency zero exactly.")
     ] = False,
     keep_unstable: Annotated[bool, typer.Option(help="Keep unstable poles and integrators exactly.")] = False,
     time_limit: Annotated[
-        float | None,
-        typer.Option(help="Seconds after which the smallest order found so far is taken; so does Ctrl-C."),
+        float | None, typer.Option(help="Seconds after which the smallest order found so far is taken; so does Ctrl-C.")
     ] = None,
     output: Annotated[
         Path,
         typer.Option(
-            "--output",
-            "-o",
-            help="The reduced model: .npz, .mat, or .m, .json, .h, .sos, .zpk for other programs.",
+            "--output", "-o", help="The reduced model: .npz, .mat, or .m, .json, .h, .sos, .zpk for other programs."
         ),
     ] = Path("reduced.npz"),
     force: Force = False,

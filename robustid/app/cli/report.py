@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 def report(
     source: Annotated[Path, typer.Argument(help="A saved identification (NAME, NAME.npz or NAME.json).")],
     bounds: Annotated[
-        list[Path] | None,
-        typer.Option(help="Add what robustid bounds saved of it: NAME, and NAME-poles. Repeatable."),
+        list[Path] | None, typer.Option(help="Add what robustid bounds saved of it: NAME, and NAME-poles. Repeatable.")
     ] = None,
     steps: Annotated[
         int | None, typer.Option("--step", min=1, help="Add the guaranteed range of the step response over N samples.")

@@ -57,8 +57,7 @@ def run(
     static: Static = False,
     force: Annotated[bool, typer.Option("--force", help="Replace what an earlier run wrote there.")] = False,
     keys: Annotated[
-        bool,
-        typer.Option("--keys", callback=_show_keys, is_eager=True, help="List every key of a run file, and exit."),
+        bool, typer.Option("--keys", callback=_show_keys, is_eager=True, help="List every key of a run file, and exit.")
     ] = False,
 ) -> None:
     r"""Everything that a run file says: records, response, bounds, class, proof, small model, its error, report.
@@ -122,6 +121,8 @@ def run(
         )
     if isinstance(result, IdentifiedReduced):
         console.print(render_summary(result.identification, result.reduction))
+        if result.diagnosis is not None:
+            screen.say(console, "\n" + result.diagnosis.summary())
         status, identifications = result.identification.status, [result.identification]
     else:
         status, identifications = result.status, list(result.identifications.values())

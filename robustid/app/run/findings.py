@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.advice import Diagnosis
 from robustid.app.run.class_choice import SPARE
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
@@ -42,7 +41,7 @@ _REAL_POLES = (
 def sentences(work: Work) -> tuple[str, ...]:
     """Everything that can be said of a run: what refutes the class or the band first, then what was found."""
     run, result, left, small, said = work.run, work.identification, work.left, work.small, work.content
-    found = [*model_warnings(small, work.doubtful), *class_words(run, result, work.diagnosis)]
+    found = [*model_warnings(small, work.doubtful), *class_words(run, result)]
     if said is not None and said.empty:
         found.insert(0, said.summary())
     if work.band is not None:
@@ -74,8 +73,8 @@ def sentences(work: Work) -> tuple[str, ...]:
     return tuple(found)
 
 
-def class_words(run: RunFile, result: Identification, diagnosis: Diagnosis | None) -> list[str]:
-    """Sentences that say whether the data fit, and if not, what would help."""
+def class_words(run: RunFile, result: Identification) -> list[str]:
+    """Sentences that say whether the data fit, and if not, that nothing was done about it."""
     factor = run.identify.inflate
     about = [*result.problem.about, *(f"Fault of the data: {fault}." for fault in result.problem.data_faults)]
     wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
@@ -84,7 +83,6 @@ def class_words(run: RunFile, result: Identification, diagnosis: Diagnosis | Non
     needed = float(SPARE * result.margin * (factor if isinstance(factor, float) else 1.0))
     return [
         *about,
-        *([] if diagnosis is None else [diagnosis.summary()]),
         f"Nothing was widened{' further' if wider else ''}. To go on with wider bounds, state them: inflate = {needed:.4g}"
         f' (10 % more than this class needs) or inflate = "auto", in [identify]; every result then says so.',
     ]

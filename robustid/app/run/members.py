@@ -142,10 +142,7 @@ def _box_of(member: MemberChoice) -> Box | None:
 
 
 def _united(
-    run: RunFile,
-    found: dict[str, Identification],
-    left: dict[str, Untouched],
-    around: Surroundings,
+    run: RunFile, found: dict[str, Identification], left: dict[str, Untouched], around: Surroundings
 ) -> FamilyRun:
     """The family of the members, and what withheld data say of its band."""
     members = [
@@ -163,7 +160,9 @@ def _united(
     ]
     said: list[str] = []
     for name, one in found.items():
-        said += [f"{name}: {words}" for words in findings.class_words(run, one, diagnosis_of(one, around))]
+        diagnosis = diagnosis_of(one, around)
+        help = [] if diagnosis is None else [diagnosis.summary()]
+        said += [f"{name}: {words}" for words in [*findings.class_words(run, one), *help]]
     asked = run.worst_case
     bases = [one.problem.parametric for one in found.values()]
     poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))

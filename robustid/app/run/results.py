@@ -6,7 +6,7 @@ import dataclasses
 import os
 from typing import TYPE_CHECKING
 
-from robustid.advice import Content
+from robustid.advice import Content, Diagnosis
 from robustid.app.run.run_file import RunFile
 from robustid.core import Choice, Frozen, Savable
 from robustid.errors import Status
@@ -43,8 +43,9 @@ class IdentifiedReduced(Frozen):
         What the data that were kept out say of the band around the small model; None where there is no band or nothing was kept
         out.
     findings : tuple of str
-        What can be said, in sentences: the contradiction and what would resolve it, samples outside their bounds, the error of
-        the small model.
+        What can be said, in sentences: the contradiction, samples outside their bounds, the error of the small model.
+    diagnosis : Diagnosis or None
+        What would resolve the contradiction; None where there is none.
     run_file : RunFile
         Every choice, made explicit; `run_file.text()` as TOML.
     """
@@ -60,6 +61,7 @@ class IdentifiedReduced(Frozen):
     findings: tuple[str, ...]
     run_file: RunFile
     band: Band | None = None
+    diagnosis: Diagnosis | None = None
 
     @property
     def choices(self) -> dict[str, Choice]:
@@ -97,8 +99,9 @@ class IdentifiedReduced(Frozen):
         return f"<IdentifiedReduced: {said}, margin {found.margin:.6g}, order {self.reduction.order}>"
 
     def summary(self) -> str:
-        """The findings, then the identification, in plain text."""
-        return "\n".join([*self.findings, "", self.identification.summary()])
+        """The findings and what would help, then the identification, in plain text."""
+        help = [] if self.diagnosis is None else [self.diagnosis.summary()]
+        return "\n".join([*self.findings, *help, "", self.identification.summary()])
 
     def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
         """Write the page of everything, with the run file in it; see `write_report`."""
@@ -113,6 +116,7 @@ class IdentifiedReduced(Frozen):
             worst_case=self.error,
             over_poles=self.over_poles,
             findings=self.findings,
+            diagnosis=self.diagnosis,
             withheld=self.withheld,
             content=self.content,
             worth=self.worth,

@@ -73,6 +73,7 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
         over_poles=work.over_poles,
         band=work.band,
         findings=findings.sentences(work),
+        diagnosis=work.diagnosis,
         run_file=work.run,
     )
 

@@ -141,10 +141,7 @@ class Fit:
         flag="--quantity",
     )
     feedthrough: bool = key(
-        flag,
-        False,
-        help="The response may differ from 0 at infinity: accelerometers, no delay.",
-        flag="--feedthrough",
+        flag, False, help="The response may differ from 0 at infinity: accelerometers, no delay.", flag="--feedthrough"
     )
     time_limit: float | None = key(
         _positive,
@@ -275,10 +272,7 @@ class SmallModel:
         keyword="rigid_body",
     )
     time_limit: float | None = key(
-        _positive,
-        120.0,
-        help="Seconds after which the smallest order found so far is taken; so does Ctrl-C.",
-        unit="s",
+        _positive, 120.0, help="Seconds after which the smallest order found so far is taken; so does Ctrl-C.", unit="s"
     )
 
 

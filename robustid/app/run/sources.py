@@ -6,19 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
-from robustid.app.run.checks import (
-    Check,
-    Described,
-    either,
-    key,
-    listed,
-    number,
-    roles,
-    several,
-    table,
-    text,
-    whole,
-)
+from robustid.app.run.checks import Check, Described, either, key, listed, number, roles, several, table, text, whole
 from robustid.errors import InputError
 
 USES = ("response", "samples", "noise_floor")

@@ -83,7 +83,7 @@ class Work:
             "worst_case": self.error,
             "over_poles": self.over_poles,
             "band": self.band,
-            "diagnosis": None if self.diagnosis is None else self.diagnosis.summary(),
+            "diagnosis": self.diagnosis,
         }
 
 

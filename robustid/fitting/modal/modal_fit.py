@@ -80,12 +80,7 @@ def _refined(
 ) -> Refined:
     """End of the descent in this structure."""
     descend = functools.partial(
-        refine,
-        problem,
-        stable=settings.stable,
-        budget=settings.budget,
-        report=settings.progress,
-        outputs=outputs,
+        refine, problem, stable=settings.stable, budget=settings.budget, report=settings.progress, outputs=outputs
     )
     found = descend(start, limit=limit)
     if limit and settings.rounds and suspicious(problem, found.fitted.response, found.status):

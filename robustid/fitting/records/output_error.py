@@ -214,12 +214,7 @@ def _levels(posed: Experiments, outputs: Outputs, found: Refined, given: Real | 
 
 
 def _result(
-    posed: Experiments,
-    records: tuple[TimeRecord, ...],
-    outputs: Outputs,
-    found: Refined,
-    levels: Real,
-    delay: float,
+    posed: Experiments, records: tuple[TimeRecord, ...], outputs: Outputs, found: Refined, levels: Real, delay: float
 ) -> RecordFit:
     """The fit in the units of the data, with the states at the first samples."""
     fitted, nu = found.fitted, posed.unit.size
@@ -237,16 +232,7 @@ def _result(
         if not line.factor[0]:
             offsets[number] = residual[0, :, 0].real / math.sqrt(line.samples)
     return RecordFit(
-        records,
-        *plant,
-        tuple(states),
-        offsets,
-        1 / levels[:-1],
-        fitted.cost,
-        cost,
-        found.status,
-        found.history,
-        delay,
+        records, *plant, tuple(states), offsets, 1 / levels[:-1], fitted.cost, cost, found.status, found.history, delay
     )
 
 

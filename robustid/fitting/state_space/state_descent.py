@@ -224,11 +224,7 @@ def _further(problem: FractionProblem, data: Samples, found: Refined, settings: 
 
 
 def _seen_by_several(
-    problem: FractionProblem,
-    data: Samples,
-    start: BlockModel,
-    settings: Settings,
-    found: Refined,
+    problem: FractionProblem, data: Samples, start: BlockModel, settings: Settings, found: Refined
 ) -> tuple[Refined, float]:
     """The fit, or where single points decide modes between them, one whose modes are as wide as half the points' spacing. Such
     a mode may follow the noise of its point, and is free between the points; then the wider ones predict better what is
@@ -263,13 +259,7 @@ def _beyond(
     unstable = int(np.sum(np.abs(poles) >= 1 if problem.dt is not None else poles.real >= 0))
     inside = free.fitted.model.resolved(problem.xi, resolved)
     back = refine(
-        problem,
-        inside,
-        stable=True,
-        limit=_BEYOND,
-        resolved=resolved,
-        budget=settings.budget,
-        report=settings.progress,
+        problem, inside, stable=True, limit=_BEYOND, resolved=resolved, budget=settings.budget, report=settings.progress
     )
     if back.fitted.cost < found.fitted.cost:
         found = back._replace(history=found.history + back.history)

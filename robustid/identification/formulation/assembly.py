@@ -157,17 +157,7 @@ class Assembly:
         none, bound = np.zeros((used.size, 0)), record.bound.radius[used, output]
         return self._row(record.y[used, output], E, P, bound, np.zeros(used.size), none, tail, output)
 
-    def _row(
-        self,
-        y: Real,
-        E: Real,
-        P: Real,
-        bound: Real,
-        widen: Real,
-        free: Real,
-        tail: Real,
-        output: int,
-    ) -> Block:
+    def _row(self, y: Real, E: Real, P: Real, bound: Real, widen: Real, free: Real, tail: Real, output: int) -> Block:
         """Samples of one output: E (N, q, n) and P (N, q, m) of what each input does."""
         total, n, q = bound + widen, E.shape[2], self.entries.inputs
         E, P = E * self.scales[output][:, None], self._placed(P, output)
