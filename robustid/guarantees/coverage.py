@@ -258,14 +258,14 @@ class Coverage(Frozen):
                 " record is measured and not assumed."
             )
         factor, probability = self.next_record
-        count = len(self.names)
+        count, scores = len(self.names), ", ".join(f"{size:.3g}" for size in self.scores)
         if self.kind != "records":
             said.append(
                 f"These are {UNITS[self.kind][True]}: they say nothing of the next record, and no probability follows."
             )
         elif not self.exchangeable:
             said.append(
-                f"No probability follows: the {count} scores stand in the order of the records ({_listed(self.scores)}; by chance"
+                f"No probability follows: the {count} scores stand in the order of the records ({scores}; by chance"
                 f" with probability {self.in_order:.2g}): the plant or the setup drifts, and the next record will be farther"
                 " off. Measure in random order, or make the drift a condition of a family."
             )
@@ -398,7 +398,3 @@ def _found(wanted: Real, have: Real) -> tuple[NDArray[np.bool_], NDArray[np.intp
 def _percent(share: float) -> str:
     """A share in per cent that is 100 only where it is all."""
     return f"{100 * share:.4g}" if share in (0.0, 1.0) else f"{min(100 * share, 99.99):.4g}"
-
-
-def _listed(sizes: Real) -> str:
-    return ", ".join(f"{size:.3g}" for size in sizes)

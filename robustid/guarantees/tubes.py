@@ -166,8 +166,7 @@ class ResponseTube(Frozen, Drawable):
     def verify(self) -> bool:
         """Evaluate all certificates again, from their numbers and those of the problem; no solver's answer is involved."""
         ends = np.stack([-self.lower, self.upper], axis=1)
-        pairs = itertools.product(range(self.samples.size), (0, 1))
-        outputs = self._outputs
+        pairs, outputs = itertools.product(range(self.samples.size), (0, 1)), self._outputs
         return (
             len(self.certificates) == ends.size
             and all(
@@ -229,9 +228,8 @@ class ResponseTube(Frozen, Drawable):
     def _impulses(self) -> tuple[Real, Real, Real]:
         """Impulse responses: q'P - nominal (H,), the functions P_i (H, m) and the bound K rho^-k of |g_k| (H,)."""
         problem, count = self.identification.problem, self.u.size
-        known = -simulate(self.model, driven(np.eye(count, 1)[:, 0], self.entry, self.identification))[0][
-            :, self.entry[0]
-        ]
+        pulse = driven(np.eye(count, 1)[:, 0], self.entry, self.identification)
+        known = -simulate(self.model, pulse)[0][:, self.entry[0]]
         functions = np.zeros((count, 0)) if problem.parametric is None else problem.parametric.impulse(count)
         decay = self._gain * problem.prior.decay_rate ** -np.arange(count, dtype=float)
         return known + functions @ self._of_entry(self.identification.parameters), functions, decay
@@ -354,9 +352,8 @@ def response_tube(
     samples = as_samples(times, u.size, identification.problem.dt)
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
     outputs = consistent_outputs(identification, driven(u, at, identification))
-    samples, found = _bounded(
-        outputs, at[0], samples, gap, executor, Budget(time_limit, progress, "bounding the response")
-    )
+    budget = Budget(time_limit, progress, "bounding the response")
+    samples, found = _bounded(outputs, at[0], samples, gap, executor, budget)
     attained = np.array([[-low.attained, high.attained] for low, high in found])
     return ResponseTube(
         identification=identification,
