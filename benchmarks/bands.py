@@ -51,11 +51,11 @@ STEP = 0.5  # CPU s of a step of explore
 
 def explore_steps():
     """A step of explore: problem, samples against the others, band, picture; the first mode a little aside, and far away."""
-    from robustid.app.explore.worker import look
+    from robustid.app.explore.worker import glance
     from robustid.report import look_figure
 
     def step(session, choice):
-        found = look(session, choice)
+        found = glance(session, choice)
         look_figure(found.check, found.band)
         return found
 

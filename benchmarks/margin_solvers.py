@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
-from problems import random_problem
+from support.problems import random_problem
 
 import robustid as rid
 from robustid.identification.formulation import ExactFormulation
