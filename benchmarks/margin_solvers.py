@@ -13,11 +13,10 @@ import time
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests"))
-from support.problems import random_problem
-
 import robustid as rid
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver.cvxpy_backend import available_solvers
+from support.problems import random_problem
 
 
 def full_lmi(problem):
