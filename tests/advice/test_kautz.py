@@ -216,6 +216,39 @@ def test_of_two_modes_that_the_lines_do_not_tell_apart_one_is_left_to_the_gain_b
     assert np.isfinite(band.circle.largest)
 
 
+@pytest.mark.slow
+def test_the_truth_is_in_the_band_where_the_heavier_of_two_modes_was_left_to_the_gain_bound():
+    """Modes at about 1382 and 1446 Hz beside two strong ones, bounds of 15 %: K and rho as the program suggests them."""
+    dt, left_out = 1 / 6400, 0
+    omega, between = (2 * np.pi * np.arange(900, 1700, step) for step in (4.0, 1.0))
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        hz = np.array([990, 1382 * rng.uniform(0.995, 1.005), 1446 * rng.uniform(0.99, 1.01), 1680])
+        damping = np.array([0.012, rng.uniform(0.006, 0.012), rng.uniform(0.02, 0.05), 0.013])
+        poles = np.exp(2 * np.pi * hz * dt * (-damping + 1j * np.sqrt(1 - damping**2)))
+        size = np.array([1, rng.uniform(0.05, 0.3), rng.uniform(0.1, 0.5), 0.8]) * (1 - np.abs(poles))
+        residue = size * np.exp(2j * np.pi * rng.random(4))
+
+        def truth(omega, poles=poles, residue=residue):
+            z = np.exp(1j * omega * dt)[:, None]
+            return 0.3 + (residue / (z - poles) + residue.conj() / (z - poles.conj())).sum(axis=1)
+
+        bound = 0.15 * np.abs(truth(omega))
+        noise = bound * np.sqrt(rng.random(omega.size)) * np.exp(2j * np.pi * rng.random(omega.size))
+        found = suggest_kautz(frf := rid.FrequencyResponse(omega, truth(omega) + noise, bound=bound, dt=dt))
+        if "nothing bounds their amplitudes" not in found.reason:
+            continue
+        left_out += 1
+        problem = rid.MixedProblem(
+            frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.05), parametric=found.basis
+        )
+        prior = suggest_prior(problem).prior
+        problem = problem.with_prior(gain_bound=prior.gain_bound, decay_rate=prior.decay_rate)
+        centre, radius = rid.band(problem, box=found, knots=300).at(between)
+        assert np.all(np.abs(centre[:, 0, 0] - truth(between)) <= radius[:, 0, 0]), seed
+    assert left_out >= 5
+
+
 # --- poles over decades
 
 
