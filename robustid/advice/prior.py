@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,8 +32,6 @@ SAFETY = 2.0  # recommended gain bound over the smallest one
 _RATES = 9
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _FEW = 40  # frequency points (over the root of the entries) that stand for more of them
-_ROUNDS = 4  # times that the worst of the others join
-_ADDED = 8  # of them at a time
 _QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
 _FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
 _APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
@@ -153,8 +152,8 @@ def suggest_prior(
     Notes
     -----
     Of more than 50 frequency points (fewer for MIMO) about 40 stand for all: dense at the modes, a few everywhere. Where the
-    model with the recommended prior misses others by more than 1.5 bounds, the worst of them join, four times at most. The
-    gains then are lower ends; at the recommended decay rate it is that of all points.
+    model with the recommended prior misses others by more than 1.5 bounds, the worst of them join, until it misses none. The
+    gains then are lower ends, computed where the slope may be smallest; at the recommended decay rate it is that of all points.
     A prior from the data at hand is the weakest assumption that these data don't refute, widened by the safety factor;
     they can refute it, never prove it. Source: class of `inanc2001` section II-B; slope from the Schwarz-Pick lemma.
 
@@ -183,18 +182,19 @@ def suggest_prior(
     if rates is not None and (rates.size == 0 or rates[0] <= least):
         raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
     budget = Budget(time_limit, progress, "looking for a prior")
-    masks = representatives(problem)
+    masks, found = representatives(problem), None
     while True:
         part = problem if masks is None else selected(problem, masks)
         tried = _possible(part, _default_rates(problem)) if rates is None else rates
-        found = _suggested(problem, part, tried, criterion, budget)
+        before = None if criterion == "error" else found
+        found = _suggested(problem, part, tried, criterion, budget, before)
         if masks is None or found.prior is None or budget.over:
             return found
         if _lighter(problem, part, found.prior.rate) is problem:
             return found  # its gain is that of all points already
-        model = identify(dataclasses.replace(part, prior=found.prior)).model
+        model = identify(dataclasses.replace(part, prior=found.prior), time_limit=budget.seconds).model
         more = missed(problem, masks, model)
-        if more is None or sum(mask.sum() for mask in more) > found.points + _ADDED * _ROUNDS:
+        if more is None:
             return _of_all(problem, found, budget)
         masks = more
 
@@ -205,7 +205,7 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
         trial = problem.with_prior(gain_bound=prior.gain_bound, rate=prior.rate)
         if formulate(trial, accuracy=TAILS).work > _QUICK_WORK:
             return found
-        gain = smallest_gain(problem, prior.rate, problem, CEILINGS[:1])
+        gain = smallest_gain(problem, prior.rate, problem, CEILINGS[:1], budget)
         gains = np.where(found.decay_rates == prior.rate, gain, found.gains)
         if np.isinf(gain):
             gains[found.decay_rates > prior.rate] = np.inf
@@ -222,27 +222,74 @@ def representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
 
 
 def _suggested(
-    problem: MixedProblem, part: MixedProblem, rates: Real, criterion: str, budget: Budget
+    problem: MixedProblem,
+    part: MixedProblem,
+    rates: Real,
+    criterion: str,
+    budget: Budget,
+    before: PriorSuggestion | None,
 ) -> PriorSuggestion:
-    """The curve of the gains of a part of the data, and the prior at its knee."""
-    gains = np.full(rates.size, np.inf)
+    """The curve of the gains of a part of the data, and the prior at its knee; `before` of a part of that part."""
     # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
-    done, ceilings = 0, CEILINGS if part is problem else CEILINGS[:1]
-    with Interruptible(lambda: done > 0):
-        for k, rho in enumerate(rates):
-            gains[k] = smallest_gain(_lighter(problem, part, float(rho)), float(rho), problem, ceilings)
-            done = k + 1
-            budget.tell(done, rates.size)
-            _log.info("decay rate %.6g: smallest gain bound %.6g", rho, gains[k])
-            if np.isinf(gains[k]):
-                done = rates.size  # a larger rho makes the class smaller still
-            if done == rates.size or budget.over:
-                break
-    rates, gains = rates[:done], gains[:done]
+    ceilings = CEILINGS if part is problem else CEILINGS[:1]
+
+    def gain_at(rate: float) -> float:
+        gain = smallest_gain(_lighter(problem, part, rate), rate, problem, ceilings, budget)
+        _log.info("decay rate %.6g: smallest gain bound %.6g", rate, gain)
+        return gain
+
+    if before is None:
+        gains = _curve(rates, gain_at, budget)
+        rates = rates[: gains.size]
+    else:
+        gains = _at_knee(problem, rates, gain_at, before, budget)
     errors = np.full(rates.size, np.nan)
     if criterion == "error":
         errors = _guaranteed_errors(problem, _priors(problem, rates, gains))
     return _result(problem, rates, gains, errors, sum(f.omega.size for f in part.frequency))
+
+
+def _curve(rates: Real, gain_at: Callable[[float], float], budget: Budget) -> Real:
+    """The smallest gain at every decay rate, or the first ones where the time is over."""
+    gains, done = np.full(rates.size, np.inf), 0
+    with Interruptible(lambda: done > 0):
+        for k, rate in enumerate(rates.tolist()):
+            gains[k] = gain_at(rate)
+            done = k + 1
+            budget.tell(done, rates.size)
+            if np.isinf(gains[k]):
+                done = rates.size  # a larger rho makes the class smaller still
+            if done == rates.size or budget.over:
+                break
+    return gains[:done]
+
+
+def _at_knee(
+    problem: MixedProblem, rates: Real, gain_at: Callable[[float], float], before: PriorSuggestion, budget: Budget
+) -> Real:
+    """The smallest gain where the slope is smallest, and what it is not below at the other decay rates.
+
+    The gain rises with the decay rate and with the data, so that what one rate or fewer points ask for bounds the others from
+    below: first at the knee of fewer points, then where that bound of the slope is smallest, until the smallest was computed.
+    """
+    gains, known = np.maximum.accumulate(_not_below(before, rates)), np.zeros(rates.size, bool)
+    k = 0 if before.prior is None else int(np.argmin(np.abs(rates - before.prior.rate)))
+    with Interruptible():
+        while not budget.over:
+            gains[k], known[k] = gain_at(float(rates[k])), True
+            gains[k + 1 :] = np.maximum(gains[k + 1 :], gains[k] * (1 - DIGITS))
+            budget.tell(int(known.sum()), rates.size)
+            slopes = [np.inf if one is None else one.slope for one in _priors(problem, rates, gains)]
+            k = int(np.argmin(slopes))
+            if known[k] or np.isinf(slopes[k]):
+                break
+    return gains
+
+
+def _not_below(before: PriorSuggestion, rates: Real) -> Real:
+    """Gains of fewer points at the same decay rates, less what they may be too large by; 0 where there were none."""
+    gains = dict(zip(before.decay_rates.tolist(), (before.gains * (1 - DIGITS)).tolist(), strict=True))
+    return np.array([gains.get(rate, 0.0) for rate in rates.tolist()])
 
 
 def _lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProblem:

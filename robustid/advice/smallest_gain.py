@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, StateSpace, threads_for
+from robustid.core import Budget, Complex, Real, StateSpace, threads_for
 from robustid.data import FrequencyResponse, TangentialResponse
 from robustid.errors import SolverError
 from robustid.identification import MixedProblem, model_residuals
@@ -32,11 +32,16 @@ _NEGLIGIBLE = 0.01  # a non-parametric part below this part of the smallest boun
 
 
 def smallest_gain(
-    problem: MixedProblem, decay_rate: float, whole: MixedProblem | None = None, ceilings: tuple[float, ...] = CEILINGS
+    problem: MixedProblem,
+    decay_rate: float,
+    whole: MixedProblem | None = None,
+    ceilings: tuple[float, ...] = CEILINGS,
+    budget: Budget | None = None,
 ) -> float:
     """Smallest K, to 0.1 % from above, with which the data are consistent at one decay rate; inf where there is none.
 
     Gain bounds up to the `ceilings`, in units of the largest response (of a `whole` that the data are a part of), are tried.
+    Where the time is over: the smallest so far.
     """
     largest, smallest = response_sizes(problem if whole is None else whole)
     for ceiling in ceilings:
@@ -46,11 +51,11 @@ def smallest_gain(
         data, kappa = form.data, 1.0
         with threads_for(form.count):
             try:
-                center = analytic_center(data, 1.0)
+                center = analytic_center(data, 1.0, budget=budget)
             except SolverError:
                 continue
             for _, kappa, gap in gain_path(data, center, 1.0):
-                if gap <= DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest:
+                if gap <= DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest or (budget is not None and budget.over):
                     break
         return kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
     return np.inf

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice import suggest_prior
+from robustid.advice import prior, suggest_prior
 from robustid.advice.sensitivity import guaranteed
 from robustid.advice.smallest_gain import missed, selected, thinned
 from robustid.errors import InputTypeError, SizeError
@@ -214,3 +214,38 @@ def test_a_search_that_ran_out_of_time_or_was_interrupted_returns_what_is_there(
             raise KeyboardInterrupt
 
     assert suggest_prior(problem, progress=stop).decay_rates.size == 2
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope_asks_for(seed, monkeypatch):
+    # Gains that rise with the decay rate and with the points, in place of those of programs; the judge knows all of them.
+    rng, asked = np.random.default_rng(seed), []
+    frf = rid.FrequencyResponse(np.linspace(0.1, 3.0, 200), np.ones(200), bound=0.01, dt=1.0)
+    problem = rid.MixedProblem(frequency=frf, prior=ANY)
+    steps = rng.uniform(0, 1, (5, 9)) * rng.choice([0.02, 0.3, 3.0], (5, 9))
+    every = 0.1 * np.exp(np.cumsum(np.cumsum(steps, axis=1), axis=0))
+    rates = prior._default_rates(problem)
+
+    def gain(part, rate, *_):
+        asked.append((sum(f.omega.size for f in part.frequency), rate))
+        return float(every[(asked[-1][0] - first) // 8, int(np.argmin(np.abs(rates - rate)))])
+
+    def more(_, masks, __):
+        (mask,) = masks
+        return None if mask.sum() == first + 32 else (mask | (~mask & (np.cumsum(~mask) <= 8)),)
+
+    first = int(prior.representatives(problem)[0].sum())
+    monkeypatch.setattr(prior, "smallest_gain", gain)
+    monkeypatch.setattr(prior, "missed", more)
+    monkeypatch.setattr(prior, "_lighter", lambda whole, part, rate: part)
+    monkeypatch.setattr(prior, "_of_all", lambda problem, found, budget: found)
+    monkeypatch.setattr(prior, "identify", lambda *_, **__: problem)
+    monkeypatch.setattr(type(problem), "model", None, raising=False)
+    found = suggest_prior(problem)
+    last = every[(found.points - first) // 8]
+    slopes = [rid.Prior(gain_bound=found.safety * k, decay_rate=r).slope for k, r in zip(last, rates, strict=True)]
+    assert found.points == first + 32
+    assert found.prior.decay_rate == rates[int(np.argmin(slopes))]
+    assert found.prior.gain_bound == pytest.approx(found.safety * last[int(np.argmin(slopes))])
+    assert np.all(found.gains <= last * (1 + 1e-12))
+    assert len(asked) <= 45
