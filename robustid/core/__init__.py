@@ -7,7 +7,7 @@ from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
-from robustid.core.progress import Budget, Interruptible, Pace, Progress, pass_on, show_progress
+from robustid.core.progress import Budget, Interruptible, Pace, Progress, Stops, Unfinished, pass_on, show_progress
 from robustid.core.state_space import (
     Complex,
     Model,
@@ -65,6 +65,8 @@ __all__ = [
     "Source",
     "StateMatrices",
     "StateSpace",
+    "Stops",
+    "Unfinished",
     "Workers",
     "ZPlane",
     "as_array",

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from types import TracebackType
 
 from robustid.core.validation import as_function, as_positive
@@ -68,7 +71,8 @@ class Budget:
 class Interruptible:
     """Ctrl-C in a loop that returns the best so far: kept back where something is there, else raised.
 
-    Used in a `with` block around the loop; `interrupted` tells of it afterwards. A loop over loops that keep it back passes it on.
+    Used in a `with` block around the loop; `interrupted` tells of it afterwards, and `Stops` that listen do. A loop over loops
+    that keep it back passes it on.
 
     Parameters
     ----------
@@ -86,7 +90,59 @@ class Interruptible:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> bool:
         self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt) and self._there()
+        for one in _LISTENING.get() if self.interrupted else ():
+            one.interrupted = True
         return self.interrupted
+
+
+@dataclasses.dataclass(frozen=True)
+class Unfinished:
+    """Parts that a run has left out: steps whose time was over, which end with their best so far, or that Ctrl-C ended."""
+
+    steps: tuple[str, ...]
+    interrupted: bool
+
+    @property
+    def word(self) -> str:
+        """The reason in one word."""
+        return "Interrupted" if self.interrupted else "Unfinished"
+
+    @property
+    def sentence(self) -> str:
+        """The reason, and the way on."""
+        late = f"the time was over in: {'; '.join(self.steps)}" if self.steps else ""
+        if self.interrupted:
+            start = (
+                "Ctrl-C ended it before its end: what stands here was found by then, and holds"
+                + f"; {late}" * bool(late)
+            )
+            return f"{start}. Run it again, or go on from it with resume."
+        return f"What stands here holds, but {late}; each kept the best so far. A larger time_limit goes further."
+
+
+@dataclasses.dataclass(eq=False)
+class Stops:
+    """Record of what ended before its end: steps whose time was over, and whether a Ctrl-C was kept back while it listened."""
+
+    late: list[str] = dataclasses.field(default_factory=list[str])
+    interrupted: bool = False
+
+    @property
+    def unfinished(self) -> Unfinished | None:
+        """The steps that ended before their end; None where nothing did."""
+        return Unfinished(tuple(self.late), self.interrupted) if self.late or self.interrupted else None
+
+    @contextlib.contextmanager
+    def listening(self) -> Iterator[None]:
+        """Listen to loops that keep Ctrl-C back."""
+        before = _LISTENING.set((*_LISTENING.get(), self))
+        try:
+            yield
+        finally:
+            _LISTENING.reset(before)
+
+
+_LISTENING: ContextVar[tuple[Stops, ...]] = ContextVar("listening", default=())
 
 
 def pass_on(interrupted: bool) -> None:

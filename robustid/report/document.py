@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
+from robustid.core import Unfinished
 from robustid.identification import Check
 from robustid.report.charts import Chart
 from robustid.report.words import number
@@ -231,3 +232,8 @@ def certificates(count: int, hold: bool, id: str) -> Verdict:
     )
     otherwise = f"Not all of the {count} certificates support their bounds, evaluated again for this page."
     return proved(hold, sentence, f"{otherwise} Don’t rely on these numbers.", id)
+
+
+def unfinished_verdict(unfinished: Unfinished | None) -> list[Verdict]:
+    """The verdict on a run that ended before its end, which comes first; none on others."""
+    return [] if unfinished is None else [Verdict("undecided", unfinished.word, unfinished.sentence, id="unfinished")]

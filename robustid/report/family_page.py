@@ -39,6 +39,7 @@ from robustid.report.document import (
     Text,
     Verdict,
     certificates,
+    unfinished_verdict,
 )
 from robustid.report.identification_page import findings_section, run_file_section
 from robustid.report.identified import Bounded, Parts, transfer
@@ -66,7 +67,7 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
         ]
     return Document(
         title or heading("Family", problem.outputs, problem.inputs),
-        head=_verdicts(family, withheld),
+        head=[*unfinished_verdict(parts.get("unfinished")), *_verdicts(family, withheld)],
         body=not_guaranteed(
             [
                 *findings_section(parts.get("findings", ())),

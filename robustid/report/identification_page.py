@@ -12,7 +12,19 @@ from robustid.guarantees import Band
 from robustid.identification import Identification
 from robustid.report import words
 from robustid.report.assumptions import CAUTION, assumptions, assumptions_section, chosen, experiments, shared_words
-from robustid.report.document import Block, Code, Column, Document, Facts, Heading, Table, Text, Verdict, checks_table
+from robustid.report.document import (
+    Block,
+    Code,
+    Column,
+    Document,
+    Facts,
+    Heading,
+    Table,
+    Text,
+    Verdict,
+    checks_table,
+    unfinished_verdict,
+)
 from robustid.report.first_screen import glance
 from robustid.report.frequency import frequency_section
 from robustid.report.guarantee import guarantee_section
@@ -112,7 +124,8 @@ def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     others = [withheld_verdict(withheld)] if withheld is not None else []
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
-    first = others if withheld is not None and withheld.contradicted else []
+    first = unfinished_verdict(parts.get("unfinished"))
+    first = first + others if withheld is not None and withheld.contradicted else first
     first = first + said if content is not None and content.empty else first
     return [*first, own, *(verdict for verdict in others + said + model if verdict not in first)]
 

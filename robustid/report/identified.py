@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypedDict, cast
 
 import numpy as np
 
-from robustid.core import Complex, as_kind, fingerprint
+from robustid.core import Complex, Unfinished, as_kind, fingerprint
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import Sample, WorstCaseError, WorstCaseOverPoles
@@ -54,6 +54,7 @@ class Parts(TypedDict, total=False):
     diagnosis: Diagnosis | None
     run_file: str | None
     band: Band | None
+    unfinished: Unfinished | None
 
 
 class Posed(Protocol):

@@ -111,6 +111,8 @@ def write_report(
         The text of the run file that gives this result again, shown last. Not for a MatrixFraction.
     band : Band, optional
         From `band(identification, model=...)`: the guarantee that is proved at every frequency, shown first.
+    unfinished : Unfinished, optional
+        What Ctrl-C or the time limit of a run has left out: the first line.
 
     Raises
     ------
@@ -154,7 +156,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
     MatrixFraction: (fit_page, _OF_DATA[:2]),
     FrequencyResponse: (response_page, _OF_DATA[2:]),
-    Family: (family_page, ("findings", "withheld", "run_file")),
+    Family: (family_page, ("findings", "withheld", "run_file", "unfinished")),
 }
 
 

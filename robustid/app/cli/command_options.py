@@ -45,6 +45,10 @@ def only(*names: str) -> Only:
     return Only(names)
 
 
+class EndedEarly(Exception):
+    """End of a command whose results were written after a Ctrl-C that its loops kept back."""
+
+
 def opened(command: Callable[..., None]) -> Callable[..., None]:
     """Return the command as typer reads it: with options in place of sections; equal flags are one option."""
     hints = typing.get_type_hints(command, include_extras=True)
@@ -65,9 +69,19 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def called(**given: Any) -> None:
+        from robustid.core import Stops
+
         built = {name: _built(kind, fields, given) for name, (kind, fields) in parts.items()}
         shared = {title for _, fields in parts.values() for title, _ in fields.values()}
-        command(**{name: value for name, value in given.items() if name not in shared}, **built)
+        stops = Stops()
+        try:
+            with stops.listening():
+                command(**{name: value for name, value in given.items() if name not in shared}, **built)
+        except typer.Exit:
+            if not stops.interrupted:
+                raise
+        if stops.interrupted:
+            raise EndedEarly
 
     called.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
     called.__annotations__ = {name: parameter.annotation for name, parameter in parameters.items()}

@@ -135,6 +135,7 @@ def demo(
     Frequency points from 1 to 21 Hz and a step response, noise bounded by 0.03; modes at 9 Hz (well damped) and 17.67 Hz
     (damping ratio 0.004). The program finds the modes and the prior by itself.
     """
+    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import bounded, diagnosed, gridded, proved, reduced, refined
     from robustid.app.run.work import carry_out
 
@@ -144,7 +145,7 @@ def demo(
     page = folder / "report.html"
     hz = (0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50)
     with telling(console) as progress:
-        work = work_on([data.frequency], [data.time], progress)
+        work = work_on([data.frequency], [data.time], Surroundings(progress))
         work.run = work.run.changed("worst_case", at_hz=hz, directions=_SIDES)
         carry_out(work, [gridded, bounded, lambda work: _keep(work, folder), proved, reduced, diagnosed, refined])
     conclude(console, work, folder / "result", page, static=static, title="robustid demo")

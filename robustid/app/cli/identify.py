@@ -15,15 +15,15 @@ from robustid.app.cli.command_options import First, Force, Output, Report, Stati
 from robustid.app.cli.screen import say, telling
 from robustid.app.run.checks import too_large
 from robustid.app.run.class_settings import PriorChoice
-from robustid.app.run.settings import FrequencyPoints, General, Identify, Modes, SmallModel, Withheld
+from robustid.app.run.settings import FrequencyPoints, General, Identify, Modes, Withheld
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.work import Step, Work
-    from robustid.core import Progress
     from robustid.data import FrequencyResponse, TimeRecord
 
 
@@ -80,8 +80,10 @@ def identify(
     70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
+    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, proved, reduced, refined
     from robustid.app.run.work import carry_out
+    from robustid.core import Budget
 
     paths = [*(frequency or []), *(time or [])]
     if not paths:
@@ -98,8 +100,10 @@ def identify(
     changed: list[Step] = [lambda work: _apply(console, work)] if apply else []
     smaller: list[Step] = [reduced] if reduce else []
     with telling(console) as progress:
-        work = work_on(lines, samples, progress, modes=modes, prior=prior, identify=how)
-        carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
+        around = Surroundings(progress, budget=Budget(general.time_limit))
+        with around.stops.listening():
+            work = work_on(lines, samples, around, modes=modes, prior=prior, identify=how)
+            carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
     conclude(console, work, output, report, static=static)
     raise typer.Exit(screen.EXIT[work.identification.status])
 
@@ -152,24 +156,22 @@ def _pair(text: str, dt: float | None) -> tuple[float, float]:
 
 
 def work_on(
-    frequency: Sequence[FrequencyResponse], time: Sequence[TimeRecord], progress: Progress, **stated: Unpack[Stated]
+    frequency: Sequence[FrequencyResponse], time: Sequence[TimeRecord], around: Surroundings, **stated: Unpack[Stated]
 ) -> Work:
     """The identification of data as the sections of a run file state it, with all choices; nothing is kept out."""
     from robustid.app.run.measurements import Measured
     from robustid.app.run.modes import box_of_modes
     from robustid.app.run.posing import posed
     from robustid.app.run.run_file import RunFile
-    from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import identified
     from robustid.app.run.work import Work
 
-    around = Surroundings(progress)
-    asked = RunFile(withheld=Withheld(every=0), small_model=SmallModel(time_limit=None), **stated)
+    asked = RunFile(withheld=Withheld(every=0), **stated)
     with too_large(
         "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples"
     ):
         around.say("choosing modes and prior from the data")
-        run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), Surroundings(), reference=False)
+        run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), around, reference=False)
         result = identified(run, problem, around)
     return Work(run=run, identification=result, around=around, box=box_of_modes(run.modes))
 
@@ -186,6 +188,8 @@ def conclude(
     result.save(output)
     written_files.write_page(report, page)
     console.print(summary)
+    if (left_out := work.around.stops.unfinished) is not None:
+        screen.warn(console, f"{left_out.word}: {left_out.sentence}")
     if work.band is not None:
         say(console, work.band.summary())
     if work.diagnosis is not None:

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from robustid._version import __version__
-from robustid.app.cli.command_options import FLAGS, opened
+from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
 from robustid.app.cli.screen import console, plain
 from robustid.errors import RobustIdError, SolverError
 
@@ -36,6 +36,7 @@ MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}
 _INTERRUPTED = "interrupted before the results were written"
+_EARLY = "interrupted: what was found by then is written"
 
 
 def _command(name: str) -> Callable[..., None]:
@@ -112,6 +113,8 @@ def main() -> None:
         if stop.code == INTERRUPTED:  # typer's way to say Ctrl-C
             _end(_INTERRUPTED, INTERRUPTED)
         raise
+    except EndedEarly:
+        _end(_EARLY, INTERRUPTED)
     except KeyboardInterrupt:
         _end(_INTERRUPTED, INTERRUPTED)
     except RobustIdError as error:

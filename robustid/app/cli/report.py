@@ -47,7 +47,6 @@ def report(
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, reduced
-    from robustid.app.run.settings import SmallModel
     from robustid.app.run.work import Work
     from robustid.report import render_summary, write_report
 
@@ -55,9 +54,8 @@ def report(
     written_files.check_outputs([output], inputs, force)
     console = screen.console()
     result = load_result(source, "identification")
-    asked = RunFile(small_model=SmallModel(time_limit=None))
     with telling(console) as progress:
-        work = Work(run=asked, identification=result, around=Surroundings(progress))
+        work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
         _take_bounds(work, bounds or [])
         if reduce:
             reduced(work)

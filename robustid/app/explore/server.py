@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import json
 import logging
@@ -16,7 +17,6 @@ from robustid.app.explore.layout import layout
 from robustid.app.explore.quantities import quantities
 from robustid.app.explore.session import Session
 from robustid.app.explore.worker import Worker
-from robustid.core import Interruptible
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def _listening(port: int) -> socket.socket:
 def serve(session: Session, title: str, port: int, ready: Callable[[str], None]) -> None:
     """Serve the page until Ctrl-C; `ready` is told its address."""
     server = Server(session, title, port)
-    with Interruptible():
+    with contextlib.suppress(KeyboardInterrupt):  # its usual end
         try:
             ready(server.address)
             server.serve()

@@ -38,6 +38,7 @@ DOUBLED = (
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
 _LARGE = 100.0  # times the largest response: one that holds whatever does not contradict itself
 SPARE = 1.1  # beyond the smallest inflation of the bounds
+_PRIOR = 0.3  # of the time that is left
 _HALF = 0.5  # of the fastest decay that the data allow
 
 
@@ -130,8 +131,8 @@ def with_prior(
             return run, problem
         problem, words = _with_roll_off(problem, around)
         return _with_choice(run, problem.prior, Source.PROGRAM, words), problem
-    around.say("looking for a prior")
     if (kind := run.prior.passive) is not None:
+        around.say("looking for a prior")
         prior, words = _chosen_decay(problem, kind, run.prior.slack)
         return _with_choice(run, prior, Source.DATA, words), dataclasses.replace(problem, prior=prior)
     chosen = run.modes
@@ -204,13 +205,15 @@ def _suggested(
 
     A non-parametric part that may be larger than the typical response says little; much better is half the gain bound.
     """
-    found = suggest_prior(problem, progress=around.told)
+    with around.step("looking for a prior", _PRIOR) as limit:
+        found = suggest_prior(problem, time_limit=limit, progress=around.told)
     something = _says_something(problem, found)
     if twice is None or (something and _gain(found) <= found.safety * _typical_size(problem)):
         return problem, found, False
     wider = dataclasses.replace(problem, parametric=twice)
     try:
-        other = suggest_prior(wider, progress=around.told)
+        with around.step("looking for a prior with each pair twice", _PRIOR) as limit:
+            other = suggest_prior(wider, time_limit=limit, progress=around.told)
     except InputError:  # functions that the samples can't tell apart
         return problem, found, False
     better = _says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))

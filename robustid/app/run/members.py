@@ -172,29 +172,45 @@ def _united(
     around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
     how: dict[str, Any] = asked.arguments | {"order": run.family.order}
-    spread = around.counted("bounding the members at every frequency")
+    words = "bounding the members at every frequency"
+    spread = around.counted(words)
     how |= {"omega": omega, "schedule": run.family.schedule, "interval": run.family.interval}
     try:
-        try:
-            one = family(members, **how, **spread)
-        except InputError as error:
-            if not asked.over_poles:
-                raise
-            said.insert(0, f"{_AS_STATED} ({error}).")
-            one = family([dataclasses.replace(m, poles=None) for m in members], **how, **spread)
+        with around.step(words, stated=asked.time_limit) as limit:
+            try:
+                one = family(members, time_limit=limit, **how, **spread)
+            except InputError as error:
+                if not asked.over_poles:
+                    raise
+                said.insert(0, f"{_AS_STATED} ({error}).")
+                left_of = around.budget.seconds
+                one = family([dataclasses.replace(m, poles=None) for m in members], time_limit=left_of, **how, **spread)
     except InconsistentDataError as error:
-        words = (*said, str(error))
-        return FamilyRun(identifications=found, family=None, withheld={}, findings=words, run_file=run)
+        return FamilyRun(
+            identifications=found,
+            family=None,
+            withheld={},
+            findings=(*said, str(error)),
+            run_file=run,
+            unfinished=around.stops.unfinished,
+        )
     if asked.circle:
         spread = around.counted("bounding the members between the frequencies")
         one.on_circle(asked.rtol, executor=spread["executor"], progress=spread["progress"])
     if one.omega.size < omega.size:
         said.append(
-            f"The time limit of {asked.time_limit:g} s ended the sweep: {one.omega.size} of {omega.size} frequencies are bounded"
-            " for all members, nothing is said of the others."
+            f"The time limit ended the sweep: {one.omega.size} of {omega.size} frequencies are bounded for all members, nothing is"
+            " said of the others."
         )
     seen = {name: c for name, mine in left.items() if (c := compared(one, mine.withheld, mine.kind)) is not None}
     judged = [f"{name}: {words}" for name, c in seen.items() for words in c.sentences]
     bad = any(c.contradicted for c in seen.values())
-    words = (*judged, *said) if bad else (*said, *judged)
-    return FamilyRun(identifications=found, family=one, withheld=seen, findings=(*words, *one.not_known), run_file=run)
+    found_of = (*judged, *said) if bad else (*said, *judged)
+    return FamilyRun(
+        identifications=found,
+        family=one,
+        withheld=seen,
+        findings=(*found_of, *one.not_known),
+        run_file=run,
+        unfinished=around.stops.unfinished,
+    )

@@ -20,12 +20,12 @@ from robustid.app.run.members import run_members
 from robustid.app.run.modes import stated_modes
 from robustid.app.run.reading import Data
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
-from robustid.app.run.run_file import read_run_file
+from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.app.run.run_folder import RunFolder, Surroundings
 from robustid.app.run.sequence import from_data, from_problem
-from robustid.app.run.settings import SECTIONS
+from robustid.app.run.settings import SECTIONS, General
 from robustid.app.run.toml import is_array
-from robustid.core import Progress, as_flag, as_function, one_thread
+from robustid.core import Budget, Progress, as_flag, as_function, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting import MatrixFraction, ModeRow, RecordFit
@@ -37,7 +37,7 @@ __all__ = ["IdentifiedReduced", "identify_reduced", "run"]
 # The options of a run file that are arguments of `identify_reduced` too: their section, their key there, their description.
 _KEYWORDS = {
     option.keyword: (section, field, option)
-    for section, kind in SECTIONS.items()
+    for section, kind in {"": General, **SECTIONS}.items()
     for field, option in options(kind)
     if option.keyword
 }
@@ -63,15 +63,16 @@ def _described(name: str, kind: str | type, default: object, option: Option) -> 
     return f"    {name} : {kind}, default {default!r}\n{textwrap.indent(textwrap.fill(text, 120), 8 * ' ')}\n"
 
 
-def _stated(given: Mapping[str, object]) -> dict[str, dict[str, object]]:
+def _stated(given: Mapping[str, object]) -> dict[str, Any]:
     """Arguments by section and key of the run file, checked under their own name."""
     _, *known = inspect.signature(identify_reduced).parameters
     refuse_unknown(given, known, "identify_reduced", "argument", InputTypeError)
-    content: dict[str, dict[str, object]] = {section: {} for section in SECTIONS}
+    content: dict[str, Any] = {section: {} for section in SECTIONS}
     for name, value in given.items():
         section, field, option = _KEYWORDS[name]
         if value is not None or field.default is not None:
-            content[section][field.name] = option.check(f"`{name}`", value)
+            place = content[section] if section else content
+            place[field.name] = option.check(f"`{name}`", value)
     return content
 
 
@@ -140,9 +141,11 @@ def identify_reduced(
     if prior is not None:
         content["prior"] = prior_keys(prior)
     asked = read_run_file(content, "identify_reduced", sources=False)
-    around = Surroundings(as_function("progress", progress), executor=executor)
+    told, budget = as_function("progress", progress), Budget(asked.time_limit)
+    around = Surroundings(told, executor=executor, budget=budget)
     if not isinstance(data, MixedProblem):
-        return from_data(asked, _as_measured(data), around)
+        with around.stops.listening():
+            return from_data(asked, _as_measured(data), around)
     own = asked.modes
     given = {
         "modes": modes,
@@ -153,7 +156,8 @@ def identify_reduced(
     }
     if named := [name for name, value in given.items() if value is not None]:
         raise InputError(f"`{named[0]}` is part of the problem already; change it there, or give the data alone")
-    return from_problem(asked, data, around)
+    with around.stops.listening():
+        return from_problem(asked, data, around)
 
 
 def _as_measured(data: object) -> Measured:
@@ -230,23 +234,30 @@ def run(
     asked = read_run_file(path)
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume, static)
-    around = Surroundings(as_function("progress", progress), kept, executor)
+    told, budget = as_function("progress", progress), Budget(asked.time_limit)
+    around = Surroundings(told, kept, executor, budget=budget)
+    around.say(f"{asked.time_limit:g} s for all of it (time_limit)")
+    with around.stops.listening():
+        result = _result(asked, path, folder, kept, around, force)
+    around.say("writing the report")
+    kept.finish(result)
+    return result
+
+
+def _result(
+    asked: RunFile, path: Path, folder: Path, kept: RunFolder, around: Surroundings, force: bool
+) -> IdentifiedReduced | FamilyRun:
+    """The result of a run file, of one plant or of members; its folder is opened once the data are read."""
     moved = asked.moved(path.parent, folder)
     before = kept.asked(moved)
     if asked.members:
         kept.open(force)
-        result = run_members(before or moved, folder, around)
-    else:
-        place, stated = (path.parent, asked) if before is None else (folder, before)
-        stated, data = measured(stated, place, around)
-        kept.open(force)
-        with too_large(
-            "band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"
-        ):
-            result = from_data(stated.moved(place, folder), data, around)
-    around.say("writing the report")
-    kept.finish(result)
-    return result
+        return run_members(before or moved, folder, around)
+    place, stated = (path.parent, asked) if before is None else (folder, before)
+    stated, data = measured(stated, place, around)
+    kept.open(force)
+    with too_large("band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"):
+        return from_data(stated.moved(place, folder), data, around)
 
 
 def _check_folder(path: Path, folder: Path, resume: bool, force: bool) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from robustid.advice import Content, Diagnosis
 from robustid.app.run.run_file import RunFile
-from robustid.core import Choice, Frozen, Savable
+from robustid.core import Choice, Frozen, Savable, Unfinished
 from robustid.errors import Status
 from robustid.guarantees import Band, Coverage, Family, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
@@ -48,6 +48,8 @@ class IdentifiedReduced(Frozen):
         What would resolve the contradiction; None where there is none.
     run_file : RunFile
         Every choice, made explicit; `run_file.text()` as TOML.
+    unfinished : Unfinished or None
+        What Ctrl-C or the time limit has left out.
     """
 
     identification: Identification
@@ -62,6 +64,7 @@ class IdentifiedReduced(Frozen):
     run_file: RunFile
     band: Band | None = None
     diagnosis: Diagnosis | None = None
+    unfinished: Unfinished | None = None
 
     @property
     def choices(self) -> dict[str, Choice]:
@@ -99,9 +102,9 @@ class IdentifiedReduced(Frozen):
         return f"<IdentifiedReduced: {said}, margin {found.margin:.6g}, order {self.reduction.order}>"
 
     def summary(self) -> str:
-        """The findings and what would help, then the identification, in plain text."""
+        """The omissions, the findings and what would help, then the identification, in plain text."""
         help = [] if self.diagnosis is None else [self.diagnosis.summary()]
-        return "\n".join([*self.findings, *help, "", self.identification.summary()])
+        return "\n".join([*unfinished_words(self.unfinished), *self.findings, *help, "", self.identification.summary()])
 
     def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
         """Write the page of everything, with the run file in it; see `write_report`."""
@@ -122,6 +125,7 @@ class IdentifiedReduced(Frozen):
             worth=self.worth,
             run_file=self.run_file.text(),
             band=self.band,
+            unfinished=self.unfinished,
         )
 
 
@@ -139,6 +143,8 @@ class FamilyRun(Frozen):
         What the data of a member that were kept out say of the band of the family.
     findings : tuple of str
     run_file : RunFile
+    unfinished : Unfinished or None
+        What Ctrl-C or the time limit has left out.
     """
 
     identifications: dict[str, Identification]
@@ -146,6 +152,7 @@ class FamilyRun(Frozen):
     withheld: dict[str, Coverage]
     findings: tuple[str, ...]
     run_file: RunFile
+    unfinished: Unfinished | None = None
 
     @property
     def numbers(self) -> dict[str, Savable | None]:
@@ -178,8 +185,14 @@ class FamilyRun(Frozen):
         return f"<FamilyRun: {len(self.identifications)} members{', ' * bool(said)}{said}>"
 
     def summary(self) -> str:
-        """The findings, then the family, in plain text."""
-        return "\n".join([*self.findings, *([] if self.family is None else ["", self.family.summary()])])
+        """The omissions, the findings, then the family, in plain text."""
+        return "\n".join(
+            [
+                *unfinished_words(self.unfinished),
+                *self.findings,
+                *([] if self.family is None else ["", self.family.summary()]),
+            ]
+        )
 
     def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
         """Write the page of the family, with the run file in it; nothing where there is none."""
@@ -196,4 +209,10 @@ class FamilyRun(Frozen):
             findings=self.findings,
             withheld=worst,
             run_file=self.run_file.text(),
+            unfinished=self.unfinished,
         )
+
+
+def unfinished_words(unfinished: Unfinished | None) -> list[str]:
+    """The line that says what was left out; none where nothing was."""
+    return [] if unfinished is None else [f"{unfinished.word}: {unfinished.sentence}"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import shutil
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TypedDict
@@ -11,7 +13,7 @@ from typing import TypedDict
 from robustid.app.load_save import load_result
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.core import Progress, Source, atomic_write, fingerprint, paths, save
+from robustid.core import Budget, Progress, Source, Stops, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.fitting import MatrixFraction
@@ -152,12 +154,27 @@ class Counted(TypedDict):
 
 @dataclasses.dataclass(frozen=True)
 class Surroundings:
-    """Receiver of progress, folder of results, folder of finished frequencies where it is another one, and workers."""
+    """Receiver of progress, folder of results, folder of finished frequencies where it is another one, workers, the time of the
+    whole way, and what ended before its end.
+    """
 
     told: Progress | None = None
     folder: RunFolder = dataclasses.field(default_factory=RunFolder)
     executor: Executor | int | None = None
     resume: Path | None = None
+    budget: Budget = dataclasses.field(default_factory=Budget)
+    stops: Stops = dataclasses.field(default_factory=Stops)
+
+    @contextlib.contextmanager
+    def step(self, text: str, share: float = 1.0, stated: float | None = None) -> Iterator[float | None]:
+        """Say what begins; its time limit, a share of the time that is left and at most what is stated. It is late if that ends."""
+        self.say(text)
+        budget = self.budget.share(share)
+        if stated is not None and stated < budget.left:
+            budget = Budget(stated)
+        yield budget.seconds
+        if budget.over:
+            self.stops.late.append(text)
 
     def say(self, text: str) -> None:
         """Say what is done now."""

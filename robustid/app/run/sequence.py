@@ -37,6 +37,9 @@ from robustid.reduction import model_worth_having, reduce_within_bounds, why_not
 _PREDICTED = 2000  # samples that are compared with what the others leave, before the margin
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
+_MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5  # of the time that is left when a step begins
+_LONGEST_CAUSES = 60.0  # seconds
+_LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
 
 
 def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedReduced:
@@ -75,6 +78,7 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
         findings=findings.sentences(work),
         diagnosis=work.diagnosis,
         run_file=work.run,
+        unfinished=around.stops.unfinished,
     )
 
 
@@ -115,8 +119,9 @@ def identified(
         around.say(
             "so many coefficients take minutes; every = 2 in [frequency_points] halves them, and tests with the others"
         )
-    words = f"margin and model{of}: {problem.coefficients} coefficients, {problem.samples} samples"
-    result = identify(problem, **run.identify.arguments, progress=around.begun(words))
+    words, asked = f"margin and model{of}: {problem.coefficients} coefficients, {problem.samples} samples", run.identify
+    with around.step(words, _MARGIN, asked.time_limit) as limit:
+        result = identify(problem, **asked.arguments, time_limit=limit, progress=around.progress(words))
     result = dataclasses.replace(result, choices=result.choices | run.choices)
     around.folder.identified(result, member=member)
     return result
@@ -136,11 +141,11 @@ def proved(work: Work) -> None:
 
 def reduced(work: Work) -> None:
     """The smallest model inside the bounds."""
-    asked, told = work.run.small_model, work.around.begun("searching for the smallest order")
+    asked, words = work.run.small_model, "searching for the smallest order"
     body = None if asked.rigid_body is None else RigidBody(asked.rigid_body)
-    work.reduction = reduce_within_bounds(
-        work.identification, rigid_body=body, band=work.band, time_limit=asked.time_limit, progress=told
-    )
+    with work.around.step(words, _ORDER, asked.time_limit) as limit:
+        how = {"rigid_body": body, "band": work.band, "time_limit": limit, "progress": work.around.progress(words)}
+        work.reduction = reduce_within_bounds(work.identification, **how)
 
 
 def compared_with_fits(work: Work) -> None:
@@ -149,8 +154,11 @@ def compared_with_fits(work: Work) -> None:
     work.not_compared = why_not_compared(result, work.small, left.response, left.records)
     if work.not_compared:
         return
-    told = work.around.begun("comparing it with the best fits")
-    work.worth = model_worth_having(result, work.small, left.response, records=left.records, progress=told)
+    words = "comparing it with the best fits"
+    with work.around.step(words, _FITS, _LONGEST_FITS) as limit:
+        told = work.around.progress(words)
+        how = {"records": left.records, "time_limit": limit, "progress": told}
+        work.worth = model_worth_having(result, work.small, left.response, **how)
     if work.worth is not None:
         work.reduction = work.worth.reduction
 
@@ -174,7 +182,9 @@ def diagnosis_of(result: Identification, around: Surroundings) -> Diagnosis | No
     """The same of an identification."""
     if result.status is not Status.INCONSISTENT:
         return None
-    return diagnose(result, progress=around.begun("what would help: units, signs, other modes, other priors"))
+    words = "what would help: units, signs, other modes, other priors"
+    with around.step(words, _CAUSES, _LONGEST_CAUSES) as limit:
+        return diagnose(result, time_limit=limit, progress=around.progress(words))
 
 
 def seen_between(work: Work) -> None:
@@ -209,9 +219,13 @@ def bounded(work: Work) -> None:
     """The error of every consistent system around the model, which is made small for matrices."""
     asked, result, around = work.run.worst_case, work.identification, work.around
     omega = default_grid(result.problem) if work.omega is None else work.omega
-    around.say(f"bounding the error at {omega.size} frequencies, at most {asked.time_limit:g} s")
-    counted = around.counted("bounding the error at every frequency")
-    work.error = worst_case_error(result, model=work.model, omega=omega, known=work.band, **asked.arguments, **counted)
+    words, counted = (
+        f"bounding the error at {omega.size} frequencies",
+        around.counted("bounding the error at every frequency"),
+    )
+    with around.step(words, stated=asked.time_limit) as limit:
+        how = asked.arguments | counted | {"omega": omega, "known": work.band, "time_limit": limit}
+        work.error = worst_case_error(result, model=work.model, **how)
 
 
 def circled(work: Work) -> None:
@@ -249,15 +263,7 @@ def bounded_over(
 ) -> None:
     """The error around the model with the poles anywhere in a box."""
     words = "bounding the error over the pole-uncertainty box"
-    work.around.say(words)
-    work.over_poles = worst_case_over_poles(
-        work.identification,
-        omega_interval,
-        damping_interval,
-        delay=delay,
-        model=work.model,
-        omega=omega,
-        time_limit=work.run.worst_case.time_limit,
-        known=work.band,
-        **work.around.counted(words),
-    )
+    with work.around.step(words, stated=work.run.worst_case.time_limit) as limit:
+        how = {"delay": delay, "model": work.model, "omega": omega, "time_limit": limit, "known": work.band}
+        how |= work.around.counted(words)
+        work.over_poles = worst_case_over_poles(work.identification, omega_interval, damping_interval, **how)

@@ -251,15 +251,15 @@ class Identify:
 
     time_limit: float | None = key(
         _positive,
-        help="Seconds after which the margin proved so far, and a model that keeps it, are taken; so does Ctrl-C.",
+        help="Seconds after which the margin proved so far, and a model that keeps it, are taken; so does Ctrl-C. Default: its"
+        " share of the time of the run.",
         unit="s",
-        flag="--time-limit",
     )
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """The keyword arguments of `robustid.identify`."""
-        return {name: getattr(self, name) for name in ("objective", "solver", "accuracy", "form", "time_limit")}
+        """The keyword arguments of `robustid.identify`, but for the time limit."""
+        return {name: getattr(self, name) for name in ("objective", "solver", "accuracy", "form")}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -272,7 +272,10 @@ class SmallModel:
         keyword="rigid_body",
     )
     time_limit: float | None = key(
-        _positive, 120.0, help="Seconds after which the smallest order found so far is taken; so does Ctrl-C.", unit="s"
+        _positive,
+        help="Seconds after which the smallest order found so far is taken; so does Ctrl-C. Default: its share of the time of the"
+        " run.",
+        unit="s",
     )
 
 
@@ -321,15 +324,24 @@ class WorstCase:
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """The keyword arguments of a bound at many frequencies."""
-        return {name: getattr(self, name) for name in ("directions", "rtol", "time_limit")}
+        """The keyword arguments of a bound at many frequencies, but for the time limit."""
+        return {name: getattr(self, name) for name in ("directions", "rtol")}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class General:
-    """The subject of a run."""
+    """The subject of a run, and its time."""
 
     title: str | None = key(text(), help="Heading of the report.")
+    time_limit: float = key(
+        _positive,
+        300.0,
+        help="Wall-clock time of the whole way, of which every step has its share: what is found by then is written, and what was"
+        " left out said.",
+        unit="s",
+        flag="--time-limit",
+        keyword="time_limit",
+    )
     entry: tuple[int | str, int | str] | None = key(
         several(either(whole(), text()), 2),
         help="Output and input, by number from 0 or by name, of the one entry of a MIMO response that is used; default all.",

@@ -84,6 +84,7 @@ class Work:
             "over_poles": self.over_poles,
             "band": self.band,
             "diagnosis": self.diagnosis,
+            "unfinished": self.around.stops.unfinished,
         }
 
 

@@ -1,0 +1,73 @@
+"""Runs that end before their end: a Ctrl-C that a loop keeps back, and time that is over; the first line says so."""
+
+import html
+import re
+
+import pytest
+
+import robustid as rid
+from robustid.app.cli import screen
+from robustid.core import Interruptible, Stops
+from support.command_line import CLASS, COMMAND
+from support.run_files import CLASS as STATED
+from support.run_files import DATA, ask
+
+
+def first_verdict(page):
+    """Words of the first verdict of a page."""
+    text = page.read_text(encoding="utf-8")
+    return html.unescape(re.sub(r"<[^>]+>", " ", text[text.index('class="verdict') :][:2000]))
+
+
+def test_a_listener_hears_of_ctrl_c_that_a_loop_keeps_back():
+    heard, deaf = Stops(), Stops()
+    with heard.listening(), Interruptible():
+        raise KeyboardInterrupt
+    assert heard.interrupted
+    assert not deaf.interrupted
+    assert heard.unfinished.word == "Interrupted"
+    with deaf.listening(), pytest.raises(KeyboardInterrupt), Interruptible(lambda: False):
+        raise KeyboardInterrupt
+    assert deaf.unfinished is None
+
+
+def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files, run, monkeypatch):
+    told = screen.told
+
+    def stopping(*options):
+        own = told(*options)
+
+        def progress(text, done, count):
+            own(text, done, count)
+            if count and "smallest order" in text:
+                raise KeyboardInterrupt
+
+        return progress
+
+    monkeypatch.setattr(screen, "told", stopping)
+    code, out, err = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"])
+    assert code == 130
+    assert "interrupted: what was found by then is written" in err
+    assert "Ctrl-C ended it before its end" in " ".join((out + err).split())
+    assert rid.load("first").consistent
+    assert first_verdict(files / "first.html").split('">')[-1].split()[0] == "Interrupted"
+
+
+def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):
+    said = []
+    result = rid.run(
+        ask(folder, DATA, STATED, {"time_limit": 1e-3}), "out", progress=lambda text, done, count: said.append(text)
+    )
+    assert "0.001 s for all of it" in said[0]
+    assert result.unfinished is not None
+    assert not result.unfinished.interrupted
+    assert any("smallest order" in step for step in result.unfinished.steps)
+    assert result.summary().startswith("Unfinished: ")
+    assert first_verdict(folder / "out" / "report.html").split('">')[-1].split()[0] == "Unfinished"
+    assert result.band.certified
+
+
+def test_a_run_in_its_time_leaves_nothing_out(folder):
+    result = rid.run(ask(folder, DATA, STATED, {"worst_case": {"compute": False}}), "out")
+    assert result.unfinished is None
+    assert "Unfinished" not in first_verdict(folder / "out" / "report.html")
