@@ -59,7 +59,13 @@ class ConsistentSet(Frozen):
         return self.posed.data
 
     def extreme(
-        self, functional: Functional, gap: float, *, reached: bool = True, near: Place | None = None
+        self,
+        functional: Functional,
+        gap: float,
+        *,
+        reached: bool = True,
+        near: Place | None = None,
+        early: bool = False,
     ) -> Extreme:
         """Largest value, to a part `gap` of how far it is from the value at the centre.
 
@@ -68,7 +74,7 @@ class ConsistentSet(Frozen):
         """
         part, inside = self.bounded(functional, gap), functional(self.center.x, self.center.p)
         if part is None:
-            return self.extreme_of_all(functional, gap, near)
+            return self.extreme_of_all(functional, gap, near, early)
         x, p = self.towards(part.x, part.p)
         value = functional(x, p) - functional.tail
         near = part.upper - value <= 2 * (gap * max(value + functional.tail - inside, 0.0) + functional.tail)
@@ -77,9 +83,11 @@ class ConsistentSet(Frozen):
         whole = self.extreme_of_all(functional, gap)
         return whole if whole.upper <= part.upper else whole.proved_by(part)
 
-    def extreme_of_all(self, functional: Functional, gap: float, near: Place | None = None) -> Extreme:
-        """`extreme` from the whole problem, from a place on the way to it."""
-        found = largest(self.data, self._supports, self.center, self.level, functional, gap, near)
+    def extreme_of_all(
+        self, functional: Functional, gap: float, near: Place | None = None, early: bool = False
+    ) -> Extreme:
+        """`extreme` from the whole problem; `near` and `early` as in `largest`."""
+        found = largest(self.data, self._supports, self.center, self.level, functional, gap, near, early)
         return found if self.contains(found.x, found.p) else dataclasses.replace(found, attained=-np.inf)
 
     def member(self, functional: Functional, gap: float) -> tuple[Real, Real] | None:

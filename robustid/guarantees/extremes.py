@@ -11,7 +11,7 @@ from robustid.identification import Functional, SupportCertificate, certify_supp
 from robustid.identification.formulation import Candidate, ConvexData
 from robustid.identification.solver import Place, Supports, analytic_center
 
-_SHARPER = 5.0  # estimated gaps over those that are proved, at most
+_SAFE, _SHARPER = 0.9, 5.0  # estimated gaps over those that are asked for: where they are met, and where that may be
 _EARLY = 0.1  # of the distance from the centre: estimated gap of a place from which others may start
 
 
@@ -56,10 +56,11 @@ def largest(
     functional: Functional,
     gap: float,
     near: Place | None = None,
+    early: bool = False,
 ) -> Extreme:
     """Largest value of a functional over the set of some data; `attained` is not verified to be that of a member.
 
-    From a place on the way to it, and from the centre where that way ends early.
+    From a place on the way to it, and from the centre where that way ends too soon. `early` ones leave most of the gap open.
     """
     inside, met = functional(center.x, center.p), False
     best, reached = None, (-np.inf, center)
@@ -72,9 +73,9 @@ def largest(
             reached = value, point
         # Near to the border sums of places are of no use: the last one before the gap is small.
         place = step.place if place is None or far == 0 or estimate > _EARLY * far else place
-        if estimate > _SHARPER * allowed:
-            continue
-        if estimate > 0.9 * allowed and _bound(point, level, data) - reached[0] > allowed:
+        if estimate > _SAFE * allowed and not (
+            early and estimate <= _SHARPER * allowed and _bound(point, level, data) - reached[0] <= allowed
+        ):
             continue
         certificate = certify_support(functional, point.samples, point.ball, level, data.rows, data.sarason)
         best = certificate if best is None or certificate.value < best.value else best
@@ -82,7 +83,7 @@ def largest(
         if met:
             break
     if near is not None and not met:
-        return largest(data, supports, center, level, functional, gap)
+        return largest(data, supports, center, level, functional, gap, early=early)
     if best is None:  # the path ended early, or the functional is zero
         point = reached[1]
         if point is center:
@@ -95,7 +96,7 @@ def largest(
 
 
 def _bound(point: Candidate, level: float, data: ConvexData) -> float:
-    """About what the multipliers of a point in the ball will prove, but for the tail; estimated gaps are two to four times larger."""
+    """About what the multipliers of a point in the ball prove, but for the tail, at a half to a quarter of the estimated gap."""
     rows, size = data.rows, data.rows.sizes(point.samples)
     fit = float(np.real(point.samples.conj() @ rows.y)) + float(size @ (level + rows.tail))
     return fit + data.sarason.product(point.ball, level)

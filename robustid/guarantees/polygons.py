@@ -160,9 +160,8 @@ class _Search:
         """The only entry, in all directions."""
         sides: dict[int, Extreme] = {}
         for direction in bisected(self._angles.size):
-            sides[direction] = self._here.extreme(
-                self._functional((0, 0), direction), self._gap, near=self._beside(sides, direction)
-            )
+            functional, near = self._functional((0, 0), direction), self._beside(sides, direction)
+            sides[direction] = self._here.extreme(functional, self._gap, near=near, early=True)
             if told is not None:
                 told()
         found, tail = [sides[k] for k in range(self._angles.size)], self._tail[0]
@@ -181,11 +180,11 @@ class _Search:
         turn = (self._angles - self._angles[direction]) % (2 * np.pi)
         after, before = min(sides, key=lambda k: turn[k]), max(sides, key=lambda k: turn[k])
         ahead, back = turn[after], 2 * np.pi - turn[before]
-        places = sides[before].place, sides[after].place
-        if not ahead + back <= _NEAR or places[0] is None or places[1] is None:
+        first, last = sides[before].place, sides[after].place
+        if not ahead + back <= _NEAR or first is None or last is None:
             return None
-        factors = np.sin([ahead, back]) / np.sin(ahead + back)
-        return Place.between(list(zip(factors.tolist(), places, strict=True)))
+        weights = np.sin([ahead, back]) / np.sin(ahead + back)
+        return Place.between([(float(weights[0]), first), (float(weights[1]), last)])
 
     def mimo(self) -> tuple[ValueSet, ...]:
         """All entries: bounds first, then systems that come near to them.
