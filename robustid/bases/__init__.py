@@ -8,6 +8,7 @@ from robustid.bases.input_normal import (
     nodes_pair,
     shift_pair,
     solve_stein,
+    stein_powers,
 )
 from robustid.bases.parametric import ParametricBasis, as_basis, integrators, kautz, stack_bases
 from robustid.bases.passive_modes import passive_modes
@@ -29,4 +30,5 @@ __all__ = [
     "shift_pair",
     "solve_stein",
     "stack_bases",
+    "stein_powers",
 ]

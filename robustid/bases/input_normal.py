@@ -169,14 +169,25 @@ def cascade(sections: list[np.ndarray]) -> InputNormalPair:
     return InputNormalPair(A, B, c, d)
 
 
-def solve_stein(left: np.ndarray, right: np.ndarray, constant: np.ndarray) -> np.ndarray:
+def solve_stein(
+    left: np.ndarray, right: np.ndarray, constant: np.ndarray, powers: list[tuple[np.ndarray, np.ndarray]] | None = None
+) -> np.ndarray:
     """Solve X - left X right = constant by doubling; `constant` may be a stack (..., n, m).
 
     Sums constant + left constant right + ...; needs spectral radii below 1. For contractions every partial sum is
-    well conditioned, however close the nodes are.
+    well conditioned, however close the nodes are. `powers` are `stein_powers`, of those who solve many.
     """
-    X, P, Q = np.array(constant), np.array(left), np.array(right)
-    while min(np.abs(P).max(initial=0.0), np.abs(Q).max(initial=0.0)) > 1e-20:
+    X = np.array(constant)
+    for P, Q in stein_powers(left, right) if powers is None else powers:
         X = X + P @ X @ Q
-        P, Q = P @ P, Q @ Q
     return X
+
+
+def stein_powers(left: np.ndarray, right: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The powers 1, 2, 4, ... of two matrices, until one of them vanishes."""
+    found: list[tuple[np.ndarray, np.ndarray]] = []
+    P, Q = np.array(left), np.array(right)
+    while min(np.abs(P).max(initial=0.0), np.abs(Q).max(initial=0.0)) > 1e-20:
+        found.append((P, Q))
+        P, Q = P @ P, Q @ Q
+    return found

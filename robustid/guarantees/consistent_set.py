@@ -12,12 +12,12 @@ import numpy as np
 from robustid.bases import solve_stein
 from robustid.core import Complex, Frozen, Real
 from robustid.errors import InconsistentDataError
+from robustid.guarantees.extremes import Extreme, PartSet, largest, part_set
 from robustid.identification import (
     Functional,
     Identification,
     MixedProblem,
     SupportCertificate,
-    certify_support,
     entry_name,
     evaluate_support,
 )
@@ -31,7 +31,7 @@ from robustid.identification.formulation import (
     lightest,
     parts_of,
 )
-from robustid.identification.solver import Supports, analytic_center, barrier_extents
+from robustid.identification.solver import Place, Supports, analytic_center, barrier_extents
 
 Entry = tuple[int, int]  # output and input
 
@@ -41,66 +41,6 @@ _TAIL = 0.01  # of the smallest bound of a sample: what a tail may add to a valu
 _BARELY = (
     1e-6  # sets thinner than this have no inside to work from: their outer neighbour of this width is bounded instead
 )
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Extreme(Frozen):
-    """The largest value of a functional: `attained` by a system of the set, at most `upper` by the certificate."""
-
-    upper: float
-    attained: float  # -inf where the set is too thin for a verified member
-    x: Real  # coefficients of the system that attains it
-    p: Real  # its scaled parameters
-    certificate: SupportCertificate
-
-    def proved_by(self, other: Extreme) -> Extreme:
-        """The same attained value with the bound of another extreme of the same functional."""
-        return dataclasses.replace(self, upper=other.upper, certificate=other.certificate)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class PartSet:
-    """Arrays and a centre from which extremes over the set of a part are found."""
-
-    data: ConvexData
-    center: Candidate
-    level: float
-    supports: Supports
-
-
-def part_set(data: ConvexData, level: float, x: Real, p: Real) -> PartSet:
-    """The set of a part, from a point inside."""
-    none = np.zeros(0)
-    center = analytic_center(data, level, [Candidate(x, p, none, none, "")])
-    return PartSet(data, center, level, Supports(data, center, level))
-
-
-def largest(
-    data: ConvexData, supports: Supports, center: Candidate, level: float, functional: Functional, gap: float
-) -> Extreme:
-    """Largest value of a functional over the set of some data; `attained` is not verified to be that of a member."""
-    inside = functional(center.x, center.p)
-    best, reached = None, (-np.inf, center)
-    direction = np.array(functional.x), np.array(functional.p)
-    for point, value, estimate in supports.path(direction):
-        allowed = gap * max(value - inside, 0.0) + functional.tail
-        if value > reached[0]:
-            reached = value, point
-        if estimate > 0.9 * allowed:
-            continue
-        certificate = certify_support(functional, point.samples, point.ball, level, data.rows, data.sarason)
-        best = certificate if best is None or certificate.value < best.value else best
-        if best.value - functional.tail - reached[0] <= allowed:
-            break
-    if best is None:  # the path ended early, or the functional is zero
-        point = reached[1]
-        if point is center:
-            point = dataclasses.replace(
-                point, samples=np.zeros(data.rows.y.size, complex), ball=np.zeros(data.sarason.shape)
-            )
-        best = certify_support(functional, point.samples, point.ball, level, data.rows, data.sarason)
-    x, p = reached[1].x, reached[1].p
-    return Extreme(best.value, functional(x, p) - functional.tail, x, p, best)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -118,7 +58,15 @@ class ConsistentSet(Frozen):
         """Its arrays."""
         return self.posed.data
 
-    def extreme(self, functional: Functional, gap: float, *, reached: bool = True) -> Extreme:
+    def extreme(
+        self,
+        functional: Functional,
+        gap: float,
+        *,
+        reached: bool = True,
+        near: Place | None = None,
+        early: bool = False,
+    ) -> Extreme:
         """Largest value, to a part `gap` of how far it is from the value at the centre.
 
         Of entries that no sample sees together with others first from their own problem, which is smaller (`bounded`). From the
@@ -126,7 +74,7 @@ class ConsistentSet(Frozen):
         """
         part, inside = self.bounded(functional, gap), functional(self.center.x, self.center.p)
         if part is None:
-            return self.extreme_of_all(functional, gap)
+            return self.extreme_of_all(functional, gap, near, early)
         x, p = self.towards(part.x, part.p)
         value = functional(x, p) - functional.tail
         near = part.upper - value <= 2 * (gap * max(value + functional.tail - inside, 0.0) + functional.tail)
@@ -135,9 +83,11 @@ class ConsistentSet(Frozen):
         whole = self.extreme_of_all(functional, gap)
         return whole if whole.upper <= part.upper else whole.proved_by(part)
 
-    def extreme_of_all(self, functional: Functional, gap: float) -> Extreme:
-        """`extreme` from the whole problem."""
-        found = largest(self.data, self._supports, self.center, self.level, functional, gap)
+    def extreme_of_all(
+        self, functional: Functional, gap: float, near: Place | None = None, early: bool = False
+    ) -> Extreme:
+        """`extreme` from the whole problem; `near` and `early` as in `largest`."""
+        found = largest(self.data, self._supports, self.center, self.level, functional, gap, near, early)
         return found if self.contains(found.x, found.p) else dataclasses.replace(found, attained=-np.inf)
 
     def member(self, functional: Functional, gap: float) -> tuple[Real, Real] | None:
@@ -146,7 +96,7 @@ class ConsistentSet(Frozen):
         None where the set is too thin for a verified one.
         """
         inside, best, last = functional(self.center.x, self.center.p), None, 0.0
-        for point, value, estimate in self._supports.path((np.array(functional.x), np.array(functional.p))):
+        for point, value, estimate, _ in self._supports.path((np.array(functional.x), np.array(functional.p))):
             best, last, gained = point, value - inside, value - inside - last
             # Near the end values grow less than their estimated gap: each step takes most of it.
             if estimate <= gap * last or (estimate <= last and gained <= gap * last):
@@ -340,7 +290,9 @@ def set_of(posed: Formulation, level: float, starts: Sequence[Candidate]) -> Con
     """The set at a level above the smallest margin; `starts` are points that may be inside."""
     none = np.zeros(0)  # what proofs the centre has serves nothing here, and would go to every worker
     return ConsistentSet(
-        posed, dataclasses.replace(analytic_center(posed.data, level, starts), samples=none, ball=none), level
+        posed,
+        dataclasses.replace(analytic_center(posed.data, level, starts, quick=True), samples=none, ball=none),
+        level,
     )
 
 

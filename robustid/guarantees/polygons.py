@@ -12,6 +12,7 @@ from robustid.core import Complex, Real
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
 from robustid.guarantees.value_set import FINE, ValueSet, along, corners, directions_at
 from robustid.identification import Functional
+from robustid.identification.solver import Place
 
 _FIRST = 4  # directions of an entry of a matrix to begin with
 _WITHIN, _ALL, _SHARP = (
@@ -23,7 +24,18 @@ _FINER = 0.25  # part of the gap, where the largest singular value asks for it
 _WORTH = 3.0  # gaps that tighter bounds of the entries may make up for
 _NEARLY = 2.0  # gaps of systems that are far in several entries from what there is
 _FEW = 3  # signals with which one system may be far in all entries
+_NEAR = np.radians(100.0)  # angle between sides from which one between them starts
 _STARTS, _STEPS = 12, 4  # of the search for a large singular value: among reached values, and among consistent systems
+
+
+def bisected(count: int) -> list[int]:
+    """The numbers of equally spaced directions: four far apart first, then those between two that are there, and so on."""
+    order = sorted({round(k * count / _FIRST) % count for k in range(_FIRST)}) if count > _FIRST else list(range(count))
+    while len(order) < count:
+        there = sorted(order)
+        ends = zip(there, [*there[1:], there[0] + count], strict=True)
+        order += [(first + (last - first) // 2) % count for first, last in ends if last - first > 1]
+    return order
 
 
 def value_sets_at(
@@ -146,15 +158,33 @@ class _Search:
 
     def siso(self, told: Callable[[], None] | None = None) -> ValueSet:
         """The only entry, in all directions."""
-        x, p, tail = self._x[0], self._p[0], self._tail[0]
-        found: list[Extreme] = []
-        for angle in self._angles:
-            found.append(self._here.extreme(along(angle, x, p, tail), self._gap))
+        sides: dict[int, Extreme] = {}
+        for direction in bisected(self._angles.size):
+            functional, near = self._functional((0, 0), direction), self._beside(sides, direction)
+            sides[direction] = self._here.extreme(functional, self._gap, near=near, early=True)
             if told is not None:
                 told()
+        found, tail = [sides[k] for k in range(self._angles.size)], self._tail[0]
         points = np.array([self._value(one)[0, 0] for one in found])
         support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
         return ValueSet(self._omega, self._angles, support, points, float(tail), proofs)
+
+    def _beside(self, sides: dict[int, Extreme], direction: int) -> Place | None:
+        """A place on the way to an extreme from those of the sides next to it; None where they are too far apart.
+
+        The functional is a sum of theirs with positive factors. So are its multipliers, and of 16 directions the last eight take
+        one or two steps each where those from the centre take ten.
+        """
+        if not sides:
+            return None
+        turn = (self._angles - self._angles[direction]) % (2 * np.pi)
+        after, before = min(sides, key=lambda k: turn[k]), max(sides, key=lambda k: turn[k])
+        ahead, back = turn[after], 2 * np.pi - turn[before]
+        first, last = sides[before].place, sides[after].place
+        if not ahead + back <= _NEAR or first is None or last is None:
+            return None
+        weights = np.sin([ahead, back]) / np.sin(ahead + back)
+        return Place.between([(float(weights[0]), first), (float(weights[1]), last)])
 
     def mimo(self) -> tuple[ValueSet, ...]:
         """All entries: bounds first, then systems that come near to them.

@@ -187,9 +187,15 @@ def directions_at(omega: float, dt: float, count: int) -> Real:
 
 
 def gap_of(rtol: float, directions: int, single: bool) -> float:
-    """Part of the distance from the centre to which sides are found; of matrices they follow it, of one entry they are given."""
-    gap = rtol / 5
-    return min(gap, 0.5 * (1 / np.cos(np.pi / directions) - 1)) if single else gap
+    """Part of the distance from the centre to which sides are found; of matrices they follow it, of one entry they are given.
+
+    What the corners of a polygon with so many sides leave of the tolerance, as far as it is more than a fifth of it.
+    """
+    if not single:
+        return rtol / 5
+    corner = float(np.cos(np.pi / directions))
+    room = corner / (1 - rtol) - 1 if rtol < 1 else np.inf
+    return min(float(np.clip(0.8 * room, rtol / 5, rtol / 2)), 1.5 * (1 / corner - 1))
 
 
 def value_set_claims(consistent: ConsistentSet, *found: ValueSet) -> Iterator[SupportClaim]:

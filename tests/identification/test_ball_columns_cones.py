@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from robustid.bases import Sections, input_normal_pair
+from robustid.bases import Sections, input_normal_pair, shift_pair
 from robustid.identification.entries import Entries
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
 from robustid.identification.formulation.ball import TurnedBall
+from robustid.identification.formulation.quadrature import QuadratureMap
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.sections import BlockHankelMap, SectionMap
 from robustid.identification.formulation.taylor import HankelMap
@@ -51,6 +52,9 @@ def check_blocks(ball, A, rng, slack=None):
     assert np.linalg.norm(ball.adjoint(Z) - adjoint) <= tolerance * n * sum(np.linalg.norm(z) for z in Z)
     for found, wanted, right in zip(ball.times(x, M), dense, M, strict=True):
         assert np.linalg.norm(found - wanted @ right) <= tolerance * np.linalg.norm(x) * n * np.linalg.norm(right)
+    for first, second in zip(ball.both(x, M), (ball.matrices(x), ball.times(x, M)), strict=True):
+        for one, other in zip(first, second, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * n * np.abs(other).max())
     pairs = [(definite(rng, s), definite(rng, s)) for s in sizes]
     curvature = sum(np.einsum("iab,jba->ij", a @ P, a @ Q, optimize=True) for a, (P, Q) in zip(A, pairs, strict=True))
     size = sum(np.linalg.norm(P) * np.linalg.norm(Q) for P, Q in pairs)
@@ -74,6 +78,27 @@ def test_balls_against_stored_matrices(n):
         axes = np.linalg.qr(rng.standard_normal((sections.order, sections.order)))[0]
         turned = TurnedBall(SymmetricBall(BlockHankelMap(SectionMap(sections))), axes)
         check_blocks(turned, [sign * np.tensordot(axes.T, basis, 1) for sign in (-1, 1)], rng)
+
+
+@pytest.mark.parametrize("radius", [0.5, 0.9, 0.99])
+def test_the_quadrature_of_a_pair_against_its_stored_matrices(radius):
+    """Equal zeros (time samples), zeros at both ends of the circle, nodes at the head and close ones (1e-6 apart)."""
+    for seed in range(20):
+        rng = np.random.default_rng([int(100 * radius), seed])
+        angles = np.sort(rng.uniform(0.05, 3.1, rng.integers(0, 12)))
+        close = [angles[:1] + 1e-6, [0.0], [np.pi], []][seed % 4]
+        first = rng.uniform(0.05, 3.1, seed % 3)
+        pair = input_normal_pair(np.concatenate([angles, close]), radius, 1 + seed % 7, first)
+        sarason = PairMap(pair)
+        found = QuadratureMap.of(pair, sarason.symmetry)
+        assert found is not None
+        check_blocks(SymmetricBall(found), [-sarason.symmetric_basis, sarason.symmetric_basis], rng)
+
+
+def test_a_pair_without_the_quadrature_does_without_it():
+    sarason, x = PairMap(shift_pair(4)), np.arange(4.0)  # no cascade
+    assert QuadratureMap.of(sarason.pair, sarason.symmetry) is None
+    assert np.allclose(sarason.ball(quick=True).matrices(x)[1], np.tensordot(x, sarason.symmetric_basis, 1))
 
 
 @pytest.mark.parametrize("entries", [Entries(2, 1), Entries(1, 3), Entries(2, 2), Entries(2, 2, symmetric=True)])

@@ -58,7 +58,11 @@ def programs(data):
     fixed, tail = data.rows.fixed, data.rows.tail
     yield barrier_program(data, Limits((0.0, 1.0), (level * fixed, level * (1 - fixed) - tail)), 1.0), v, 1.0
     w = np.random.default_rng(0).standard_normal(v.size)
-    yield barrier_program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None, w), v, 0.0
+    yield (
+        dataclasses.replace(barrier_program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None), linear=w),
+        v,
+        0.0,
+    )
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -277,7 +281,7 @@ def check_problem(seed, case, form, coefficients, count):
     rng = np.random.default_rng(seed)
     direction = rng.standard_normal(n), rng.standard_normal(data.rows.P.shape[1])
     for outer in (False, True):
-        values = list(Supports(data, inside, level, outer).path(direction))
+        values = [step[:3] for step in Supports(data, inside, level, outer).path(direction)]
         count.take()
         theirs = conic_support(data, level, direction, outer)
         name = "outer" if outer else "inner"

@@ -73,7 +73,7 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
             sign = 2 * k - 1
             along = sign * np.eye(2)[i] / data.rows.column_scale  # of the coefficient in its own unit
             values = [
-                value for _, value, _ in Supports(data, center, 1.0).path((np.zeros(data.sarason.pair.order), along))
+                step.value for step in Supports(data, center, 1.0).path((np.zeros(data.sarason.pair.order), along))
             ]
             found = values[-1] if values else float(along @ center.p)
             assert sign * found == pytest.approx(bounds[i, k], rel=1e-7, abs=1e-7)

@@ -47,6 +47,10 @@ class Ball(abc.ABC):
     def times(self, x: Real, M: list[Real]) -> list[Real]:
         """The A_k(x) M_k."""
 
+    def both(self, x: Real, M: list[Real]) -> tuple[list[Real], list[Real]]:
+        """The A_k(x) and the A_k(x) M_k."""
+        return self.matrices(x), self.times(x, M)
+
     @abc.abstractmethod
     def curvature(self, pairs: Pairs) -> Real:
         """Sum of tr(A_ki P A_kj Q) over the pairs (P, Q) of block k, symmetric positive definite, (n, n)."""
@@ -101,6 +105,13 @@ class SymmetricBall(Ball):
     def times(self, x: Real, M: list[Real]) -> list[Real]:
         """-H(x) M_1 and H(x) M_2."""
         return [-self._map.times(x, M[0]), self._map.times(x, M[1])]
+
+    def both(self, x: Real, M: list[Real]) -> tuple[list[Real], list[Real]]:
+        """-+H(x), and their products, from one H where that is not quicker otherwise."""
+        if type(self._map).times is not SymmetricMap.times:
+            return super().both(x, M)
+        H = self._map.matrix(x)
+        return [-H, H], [-(H @ M[0]), H @ M[1]]
 
     def curvature(self, pairs: Pairs) -> Real:
         """Sum of tr(H_i P H_j Q)."""
@@ -165,6 +176,10 @@ class TurnedBall(Ball):
     def times(self, x: Real, M: list[Real]) -> list[Real]:
         """The A_k(V y) M_k."""
         return self._ball.times(self._axes @ x, M)
+
+    def both(self, x: Real, M: list[Real]) -> tuple[list[Real], list[Real]]:
+        """The A_k(V y) and the A_k(V y) M_k."""
+        return self._ball.both(self._axes @ x, M)
 
     def curvature(self, pairs: Pairs) -> Real:
         """V' times the curvature times V."""

@@ -106,7 +106,7 @@ class PassiveMap(SarasonMap):
         rest += 10 * values.size * np.finfo(float).eps * float(np.abs(values).sum())
         return float(-np.minimum(values, 0.0).sum()) + rest * self.largest(level)
 
-    def ball(self, axes: Real | None = None) -> Ball:
+    def ball(self, axes: Real | None = None, quick: bool = False) -> Ball:
         """The block."""
         return RealPart(self._symmetric_matrices)
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.bases import InputNormalPair, solve_stein
+from robustid.bases import InputNormalPair, solve_stein, stein_powers
 from robustid.core import Frozen, freeze
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import (
@@ -24,6 +24,7 @@ from robustid.identification.formulation.ball import (
     SymmetricMap,
     TurnedBall,
 )
+from robustid.identification.formulation.quadrature import QuadratureMap
 from robustid.identification.interpolant import interpolants
 
 
@@ -123,11 +124,14 @@ class SarasonMap(Frozen, abc.ABC):
         """All functions of the unit ball with the data x; needs ||X(x)|| < 1."""
         return interpolants(self.pair, self.entries.parted(self.matrix(x)), self.entries.expand(x))
 
-    def ball(self, axes: NDArray[np.float64] | None = None) -> Ball:
-        """||X|| <= b as semidefinite blocks of x, of its coordinates along `axes` where they are given, in the fastest form."""
+    def ball(self, axes: NDArray[np.float64] | None = None, quick: bool = False) -> Ball:
+        """||X|| <= b as semidefinite blocks of x, of its coordinates along `axes` where they are given.
+
+        `quick` ones may differ in their last digits: for bounds, whose proofs are evaluated anew.
+        """
         ball: Ball
         if self.entries.single:
-            ball = SymmetricBall(self._symmetric_map())
+            ball = SymmetricBall(self._quick_map() if quick else self._symmetric_map())
         else:
             ball = MatrixBall(self.entries, self.pair.order, self._products())
         return ball if axes is None else TurnedBall(ball, axes)
@@ -138,10 +142,15 @@ class SarasonMap(Frozen, abc.ABC):
 
     def _matrices(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """X of every entry, (p, q, n, n), of (p, q, n), from its Stein equation."""
-        return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ x[..., None, :])
+        turned = [(Q, P) for P, Q in self._powers]
+        return solve_stein(self.pair.A.T, self.pair.A, self.pair.c.T @ x[..., None, :], turned)
 
     def _stein(self, Y: NDArray[np.float64]) -> NDArray[np.float64]:
-        return solve_stein(self.pair.A, self.pair.A.T, Y)
+        return solve_stein(self.pair.A, self.pair.A.T, Y, self._powers)
+
+    @functools.cached_property
+    def _powers(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        return stein_powers(self.pair.A, self.pair.A.T)
 
     def _turned(self, M: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.symmetry @ M
@@ -149,6 +158,10 @@ class SarasonMap(Frozen, abc.ABC):
     def _symmetric_map(self) -> SymmetricMap:
         """H of one entry."""
         return DenseMap(self.symmetric_basis)
+
+    def _quick_map(self) -> SymmetricMap:
+        """The same, rounded otherwise where that is quicker."""
+        return self._symmetric_map()
 
     def _products(self) -> EntryProducts:
         """H of every entry of a matrix."""
@@ -161,3 +174,7 @@ class PairMap(SarasonMap):
 
     pair: InputNormalPair
     entries: Entries = SINGLE
+
+    def _quick_map(self) -> SymmetricMap:
+        """By quadrature, n^3 work for the curvature in place of n^4, where the nodes allow it."""
+        return QuadratureMap.of(self.pair, self.symmetry) or self._symmetric_map()

@@ -14,7 +14,7 @@ _log = logging.getLogger("robustid.identification.solver")
 
 _SYSTEMS = 60  # Newton systems per problem: 15 to 30 are usual
 _PATIENCE, _SLOW = 8, 0.95  # so many iterates in which the gap falls by less than 5 %: the limit of precision is met
-_CENTERED = 1e-16  # squared Newton decrement at which a centre is accepted
+_CENTERED, _INSIDE = 1e-16, 1e-4  # squared Newton decrement at which a centre is accepted, and one to start from
 _NEAR = 1e-2  # squared decrement of quadratic convergence
 
 
@@ -85,6 +85,7 @@ def center(program: Program, v: Real, budget: Budget | None = None) -> Iterate:
     Newton's method on the barrier of `start`, whose Hessian is the condensed matrix at multipliers slack^-1.
     """
     state, last = State(program, start(program, v, 0.0)), np.inf
+    enough = _INSIDE if program.quick else _CENTERED
     for _ in range(_SYSTEMS):
         at = state.at
         if budget is not None and budget.over:
@@ -95,7 +96,7 @@ def center(program: Program, v: Real, budget: Budget | None = None) -> Iterate:
         except np.linalg.LinAlgError:
             break
         decrement = float(-state.residual @ step.dv)
-        if not decrement > _CENTERED or (decrement < _NEAR and decrement > 0.25 * last):
+        if not decrement > enough or (decrement < _NEAR and decrement > 0.25 * last):
             break
         last = decrement
         # The damped step of self-concordance always descends; longer ones are kept while the barrier falls along them.

@@ -41,6 +41,7 @@ class Program:
     limits: Limits
     cost: float | None
     linear: Real
+    quick: bool = False  # for bounds: a step to the border may be a rounding too long, a centre is one to start from
 
     @functools.cached_property
     def sums(self) -> scipy.sparse.csr_array:
@@ -165,8 +166,8 @@ class State:
         step = self.solve(-self.residual - missing)
         dv, dt = (step, 0.0) if program.cost is None else (step[:-1], float(step[-1]))
         grow = program.limits.ball[1] * dt
-        dS = [_shifted(A, grow) for A in program.ball.matrices(dv[:n])]
-        products = program.ball.times(dv[:n], self.inverse)
+        matrices, products = program.ball.both(dv[:n], self.inverse)
+        dS = [_shifted(A, grow) for A in matrices]
         turned = [grow * inverse + product for inverse, product in zip(self.inverse, products, strict=True)]
         dZ = [goal - _symmetric(Z @ turn) for goal, Z, turn in zip(target, at.Z, turned, strict=True)]
         ds = program.limits.reach[1] * dt, -program.design.apply(dv)
@@ -193,11 +194,14 @@ class State:
         """Steps of the primal and of the dual part to the border of the cones; 1.2 where they are longer."""
         cones = self.program.cones
 
-        def blocks(roots: list[Real], directions: list[Real], whole: list[Real]) -> list[float]:
-            return [longest_step(root, d, _FULL, M) for root, d, M in zip(roots, directions, whole, strict=True)]
+        def within(enough: float, roots: list[Real], directions: list[Real], whole: list[Real]) -> float:
+            for root, direction, M in zip(roots, directions, whole, strict=True):
+                step = longest_step(root, direction, enough if self.program.quick else _FULL, M)
+                enough = min(enough, step)
+            return enough
 
-        primal = min(cones.longest_step(self.s, d.ds), *blocks(self.root_S, d.dS, self.S), _FULL)
-        dual = min(cones.longest_step(self.at.z, d.dz), *blocks(self.root_Z, d.dZ, self.at.Z), _FULL)
+        primal = within(min(cones.longest_step(self.s, d.ds), _FULL), self.root_S, d.dS, self.S)
+        dual = within(min(cones.longest_step(self.at.z, d.dz), _FULL), self.root_Z, d.dZ, self.at.Z)
         return primal, dual
 
     def gap_after(self, d: Direction, primal: float, dual: float) -> float:

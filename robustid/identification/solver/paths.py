@@ -4,9 +4,11 @@
 # Matrices have capital letters.
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,17 +16,17 @@ from robustid.core import Budget, Real
 from robustid.errors import SolverError
 from robustid.identification.formulation.columns import DenseColumns, IntervalDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
-from robustid.identification.solver.cones import Cones
+from robustid.identification.solver.cones import Cones, Pair
 from robustid.identification.solver.interior_point import center, factored, path, path_from, start
-from robustid.identification.solver.newton import Iterate, Limits, Program
+from robustid.identification.solver.newton import Iterate, Limits, Program, State
 
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 
 
-def barrier_program(data: ConvexData, limits: Limits, cost: float | None, linear: Real | None = None) -> Program:
+def barrier_program(data: ConvexData, limits: Limits, cost: float | None, quick: bool = False) -> Program:
     """The program of the samples with these limits; the intervals of the parameters join them, with a reach of 1."""
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
-    E, ball, y, cones = rows.E, data.sarason.ball(data.axes), data.y, Cones(rows.cones, rows.cone)
+    E, ball, y, cones = rows.E, data.sarason.ball(data.axes, quick), data.y, Cones(rows.cones, rows.cone)
     if data.axes is not None:
         E = DenseColumns(E.dense() @ data.axes)
     design = E.design(Q, rows.discs)
@@ -34,8 +36,8 @@ def barrier_program(data: ConvexData, limits: Limits, cost: float | None, linear
         constant, slope = limits.reach
         reach = np.concatenate([constant, np.ones(a.size)]), np.concatenate([slope, np.zeros(a.size)])
         limits = dataclasses.replace(limits, reach=reach)
-    w = np.zeros(ball.size + Q.shape[1]) if linear is None else linear
-    return Program(ball, design, cones, y, limits, cost, w)
+    none: Real = np.zeros(ball.size + Q.shape[1])
+    return Program(ball, design, cones, y, limits, cost, none, quick)
 
 
 def _candidate(data: ConvexData, program: Program, at: Iterate) -> Candidate:
@@ -86,16 +88,17 @@ def gain_path(data: ConvexData, inside: Candidate, level: float) -> Iterator[tup
 
 
 def analytic_center(
-    data: ConvexData, level: float, passed: Sequence[Candidate] = (), budget: Budget | None = None
+    data: ConvexData, level: float, passed: Sequence[Candidate] = (), budget: Budget | None = None, quick: bool = False
 ) -> Candidate:
     """Analytic centre of {||X(x)|| <= 1, |e_k| <= level - tail_k}: maximises log det(I - X'X) + sum log(reach_k^2 - |e_k|^2).
 
-    `level` must exceed the smallest margin strictly. Where the time is over: a point inside on the way.
+    `level` must exceed the smallest margin strictly. Where the time is over: a point inside on the way. `quick`
+    as in `SarasonMap.ball`.
     """
     # From the first of the points `passed` on the way to the smallest margin that is strictly inside: it is far from the
     # borders; else goes that way again.
     count, tail, best = data.rows.cones, data.rows.tail, np.inf
-    program = barrier_program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None)
+    program = barrier_program(data, Limits((1.0, 0.0), (level - tail, np.zeros(count))), None, quick)
     for point in itertools.chain(passed, (point for point, _, _ in margin_path(data))):
         worst = data.margin(point.x, point.p)
         best = min(best, worst)
@@ -109,6 +112,40 @@ def analytic_center(
     raise SolverError(f"no point with every |residual| <= {level:.9g} * bound was found; the best is {best:.9g}")
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Place:
+    """A strictly feasible point on a path to an extreme, with multipliers inside the cones, as the path knows them."""
+
+    v: Real
+    Z: tuple[Real, ...]
+    z: Pair
+
+    @classmethod
+    def between(cls, places: Sequence[tuple[float, Place]]) -> Place:
+        """A place on the way to the sum of the functionals of some places, times positive factors.
+
+        The factors times the multipliers are those of the sum; any mean of the points is inside.
+        """
+        total, blocks = sum(factor for factor, _ in places), range(len(places[0][1].Z))
+        return cls(
+            np.asarray(sum(factor / total * one.v for factor, one in places)),
+            tuple(np.asarray(sum(factor * one.Z[k] for factor, one in places)) for k in blocks),
+            (
+                np.asarray(sum(factor * one.z[0] for factor, one in places)),
+                np.asarray(sum(factor * one.z[1] for factor, one in places)),
+            ),
+        )
+
+
+class Step(NamedTuple):
+    """A point on the way to an extreme: value of the functional, estimated gap to the extreme, and where it is."""
+
+    candidate: Candidate
+    value: float
+    gap: float
+    place: Place
+
+
 class Supports:
     """Extremes of linear functionals over {||X|| <= 1, |e_k| <= level -+ tail}: paths from one point, with one Newton matrix.
 
@@ -119,10 +156,10 @@ class Supports:
         reach = level + data.rows.tail if outer else level - data.rows.tail
         limits = Limits((1.0, 0.0), (reach, np.zeros(data.rows.cones)))
         self._data = data
-        self._first = factored(barrier_program(data, limits, None), _unknowns(data, inside))
+        self._first = factored(barrier_program(data, limits, None, quick=True), _unknowns(data, inside))
 
-    def path(self, direction: tuple[Real, Real]) -> Iterator[tuple[Candidate, float, float]]:
-        """Points on the way to max <direction, (x, p)>: (candidate, value, gap).
+    def path(self, direction: tuple[Real, Real], near: Place | None = None) -> Iterator[Step]:
+        """Points on the way to max <direction, (x, p)>, from the point inside or a place on the way to it.
 
         With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), approximately.
         """
@@ -134,11 +171,22 @@ class Supports:
         if size == 0:
             return
         first = self._first.towards(-w / size)
-        for at in path_from(first):
+        for at in path_from(self._state(first, near, size)):
             value, gap, found = offset + float(w @ at.v), size * at.estimate, _candidate(data, first.program, at)
-            yield dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball), value, gap
+            candidate = dataclasses.replace(found, samples=-size * found.samples, ball=size * found.ball)
+            place = Place(at.v, tuple(size * Z for Z in at.Z), (size * at.z[0], size * at.z[1]))
+            yield Step(candidate, value, gap, place)
             if gap < _LAST * max(abs(value), size):
                 return
+
+    @staticmethod
+    def _state(first: State, near: Place | None, size: float) -> State:
+        """The state at a place; the first one where that is too near to a border for its digits."""
+        if near is not None:
+            at = Iterate(near.v, 0.0, [Z / size for Z in near.Z], (near.z[0] / size, near.z[1] / size))
+            with contextlib.suppress(np.linalg.LinAlgError):
+                return State(first.program, at)
+        return first
 
 
 def barrier_extents(data: ConvexData, inside: Candidate, level: float, X: Real, P: Real) -> Real:
@@ -147,6 +195,7 @@ def barrier_extents(data: ConvexData, inside: Candidate, level: float, X: Real, 
     # larger as the barrier has terms. One Newton matrix serves any number of directions.
     along = X if data.axes is None else data.axes.T @ X
     W = np.vstack([along, np.column_stack([data.direction(p) for p in P.T])])
-    program = barrier_program(data, Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(data.rows.cones))), None)
+    limits = Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(data.rows.cones)))
+    program = barrier_program(data, limits, None, quick=True)
     state = factored(program, _unknowns(data, inside))
     return W.T @ np.column_stack([state.solve(w) for w in W.T])
