@@ -10,6 +10,7 @@ from robustid.identification.entries import Entries
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
 from robustid.identification.formulation.ball import TurnedBall
 from robustid.identification.formulation.quadrature import QuadratureMap
+from robustid.identification.formulation.quadrature_products import QuadratureProducts
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.sections import BlockHankelMap, SectionMap
 from robustid.identification.formulation.taylor import HankelMap
@@ -99,6 +100,19 @@ def test_a_pair_without_the_quadrature_does_without_it():
     sarason, x = PairMap(shift_pair(4)), np.arange(4.0)  # no cascade
     assert QuadratureMap.of(sarason.pair, sarason.symmetry) is None
     assert np.allclose(sarason.ball(quick=True).matrices(x)[1], np.tensordot(x, sarason.symmetric_basis, 1))
+
+
+@pytest.mark.parametrize("entries", [Entries(2, 1), Entries(1, 3), Entries(2, 2), Entries(2, 2, symmetric=True)])
+@pytest.mark.parametrize("radius", [0.5, 0.97])
+def test_the_matrix_ball_by_quadrature_against_stored_matrices(entries, radius):
+    for seed in range(5):
+        rng = np.random.default_rng([int(100 * radius), seed])
+        sarason = PairMap(input_normal_pair(np.sort(rng.uniform(0.05, 3.1, 3)), radius, seed), entries)
+        assert isinstance(sarason._products(), QuadratureProducts)
+        H = np.array([sarason.turned(X) for X in sarason.unit_matrices])
+        high, A = sarason.shape[0], np.zeros((sarason.size, sum(sarason.shape), sum(sarason.shape)))
+        A[:, :high, high:], A[:, high:, :high] = H, H.transpose(0, 2, 1)
+        check_blocks(sarason.ball(), [A], rng)
 
 
 @pytest.mark.parametrize("entries", [Entries(2, 1), Entries(1, 3), Entries(2, 2), Entries(2, 2, symmetric=True)])

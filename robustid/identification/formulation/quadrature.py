@@ -6,7 +6,8 @@ import numpy as np
 
 from robustid.bases import InputNormalPair
 from robustid.core import Complex, Real
-from robustid.identification.formulation.ball import Pairs, SymmetricMap
+from robustid.identification.formulation.ball import EntryProducts, Pairs, SymmetricMap
+from robustid.identification.formulation.quadrature_products import QuadratureProducts
 
 _STEPS = 60  # of Newton's method for the nodes of the quadrature, bisection where it leaves its bracket
 _EXACT = 1e-11  # largest error of the quadrature's Gram matrix that is taken for rounding
@@ -36,6 +37,10 @@ class QuadratureMap(SymmetricMap):
             return None
         phases = np.sum((rows @ symmetry) * rows, axis=1).conj()
         return cls(rows, phases[:, None] * phi)
+
+    def products(self) -> EntryProducts:
+        """The same H_j for every entry of a matrix."""
+        return QuadratureProducts(self._R, self._D)
 
     def matrix(self, x: Real) -> Real:
         """H(x)."""

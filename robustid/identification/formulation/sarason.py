@@ -178,3 +178,8 @@ class PairMap(SarasonMap):
     def _quick_map(self) -> SymmetricMap:
         """By quadrature, n^3 work for the curvature in place of n^4, where the nodes allow it."""
         return QuadratureMap.of(self.pair, self.symmetry) or self._symmetric_map()
+
+    def _products(self) -> EntryProducts:
+        """By quadrature too."""
+        found = QuadratureMap.of(self.pair, self.symmetry)
+        return super()._products() if found is None else found.products()
