@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, freeze, threads_for
+from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, freeze, one_thread, threads_for
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import which
@@ -174,6 +174,7 @@ def _interval(omega: Real, damping: Real) -> str:
     return f"{low:.6g} to {high:.6g} Hz, damping {damping[0]:.5g} to {damping[1]:.5g}"
 
 
+@one_thread()
 def worst_case_over_poles(
     identification: Identification,
     omega_interval: ArrayLike,
