@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import dataclasses
+import logging
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Arrays, Real, as_count, one_thread
+from robustid.core import Arrays, Budget, Interruptible, Progress, Real, as_count, one_thread
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import independent_entries
-from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.entry_band import EntryBand, entry_band, extraction_fits, multipliers_fit, quick_band
+from robustid.guarantees.linear.amplitudes import Extraction, extract
+from robustid.guarantees.linear.entry_band import (
+    EntryBand,
+    entry_band,
+    extraction_fits,
+    multipliers_fit,
+    quick_band,
+    unsearched_band,
+)
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
-from robustid.guarantees.linear.samples import samples_of, seen_in
+from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.refinement import polygons_hold
@@ -24,8 +34,10 @@ from robustid.identification import Identification, MixedProblem
 if TYPE_CHECKING:
     import control
 
+_log = logging.getLogger("robustid")
 _BEYOND = 4.0  # times the highest frequency point of continuous data: the last knot before infinity
 _COARSE = 64  # knots of the uniform grid from end to end
+_FIRST = 100  # knots of every entry before any of them gets more, where time is short
 
 
 def band(
@@ -35,6 +47,8 @@ def band(
     box: BoxLike | None = None,
     model: control.StateSpace | None = None,
     knots: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> Band:
     r"""Proved band of all consistent systems at every frequency, from linear certificates: milliseconds a frequency.
 
@@ -61,6 +75,11 @@ def band(
     knots : int, optional
         Most frequencies of an entry at which certificates are searched, but at least 50 and 19 for every mode: sooner, and a
         wider band. 400 leave it at most half as wide again in most cases. Default: as many as interpolation between them asks for.
+    time_limit : float, optional
+        Seconds. Every entry gets a coarse band first, and then, one after the other, as much as time allows: the band is proved,
+        and its `unfinished` says what is wider than it need be. So it is on Ctrl-C.
+    progress : callable (text, done, count), optional
+        Entries.
 
     Returns
     -------
@@ -91,6 +110,7 @@ def band(
     >>> bool(abs(centre[0, 0, 0] - 1 / (2 - np.exp(-0.75j))) <= radius[0, 0, 0] < 0.02), found.certified
     (True, True)
     """
+    budget = Budget(time_limit, progress, "proving the error at every frequency")
     problem, model = _statement(thing, model)
     functions = functions_of(problem, box)
     low, high = _range(problem)
@@ -105,12 +125,50 @@ def band(
     seen = seen_in(problem)
     with one_thread():
         every = [samples_of(problem, functions, entry, seen) for entry in independent_entries(problem.entries)]
-        if most is None:
-            bands = [entry_band(one, wanted, ends[0], ends[1]) for one in every]
-        else:
-            bands = [quick_band(one, ends[0], ends[1], most) for one in every]
+        bands = _searched(every, wanted, (ends[0], ends[1]), most, budget)
     stated = None if box is None else ends_of(box)
-    return Band(problem=problem, omega=grid, bands=tuple(bands), box=stated, model=model)
+    return Band(problem=problem, omega=grid, bands=bands, box=stated, model=model)
+
+
+def _searched(
+    every: Sequence[Samples], wanted: Real, ends: tuple[float, float], most: int | None, budget: Budget
+) -> tuple[EntryBand, ...]:
+    """The discs of every entry: with knots as interpolation asks for, or so many at most, as far as the budget goes."""
+    found: dict[int, EntryBand] = {}
+    done = 0
+    budget.tell(done, len(every))
+    with Interruptible(lambda: done > 0) as search:
+        if not math.isinf(budget.left):
+            _coarsely(every, ends, found, budget)
+        for k, one in enumerate(every):
+            if budget.over:
+                break
+            extraction = found[k].extraction if k in found else extract(one)
+            if most is None:
+                found[k] = entry_band(extraction, wanted, *ends, budget)
+            else:
+                found[k] = quick_band(extraction, *ends, most)
+            done += found[k].complete
+            budget.tell(done, len(every))
+    if search.interrupted:
+        _log.warning(
+            "interrupted: the discs of %d of %d entries are finished; coarse ones for the others", done, len(every)
+        )
+        _coarsely(every, ends, found)
+    return tuple(found[k] if k in found else unsearched_band(one, *ends) for k, one in enumerate(every))
+
+
+def _coarsely(
+    every: Sequence[Samples], ends: tuple[float, float], found: dict[int, EntryBand], budget: Budget | None = None
+) -> None:
+    """Give a coarse band to the entries that have none, until the time is over."""
+    for k, one in enumerate(every):
+        if budget is not None and budget.over:
+            return
+        if k not in found:
+            found[k] = dataclasses.replace(quick_band(extract(one), *ends, _FIRST), complete=False)
+            if budget is not None:
+                budget.tell(0, len(every))
 
 
 def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedProblem, control.StateSpace | None]:
@@ -144,26 +202,27 @@ def band_of_multipliers(
     box: Box | None,
     omega: Real,
     model: control.StateSpace | None,
-    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], Arrays]],
+    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], Arrays, bool]],
     polygons: Bounded | None = None,
 ) -> Band:
     """Make the band of known multipliers; all that it claims follows from them. ValueError for arrays of another problem.
 
-    Of every entry angles, points and multipliers of the knots, and the fields of an `Extraction` but for its samples.
+    Of every entry angles, points and multipliers of the knots, the fields of an `Extraction` but for its samples, and whether its
+    search was complete.
     """
     functions, seen = functions_of(problem, box), seen_in(problem)
     places = independent_entries(problem.entries)
     if len(places) != len(multipliers):
         raise ValueError("its entries are not those of the problem")
     bands: list[EntryBand] = []
-    for place, (angles, points, d, proof) in zip(places, multipliers, strict=True):
+    for place, (angles, points, d, proof, complete) in zip(places, multipliers, strict=True):
         samples = samples_of(problem, functions, place, seen)
         extraction = Extraction(samples, **proof)
         fits = multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction)
         ordered = angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))
         if not (fits and ordered):
             raise ValueError("its multipliers do not belong to the samples of the problem")
-        bands.append(EntryBand(samples, extraction, angles, points, d))
+        bands.append(EntryBand(samples, extraction, angles, points, d, bool(complete)))
     if polygons is not None and not polygons_hold(polygons):
         raise ValueError("its polygons do not follow from their certificates")
     grid = as_frequencies(omega, problem)

@@ -293,6 +293,25 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             discs = all(same) and (not exact or all(holds_exactly(one) for one in again))
         return discs and (self.polygons is None or polygons_hold(self.polygons, exact))
 
+    @property
+    def unfinished(self) -> str:
+        """Sentence on what a time limit, or Ctrl-C, has left out of the search; empty where nothing is missing."""
+        count = len(self.bands)
+        done, without = sum(one.complete for one in self.bands), sum(not one.searched for one in self.bands)
+        if done == count:
+            return ""
+        rest = "the discs of the others are proved, and wider than they need be"
+        if without:
+            rest += f"; for {without} of them there was no time at all, and only the class bounds them"
+        return f"The search was ended early: {done} of {count} entries are finished; {rest}."
+
+    @property
+    def why_nothing(self) -> str:
+        """Words on why nothing is proved at any frequency, where it is so."""
+        if all(one.searched for one in self.bands):
+            return "the data do not tell the amplitudes of the modes apart"
+        return "the search was ended before every entry had its turn"
+
     def __repr__(self) -> str:
         poles = "poles as stated" if self.box is None else "poles anywhere in a box"
         known = self.radius[np.isfinite(self.radius)]
@@ -315,7 +334,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             poles = f", poles of {len(self.box[0])} mode{'s' * (len(self.box[0]) > 1)} anywhere in their box"
         known = self.bounded
         where = "at every frequency" + (f" but from {self.open_words}" if self.open_ranges else "")
-        lines = ["none: the data do not tell the amplitudes of the modes apart" + poles]
+        lines = [f"none: {self.why_nothing}{poles}"]
         if known.any():
             k = int(np.argmax(np.where(known, upper, -1.0)))
             lines = [
@@ -328,6 +347,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
                 f"open       nothing is proved from {self.open_words}: the box of a mode there reaches the undamped ones; measure"
                 " frequency points there"
             )
+        if self.unfinished:
+            lines.append(f"unfinished {self.unfinished}")
         if self.polygons is not None:
             lines.append(f"refined    {self.polygon_words}")
         if self.assumes_amplitudes:

@@ -37,6 +37,7 @@ def proved_band_section(
         Heading("What is guaranteed at every frequency", guarantee=True),
         Text(f"{about(identification)}{band_sentence(identification, band)}", id="band-sentence"),
         *([Text(words, id="band-stands-on")] if words else []),
+        *([Text(band.unfinished, id="band-unfinished")] if band.unfinished else []),
         band_verdict(band, holds),
         Facts(band_rows(identification, band)),
         Drawing(band_chart(identification, band)),
@@ -69,7 +70,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
     """The guarantee in plain words; of a problem that was not identified its band takes that place."""
     upper, known = band.sigma_upper, band.bounded
     if not known.any():
-        return f"Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
+        return f"Nothing is proved of the error: {band.why_nothing}, {poles_words(band)}."
     relative = float(np.median((upper / np.maximum(model_size(band), _TINY))[known]))
     norm = "" if siso(identification) else " (largest singular value of the difference)"
     largest = np.where(known, upper, -1.0)

@@ -109,13 +109,13 @@ def band_words(band: Band, error: WorstCaseError | None) -> str:
         poles = ", the poles anywhere in the pole-uncertainty box that the data leave"
     known = band.bounded
     if not known.any():
-        return f"No error is proved{poles}: the data do not tell the amplitudes of the modes apart."
+        return f"No error is proved{poles}: {band.why_nothing}."
     size = np.maximum(np.linalg.norm(band.nominal, 2, axis=(1, 2)), np.finfo(float).tiny)
     but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
     return (
         f"Proved at every frequency{but}{poles}: every consistent system is within {at_most(upper[known].max())} of the model of"
         f" order {band.order} (median {at_most(100 * float(np.median((upper / size)[known])))} % of the response)."
-        f" {stands_on(band, error)}"
+        f" {stands_on(band, error)} {band.unfinished}"
     ).rstrip()
 
 
