@@ -20,6 +20,7 @@ from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.pole_cells import AMPLITUDE
 from robustid.guarantees.refinement import SAME, check_polygons, narrowed, narrowed_norm, polygons_hold, polygons_of
+from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
@@ -96,6 +97,11 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     def nominal(self) -> Complex:
         """Response of the model at `omega`, (F, ny, nu); the centres without one."""
         return self.centre if self.model is None else self.problem.plane.values_at(self.model, self.omega)
+
+    @functools.cached_property
+    def relative(self) -> RelativeErrors:
+        """Bounds at the frequencies of the data as shares of the response of the model (or of the centre), with their median."""
+        return relative_errors(self.problem, self.omega, self.sigma_upper, self.nominal, self.bounded)
 
     def error_at(self, omega: ArrayLike, model: control.StateSpace | None = None) -> Real:
         """Proved bound of |F - model| at any frequencies, (F, ny, nu): distance from the centre, and the radius.
@@ -324,8 +330,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     @property
     def claim(self) -> str:
         """The summary without its first word."""
-        centre, upper = self.centre, self.sigma_upper
-        size = np.maximum(np.linalg.norm(centre, 2, axis=(1, 2)), np.finfo(float).tiny)
+        upper = self.sigma_upper
         about = "the centre of the band" if self.model is None else "the model"
         poles = ""
         if self.problem.parametric is not None:
@@ -339,8 +344,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             k = int(np.argmax(np.where(known, upper, -1.0)))
             lines = [
                 f"every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}",
-                f"           (median {100 * np.median(upper[known] / size[known]):.3g} % of the response at {known.sum()}"
-                f" frequencies; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
+                f"           (median {self.relative.words}; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
             ]
         if known.any() and self.open_ranges:
             lines.append(

@@ -232,12 +232,9 @@ class Family(WorstCase):
 
     def summary(self) -> str:
         """The result in plain text."""
-        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
-        relative = np.median(self.sigma_upper / np.maximum(size, np.finfo(float).tiny))
         lines = [
             f"guarantee  every system consistent with the data of any of {len(self.members)} members is within"
-            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies (median {100 * relative:.3g} % of the"
-            " response)",
+            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies (median {self.relative.words})",
             f"nominal    order {self.model.nstates}; its band is at most {(self.upper / self.centres.radius).max():.3g} times the"
             " smallest disc that holds all members",
         ]

@@ -18,6 +18,7 @@ from robustid.guarantees.consistent_set import Entry
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.nominal import check_nominal
 from robustid.guarantees.pole_proofs import Cell, hulls_of, union_of
+from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import RefutationClaim, SupportClaim, norm_of_bounds
@@ -32,6 +33,11 @@ class AroundModel(abc.ABC):
     """Conclusions from a bound of F - model on the whole circle, whatever proves it."""
 
     model: control.StateSpace
+
+    @property
+    @abc.abstractmethod
+    def relative(self) -> RelativeErrors:
+        """Bounds at the frequencies of the data as shares of the response, with their median."""
 
     @property
     @abc.abstractmethod
@@ -178,6 +184,12 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
     def sigma_upper(self) -> Real:
         """Guaranteed bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
         return freeze(norm_of_bounds(self.upper))
+
+    @functools.cached_property
+    def relative(self) -> RelativeErrors:
+        """Bounds at the frequencies of the data as shares of the response of the model, with their median."""
+        upper = self.sigma_upper
+        return relative_errors(self.problem, self.omega, upper, self._nominal, np.isfinite(upper))
 
     def hull(self, entry: Entry = (0, 0)) -> list[Complex] | None:
         """At every frequency, points whose convex hull holds an entry of every system; None where a cell is too wide for it."""

@@ -134,13 +134,13 @@ class WorstCaseOverPoles(WorstCase):
     def summary(self) -> str:
         """The result in plain text."""
         problem, largest = self.problem, self.sigma_upper
-        known, relative = np.isfinite(largest), largest / np.linalg.norm(self._nominal, 2, axis=(1, 2))
+        known = np.isfinite(largest)
         lines: list[str] = []
         if known.any():
             part = "" if known.all() else f" at {known.sum()} of {known.size} frequencies"
             lines.append(
                 "guarantee  every consistent system with poles in the pole-uncertainty box is within"
-                f" {largest[known].max():.4g} of the model{part} (median {100 * np.median(relative[known]):.3g} % of the response)"
+                f" {largest[known].max():.4g} of the model{part} (median {self.relative.words})"
             )
         if not known.all():
             ends = dict.fromkeys(f"{w / (2 * np.pi):.5g}" for w in self.omega[~known][[0, -1]])

@@ -220,13 +220,11 @@ class WorstCaseError(WorstCase):
     def summary(self) -> str:
         """The result in plain text."""
         upper, lower = self.sigma_upper, self.sigma_lower
-        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
-        relative = upper / np.maximum(size, np.finfo(float).tiny)
         gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
         lines = [f"unfinished {self.unfinished}"] * bool(self.missing.size)
         lines += [
             f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
-            f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
+            f"           (median {self.relative.words}; attained: {lower.max():.4g})",
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
         ]
         if not self.problem.entries.single:

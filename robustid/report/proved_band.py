@@ -71,7 +71,6 @@ def band_sentence(identification: Posed, band: Band) -> str:
     upper, known = band.sigma_upper, band.bounded
     if not known.any():
         return f"Nothing is proved of the error: {band.why_nothing}, {poles_words(band)}."
-    relative = float(np.median((upper / np.maximum(model_size(band), _TINY))[known]))
     norm = "" if siso(identification) else " (largest singular value of the difference)"
     largest = np.where(known, upper, -1.0)
     but = ""
@@ -81,8 +80,8 @@ def band_sentence(identification: Posed, band: Band) -> str:
     return (
         f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
         f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
-        f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median over"
-        f" {int(known.sum())} frequencies is {at_most(100 * relative)} % of the response."
+        f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median is"
+        f" {band.relative.words}."
     )
 
 
