@@ -2,42 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
-import logging
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Arrays, Budget, Interruptible, Progress, Real, as_count, one_thread
+from robustid.core import Arrays, Budget, Progress, Real, as_count
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import independent_entries
-from robustid.guarantees.linear.amplitudes import Extraction, extract
-from robustid.guarantees.linear.entry_band import (
-    EntryBand,
-    entry_band,
-    extraction_fits,
-    multipliers_fit,
-    quick_band,
-    unsearched_band,
-)
+from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.entry_band import EntryBand, extraction_fits, multipliers_fit
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
-from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
+from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.refinement import polygons_hold
+from robustid.guarantees.whole_axis import axis_ends, discs_of_entries
 from robustid.identification import Identification, MixedProblem
 
 if TYPE_CHECKING:
     import control
-
-_log = logging.getLogger("robustid")
-_BEYOND = 4.0  # times the highest frequency point of continuous data: the last knot before infinity
-_COARSE = 64  # knots of the uniform grid from end to end
-_FIRST = 100  # knots of every entry before any of them gets more, where time is short
 
 
 def band(
@@ -112,63 +98,13 @@ def band(
     """
     budget = Budget(time_limit, progress, "proving the error at every frequency")
     problem, model = _statement(thing, model)
-    functions = functions_of(problem, box)
-    low, high = _range(problem)
+    low, _ = axis_ends(problem, np.zeros(0))
     grid = default_grid(problem) if omega is None else as_frequencies(omega, problem)
-    if not problem.dt:
-        high = max(high, float(grid.max()))
     grid = grid[grid >= low] if omega is None else grid
-    ends: list[float] = problem.plane.angles(np.array([low, high])).tolist()
-    wanted = np.concatenate([problem.plane.angles(grid), np.linspace(ends[0], ends[1], _COARSE)])
-    wanted = np.clip(wanted, ends[0], ends[1])
     most = None if knots is None else as_count("knots", knots, least=2)
-    seen = seen_in(problem)
-    with one_thread():
-        every = [samples_of(problem, functions, entry, seen) for entry in independent_entries(problem.entries)]
-        bands = _searched(every, wanted, (ends[0], ends[1]), most, budget)
+    bands = discs_of_entries(problem, box, grid, most, budget)
     stated = None if box is None else ends_of(box)
     return Band(problem=problem, omega=grid, bands=bands, box=stated, model=model)
-
-
-def _searched(
-    every: Sequence[Samples], wanted: Real, ends: tuple[float, float], most: int | None, budget: Budget
-) -> tuple[EntryBand, ...]:
-    """The discs of every entry: with knots as interpolation asks for, or so many at most, as far as the budget goes."""
-    found: dict[int, EntryBand] = {}
-    done = 0
-    budget.tell(done, len(every))
-    with Interruptible(lambda: done > 0) as search:
-        if not math.isinf(budget.left):
-            _coarsely(every, ends, found, budget)
-        for k, one in enumerate(every):
-            if budget.over:
-                break
-            extraction = found[k].extraction if k in found else extract(one)
-            if most is None:
-                found[k] = entry_band(extraction, wanted, *ends, budget)
-            else:
-                found[k] = quick_band(extraction, *ends, most)
-            done += found[k].complete
-            budget.tell(done, len(every))
-    if search.interrupted:
-        _log.warning(
-            "interrupted: the discs of %d of %d entries are finished; coarse ones for the others", done, len(every)
-        )
-        _coarsely(every, ends, found)
-    return tuple(found[k] if k in found else unsearched_band(one, *ends) for k, one in enumerate(every))
-
-
-def _coarsely(
-    every: Sequence[Samples], ends: tuple[float, float], found: dict[int, EntryBand], budget: Budget | None = None
-) -> None:
-    """Give a coarse band to the entries that have none, until the time is over."""
-    for k, one in enumerate(every):
-        if budget is not None and budget.over:
-            return
-        if k not in found:
-            found[k] = dataclasses.replace(quick_band(extract(one), *ends, _FIRST), complete=False)
-            if budget is not None:
-                budget.tell(0, len(every))
 
 
 def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedProblem, control.StateSpace | None]:
@@ -185,16 +121,6 @@ def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedPr
             f"`thing` is of a {problem.prior.passive} class, which has no gain bound: its band comes from worst_case_error"
         )
     return problem, None if model is None else check_nominal(model, problem)
-
-
-def _range(problem: MixedProblem) -> tuple[float, float]:
-    """The frequencies between which there are knots, rad/s."""
-    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
-    basis = problem.parametric
-    low = 0.0
-    if basis is not None and basis.has_integrator:
-        low = float(lines[lines > 0].min()) if np.any(lines > 0) else 1e-3 * problem.plane.top
-    return low, problem.plane.top if problem.dt else _BEYOND * float(lines.max())
 
 
 def band_of_multipliers(

@@ -13,7 +13,6 @@ from robustid.core import Budget, Complex, Progress, Real, Savable, as_array, as
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
-from robustid.guarantees.linear.arcs import arc_bounds
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
 from robustid.guarantees.nominal import as_frequencies, check_nominal
 from robustid.guarantees.over_cells import AroundModel
@@ -23,7 +22,7 @@ from robustid.guarantees.refinement import SAME, check_polygons, narrowed, narro
 from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
-from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
+from robustid.guarantees.whole_axis import whole_axis
 from robustid.identification import Identification
 
 if TYPE_CHECKING:
@@ -221,12 +220,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
 
     @functools.cached_property
     def _arcs(self) -> CircleBound:
-        with one_thread():
-            angles, entries = arc_bounds(self._entries, self.model, self._corners)
-        edges = np.where(angles < np.pi, self.problem.plane.omega(np.minimum(angles, 3.0)), self.problem.plane.top)
-        inside = angles < np.pi
-        edges[inside] = self.problem.plane.omega(angles[inside])
-        return CircleBound(edges, norm_of_bounds(entries), 0.0, True, (), entries)
+        return whole_axis(self._entries, self.model, self._corners)
 
     @property
     def _corners(self) -> tuple[Real, Real] | None:
@@ -236,13 +230,6 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         low, high = self.range
         omega = self.polygons.omega[(self.polygons.omega >= low) & (self.polygons.omega <= high)]
         return self.problem.plane.angles(omega), self.error_at(omega)
-
-    def weight(
-        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
-    ) -> UncertaintyWeight:
-        """Stable minimum-phase W above the error on the whole axis; see `uncertainty_weight`."""
-        circle = self.circle
-        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     @property
     def bounded(self) -> NDArray[np.bool_]:

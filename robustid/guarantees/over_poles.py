@@ -14,6 +14,7 @@ from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import which
 from robustid.guarantees.exact_cells import relaxed_enough
+from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
@@ -121,6 +122,11 @@ class WorstCaseOverPoles(WorstCase):
         away = ~np.isfinite(rest).reshape(*np.shape(rest)[:2], -1).all(axis=(0, 2))
         numbers = [str(mode) for mode in np.flatnonzero(away) + 1]
         return "" if not numbers else f"mode{'s' * (len(numbers) > 1)} {' and '.join(numbers)}"
+
+    @property
+    def _box(self) -> Box | None:
+        order = np.argsort(self.box.omega.mean(axis=1), kind="stable")
+        return self.box.omega[order], self.box.damping[order]
 
     def _refined(self, rtol: float, everywhere: bool, means: Means) -> CircleBound:
         return circle_over_poles(self.problem, self.kept, self.model, self.omega, rtol, everywhere, means)

@@ -111,7 +111,9 @@ class WorstCaseError(WorstCase):
 
     @property
     def circle(self) -> CircleBound:
-        """The bound on the whole circle that `on_circle` has found, or to 5 % where little work does for it.
+        """The bound on the whole circle that `on_circle` has found; before, that of sums, narrowed by the polygons.
+
+        Of positive-real and negative-imaginary classes, which have no gain bound and no sums, to 5 % where little work does for it.
 
         Raises
         ------
@@ -119,8 +121,8 @@ class WorstCaseError(WorstCase):
             Where it doesn't, counted in frequencies and their size, not in seconds of this machine: `on_circle` takes as long as
             you give it, and shows its progress.
         """
-        if self.known_circle is not None:
-            return self.known_circle
+        if self.known_circle is not None or not self.problem.prior.positive_real:
+            return super().circle
         most = int(_AT_ONCE / (_SECONDS * self.consistent_set.posed.work * _COARSE_STEPS + _EACH))
         found = self._refined(0.05, False, Means(), most) if most else None
         if found is None or not found.converged:
