@@ -97,7 +97,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         """Response of the model at `omega`, (F, ny, nu); the centres without one."""
         return self.centre if self.model is None else self.problem.plane.values_at(self.model, self.omega)
 
-    @functools.cached_property
+    @property
     def relative(self) -> RelativeErrors:
         """Bounds at the frequencies of the data as shares of the response of the model (or of the centre), with their median."""
         return relative_errors(self.problem, self.omega, self.sigma_upper, self.nominal, self.bounded)

@@ -199,7 +199,7 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
         """Guaranteed bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
         return freeze(norm_of_bounds(self.upper))
 
-    @functools.cached_property
+    @property
     def relative(self) -> RelativeErrors:
         """Bounds at the frequencies of the data as shares of the response of the model, with their median."""
         upper = self.sigma_upper

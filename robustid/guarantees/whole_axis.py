@@ -45,7 +45,8 @@ def discs_of_entries(
 ) -> tuple[EntryBand, ...]:
     """The discs of every entry: knots at frequencies and where interpolation asks for them, or so many at most."""
     functions, seen = functions_of(problem, box), seen_in(problem)
-    low, high = problem.plane.angles(np.array(axis_ends(problem, omega))).tolist()
+    ends: list[float] = problem.plane.angles(np.array(axis_ends(problem, omega))).tolist()
+    low, high = ends
     wanted = np.concatenate([problem.plane.angles(omega), np.linspace(low, high, _COARSE)])
     with one_thread():
         every = [samples_of(problem, functions, entry, seen) for entry in independent_entries(problem.entries)]
