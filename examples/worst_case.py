@@ -3,7 +3,7 @@
 Step and frequency data of a simulated mass-beam structure with modes at 9 Hz (well damped) and 17.67 Hz (damping ratio 0.004),
 after T. Inanc et al., IEEE Transactions on Control Systems Technology 9(4), 2001. Its modes are known beforehand here.
 
-Run: python worst_case.py --out folder (about half a minute; with --circle some minutes more)
+Run: python worst_case.py --out folder (about half a minute; with --circle some seconds more)
 """
 
 import argparse
@@ -27,7 +27,7 @@ TUBE = 40  # samples of the step response
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, help="folder for pictures and report (default: a temporary one)")
-    parser.add_argument("--circle", action="store_true", help="bound every frequency, and find a weight: some minutes")
+    parser.add_argument("--circle", action="store_true", help="bound every frequency, and find a weight")
     arguments = parser.parse_args(argv)
     out = arguments.out or Path(tempfile.mkdtemp(prefix="robustid-"))
     out.mkdir(parents=True, exist_ok=True)

@@ -8,6 +8,7 @@ from robustid.core.frozen import Frozen, freeze
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import Budget, Interruptible, Pace, Progress, Stops, Unfinished, pass_on, show_progress
+from robustid.core.rounding import rounded_down, rounded_up
 from robustid.core.state_space import (
     Complex,
     Model,
@@ -104,6 +105,8 @@ __all__ = [
     "response",
     "response_at",
     "responses",
+    "rounded_down",
+    "rounded_up",
     "save",
     "saved_kind",
     "scaled_states",

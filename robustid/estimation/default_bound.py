@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, as_count
+from robustid.core import Real, as_count, one_thread
 from robustid.data import (
     NYQUIST_SLACK,
     Bound,
@@ -30,6 +30,7 @@ _ROUGH = 0.25  # scatter in parts of the response, from which on a bound for all
 _LEAST = 1e-4  # part of a value, below which nobody measures
 
 
+@one_thread()
 def estimate_bound(
     data: Any, source: str | None = None, *, averages: int | None = None, probability: float = 0.95
 ) -> Any:

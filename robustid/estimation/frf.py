@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_count
+from robustid.core import as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
 from robustid.estimation.estimate import ABOUT, Estimate, bound
@@ -21,6 +21,7 @@ _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
 
 
+@one_thread()
 def estimate_frf(
     record: TimeRecord | Sequence[TimeRecord],
     *,

@@ -8,24 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Arrays, Real, as_count, one_thread
+from robustid.core import Arrays, Budget, Progress, Real, as_count
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.entry_band import EntryBand, entry_band, extraction_fits, multipliers_fit, quick_band
+from robustid.guarantees.linear.entry_band import EntryBand, extraction_fits, multipliers_fit
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.samples import samples_of, seen_in
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.refinement import polygons_hold
+from robustid.guarantees.whole_axis import axis_ends, discs_of_entries
 from robustid.identification import Identification, MixedProblem
 
 if TYPE_CHECKING:
     import control
-
-_BEYOND = 4.0  # times the highest frequency point of continuous data: the last knot before infinity
-_COARSE = 64  # knots of the uniform grid from end to end
 
 
 def band(
@@ -35,6 +33,8 @@ def band(
     box: BoxLike | None = None,
     model: control.StateSpace | None = None,
     knots: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> Band:
     r"""Proved band of all consistent systems at every frequency, from linear certificates: milliseconds a frequency.
 
@@ -61,6 +61,11 @@ def band(
     knots : int, optional
         Most frequencies of an entry at which certificates are searched, but at least 50 and 19 for every mode: sooner, and a
         wider band. 400 leave it at most half as wide again in most cases. Default: as many as interpolation between them asks for.
+    time_limit : float, optional
+        Seconds. Every entry gets a coarse band first, and then, one after the other, as much as time allows: the band is proved,
+        and its `unfinished` says what is wider than it need be. So it is on Ctrl-C.
+    progress : callable (text, done, count), optional
+        Entries.
 
     Returns
     -------
@@ -91,26 +96,15 @@ def band(
     >>> bool(abs(centre[0, 0, 0] - 1 / (2 - np.exp(-0.75j))) <= radius[0, 0, 0] < 0.02), found.certified
     (True, True)
     """
+    budget = Budget(time_limit, progress, "proving the error at every frequency")
     problem, model = _statement(thing, model)
-    functions = functions_of(problem, box)
-    low, high = _range(problem)
+    low, _ = axis_ends(problem, np.zeros(0))
     grid = default_grid(problem) if omega is None else as_frequencies(omega, problem)
-    if not problem.dt:
-        high = max(high, float(grid.max()))
     grid = grid[grid >= low] if omega is None else grid
-    ends: list[float] = problem.plane.angles(np.array([low, high])).tolist()
-    wanted = np.concatenate([problem.plane.angles(grid), np.linspace(ends[0], ends[1], _COARSE)])
-    wanted = np.clip(wanted, ends[0], ends[1])
     most = None if knots is None else as_count("knots", knots, least=2)
-    seen = seen_in(problem)
-    with one_thread():
-        every = [samples_of(problem, functions, entry, seen) for entry in independent_entries(problem.entries)]
-        if most is None:
-            bands = [entry_band(one, wanted, ends[0], ends[1]) for one in every]
-        else:
-            bands = [quick_band(one, ends[0], ends[1], most) for one in every]
+    bands = discs_of_entries(problem, box, grid, most, budget)
     stated = None if box is None else ends_of(box)
-    return Band(problem=problem, omega=grid, bands=tuple(bands), box=stated, model=model)
+    return Band(problem=problem, omega=grid, bands=bands, box=stated, model=model)
 
 
 def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedProblem, control.StateSpace | None]:
@@ -129,41 +123,32 @@ def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedPr
     return problem, None if model is None else check_nominal(model, problem)
 
 
-def _range(problem: MixedProblem) -> tuple[float, float]:
-    """The frequencies between which there are knots, rad/s."""
-    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
-    basis = problem.parametric
-    low = 0.0
-    if basis is not None and basis.has_integrator:
-        low = float(lines[lines > 0].min()) if np.any(lines > 0) else 1e-3 * problem.plane.top
-    return low, problem.plane.top if problem.dt else _BEYOND * float(lines.max())
-
-
 def band_of_multipliers(
     problem: MixedProblem,
     box: Box | None,
     omega: Real,
     model: control.StateSpace | None,
-    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], Arrays]],
+    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], Arrays, bool]],
     polygons: Bounded | None = None,
 ) -> Band:
     """Make the band of known multipliers; all that it claims follows from them. ValueError for arrays of another problem.
 
-    Of every entry angles, points and multipliers of the knots, and the fields of an `Extraction` but for its samples.
+    Of every entry angles, points and multipliers of the knots, the fields of an `Extraction` but for its samples, and whether its
+    search was complete.
     """
     functions, seen = functions_of(problem, box), seen_in(problem)
     places = independent_entries(problem.entries)
     if len(places) != len(multipliers):
         raise ValueError("its entries are not those of the problem")
     bands: list[EntryBand] = []
-    for place, (angles, points, d, proof) in zip(places, multipliers, strict=True):
+    for place, (angles, points, d, proof, complete) in zip(places, multipliers, strict=True):
         samples = samples_of(problem, functions, place, seen)
         extraction = Extraction(samples, **proof)
         fits = multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction)
         ordered = angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))
         if not (fits and ordered):
             raise ValueError("its multipliers do not belong to the samples of the problem")
-        bands.append(EntryBand(samples, extraction, angles, points, d))
+        bands.append(EntryBand(samples, extraction, angles, points, d, bool(complete)))
     if polygons is not None and not polygons_hold(polygons):
         raise ValueError("its polygons do not follow from their certificates")
     grid = as_frequencies(omega, problem)

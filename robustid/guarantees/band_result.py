@@ -13,16 +13,16 @@ from robustid.core import Budget, Complex, Progress, Real, Savable, as_array, as
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
-from robustid.guarantees.linear.arcs import arc_bounds
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
 from robustid.guarantees.nominal import as_frequencies, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.pole_cells import AMPLITUDE
 from robustid.guarantees.refinement import SAME, check_polygons, narrowed, narrowed_norm, polygons_hold, polygons_of
+from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
-from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
+from robustid.guarantees.whole_axis import whole_axis
 from robustid.identification import Identification
 
 if TYPE_CHECKING:
@@ -96,6 +96,11 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     def nominal(self) -> Complex:
         """Response of the model at `omega`, (F, ny, nu); the centres without one."""
         return self.centre if self.model is None else self.problem.plane.values_at(self.model, self.omega)
+
+    @property
+    def relative(self) -> RelativeErrors:
+        """Bounds at the frequencies of the data as shares of the response of the model (or of the centre), with their median."""
+        return relative_errors(self.problem, self.omega, self.sigma_upper, self.nominal, self.bounded)
 
     def error_at(self, omega: ArrayLike, model: control.StateSpace | None = None) -> Real:
         """Proved bound of |F - model| at any frequencies, (F, ny, nu): distance from the centre, and the radius.
@@ -215,12 +220,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
 
     @functools.cached_property
     def _arcs(self) -> CircleBound:
-        with one_thread():
-            angles, entries = arc_bounds(self._entries, self.model, self._corners)
-        edges = np.where(angles < np.pi, self.problem.plane.omega(np.minimum(angles, 3.0)), self.problem.plane.top)
-        inside = angles < np.pi
-        edges[inside] = self.problem.plane.omega(angles[inside])
-        return CircleBound(edges, norm_of_bounds(entries), 0.0, True, (), entries)
+        return whole_axis(self._entries, self.model, self._corners)
 
     @property
     def _corners(self) -> tuple[Real, Real] | None:
@@ -230,13 +230,6 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         low, high = self.range
         omega = self.polygons.omega[(self.polygons.omega >= low) & (self.polygons.omega <= high)]
         return self.problem.plane.angles(omega), self.error_at(omega)
-
-    def weight(
-        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
-    ) -> UncertaintyWeight:
-        """Stable minimum-phase W above the error on the whole axis; see `uncertainty_weight`."""
-        circle = self.circle
-        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)
 
     @property
     def bounded(self) -> NDArray[np.bool_]:
@@ -293,6 +286,25 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             discs = all(same) and (not exact or all(holds_exactly(one) for one in again))
         return discs and (self.polygons is None or polygons_hold(self.polygons, exact))
 
+    @property
+    def unfinished(self) -> str:
+        """Sentence on what a time limit, or Ctrl-C, has left out of the search; empty where nothing is missing."""
+        count = len(self.bands)
+        done, without = sum(one.complete for one in self.bands), sum(not one.searched for one in self.bands)
+        if done == count:
+            return ""
+        rest = "the discs of the others are proved, and wider than they need be"
+        if without:
+            rest += f"; for {without} of them there was no time at all, and only the class bounds them"
+        return f"The search was ended early: {done} of {count} entries are finished; {rest}."
+
+    @property
+    def why_nothing(self) -> str:
+        """Words on why nothing is proved at any frequency, where it is so."""
+        if all(one.searched for one in self.bands):
+            return "the data do not tell the amplitudes of the modes apart"
+        return "the search was ended before every entry had its turn"
+
     def __repr__(self) -> str:
         poles = "poles as stated" if self.box is None else "poles anywhere in a box"
         known = self.radius[np.isfinite(self.radius)]
@@ -305,8 +317,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     @property
     def claim(self) -> str:
         """The summary without its first word."""
-        centre, upper = self.centre, self.sigma_upper
-        size = np.maximum(np.linalg.norm(centre, 2, axis=(1, 2)), np.finfo(float).tiny)
+        upper = self.sigma_upper
         about = "the centre of the band" if self.model is None else "the model"
         poles = ""
         if self.problem.parametric is not None:
@@ -315,19 +326,20 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             poles = f", poles of {len(self.box[0])} mode{'s' * (len(self.box[0]) > 1)} anywhere in their box"
         known = self.bounded
         where = "at every frequency" + (f" but from {self.open_words}" if self.open_ranges else "")
-        lines = ["none: the data do not tell the amplitudes of the modes apart" + poles]
+        lines = [f"none: {self.why_nothing}{poles}"]
         if known.any():
             k = int(np.argmax(np.where(known, upper, -1.0)))
             lines = [
                 f"every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}",
-                f"           (median {100 * np.median(upper[known] / size[known]):.3g} % of the response at {known.sum()}"
-                f" frequencies; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
+                f"           (median {self.relative.words}; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
             ]
         if known.any() and self.open_ranges:
             lines.append(
                 f"open       nothing is proved from {self.open_words}: the box of a mode there reaches the undamped ones; measure"
                 " frequency points there"
             )
+        if self.unfinished:
+            lines.append(f"unfinished {self.unfinished}")
         if self.polygons is not None:
             lines.append(f"refined    {self.polygon_words}")
         if self.assumes_amplitudes:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _COARSE = 6, 0.05  # directions and gap of a first look at a frequency between others
 _ROUNDED = 1 + 2e-6  # barely consistent data are given a level of 1 + 1e-6
 _DOUBLES, _LITTLE = 4, 0.1  # of the highest frequency point, and of the weight there
+_ALIKE = 1.05  # times the smallest bound of arcs that are joined
 _PIECES = 64  # of the arc from the highest frequency point to infinity
 _ROUNDS, LARGEST = 40, 4000  # refinements of the circle, and frequencies in all
 
@@ -81,6 +82,17 @@ class CircleBound(Frozen):
         cell = int(np.argmax(self.bound))
         low, high = self.edges[cell : cell + 2].tolist()
         return (low + high) / 2 if np.isfinite(high) else low
+
+
+def joined(circle: CircleBound) -> tuple[Real, Real]:
+    """Edges and bounds of fewer arcs: neighbours whose bounds differ by little make one, with the largest of them."""
+    starts, low, high = [0], circle.bound[0], circle.bound[0]
+    for k, bound in enumerate(circle.bound.tolist()):
+        low, high = min(low, bound), max(high, bound)
+        if high > _ALIKE * low:
+            starts.append(k)
+            low = high = bound
+    return circle.edges[[*starts, circle.bound.size]], np.maximum.reduceat(circle.bound, starts)
 
 
 class Remembered:

@@ -8,7 +8,20 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Arrays, Complex, Frozen, Record, Savable, as_flag, as_kind, freeze, one_thread
+from robustid.core import (
+    Arrays,
+    Budget,
+    Complex,
+    Frozen,
+    Interruptible,
+    Progress,
+    Record,
+    Savable,
+    as_flag,
+    as_kind,
+    freeze,
+    one_thread,
+)
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import independent_entries, which
 from robustid.guarantees.linear.amplitudes import Extraction, extract
@@ -204,7 +217,13 @@ class Contradiction(Frozen, Savable):
         )
 
 
-def contradiction(problem: MixedProblem, *, box: BoxLike | None = None) -> Contradiction | None:
+def contradiction(
+    problem: MixedProblem,
+    *,
+    box: BoxLike | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
+) -> Contradiction | None:
     r"""Search a proof that no system of the class explains the data, from linear certificates: in seconds at most.
 
     For any numbers d_k, -1 for one sample and others for the rest, every system that keeps the bounds has
@@ -221,6 +240,10 @@ def contradiction(problem: MixedProblem, *, box: BoxLike | None = None) -> Contr
     problem : MixedProblem
     box : KautzSuggestion or pair of (M, 2) arrays, optional
         Pole-uncertainty box, as in `band`: then no poles in it explain the data. Default: poles exactly as stated.
+    time_limit : float, optional
+        Seconds; then, and on Ctrl-C, what the entries so far have shown is returned.
+    progress : callable (text, done, count), optional
+        Entries.
 
     Returns
     -------
@@ -256,6 +279,7 @@ def contradiction(problem: MixedProblem, *, box: BoxLike | None = None) -> Contr
     (True, True, True, True)
     """
     as_kind("problem", problem, MixedProblem, "a MixedProblem")
+    budget = Budget(time_limit, progress, "looking for samples that no system explains")
     if problem.prior.positive_real:
         raise InputError(
             f"`problem` is of a {problem.prior.passive} class, which has no gain bound: identify decides whether it is consistent"
@@ -264,17 +288,23 @@ def contradiction(problem: MixedProblem, *, box: BoxLike | None = None) -> Contr
     known: dict[tuple[tuple[int, int], ...], Extraction] = {}  # of entries that samples tie together it is the same
     found: list[Contradiction] = []
     stated = None if box is None else ends_of(box)
-    with one_thread():
-        for entry in independent_entries(problem.entries):
+    entries = list(independent_entries(problem.entries))
+    with one_thread(), Interruptible(lambda: bool(found)):
+        for done, entry in enumerate(entries):
+            if budget.over:
+                break
+            budget.tell(done, len(entries))
             samples = samples_of(problem, functions, entry, seen)
             if samples.components not in known:
                 known[samples.components] = extract(samples)
-            one = _largest(problem, stated, dataclasses.replace(known[samples.components], samples=samples))
+            one = _largest(problem, stated, dataclasses.replace(known[samples.components], samples=samples), budget)
             found += [one] if one is not None and one.excess > 1 else []
+        else:
+            budget.tell(len(entries), len(entries))
     return max(found, key=lambda one: one.excess, default=None)
 
 
-def _largest(problem: MixedProblem, box: Box | None, extraction: Extraction) -> Contradiction | None:
+def _largest(problem: MixedProblem, box: Box | None, extraction: Extraction, budget: Budget) -> Contradiction | None:
     """The combination that is largest against what systems and bounds allow; None where nothing is known of the amplitudes.
 
     At first every line, and some samples of the records, as the others predict it; then, unless all of them agree well, all samples
@@ -288,7 +318,8 @@ def _largest(problem: MixedProblem, box: Box | None, extraction: Extraction) -> 
     worst = sorted(worst, key=lambda one: -one[0])[:_TRIED]
     found = [Contradiction(problem=problem, box=box, extraction=extraction, **proof) for _, proof in worst]
     if worst and worst[0][0] > _HOPE:
-        found += [_together(dataclasses.replace(one, base=part * one.base)) for one in found for part in _INSIDE]
+        starts = [dataclasses.replace(one, base=part * one.base) for one in found for part in _INSIDE]
+        found += [_together(one) for one in starts if not budget.over]
     return max(found, key=lambda one: one.excess, default=None)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Progress, Real, Record, as_array, as_count
+from robustid.core import Budget, Progress, Real, Record, as_array, as_count, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.common_nominal import centres_of, fitted_nominal
 from robustid.guarantees.family_result import Family
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger("robustid")
 
 
+@one_thread()
 def family(
     members: Members,
     *,

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Plane, Progress, Real, freeze
+from robustid.core import Plane, Real, freeze
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.member import Member
 from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.pole_proofs import Cell
-from robustid.guarantees.sweep import Means, Processes
+from robustid.guarantees.sweep import Means
 from robustid.guarantees.value_set import RefutationClaim, SupportClaim
 from robustid.guarantees.weight import UncertaintyWeight, from_zero, uncertainty_weight
 from robustid.identification import MixedProblem
@@ -162,18 +162,11 @@ class Family(WorstCase):
 
     @property
     def circle(self) -> CircleBound:
-        """The bound on the whole circle, to 5 % where none was computed before; `on_circle` first for members with a box."""
+        """The largest of the bounds of the members on every arc."""
         return union_of_circles([e.circle for e in self.errors])
 
     def weight(
-        self,
-        *,
-        kind: str = "additive",
-        order: int | None = None,
-        below: float | None = None,
-        executor: Processes = None,
-        progress: Progress | None = None,
-        time_limit: float | None = None,
+        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
     ) -> UncertaintyWeight:
         r"""Stable minimum-phase W of the smallest order above the uncertainty of all members on the whole circle, certified.
 
@@ -184,7 +177,7 @@ class Family(WorstCase):
         for the kinds "additive", "multiplicative" (at the outputs), "input_multiplicative" and "inverse". Arguments as of any worst
         case; relative kinds from `cover`.
         """
-        self.on_circle(0.3, everywhere=True, executor=executor, progress=progress, time_limit=time_limit)
+        self._without_sums()
         found = uncertainty_weight(self.model, *from_zero(*self.cover(kind), kind, below), order=order)
         return dataclasses.replace(found, kind=kind)
 
@@ -232,12 +225,9 @@ class Family(WorstCase):
 
     def summary(self) -> str:
         """The result in plain text."""
-        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
-        relative = np.median(self.sigma_upper / np.maximum(size, np.finfo(float).tiny))
         lines = [
             f"guarantee  every system consistent with the data of any of {len(self.members)} members is within"
-            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies (median {100 * relative:.3g} % of the"
-            " response)",
+            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies (median {self.relative.words})",
             f"nominal    order {self.model.nstates}; its band is at most {(self.upper / self.centres.radius).max():.3g} times the"
             " smallest disc that holds all members",
         ]

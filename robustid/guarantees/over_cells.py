@@ -11,27 +11,37 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from robustid.core import Budget, Complex, Frozen, Progress, Real, Savable, as_flag, as_positive, freeze, threads_for
-from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.guarantees.circle import CircleBound, Remembered
+from robustid.guarantees.circle import CircleBound, Remembered, joined
 from robustid.guarantees.consistent_set import Entry
 from robustid.guarantees.covers import cover_bound
+from robustid.guarantees.linear.entry_band import EntryBands
+from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import check_nominal
 from robustid.guarantees.pole_proofs import Cell, hulls_of, union_of
+from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import RefutationClaim, SupportClaim, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
+from robustid.guarantees.whole_axis import discs_of_entries, whole_axis
 from robustid.identification import MixedProblem, check_gain
 
 if TYPE_CHECKING:
     import control
+
+_KNOTS = 400  # of the sums of every entry: in most cases bounds are at most half as large again as need be
 
 
 class AroundModel(abc.ABC):
     """Conclusions from a bound of F - model on the whole circle, whatever proves it."""
 
     model: control.StateSpace
+
+    @property
+    @abc.abstractmethod
+    def relative(self) -> RelativeErrors:
+        """Bounds at the frequencies of the data as shares of the response, with their median."""
 
     @property
     @abc.abstractmethod
@@ -56,6 +66,16 @@ class AroundModel(abc.ABC):
         """Edges (C + 1,) in rad/s, and the bound (C,) of the uncertainty of a kind on every arc between them."""
         circle = self.circle
         return circle.edges, cover_bound(self.model, circle.edges, circle.bound, circle.entries, kind)
+
+    def weight(
+        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
+    ) -> UncertaintyWeight:
+        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
+
+        See `uncertainty_weight`; the bound is `circle`, its arcs joined where it hardly changes.
+        """
+        edges, bound = joined(self.circle)
+        return uncertainty_weight(self.model, edges, bound, kind=kind, order=order, below=below)
 
     def robust_stability_margin(
         self, controller: control.StateSpace, *, kind: str = "additive"
@@ -179,6 +199,12 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
         """Guaranteed bound of the largest singular value of F - model, (F,): the norm of the matrix `upper`."""
         return freeze(norm_of_bounds(self.upper))
 
+    @property
+    def relative(self) -> RelativeErrors:
+        """Bounds at the frequencies of the data as shares of the response of the model, with their median."""
+        upper = self.sigma_upper
+        return relative_errors(self.problem, self.omega, upper, self._nominal, np.isfinite(upper))
+
     def hull(self, entry: Entry = (0, 0)) -> list[Complex] | None:
         """At every frequency, points whose convex hull holds an entry of every system; None where a cell is too wide for it."""
         return hulls_of(self.kept, self.omega, entry)
@@ -194,16 +220,43 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
 
     @property
     def circle(self) -> CircleBound:
-        """The smallest bound on the whole circle that `on_circle` has found.
+        """The smallest bound on the whole circle that `on_circle` has found; before, that of sums, narrowed by the polygons."""
+        return self._by_sums if self.known_circle is None else self.known_circle
 
-        Raises
-        ------
-        InputError
-            It has not been called.
+    @property
+    def _box(self) -> Box | None:
+        """Pole-uncertainty box of all cells, modes by rising frequency; None: poles as stated."""
+        return None
+
+    @functools.cached_property
+    def _by_sums(self) -> CircleBound:
+        """The bound on the whole circle by linear certificates, without a solver, and by the polygons where they are smaller."""
+        problem, plane = self.problem, self.problem.plane
+        bands = EntryBands(problem, discs_of_entries(problem, self._box, self.omega, _KNOTS, Budget()))
+        low, high = bands.bands[0].angles[[0, -1]]
+        angles = plane.angles(self.omega)
+        inside = (angles >= low) & (angles <= high)
+        bounds = np.minimum(self.upper[inside], bands.errors_at(self.model, angles[inside]))
+        corners = (angles[inside], bounds) if inside.sum() > 1 else None
+        return whole_axis(bands, self.model, corners, float(self.sigma_lower.max()))
+
+    def weight(
+        self, *, kind: str = "additive", order: int | None = None, below: float | None = None
+    ) -> UncertaintyWeight:
+        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
+
+        See `uncertainty_weight`; the bound is `circle`, its arcs joined where it hardly changes. Of classes without a gain bound
+        that of ``on_circle(0.3, everywhere=True)``, unless one is known.
         """
-        if self.known_circle is None:
-            raise InputError("nothing is known of the whole circle yet: call `on_circle`, which takes a while, before")
-        return self.known_circle
+        self._without_sums()
+        return super().weight(kind=kind, order=order, below=below)
+
+    def _without_sums(self) -> None:
+        """Bound the circle for a weight where the class has no gain bound, and so no sums."""
+        if not self.problem.dt:
+            check_gain(self.problem, "a weight up to infinity")
+        if self.problem.prior.positive_real and self.known_circle is None:
+            self.on_circle(0.3, everywhere=True)
 
     def on_circle(
         self,
@@ -248,23 +301,3 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
         found = self._refined(rtol, everywhere, Means(executor, progress, resume, Budget(time_limit)))
         self._circle.take(found)  # for `hinf` and `save`, from now on
         return found
-
-    def weight(
-        self,
-        *,
-        kind: str = "additive",
-        order: int | None = None,
-        below: float | None = None,
-        executor: Processes = None,
-        progress: Progress | None = None,
-        time_limit: float | None = None,
-    ) -> UncertaintyWeight:
-        """Stable minimum-phase W above the error on the whole circle, of the smallest order that follows it.
-
-        See `uncertainty_weight` for the first three arguments; the bound is that of `on_circle`, held to 30 % everywhere, or as far
-        as it comes within `time_limit` seconds: W is above it all the same.
-        """
-        if not self.problem.dt:
-            check_gain(self.problem, "a weight up to infinity")
-        circle = self.on_circle(0.3, everywhere=True, executor=executor, progress=progress, time_limit=time_limit)
-        return uncertainty_weight(self.model, circle.edges, circle.bound, kind=kind, order=order, below=below)

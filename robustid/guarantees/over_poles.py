@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, freeze, threads_for
+from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, freeze, one_thread, threads_for
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import which
 from robustid.guarantees.exact_cells import relaxed_enough
+from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
@@ -122,6 +123,11 @@ class WorstCaseOverPoles(WorstCase):
         numbers = [str(mode) for mode in np.flatnonzero(away) + 1]
         return "" if not numbers else f"mode{'s' * (len(numbers) > 1)} {' and '.join(numbers)}"
 
+    @property
+    def _box(self) -> Box | None:
+        order = np.argsort(self.box.omega.mean(axis=1), kind="stable")
+        return self.box.omega[order], self.box.damping[order]
+
     def _refined(self, rtol: float, everywhere: bool, means: Means) -> CircleBound:
         return circle_over_poles(self.problem, self.kept, self.model, self.omega, rtol, everywhere, means)
 
@@ -134,13 +140,13 @@ class WorstCaseOverPoles(WorstCase):
     def summary(self) -> str:
         """The result in plain text."""
         problem, largest = self.problem, self.sigma_upper
-        known, relative = np.isfinite(largest), largest / np.linalg.norm(self._nominal, 2, axis=(1, 2))
+        known = np.isfinite(largest)
         lines: list[str] = []
         if known.any():
             part = "" if known.all() else f" at {known.sum()} of {known.size} frequencies"
             lines.append(
                 "guarantee  every consistent system with poles in the pole-uncertainty box is within"
-                f" {largest[known].max():.4g} of the model{part} (median {100 * np.median(relative[known]):.3g} % of the response)"
+                f" {largest[known].max():.4g} of the model{part} (median {self.relative.words})"
             )
         if not known.all():
             ends = dict.fromkeys(f"{w / (2 * np.pi):.5g}" for w in self.omega[~known][[0, -1]])
@@ -174,6 +180,7 @@ def _interval(omega: Real, damping: Real) -> str:
     return f"{low:.6g} to {high:.6g} Hz, damping {damping[0]:.5g} to {damping[1]:.5g}"
 
 
+@one_thread()
 def worst_case_over_poles(
     identification: Identification,
     omega_interval: ArrayLike,

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, as_kind, freeze, threads_for, time_words
+from robustid.core import Complex, Frozen, Real, as_kind, freeze, one_thread, threads_for, time_words
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
@@ -122,6 +122,7 @@ class Refutation(Frozen):
         where = f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
         return f"{kind} experiment {index + 1} at {where}{which(problem, (output, input if kind == 'frequency' else None))}"
 
+    @one_thread()
     def verify(self) -> bool:
         """Evaluate all certificates again and compare the distances with them; no solver's answer is involved."""
         return all(
@@ -163,6 +164,7 @@ class Refutation(Frozen):
         )
 
 
+@one_thread()
 def refute(identification: Identification, new_data: Experiment | Sequence[Experiment]) -> Refutation:
     """Compare new samples with everything that an identification leaves possible; say which one breaks it, and by how much.
 

@@ -56,6 +56,7 @@ class _Entry(TypedDict):
     points: NDArray[np.int32]
     multipliers: Complex
     amplitudes: Arrays
+    complete: bool
 
 
 class _Plant(TypedDict):
@@ -187,7 +188,7 @@ def _band(band: Band) -> Record:
         "nominal": None if band.model is None else StateMatrices.of(band.model),
         "entries": tuple(
             {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
-            | {"amplitudes": _amplitudes(one.extraction)}
+            | {"amplitudes": _amplitudes(one.extraction), "complete": one.complete}
             for one in band.bands
         ),
         "polygons": band.polygons,
@@ -204,7 +205,9 @@ def _make_band(
 ) -> Band:
     """The band of stored multipliers: radii are not stored, but follow from them anew; certificates of polygons are evaluated."""
     model = None if nominal is None else nominal.model(problem.dt)
-    multipliers = [(one["angles"], one["points"], one["multipliers"], one["amplitudes"]) for one in entries]
+    multipliers = [
+        (one["angles"], one["points"], one["multipliers"], one["amplitudes"], one["complete"]) for one in entries
+    ]
     return band_of_multipliers(problem, box, omega, model, multipliers, polygons)
 
 

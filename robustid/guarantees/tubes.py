@@ -163,6 +163,7 @@ class ResponseTube(Frozen, Drawable):
             )
         return float(self._errors.sum() + self._after[0])
 
+    @one_thread()
     def verify(self) -> bool:
         """Evaluate all certificates again, from their numbers and those of the problem; no solver's answer is involved."""
         ends = np.stack([-self.lower, self.upper], axis=1)
@@ -392,8 +393,7 @@ def _bounded(
                 break
     if sweep.interrupted:
         _log.warning("interrupted: %d of %d samples are finished, and returned", len(found), samples.size)
-    done = sorted(found)
-    return samples[done], [found[k] for k in done]
+    return samples[sorted(found)], [found[k] for k in sorted(found)]
 
 
 def _ends(outputs: Outputs, output: int, gap: float, sample: int) -> tuple[Extreme, Extreme]:

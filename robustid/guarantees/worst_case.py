@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive
+from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
@@ -26,6 +26,7 @@ LEAST, MOST = 3, 360  # directions: a polygon has three; beyond one per degree n
 _NO_TIME = 1e-9  # seconds: the coefficients of the parametric part stay without intervals
 
 
+@one_thread()
 def worst_case_error(
     identification: Identification,
     *,

@@ -111,7 +111,9 @@ class WorstCaseError(WorstCase):
 
     @property
     def circle(self) -> CircleBound:
-        """The bound on the whole circle that `on_circle` has found, or to 5 % where little work does for it.
+        """The bound on the whole circle that `on_circle` has found; before, that of sums, narrowed by the polygons.
+
+        Of positive-real and negative-imaginary classes, which have no gain bound and no sums, to 5 % where little work does for it.
 
         Raises
         ------
@@ -119,8 +121,8 @@ class WorstCaseError(WorstCase):
             Where it doesn't, counted in frequencies and their size, not in seconds of this machine: `on_circle` takes as long as
             you give it, and shows its progress.
         """
-        if self.known_circle is not None:
-            return self.known_circle
+        if self.known_circle is not None or not self.problem.prior.positive_real:
+            return super().circle
         most = int(_AT_ONCE / (_SECONDS * self.consistent_set.posed.work * _COARSE_STEPS + _EACH))
         found = self._refined(0.05, False, Means(), most) if most else None
         if found is None or not found.converged:
@@ -220,13 +222,11 @@ class WorstCaseError(WorstCase):
     def summary(self) -> str:
         """The result in plain text."""
         upper, lower = self.sigma_upper, self.sigma_lower
-        size = np.linalg.norm(self._nominal, 2, axis=(1, 2))
-        relative = upper / np.maximum(size, np.finfo(float).tiny)
         gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
         lines = [f"unfinished {self.unfinished}"] * bool(self.missing.size)
         lines += [
             f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
-            f"           (median {100 * np.median(relative):.3g} % of the response; attained: {lower.max():.4g})",
+            f"           (median {self.relative.words}; attained: {lower.max():.4g})",
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
         ]
         if not self.problem.entries.single:

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from robustid.core import Budget, Choice, Interruptible, Progress, Source, as_positive, pass_on, threads_for
+from robustid.core import Budget, Choice, Interruptible, Progress, Source, as_positive, one_thread, pass_on, threads_for
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate
@@ -27,6 +27,7 @@ OBJECTIVES = ("center", "margin", "gain", "order")
 _PROOF = 0.6  # part of a time limit after which the margin must do; the rest is for the model
 
 
+@one_thread()
 def identify(
     problem: MixedProblem,
     *,

@@ -9,7 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from robustid.core import Complex, Frozen, Model, Numbers, Real, as_kind, freeze, lengths, points_of, simulate
+from robustid.core import (
+    Complex,
+    Frozen,
+    Model,
+    Numbers,
+    Real,
+    as_kind,
+    freeze,
+    lengths,
+    one_thread,
+    points_of,
+    simulate,
+)
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 
@@ -95,6 +107,7 @@ class Validation(Frozen):
         return f"direction {index[1] + 1} -> sensor {index[0] + 1}"
 
 
+@one_thread()
 def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialResponse) -> Validation:
     """Hold a model against a time record, a frequency response or a response in directions.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, Real, StateMatrices, as_count, as_kind, balancing, threads_for
+from robustid.core import Frozen, Real, StateMatrices, as_count, as_kind, balancing, one_thread, threads_for
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.passivity.passive_compliance import nearest_compliances
@@ -70,6 +70,7 @@ class PassiveModel(Frozen):
     values: Real = dataclasses.field(default_factory=lambda: np.zeros(0))
 
 
+@one_thread()
 def reduce_passive(
     model: control.StateSpace,
     *,
@@ -137,6 +138,7 @@ def reduce_passive(
         return _smallest(given, kind, data, truncated)
 
 
+@one_thread()
 def make_passive(
     model: control.StateSpace, *, kind: str = BOUNDED, response: FrequencyResponse | None = None
 ) -> PassiveModel:

@@ -44,7 +44,7 @@ from robustid.report.document import (
 from robustid.report.identification_page import findings_section, run_file_section
 from robustid.report.identified import Bounded, Parts, transfer
 from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
-from robustid.report.words import HZ, at_frequencies, at_hz, at_most, number, percent
+from robustid.report.words import HZ, at_frequencies, at_hz, at_most, number
 from robustid.report.words import title as heading
 
 _CURVE = 800  # frequencies of the curve of the nominal
@@ -141,14 +141,12 @@ def family_verdict(family: Family) -> Verdict:
 
 def guarantee_words(family: Family) -> str:
     """The guarantee in plain words."""
-    size = np.linalg.norm(family.plane.values_at(family.model, family.omega), 2, axis=(1, 2))
-    relative = float(np.median(family.sigma_upper / np.maximum(size, np.finfo(float).tiny)))
     about = sorted({words for m in family.members for words in m.identification.problem.about})
     return " ".join(
         [
             *about,
             f"Every system of the class that is consistent with the data of a member is within {at_most(family.sigma_upper.max())}"
-            f" of the nominal {at_frequencies(family.omega)}, in the median within {percent(relative, 3)} of its response.",
+            f" of the nominal {at_frequencies(family.omega)}, the median is {family.relative.words}.",
         ]
     )
 

@@ -91,7 +91,6 @@ def guarantee_section(identification: Identification, error: WorstCaseError, hol
 def guarantee_sentence(error: WorstCaseError) -> str:
     """The guarantee in plain words."""
     upper, omega, alone = error.sigma_upper, error.omega, siso(error.identification)
-    relative = upper / np.maximum(model_size(error), _TINY)
     norm = "" if alone else " (largest singular value of the difference)"
     model = bounded_model(error.identification, error.model)[0]
     worst = ""
@@ -100,8 +99,7 @@ def guarantee_sentence(error: WorstCaseError) -> str:
     return (
         "Every plant that agrees with the data and the assumptions has a response within"
         f" {in_unit(at_most(upper.max()), error.identification)} of the {model}{norm},"
-        f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median over the frequencies is"
-        f" {at_most(100 * float(np.median(relative)))} % of the response."
+        f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median is {error.relative.words}."
     )
 
 
@@ -227,9 +225,10 @@ def worst_table(error: WorstCaseError) -> Table:
 def entry_table(error: WorstCaseError) -> Table:
     """The largest error of every entry."""
     size, rows = np.abs(error.nominal.reshape(error.upper.shape)), list[tuple[str, ...]]()
+    share = (error.upper / np.maximum(size, _TINY))[np.isin(error.omega, error.relative.omega)]
     for i, j in np.ndindex(size.shape[1:]):
         k = int(np.argmax(error.upper[:, i, j]))
-        relative = float(np.median(error.upper[:, i, j] / np.maximum(size[:, i, j], _TINY)))
+        relative = float(np.median(share[:, i, j]))
         name, hz = transfer(error.identification, i, j), number(error.omega[k] / HZ, 5)
         ends = at_most(error.upper[k, i, j]), at_least(error.lower[k, i, j])
         rows.append((name, hz, *ends, f"{at_most(100 * relative)} %"))

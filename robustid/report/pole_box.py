@@ -145,14 +145,13 @@ def box_sentence(band: WorstCaseOverPoles) -> str:
     )
     if not known.any():
         return open_
-    relative = float(np.median((upper / np.maximum(model_size(band), np.finfo(float).tiny))[known]))
     norm = "" if siso(band.identification) else " (largest singular value of the difference)"
     model = bounded_model(band.identification, band.model)[0]
     return (
         "Every plant that agrees with the data and the assumptions, its poles anywhere in the box"
         " below, has a response within"
         f" {in_unit(at_most(upper[known].max()), band.identification)} of the {model}{norm},"
-        f" {at_frequencies(band.omega[known])}; the median is {at_most(100 * relative)} % of the response. {open_}"
+        f" {at_frequencies(band.omega[known])}; the median is {band.relative.words}. {open_}"
     ).rstrip()
 
 

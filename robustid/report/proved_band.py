@@ -37,6 +37,7 @@ def proved_band_section(
         Heading("What is guaranteed at every frequency", guarantee=True),
         Text(f"{about(identification)}{band_sentence(identification, band)}", id="band-sentence"),
         *([Text(words, id="band-stands-on")] if words else []),
+        *([Text(band.unfinished, id="band-unfinished")] if band.unfinished else []),
         band_verdict(band, holds),
         Facts(band_rows(identification, band)),
         Drawing(band_chart(identification, band)),
@@ -69,8 +70,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
     """The guarantee in plain words; of a problem that was not identified its band takes that place."""
     upper, known = band.sigma_upper, band.bounded
     if not known.any():
-        return f"Nothing is proved of the error: the data do not tell the amplitudes apart, {poles_words(band)}."
-    relative = float(np.median((upper / np.maximum(model_size(band), _TINY))[known]))
+        return f"Nothing is proved of the error: {band.why_nothing}, {poles_words(band)}."
     norm = "" if siso(identification) else " (largest singular value of the difference)"
     largest = np.where(known, upper, -1.0)
     but = ""
@@ -80,8 +80,8 @@ def band_sentence(identification: Posed, band: Band) -> str:
     return (
         f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
         f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
-        f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median over"
-        f" {int(known.sum())} frequencies is {at_most(100 * relative)} % of the response."
+        f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median is"
+        f" {band.relative.words}."
     )
 
 

@@ -5,13 +5,12 @@ Guaranteed ends are rounded away from what they bound, so that the printed numbe
 
 from __future__ import annotations
 
-import decimal
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Signal
+from robustid.core import Signal, rounded_down, rounded_up
 
 HZ = 2 * np.pi  # rad/s
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -33,18 +32,12 @@ def number(value: float, digits: int = 4) -> str:
 
 def at_most(value: float, digits: int = 4) -> str:
     """Write a number that is not below the value."""
-    return _rounded(value, decimal.ROUND_CEILING, digits)
+    return number(rounded_up(value, digits), digits)
 
 
 def at_least(value: float, digits: int = 4) -> str:
     """Write a number that is not above the value."""
-    return _rounded(value, decimal.ROUND_FLOOR, digits)
-
-
-def _rounded(value: float, rounding: str, digits: int) -> str:
-    if not np.isfinite(value):
-        return number(value)
-    return number(float(decimal.Context(prec=digits, rounding=rounding).create_decimal_from_float(value)), digits)
+    return number(rounded_down(value, digits), digits)
 
 
 def percent(share: float, digits: int = 2) -> str:

@@ -6,11 +6,12 @@ import pytest
 import robustid as rid
 from robustid.core import response
 from robustid.guarantees import CircleBound, worst_case_result
-from robustid.guarantees.circle import Remembered
+from robustid.guarantees.circle import Remembered, joined
 from robustid.identification import Functional
 from robustid.identification.formulation import Candidate
 from robustid.identification.model import nominal_model
 from support.cases import slow
+from support.passive import passive_edge
 from support.problems import CASES, random_experiment
 
 
@@ -34,14 +35,22 @@ TWENTY = [slow(seed, case, 10, 100_000) for case in CASES for seed in range(60, 
 def test_no_system_exceeds_the_bound_on_the_circle(seed, case, coefficients, points):
     """Cell by cell: the truth, and central interpolants of extreme coefficients."""
     problem, truth = random_experiment(seed, case, coefficients)
-    error = rid.worst_case_error(rid.identify(problem), omega=[50.0])
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0, 90.0])
+    sums = error.circle
+    assert error.known_circle is None
+    assert error.circle is sums
     circle = error.on_circle(0.2)
     assert circle.converged
     assert error.hinf == circle.largest
     assert circle.edges[0] == 0
     assert circle.edges[-1] == pytest.approx(np.pi / problem.dt)
     omega = np.linspace(0, np.pi / problem.dt, points)
-    bound = circle.bound[np.clip(np.searchsorted(circle.edges, omega, side="right") - 1, 0, circle.bound.size - 1)]
+    assert (sums.edges[0], sums.edges[-1]) == (0, pytest.approx(np.pi / problem.dt))
+    each = [
+        one.bound[np.clip(np.searchsorted(one.edges, omega, side="right") - 1, 0, one.bound.size - 1)]
+        for one in (circle, sums)
+    ]
+    bound = np.minimum(*each)
     nominal, worst = response(error.model, omega * problem.dt), 0.0
     assert np.all(np.abs(truth.response(omega * problem.dt) - nominal) <= bound)
     for x, p in members(error):
@@ -72,13 +81,31 @@ def test_a_bound_on_the_circle_that_ran_out_of_time_holds_and_goes_on():
 
 
 def test_an_attribute_that_would_take_long_names_the_method(monkeypatch):
-    error = rid.worst_case_error(rid.identify(random_experiment(1, "mixed", 8)[0]), omega=[50.0])
+    """Of classes without a gain bound; of all others sums do."""
+    error = rid.worst_case_error(rid.identify(passive_edge(4, "positive", 1)[1]), omega=[1.0], directions=4, rtol=0.3)
     for seconds in (1e-9, 0.03):  # no frequency at all; so few that nothing converges
         monkeypatch.setattr(worst_case_result, "_AT_ONCE", seconds)
         with pytest.raises(rid.errors.TimeLimitError, match="on_circle"):
             _ = error.hinf
         assert error.known_circle is None
-    assert error.on_circle(0.5).largest == error.hinf
+    assert error.on_circle(0.5, time_limit=1.0).largest == error.hinf
+
+
+@pytest.mark.parametrize(("seed", "case"), [(4, "parametric"), (1, "mixed")])
+def test_a_weight_is_above_the_truth_and_costs_no_semidefinite_program(seed, case, monkeypatch):
+    problem, truth = random_experiment(seed, case, 8)
+    error = rid.worst_case_error(rid.identify(problem), omega=[50.0, 90.0], directions=6)
+    monkeypatch.setattr(type(error.consistent_set), "extreme", None)
+    weight = error.weight()
+    assert weight.certified
+    omega = np.linspace(0, np.pi / problem.dt, 5000)
+    away = np.abs(truth.response(omega * problem.dt) - response(error.model, omega * problem.dt))
+    assert np.all(away <= np.abs(response(weight.model, omega * problem.dt)))
+    edges, bound = joined(error.circle)
+    assert edges.size < error.circle.edges.size
+    cell = np.searchsorted(edges, (error.circle.edges[1:] + error.circle.edges[:-1]) / 2) - 1
+    assert np.all(bound[cell] >= error.circle.bound)
+    assert np.all(bound[cell] <= 1.05 * error.circle.bound)
 
 
 def test_a_circle_that_is_still_unbounded_goes_on_from_its_arcs():

@@ -109,13 +109,12 @@ def band_words(band: Band, error: WorstCaseError | None) -> str:
         poles = ", the poles anywhere in the pole-uncertainty box that the data leave"
     known = band.bounded
     if not known.any():
-        return f"No error is proved{poles}: the data do not tell the amplitudes of the modes apart."
-    size = np.maximum(np.linalg.norm(band.nominal, 2, axis=(1, 2)), np.finfo(float).tiny)
+        return f"No error is proved{poles}: {band.why_nothing}."
     but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
     return (
         f"Proved at every frequency{but}{poles}: every consistent system is within {at_most(upper[known].max())} of the model of"
-        f" order {band.order} (median {at_most(100 * float(np.median((upper / size)[known])))} % of the response)."
-        f" {stands_on(band, error)}"
+        f" order {band.order} (median {band.relative.words})."
+        f" {stands_on(band, error)} {band.unfinished}"
     ).rstrip()
 
 
@@ -217,14 +216,13 @@ def _named(outside: list[tuple[float, str]]) -> str:
 def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
     """Sentence that says how far every consistent system can be from the small model; no guarantee where data contradict it."""
     upper = error.upper
-    size = np.abs(np.reshape(error.nominal, upper.shape))
     k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
     problem = error.identification.problem
     place = f"{error.omega[k] / (2 * np.pi):.5g} Hz{of_entry(problem, int(i), int(j))}"
     entries = "" if upper[0].size == 1 else " in every entry"
     text = (
         f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)} frequencies"
-        f" (largest at {place}), in the median {100 * np.median(upper / np.maximum(size, 1e-300)):.3g} % of the response."
+        f" (largest at {place}), the median is {error.relative.words}."
     )
     if withheld is not None and withheld.contradicted:
         text += (

@@ -132,10 +132,10 @@ def proved(work: Work) -> None:
     result = work.identification
     if not result.consistent:
         return
-    work.around.say("proving the error at every frequency")
     if result.prior.positive_real:  # a class without a gain has none
         return
-    work.band = band(result, box=held_box(work.box, result.problem))
+    told = work.around.begun("proving the error at every frequency")
+    work.band = band(result, box=held_box(work.box, result.problem), progress=told)
     work.around.folder.proved(work.band)
 
 

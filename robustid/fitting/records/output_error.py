@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Interruptible, Progress, Real, StateMatrices, as_count, as_flag, as_float, threads_for
+from robustid.core import (
+    Budget,
+    Interruptible,
+    Progress,
+    Real,
+    StateMatrices,
+    as_count,
+    as_flag,
+    as_float,
+    one_thread,
+    threads_for,
+)
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.fitting.fraction.fraction_iteration import FitStatus, counted_steps, former, former_weight
@@ -38,6 +49,7 @@ _SAME_LEVELS = 0.05  # relative differences between levels that are not worth an
 _ENDED = (FitStatus.INTERRUPTED, FitStatus.TIME)
 
 
+@one_thread()
 def fit_records(
     records: TimeRecord | Sequence[TimeRecord],
     *,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import control
 
 _FINE = 0.02  # of the larger bound at the ends: what the bend of an arc may add
-_PARTS = 64  # of an arc, at most
+_PARTS = 4, 4, 4, 1  # of an arc, of each of these, and so on, at most
 _BEYOND = 64  # pieces of the arc from the last knot to infinity
 _ONE = 1 + 1e-9
 
@@ -34,7 +34,7 @@ def arc_bounds(
     if corners is not None:
         corners = np.clip(corners[0], knots[0], knots[-1]), corners[1]
         knots = np.union1d(knots, corners[0])
-    edges, found = _halved(knots, bands, bend, model)
+    edges, found = _divided(knots, bands, bend, model)
     if corners is not None:
         found = _below_chords(edges, found, *corners, bend)
     top = np.pi if knots[-1] < np.pi else None
@@ -44,26 +44,32 @@ def arc_bounds(
     return edges, found.reshape(-1, *bend.shape)
 
 
-def _halved(knots: Real, bands: EntryBands, bend: Bends, model: control.StateSpace) -> tuple[Real, Real]:
-    """The arcs between knots of all entries, in as many parts as their bends ask for."""
-    low, high = knots[:-1], knots[1:]
-    ends = bands.errors_at(model, knots)
-    added = bend.of(low, high) * ((high - low) ** 2 / 8)[:, None, None]
-    size = np.maximum(ends[:-1], ends[1:])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.nan_to_num(added / (_FINE * size), nan=0.0, posinf=_PARTS**2).max(axis=(1, 2))
-    parts = np.clip(np.ceil(np.sqrt(ratio)), 1, _PARTS).astype(int)
-    sides = zip(low.tolist(), high.tolist(), parts.tolist(), strict=True)
-    inner: list[Real] = [np.linspace(a, b, n + 1)[:-1] for a, b, n in sides]
-    edges = np.concatenate([*inner, knots[-1:]])
-    at = bands.errors_at(model, edges)
-    widths = np.diff(edges)
-    # The bend of the whole arc bounds that of its parts.
-    again = np.repeat(added / parts[:, None, None] ** 2, parts, axis=0)
-    coarse = np.repeat(parts == 1, parts)
-    sharp = bend.of(edges[:-1][~coarse], edges[1:][~coarse]) * (widths[~coarse] ** 2 / 8)[:, None, None]
-    again[~coarse] = np.minimum(again[~coarse], sharp)
-    return edges, (np.maximum(at[:-1], at[1:]) + again) * _ONE
+def _divided(knots: Real, bands: EntryBands, bend: Bends, model: control.StateSpace) -> tuple[Real, Real]:
+    """The arcs between knots of all entries, in as many parts as their bends ask for, a few at a time: shorter arcs bend less."""
+    edges, at = knots, bands.errors_at(model, knots)
+    added, asked = np.full((edges.size - 1, *at.shape[1:]), np.inf), np.arange(edges.size - 1)
+    for most in _PARTS:
+        low, high = edges[asked], edges[asked + 1]
+        own = bend.of(low, high) * ((high - low) ** 2 / 8)[:, None, None]
+        # The bend of a whole arc bounds that of its parts.
+        added[asked] = np.fmin(added[asked], own)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = added[asked] / (_FINE * np.maximum(at[asked], at[asked + 1]))
+        ratio = np.nan_to_num(ratio, nan=0.0, posinf=most**2).max(axis=(1, 2))
+        parts = np.ones(edges.size - 1, int)
+        parts[asked] = np.clip(np.ceil(np.sqrt(ratio)), 1, most).astype(int)
+        if parts.max() == 1:
+            break
+        sides = zip(edges[:-1].tolist(), edges[1:].tolist(), parts.tolist(), strict=True)
+        inner: list[Real] = [np.linspace(a, b, n + 1)[:-1] for a, b, n in sides]
+        kept, before = np.append(0, np.cumsum(parts)), at
+        edges = np.concatenate([*inner, edges[-1:]])
+        new = np.setdiff1d(np.arange(edges.size), kept, assume_unique=True)
+        at = np.empty((edges.size, *before.shape[1:]))
+        at[kept], at[new] = before, bands.errors_at(model, edges[new])
+        added = np.repeat(added / (parts**2)[:, None, None], parts, axis=0)
+        asked = np.flatnonzero(np.repeat(parts > 1, parts))
+    return edges, (np.maximum(at[:-1], at[1:]) + added) * _ONE
 
 
 def _below_chords(edges: Real, found: Real, angles: Real, bounds: Real, bend: Bends) -> Real:

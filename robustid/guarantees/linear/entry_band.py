@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, freeze
-from robustid.guarantees.linear.amplitudes import Extraction, extract
+from robustid.core import Budget, Complex, Frozen, Real, freeze
+from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
 from robustid.guarantees.linear.samples import Number, Samples
 from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
@@ -47,6 +47,7 @@ class EntryBand(Frozen):
     angles: Real  # (F,), ascending
     points: NDArray[np.intp]  # (F, n)
     multipliers: NDArray[np.complex64]  # (F, n + T)
+    complete: bool = True  # False: the time for the search was over; the discs are proved, and wider than they need be
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("angles", "points", "multipliers")})
@@ -64,6 +65,11 @@ class EntryBand(Frozen):
     def radius(self) -> Real:
         """Radii at the knots, (F,)."""
         return self._at_knots[1]
+
+    @property
+    def searched(self) -> bool:
+        """Return whether samples are combined: without, the class alone says what it can."""
+        return bool(np.any(self.multipliers))
 
     @property
     def amplitudes(self) -> tuple[Complex, Real]:
@@ -189,15 +195,20 @@ def evaluate(
     return found
 
 
-def entry_band(samples: Samples, wanted: Real, low: float, high: float) -> EntryBand:
-    """Search certificates at the wanted angles, at the lines and around the modes, and between them until interpolation does."""
-    extraction = extract(samples)
+def entry_band(
+    extraction: Extraction, wanted: Real, low: float, high: float, budget: Budget | None = None
+) -> EntryBand:
+    """Search certificates at the wanted angles, at the lines and around the modes, and between them until interpolation does.
+
+    Arcs that are still to be halved where the time is over leave a wider band.
+    """
+    samples = extraction.samples
     angles = apart(np.concatenate([wanted, first_knots(samples, low, high)]), _APART * (high - low))
     count = POINTS + min(int(samples.first.sum()), POINTS) // 2  # more where there are more functions to be told apart
     points, d = _found(samples, extraction, angles, count)
     open_arcs = np.arange(angles.size - 1)
     for _ in range(_ROUNDS):
-        if not open_arcs.size:
+        if not open_arcs.size or (budget is not None and budget.over):
             break
         middle = (angles[open_arcs] + angles[open_arcs + 1]) / 2
         low_end, high_end = [(points[k], np.asarray(d[k], dtype=complex)) for k in (open_arcs, open_arcs + 1)]
@@ -215,12 +226,25 @@ def entry_band(samples: Samples, wanted: Real, low: float, high: float) -> Entry
         open_arcs = open_arcs[np.diff(angles)[open_arcs] > 4 * _APART * (high - low)]
         if angles.size > _MOST:
             break
-    return EntryBand(samples, extraction, angles, points, d)
+    complete = not (open_arcs.size and budget is not None and budget.over)
+    return EntryBand(samples, extraction, angles, points, d, complete)
 
 
-def quick_band(samples: Samples, low: float, high: float, most: int) -> EntryBand:
+def unsearched_band(samples: Samples, low: float, high: float) -> EntryBand:
+    """Band of what the class says without any sample: discs without end where it has modes of unknown amplitudes."""
+
+    def none(count: int) -> tuple[NDArray[np.intp], Complex]:
+        return np.zeros((count, 0), np.intp), np.zeros((count, samples.rows), complex)
+
+    amplitudes = samples.amplitudes
+    extraction = Extraction(samples, np.zeros(amplitudes, complex), *none(amplitudes))
+    points, d = none(2)
+    return EntryBand(samples, extraction, np.array([low, high]), points, d.astype(np.complex64), complete=False)
+
+
+def quick_band(extraction: Extraction, low: float, high: float, most: int) -> EntryBand:
     """Search certificates of fewer points at the first knots, and halve the widest arcs until there are `most` knots."""
-    extraction, least = extract(samples), 4 * _APART * (high - low)
+    samples, least = extraction.samples, 4 * _APART * (high - low)
     angles = apart(first_knots(samples, low, high, int(_SHARE * most)), least)
     count = FEW + min(int(samples.first.sum()), FEW)
     band = EntryBand(samples, extraction, angles, *_found(samples, extraction, angles, count, steps=_FEW_STEPS))

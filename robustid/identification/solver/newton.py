@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from robustid.core import Numbers, Real
+from robustid.core import Numbers, Real, threads_for
 from robustid.identification.formulation.ball import Ball
 from robustid.identification.formulation.columns import Design
 from robustid.identification.solver.cones import Cones, Pair, Scaling, longest_step
@@ -123,12 +123,13 @@ class State:
         if c is not None:
             together = program.design.turned(c, program.sums)
             inside += together.T @ together
-        inside[:n, :n] += program.ball.curvature(list(zip(self.at.Z, self.inverse, strict=True)))
-        if program.cost is not None:
-            inside = self._bordered(inside)
-        self.matrix = inside
-        self.scale = 1 / np.sqrt(np.diag(inside))
-        self._solve = _solver(inside * self.scale * self.scale[:, None])
+        with threads_for(n):  # cores may have become busy since the last one
+            inside[:n, :n] += program.ball.curvature(list(zip(self.at.Z, self.inverse, strict=True)))
+            if program.cost is not None:
+                inside = self._bordered(inside)
+            self.matrix = inside
+            self.scale = 1 / np.sqrt(np.diag(inside))
+            self._solve = _solver(inside * self.scale * self.scale[:, None])
         self._factored = True
 
     def towards(self, linear: Real) -> State:

@@ -1,0 +1,106 @@
+"""Discs of every entry on the whole axis, and the bound of the error of a model that follows from them: sums alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.core import Budget, Interruptible, Real, one_thread
+from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.consistent_set import independent_entries
+from robustid.guarantees.linear.amplitudes import extract
+from robustid.guarantees.linear.arcs import arc_bounds
+from robustid.guarantees.linear.entry_band import EntryBand, EntryBands, entry_band, quick_band, unsearched_band
+from robustid.guarantees.linear.functions import BoxLike, functions_of
+from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
+from robustid.guarantees.value_set import norm_of_bounds
+from robustid.identification import MixedProblem
+
+if TYPE_CHECKING:
+    import control
+
+_log = logging.getLogger("robustid")
+_BEYOND = 4.0  # times the highest frequency point of continuous data: the last knot before infinity
+_COARSE = 64  # knots of the uniform grid from end to end
+_FIRST = 100  # knots of every entry before any of them gets more, where time is short
+
+
+def axis_ends(problem: MixedProblem, further: Real) -> tuple[float, float]:
+    """The frequencies between which there are knots, rad/s; in continuous time to the last of further ones."""
+    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
+    basis = problem.parametric
+    low = 0.0
+    if basis is not None and basis.has_integrator:
+        low = float(lines[lines > 0].min()) if np.any(lines > 0) else 1e-3 * problem.plane.top
+    return low, problem.plane.top if problem.dt else max(_BEYOND * float(lines.max()), float(further.max(initial=0.0)))
+
+
+def discs_of_entries(
+    problem: MixedProblem, box: BoxLike | None, omega: Real, knots: int | None, budget: Budget
+) -> tuple[EntryBand, ...]:
+    """The discs of every entry: knots at frequencies and where interpolation asks for them, or so many at most."""
+    functions, seen = functions_of(problem, box), seen_in(problem)
+    ends: list[float] = problem.plane.angles(np.array(axis_ends(problem, omega))).tolist()
+    low, high = ends
+    wanted = np.concatenate([problem.plane.angles(omega), np.linspace(low, high, _COARSE)])
+    with one_thread():
+        every = [samples_of(problem, functions, entry, seen) for entry in independent_entries(problem.entries)]
+        return _searched(every, np.clip(wanted, low, high), (low, high), knots, budget)
+
+
+def _searched(
+    every: Sequence[Samples], wanted: Real, ends: tuple[float, float], most: int | None, budget: Budget
+) -> tuple[EntryBand, ...]:
+    """The discs of every entry: with knots as interpolation asks for, or so many at most, as far as the budget goes."""
+    found: dict[int, EntryBand] = {}
+    done = 0
+    budget.tell(done, len(every))
+    with Interruptible(lambda: done > 0) as search:
+        if not math.isinf(budget.left):
+            _coarsely(every, ends, found, budget)
+        for k, one in enumerate(every):
+            if budget.over:
+                break
+            extraction = found[k].extraction if k in found else extract(one)
+            if most is None:
+                found[k] = entry_band(extraction, wanted, *ends, budget)
+            else:
+                found[k] = quick_band(extraction, *ends, most)
+            done += found[k].complete
+            budget.tell(done, len(every))
+    if search.interrupted:
+        _log.warning(
+            "interrupted: the discs of %d of %d entries are finished; coarse ones for the others", done, len(every)
+        )
+        _coarsely(every, ends, found)
+    return tuple(found[k] if k in found else unsearched_band(one, *ends) for k, one in enumerate(every))
+
+
+def _coarsely(
+    every: Sequence[Samples], ends: tuple[float, float], found: dict[int, EntryBand], budget: Budget | None = None
+) -> None:
+    """Give a coarse band to the entries that have none, until the time is over."""
+    for k, one in enumerate(every):
+        if budget is not None and budget.over:
+            return
+        if k not in found:
+            found[k] = dataclasses.replace(quick_band(extract(one), *ends, _FIRST), complete=False)
+            if budget is not None:
+                budget.tell(0, len(every))
+
+
+def whole_axis(
+    bands: EntryBands, model: control.StateSpace, corners: tuple[Real, Real] | None = None, lower: float = 0.0
+) -> CircleBound:
+    """Bound of |F - model| arc by arc, from the discs and `corners` (angles, bounds (N, ny, nu)); `lower` is attained."""
+    plane = bands.problem.plane
+    with one_thread():
+        angles, entries = arc_bounds(bands, model, corners)
+    edges, inside = np.full(angles.size, plane.top), angles < np.pi
+    edges[inside] = plane.omega(angles[inside])
+    return CircleBound(edges, norm_of_bounds(entries), lower, True, (), entries)
