@@ -93,7 +93,7 @@ class Coverage(Frozen):
     @property
     def counts(self) -> NDArray[np.bool_]:
         """Mask of the places (F, ny, nu) that count: others have errors of their own as large as the band, and support nothing."""
-        return np.nan_to_num(self.power_at, nan=0.0) >= SURE
+        return np.nan_to_num(self.power_at, nan=0.0) > 0
 
     @property
     def power(self) -> float:
@@ -103,7 +103,7 @@ class Coverage(Frozen):
         that do not count would have shown nothing.
         """
         known = np.isfinite(self.power_at)
-        return float(np.mean(np.where(self.counts, self.power_at, 0.0)[known])) if known.any() else 0.0
+        return float(np.mean(self.power_at[known])) if known.any() else 0.0
 
     @property
     def judgement(self) -> Judgement:
@@ -179,18 +179,19 @@ class Coverage(Frozen):
         if self.contradicted:
             found = f"{self.largest:.4g} of its half-width ({self.where})"
             return f"only {_percent(self.share)} % of the samples of {of} lie inside the band, one at {found}."
-        could = f"a band {_NARROW} times too narrow would"
+        could = f"a band {_NARROW} times too narrow"
         counted, places = int(self.counts.sum()), int(np.isfinite(self.power_at).sum())
         if not counted:
-            return f"{could} not have shown. The samples of {of} have errors of their own as large as the band, and none counts."
+            own = "have errors of their own as large as the band, and none counts"
+            return f"{could} could not be told from it. The samples of {of} {own}."
         some = "" if counted == places else f" at the {counted} of {places} places that count"
-        inside = f"the samples of {of} lie inside the band{some}, {self._reach}"
+        inside = f"but for their own bounds the samples of {of} lie inside the band{some}, {self._reach}"
         if self.judgement is Judgement.SUPPORTED:
-            share = "every such test" if self.power == 1 else f"at least {_percent(self.power)} % of such tests"
-            return f"{inside}; {could} have shown in {share}."
+            share = "every such test" if self.power == 1 else f"at least {_least(self.power)} % of such tests"
+            return f"{inside}; {could} would have shown in {share}."
         return (
-            f"{could} have shown in only {_percent(self.power)} % of such tests. {inside[0].upper()}{inside[1:]}; at the others"
-            " their own errors are as large as the band."
+            f"{could} would surely have shown in only {_least(self.power)} % of such tests."
+            f" {inside[0].upper()}{inside[1:]}; at the others their own errors are as large as the band."
         )
 
     @property
@@ -218,14 +219,13 @@ class Coverage(Frozen):
                 f"{_NARROW.capitalize()} times too narrow: the true response lies {_NARROW} half-widths from the middle of the band"
                 " at one place, a frequency of one entry, each as likely."
             ]
-        if self.false_alarm is not None:
-            said[0] += (
-                f" A band that holds is contradicted with a probability of at most {_percent(self.false_alarm)} %."
-            )
+        if self.false_alarm:
+            rate = f"with a probability of at most {_percent(self.false_alarm)} %, that of a withheld bound that fails"
+            said[0] += f" A band that holds is contradicted {rate}."
         if self.judgement is Judgement.NOT_TESTED and (wanted := self.missing_precision) > 1:
+            much = f"{wanted**2:.2g}" if wanted < 3 else f"{wanted**2:.0f}"
             said.append(
-                f"A test needs withheld data with bounds {wanted:.3g} times as small; where they are averages, about"
-                f" {wanted**2:.2g} times as much data."
+                f"Withheld data with bounds {wanted:.3g} times smaller would test it; of averages about {much} times as much data."
             )
         return said
 
@@ -273,6 +273,11 @@ class Coverage(Frozen):
         """The sentences, and the scores where they say something."""
         rows = [f"{name}: {score:.4g}" for name, score in zip(self.names, self.scores, strict=True)]
         return "\n".join([*self.sentences, *(["scores: " + ", ".join(rows)] if self.scored else [])])
+
+
+def _least(share: float) -> str:
+    """A share in per cent that is not above it, to a tenth."""
+    return f"{np.floor(1000 * share) / 10:g}"
 
 
 def _percent(share: float) -> str:

@@ -7,7 +7,7 @@ import enum
 import numpy as np
 
 from robustid.core import Real
-from robustid.data import NYQUIST_SLACK, FrequencyResponse, variances
+from robustid.data import NYQUIST_SLACK, FrequencyResponse, joint_radius, variances
 
 NARROW = 3.0  # half-widths of a band that is too narrow at which the true response lies
 SURE = 0.95  # probability with which that is to show
@@ -33,7 +33,8 @@ def shown(half_width: Real, response: FrequencyResponse) -> Real:
 
     for circular normal errors of variance :math:`\sigma^2`, estimated with :math:`\nu` degrees of freedom, T the distribution
     function of Student's t (where everything is real :math:`T_\nu` without the root). Of errors of which only the bound is
-    known, :math:`|n| \le \varepsilon`: 1 where :math:`\varepsilon < r`, and 0 else.
+    known, :math:`|n| \le \varepsilon`: 1 where :math:`\varepsilon < r`, and 0 else. A sample whose own error is as large as the
+    band does not count, and has 0: its bound where only that is known, else what its error alone exceeds with a probability of 5 %.
 
     Parameters
     ----------
@@ -72,9 +73,10 @@ def shown(half_width: Real, response: FrequencyResponse) -> Real:
     if response.covariance is None or bound.kind not in _ESTIMATED:
         return np.where(known, (room > own) * 1.0, np.nan)
     omega, nyquist = response.omega, np.pi / response.dt if response.dt else np.inf
-    real = ((omega == 0) | (omega >= nyquist / NYQUIST_SLACK))[:, None, None]
-    deviation = np.sqrt(np.maximum(variances(response.covariance, response.values.shape), 0.0) / np.where(real, 1, 2))
-    scaled = room / np.maximum(np.where(known, deviation, 1.0), np.finfo(float).tiny)
-    if bound.dof is None:
-        return np.where(known, ndtr(scaled), np.nan)
-    return np.where(known, stdtr(np.where(real, 1, 2) * bound.dof, scaled), np.nan)
+    real = (omega == 0) | (omega >= nyquist / NYQUIST_SLACK)
+    size = np.sqrt(np.maximum(variances(response.covariance, response.values.shape), 0.0))
+    alone = joint_radius(SURE, 1, bound.dof, real) * size
+    parts = np.where(real, 1, 2)[:, None, None]
+    scaled = room / np.maximum(np.where(known, size, 1.0) / np.sqrt(parts), np.finfo(float).tiny)
+    found = ndtr(scaled) if bound.dof is None else stdtr(parts * bound.dof, scaled)
+    return np.where(known, np.where(alone < half_width, found, 0.0), np.nan)
