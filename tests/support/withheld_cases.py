@@ -43,7 +43,11 @@ def plant(modes, gains):
 
 
 def at(system, omega):
-    return system(np.exp(1j * np.atleast_1d(omega) * DT)).reshape(-1, 1, 1)
+    """Response at frequencies in rad/s, (F, 1, 1), by modes: far quicker than one solution a frequency."""
+    poles, vectors = np.linalg.eig(system.A)
+    z = np.exp(1j * np.atleast_1d(omega) * DT)[:, None]
+    parts = (system.C @ vectors).ravel() * np.linalg.solve(vectors, system.B).ravel()
+    return (np.sum(parts / (z - poles), axis=1) + system.D).reshape(-1, 1, 1)
 
 
 def record(rng, system, periods, noise):
