@@ -46,9 +46,9 @@ def withheld_section(found: Coverage | None) -> list[Block]:
     ):
         known = np.isfinite(error)
         judging = known & (found.counts | (excess > 1))
-        inside = float(np.mean(excess[judging] <= 1)) if judging.any() else np.nan
+        inside = 1 - int((excess[judging] > 1).sum()) / int(judging.sum()) if judging.any() else np.nan
         seen = (f"{known.sum()}", f"{(known & found.counts).sum()}", percent(inside, 4))
-        sizes = number(float(np.max(excess[known]))), number(float(np.median(noise[known])))
+        sizes = number(float(excess[known].max())), number(float(np.quantile(noise[known], 0.5)))
         rows.append((name, *seen, *sizes, *[number(score)] * found.scored))
     heads = [
         "samples",
