@@ -183,6 +183,7 @@ def coverage(_):
         for size in (0.5, 1.5, 4.0)
     ]
     names = "contradicted excess largest next_record scores sentences share summary verdict where in_order exchangeable"
+    names += " judgement power"
     return {
         "records": of(rid.coverage(wide, later), names),
         "one": of(rid.coverage(wide, later[:1]), names),

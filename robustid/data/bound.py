@@ -343,6 +343,11 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         return {name: getattr(self, name) for name in ("kind", "excitations", "caveats", *_OF_PROBABLE)}
 
     @property
+    def of_one_excitation(self) -> bool:
+        """True of a bound that was estimated from a single excitation: what rests on it is a statement for this excitation."""
+        return self.kind in _PROBABLE and self.excitations == 1
+
+    @property
     def about(self) -> str:
         """Sentence that says what an estimated bound holds for; empty where the number of its excitations isn't stated.
 
@@ -354,7 +359,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         >>> Bound(0.1, kind="tolerance", excitations=4).about
         'This is about the response in the next record, judged by 4 independent excitations.'
         >>> Bound(0.1, kind="confidence", excitations=1).about[:84]
-        'This is about the mean response and rests on one excitation: variation of the plant '
+        'This is about the mean response for this excitation, and rests on it alone: variatio'
         """
         if self.excitations is None:
             return ""
@@ -367,8 +372,8 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         if self.excitations > 1:
             return f"This is about {what}, judged by {self.excitations} independent excitations."
         return (
-            f"This is about {what} and rests on one excitation: variation of the plant was not measured, and other records may"
-            " contradict the bound. Measure several realisations of the excitation."
+            f"This is about {what} for this excitation, and rests on it alone: variation of the plant was not measured, and other"
+            " records may contradict the bound. Measure several realisations of the excitation."
         )
 
     @property

@@ -7,15 +7,8 @@ from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import Sample, consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction
-from robustid.guarantees.coverage import (
-    Coverage,
-    Ranked,
-    ResponseDiscs,
-    band_of_others,
-    chance_of_order,
-    coverage,
-    ranked,
-)
+from robustid.guarantees.coverage import coverage
+from robustid.guarantees.coverage_result import Coverage
 from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
@@ -23,12 +16,15 @@ from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.member import Member
+from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.outputs import output_errors
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
+from robustid.guarantees.power import Judgement, shown
 from robustid.guarantees.refute import Refutation, refute
+from robustid.guarantees.response_discs import ResponseDiscs
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
@@ -55,6 +51,7 @@ __all__ = [
     "Diameter",
     "Driver",
     "Family",
+    "Judgement",
     "MarginStatus",
     "Member",
     "ParameterIntervals",
@@ -96,6 +93,7 @@ __all__ = [
     "refute",
     "response_tube",
     "robust_stability_margin",
+    "shown",
     "structured_weight",
     "structured_weights",
     "told_apart_of",

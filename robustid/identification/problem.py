@@ -154,6 +154,11 @@ class MixedProblem(Frozen):
         sentences = (item.bound.about for item in (*self.frequency, *self.time))
         return tuple(dict.fromkeys(words for words in sentences if words))
 
+    @property
+    def of_one_excitation(self) -> bool:
+        """True where a response was estimated from a single excitation: what follows is a statement for this excitation."""
+        return any(item.bound.of_one_excitation for item in (*self.frequency, *self.time))
+
     @functools.cached_property
     def data_faults(self) -> tuple[Fault, ...]:
         """Faults of the records from which the responses were estimated, and of the responses (`response_faults`), each once."""

@@ -14,7 +14,7 @@ from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import at_resonance, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
-from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, siso
+from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, scope, siso
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
 from robustid.report.time_response import time_chart
@@ -57,6 +57,8 @@ def glance(
         words = _UNBOUNDED
     if isinstance(bound, Band) and words:
         words = f"{words} {stands_on(bound, worst_case)}".rstrip()
+    if bound is not None and words and identification.problem.of_one_excitation:
+        words = f"For this excitation: {words[0].lower()}{words[1:]}"
     return Glance(
         numbers=[
             *_numbers(identification, reduction, None if contradicted else bound),
@@ -89,7 +91,7 @@ def _numbers(
         where, share = at_resonance(bound)
         found += [
             (
-                f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}",
+                f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}{scope(identification)}",
                 f"≤ {largest}",
             ),
             (where, f"≤ {at_most(100 * share, 2)} %"),

@@ -28,7 +28,7 @@ from robustid.report.document import (
 from robustid.report.first_screen import glance
 from robustid.report.frequency import frequency_section
 from robustid.report.guarantee import guarantee_section
-from robustid.report.identified import Parts, further_models, siso, unit
+from robustid.report.identified import Parts, further_models, scope, siso, unit
 from robustid.report.pole_box import pole_box_section
 from robustid.report.poles import modes_table, poles_section, slowest_poles
 from robustid.report.proved_band import proved_band_section
@@ -185,7 +185,7 @@ def refuted(identification: Identification) -> bool:
 
 def _said(identification: Identification) -> tuple[str, str, str]:
     """Key, word and sentence of the verdict."""
-    count, status = identification.problem.samples, identification.status
+    count, status, of = identification.problem.samples, identification.status, scope(identification)
     if status is not Status.FAILED and not identification.verification.passed:
         failed = "; ".join(c.name for c in identification.verification.checks if not c.holds)
         return (
@@ -202,8 +202,8 @@ def _said(identification: Identification) -> tuple[str, str, str]:
         Status.FAILED: "No solver returned numbers that could be verified to the accuracy asked.",
     }
     if status is Status.CONSISTENT and identification.warnings:
-        return "weak", "Consistent, but the class says little", sentences[status]
-    return status.name.lower(), status.name.capitalize(), sentences[status]
+        return "weak", f"Consistent{of}, but the class says little", sentences[status]
+    return status.name.lower(), status.name.capitalize() + of * (status is Status.CONSISTENT), sentences[status]
 
 
 def margin_interval(identification: Identification) -> str:

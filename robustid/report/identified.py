@@ -92,6 +92,11 @@ def about(identification: Posed) -> str:
     return "".join(f"{sentence} " for sentence in identification.problem.about)
 
 
+def scope(identification: Posed) -> str:
+    """Words that a headline ends with where the data are of one excitation, ", for this excitation"; empty else."""
+    return ", for this excitation" * identification.problem.of_one_excitation
+
+
 def mixed(identification: Identification) -> bool:
     """Return whether the entries have different units."""
     return len(units(identification.problem.outputs, identification.problem.inputs)) > 1

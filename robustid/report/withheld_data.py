@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.guarantees import Coverage
+from robustid.guarantees import Coverage, Judgement
 from robustid.report.charts import ALERT, DATA, FAINT, MARKERS, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.document import Block, Column, Drawing, Heading, Table, Text, Verdict, of_numbers
 from robustid.report.words import HZ, at_hz, number, percent
 
 CONTRADICTED = "What follows from the class and the data that were used: no guarantee, withheld data contradict it"
+
+_KEYS = {Judgement.SUPPORTED: "consistent", Judgement.CONTRADICTED: "inconsistent", Judgement.NOT_TESTED: "weak"}
 
 
 def withheld_verdict(found: Coverage) -> Verdict:
@@ -22,8 +24,8 @@ def withheld_verdict(found: Coverage) -> Verdict:
             " What is said below of every consistent system is about the class and the data that were used: it is no"
         )
         sentence += " guarantee for the machine."
-    key = "inconsistent" if found.contradicted else "consistent"
-    return Verdict(key, found.heading, sentence, (("inside", f"{percent(found.share, 4)}"),), id="withheld")
+    number = ("inside", percent(found.share, 4)) if found.contradicted else ("power", percent(found.power, 3))
+    return Verdict(_KEYS[found.judgement], found.heading, sentence, (number,), id="withheld")
 
 
 def not_guaranteed(blocks: Sequence[Block], found: Coverage | None) -> list[Block]:
@@ -38,21 +40,34 @@ def withheld_section(found: Coverage | None) -> list[Block]:
     """Build the section of what was kept out; nothing where nothing was."""
     if found is None:
         return []
-    shares = np.nanmean(np.where(np.isnan(found.error), np.nan, found.excess <= 1), axis=(1, 2, 3))
-    rows = [
-        (name, percent(share, 4), number(float(np.nanmax(excess))), number(score))
-        for name, share, excess, score in zip(found.names, shares, found.excess, found.scores, strict=True)
+    rows: list[tuple[str, ...]] = []
+    for name, error, noise, excess, score in zip(
+        found.names, found.error, found.noise, found.excess, found.scores, strict=True
+    ):
+        known = np.isfinite(error)
+        judging = known & (found.counts | (excess > 1))
+        inside = 1 - int((excess[judging] > 1).sum()) / int(judging.sum()) if judging.any() else np.nan
+        seen = (f"{known.sum()}", f"{(known & found.counts).sum()}", percent(inside, 4))
+        sizes = number(float(excess[known].max())), number(float(np.quantile(noise[known], 0.5)))
+        rows.append((name, *seen, *sizes, *[number(score)] * found.scored))
+    heads = [
+        "samples",
+        "that count",
+        "inside",
+        "farthest,\nless its own bound",
+        "own bound,\nmedian",
+        *["score"] * found.scored,
     ]
-    heads = "inside", "farthest,\nless its own bound", "score"
+    words = (
+        "In units of the half-width of the band. Samples with errors of their own as large as the band do not count."
+    )
+    if found.scored:
+        words += " Score: the factor on the band at which it holds the whole record, with its own bound."
     return [
         Heading("Withheld data"),
         *(Text(sentence) for sentence in found.sentences),
         Table([Column("withheld"), *of_numbers(*heads)], rows),
-        Text(
-            "In units of the half-width of the band. Score: the factor on the band at which it holds the whole record, with its own"
-            " bound.",
-            "soft",
-        ),
+        Text(words, "soft"),
         Drawing(withheld_chart(found)),
     ]
 
@@ -60,20 +75,26 @@ def withheld_section(found: Coverage | None) -> list[Block]:
 def withheld_chart(found: Coverage) -> Chart:
     """Farthest entry of every withheld response at every frequency, with its own bound, in units of the band."""
     layers: list[Layer] = []
+    judging = found.counts.reshape(found.omega.size, -1)
     for name, error, noise in zip(found.names, found.error, found.noise, strict=True):
         flat = np.where(np.isnan(error), -1.0, error).reshape(found.omega.size, -1)
         worst = np.argmax(flat, axis=1)[:, None]
         size, own = (np.take_along_axis(a.reshape(flat.shape), worst, axis=1)[:, 0] for a in (error, noise))
         known = np.isfinite(size)
         out = known & (size - own > 1)
+        counts = known & ~out & np.take_along_axis(judging, worst, axis=1)[:, 0]
         hover = at_hz(found.omega / HZ, "{} ± {}", size, own)
-        for mask, colour, marker in ((known & ~out, DATA, "circle"), (out, ALERT, MARKERS[0])):
+        for mask, colour, marker, said in (
+            (counts, DATA, "circle", ""),
+            (known & ~out & ~counts, FAINT, "circle", ", does not count"),
+            (out, ALERT, MARKERS[0], ", outside"),
+        ):
             if mask.any():
-                words = name + (", outside" if colour == ALERT else "")
+                words = name + said
                 low, high = np.maximum(size - own, 0.0)[mask], (size + own)[mask]
-                said = tuple(text for text, one in zip(hover, mask, strict=True) if one)
+                texts = tuple(text for text, one in zip(hover, mask, strict=True) if one)
                 x, y = found.omega[mask] / HZ, size[mask]
-                layers.append(Layer(words, x, y, colour, marker=marker, hover=said, low=low, high=high))
+                layers.append(Layer(words, x, y, colour, marker=marker, hover=texts, low=low, high=high))
     x = frequency_axis(found.omega)
     ends = np.array(x.range if x.range else (0.0, 1.0))
     layers.append(Layer("edge of the band", ends, np.ones(2), FAINT, dash="dash"))

@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.app.run import class_choice, modes, sequence
 from robustid.app.run.run_file import RunFile
 from robustid.core import Source
+from robustid.report import verdict
 from support.bounds import rebound
 from support.matrix_lines import measured
 from support.run_files import CLASS, DATA, QUICK, ask
@@ -213,7 +214,7 @@ def test_a_run_with_wider_bounds_says_first_that_they_rest_on_one_excitation(tmp
     frf = rid.FrequencyResponse(omega, 1 / (np.exp(0.01j * omega) - 0.5), bound=bound, dt=0.01, note=bound.words())
     prior = rid.Prior(gain_bound=5.0, decay_rate=1.5)
     found = rid.identify_reduced(frf, modes=[], prior=prior, inflate=2.0, worst_case=False)
-    words = "This is about the mean response and rests on one excitation: variation of the plant was not measured"
+    words = "This is about the mean response for this excitation, and rests on it alone: variation of the plant was not measured"
     assert found.findings[0].startswith(words)
     found.identification.save(tmp_path / "result")
     again = rid.load(tmp_path / "result")
@@ -223,6 +224,13 @@ def test_a_run_with_wider_bounds_says_first_that_they_rest_on_one_excitation(tmp
     rid.write_report(again, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert page.index(words) < page.index("times 2, as stated")
+    assert again.summary().splitlines()[0].endswith(", for this excitation")
+    assert verdict(again).word == "Consistent, for this excitation, but the class says little"
+    hard = dataclasses.replace(frf, bound=0.1)
+    assert (
+        verdict(rid.identify(rid.MixedProblem(frequency=hard, prior=prior))).word
+        == "Consistent, but the class says little"
+    )
 
 
 def test_modes_are_those_of_a_fit_its_poles_at_one_integrators():

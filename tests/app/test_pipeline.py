@@ -300,7 +300,7 @@ def torsion(tmp_path, **changes):
     # The distortion beside the band is in the bound: a linear class needs no wider one.
     assert result.run_file.identify.inflate == 1
     assert "an estimate from below" in result.identification.problem.frequency[0].note
-    assert result.findings[0].startswith("This is about the mean response and rests on one excitation")
+    assert result.findings[0].startswith("This is about the mean response for this excitation, and rests on it alone")
     residuals = model_residuals(result.identification.problem, result.model)
     assert max(r.ratio.max() for r in residuals) <= 1 + 1e-5
     assert result.reduction.order <= 10

@@ -80,7 +80,7 @@ def test_one_multisine_on_the_bench_shows_its_distortion_beside_the_band():
     frf = rid.estimate_frf(record, period=2500)
     assert "on 35 unexcited spectral lines, all beside the band, times 2: an estimate from below" in frf.note
     assert frf.bound.about.startswith(
-        "This is about the mean response and rests on one excitation: variation of the plant"
+        "This is about the mean response for this excitation, and rests on it alone: variation of the plant"
     )
     noise_alone = joint_radius(0.95, 480, 17.0) * frf.noise
     assert np.median(frf.bound / noise_alone) > 3

@@ -242,7 +242,7 @@ def test_mirror_family(run, undrawn, entry):
     printed = run(load("mirror_family"), pictures, "--entries", str(entry))
     assert printed.count("consistent, margin") == 2
     assert printed.count(" mV: 100 % of the samples of both blocks that were used are inside") == 2
-    assert "Not contradicted by withheld data: 100 % of the samples of 2 " in printed
+    assert "ontradicted by withheld data" not in printed
     assert "Nothing is proved between amplitude 0.2 and 0.3, nor below amplitude 0.2" in printed
 
 

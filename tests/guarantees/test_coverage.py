@@ -27,7 +27,7 @@ def test_inside(band):
     assert found.scores == pytest.approx([1.0])  # 0.01 off and 0.01 of its own, over 0.02
     assert found.next_record == (pytest.approx(1.0), None)
     assert "no probability" in found.summary()
-    assert found.verdict.startswith("Not contradicted by withheld data: 100 % ")
+    assert found.verdict.startswith("Supported by withheld data: but for their own bounds the samples of 1 withheld")
 
 
 def test_outside_by_more_than_its_own_bound_contradicts(band):

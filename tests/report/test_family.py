@@ -107,7 +107,7 @@ def test_contradiction_stands_first_on_the_page(two, outside):
     table = next(b for b in document.body if isinstance(b, Table) and b.columns[0].head == "withheld")
     assert [row[0] for row in table.rows] == ["record 1", "record 2"]
     inside = rid.coverage(two, measured(0.8, seed=0), kind="lines")
-    assert withheld_verdict(inside).word == "Not contradicted by withheld data"
+    assert withheld_verdict(inside).word == "Supported by withheld data"
 
 
 def test_withheld_samples_outside_are_told_apart(outside):

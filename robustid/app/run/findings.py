@@ -14,7 +14,7 @@ from robustid.app.run.work import Work
 from robustid.core import Real, Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
-from robustid.guarantees import Band, Coverage, WorstCaseError, WorstCaseOverPoles, box_of, coverage
+from robustid.guarantees import Band, Coverage, Judgement, WorstCaseError, WorstCaseOverPoles, box_of, coverage
 from robustid.identification import Identification, MixedProblem, model_residuals, validate
 from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
 from robustid.report import at_most, stands_on
@@ -45,7 +45,7 @@ def sentences(work: Work) -> tuple[str, ...]:
     if said is not None and said.empty:
         found.insert(0, said.summary())
     if work.band is not None:
-        found.append(band_words(work.band, work.error))
+        found.append(band_words(work.band, work.error, work.withheld))
     if said is not None and not said.empty:
         found.append(said.summary())
     found.append(sample_words(result, small.model, small.order))
@@ -101,7 +101,7 @@ def pole_words(identification: Identification, modes: Modes) -> str:
     return f"{_FIXED_POLES}{_OVER_POLES}."
 
 
-def band_words(band: Band, error: WorstCaseError | None) -> str:
+def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | None = None) -> str:
     """Sentences on the band that is proved at every frequency, and on what it stands, beside a sweep of exact poles."""
     upper = band.sigma_upper
     poles = "" if band.problem.parametric is None else ", poles as they stand in the class"
@@ -112,8 +112,9 @@ def band_words(band: Band, error: WorstCaseError | None) -> str:
         return f"No error is proved{poles}: {band.why_nothing}."
     but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
     return (
-        f"Proved at every frequency{but}{poles}: every consistent system is within {at_most(upper[known].max())} of the model of"
-        f" order {band.order} (median {band.relative.words})."
+        f"Proved at every frequency{but}{poles}{_scope(band.problem)}: every consistent system is within"
+        f" {at_most(upper[known].max())} of the model of order {band.order} (median"
+        f" {band.relative.words}).{_not_of_the_machine(withheld)}"
         f" {stands_on(band, error)} {band.unfinished}"
     ).rstrip()
 
@@ -127,6 +128,7 @@ def box_words(band: WorstCaseOverPoles) -> str:
     )
     if not known.any():
         return f"{start} nothing is guaranteed at any of {upper.size} frequencies: {advice}."
+    start += _scope(band.identification.problem)
     text = f"{start}: within {at_most(upper[known].max())} of the small model at {known.sum()}"
     if known.all():
         return f"{text} frequencies."
@@ -221,24 +223,38 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
     place = f"{error.omega[k] / (2 * np.pi):.5g} Hz{of_entry(problem, int(i), int(j))}"
     entries = "" if upper[0].size == 1 else " in every entry"
     text = (
-        f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)} frequencies"
-        f" (largest at {place}), the median is {error.relative.words}."
+        f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)}"
+        f" frequencies{_scope(problem)} (largest at {place}), the median is {error.relative.words}."
     )
-    if withheld is not None and withheld.contradicted:
-        text += (
-            " That is about the class and the data that were used, not about the machine: withheld data contradict it."
-        )
+    text += _not_of_the_machine(withheld)
     if error.missing.size:
         text += f" {error.unfinished}"
     circle = error.known_circle
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
 
 
+def _scope(problem: MixedProblem) -> str:
+    """Words on a claim that rests on data of one excitation."""
+    return ", for this excitation" * problem.of_one_excitation
+
+
+def _not_of_the_machine(withheld: Coverage | None) -> str:
+    """Sentence that follows a claim which withheld data contradict; empty else."""
+    if withheld is None or not withheld.contradicted:
+        return ""
+    return " That is about the class and the data that were used, not about the machine: withheld data contradict it."
+
+
 def mean_words(used: FrequencyResponse, withheld: Sequence[FrequencyResponse], kind: str) -> str:
     """Sentence that says how many samples of withheld records lie within the bounds of the used ones, which have another mean."""
     found = coverage(used, withheld, kind=kind)
-    outside = "" if not found.contradicted else f", the farthest at {found.largest:.4g} bounds ({found.where})"
-    return (
-        f"Within the bounds of the samples that were used lie {100 * found.share:.4g} % of those of the {len(found.names)}"
-        f" withheld {kind}{outside}."
-    )
+    of, share = f"the {len(found.names)} withheld {kind}", f"{100 * found.power:.3g} % of such tests"
+    if found.judgement is Judgement.NOT_TESTED:
+        return (
+            f"The bounds of the samples that were used are not tested by {of}: bounds three times too narrow would"
+            f" surely have shown in only {share}."
+        )
+    rest = f"; bounds three times too narrow would have shown in {share}"
+    if found.contradicted:
+        rest = f", the farthest at {found.largest:.4g} bounds ({found.where})"
+    return f"Within the bounds of the samples that were used lie {100 * found.share:.4g} % of those of {of}{rest}."

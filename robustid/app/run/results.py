@@ -10,7 +10,7 @@ from robustid.advice import Content, Diagnosis
 from robustid.app.run.run_file import RunFile
 from robustid.core import Choice, Frozen, Savable, Unfinished
 from robustid.errors import Status
-from robustid.guarantees import Band, Coverage, Family, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Band, Coverage, Family, Judgement, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, Reduction
 
@@ -200,7 +200,9 @@ class FamilyRun(Frozen):
 
         if self.family is None:
             return
-        worst = max(self.withheld.values(), key=lambda found: found.largest, default=None)
+        order = Judgement.SUPPORTED, Judgement.NOT_TESTED, Judgement.CONTRADICTED
+        seen = self.withheld.values()
+        worst = max(seen, key=lambda found: (order.index(found.judgement), found.largest), default=None)
         write_report(
             self.family,
             path,
