@@ -19,6 +19,7 @@ from robustid.identification.formulation.sarason import PairMap, SarasonMap
 from robustid.identification.interpolant import FreeParameter
 from robustid.identification.problem import MixedProblem
 
+LARGEST_MATRIX = 1600  # coefficients of all inputs and outputs: the size of the semidefinite block of a matrix
 QUICK_EXACT = 100  # coefficients; minutes begin at LARGEST_EXACT
 
 MOST_PRODUCTS = 1e8  # numbers held at once: 0.8 GB
@@ -101,21 +102,27 @@ class ExactFormulation(Formulation):
         """Say whether no other form need be looked for."""
         return self.problem.entries.single and self.count <= QUICK_EXACT
 
+    @property
+    def _most(self) -> int:
+        """Most coefficients; of matrices those of all signals together."""
+        entries = self.problem.entries
+        return LARGEST_EXACT if entries.single else LARGEST_MATRIX // (entries.outputs + entries.inputs)
+
     def _siso_work(self) -> float:
         return 8.0 * self.count**4 if self.count <= LARGEST_EXACT else math.inf
 
     def _mimo_work(self) -> float:
         (p, q), n = self.problem.entries.shape, self.count
-        if n > LARGEST_EXACT or 4 * (p + q) ** 2 * n**3 > MOST_PRODUCTS:
+        if n > self._most:
             return math.inf
-        return self._dense_work(p * q) + 4.0 * p**2 * q**2 * n**4
+        return self._dense_work(p * q) + (24.0 * (p + q) ** 2 + 16.0 * p**2 * q**2) * n**3
 
     def check_size(self, accuracy: float) -> None:
         """Refuse more coefficients than minutes are enough for."""
-        if self.count > LARGEST_EXACT:
+        if self.count > self._most:
             raise SizeError(
                 f"`problem` has {self.count} coefficients in the exact form (2 per frequency point, 1 per time sample); it takes"
-                f" up to {LARGEST_EXACT}. ",
+                f" up to {self._most}. ",
                 Remedy(
                     {},
                     'Use form="auto" or "taylor", or thin the data: frf.select(slice(None, None, step)), a shorter record, or'

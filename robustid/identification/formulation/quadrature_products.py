@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.core import Real
-from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, of_blocks, products_of_blocks
+from robustid.identification.formulation.ball import Corners, EntryProducts, Parts, products_of_blocks
+
+Four = tuple[Real, Real, Real, Real]
 
 
 class QuadratureProducts(EntryProducts):
@@ -36,9 +38,20 @@ class QuadratureProducts(EntryProducts):
 
     def factors(self, P: Corners, Q: Corners) -> tuple[Parts, Parts]:
         """Real and imaginary parts of (b_k' U b_l) and of (b_k' U conj(b_l)) of all blocks."""
-        return of_blocks(P, self._between), of_blocks(Q, self._between)
+        return self._of(P), self._of(Q)
 
-    def _between(self, U: Real) -> tuple[Real, Real, Real, Real]:
+    def _of(self, P: Corners) -> Parts:
+        """Those of a symmetric matrix: a block and the one across it have one product."""
+        found: Parts = {(1, 2): [[self._between(U) for U in row] for row in P[1, 2]]}
+        found[2, 1] = [[_across(found[1, 2][b][a]) for b in range(len(row))] for a, row in enumerate(P[2, 1])]
+        for corner in ((1, 1), (2, 2)):
+            rows: list[list[Four]] = []
+            for a, row in enumerate(P[corner]):
+                rows.append([_across(rows[b][a]) if b < a else self._between(U) for b, U in enumerate(row)])
+            found[corner] = rows
+        return found
+
+    def _between(self, U: Real) -> Four:
         n, E = self._n, self._R @ U @ self._R.T
         first, last, right, left = E[:n, :n], E[n:, n:], E[:n, n:], E[n:, :n]
         return first - last, right + left, first + last, left - right
@@ -55,3 +68,9 @@ class QuadratureProducts(EntryProducts):
             K[:n, n:] += skew - turned
             K[n:, :n] -= skew + turned
         return D.T @ (K @ D) / 2
+
+
+def _across(four: Four) -> Four:
+    """The parts of a transposed block."""
+    r, s, t, u = four
+    return r.T, s.T, t.T, -u.T
