@@ -1,0 +1,204 @@
+"""Rational functions with common poles behind the spectra of records: responses, and transients with the same poles.
+
+A window of a short record is wide beside its resonances: two of them in it, or one at its end, are no function of low order there,
+and what the order leaves is no noise. The poles are those of the whole record, so one fit of all lines finds them; what it leaves
+is smooth enough for windows.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.core import Complex, Projection, Real, lengths
+from robustid.estimation.pole_fit import PoleFit, fractions, slopes_of
+
+_SMOOTH = 2  # terms 1, z^-1 beside the poles
+_MOST_PAIRS, _IN_VAIN = 12, 2  # pairs of poles; further ones in a row that are not worth their parameters
+_EQUATIONS = 3  # real equations that a parameter asks for
+_MOST, _FEWEST = 10_000, 200  # lines times spectra that are fitted, and lines
+_PLACES, _APART = 4, 4  # where a further pair is tried, and lines between these
+_WIDTHS = (0.3, 2.0)  # lines: half-widths of a further pair
+_AROUND = 14  # lines on either side whose residuals give the noise of a line
+_ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
+_CHUNK = 2**16  # lines that are predicted at once
+_SINGULAR = 1e-12
+
+
+class Predicted(NamedTuple):
+    """What the poles explain of the outputs' spectra (R, L, nz); responses (K, nz, nx) at lines, and covariance of their vec."""
+
+    spectra: Complex
+    values: Complex
+    covariance: Complex
+
+
+def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int) -> Predicted:
+    """Fit ``Z = G X + T`` over the lines of `index` and between, of spectra of R records x (R, L, nx), z (R, L, nz).
+
+    G and every T are sums of partial fractions of common poles and a smooth part. Pairs are added one by one while a description
+    of the data becomes shorter (`rissanen1978`), all poles refined together (`golub1973`).
+    """
+    records, _, nx = x.shape
+    lines = np.arange(index[0], index[-1] + 1)
+    most = max(_FEWEST, _MOST // (records * (nx + records)))
+    lines = lines[:: -(-lines.size // most)]
+    every = np.arange(1, last + 1)
+    nothing = Predicted(np.zeros_like(z), np.zeros((index.size, z.shape[2], nx), complex), np.zeros((1, 1, 1), complex))
+    if not np.all(np.any(z[:, lines], axis=(0, 1))):
+        return nothing
+    fit = _Spectra(2 * np.pi * lines / samples, x[:, lines], z[:, lines])
+    found = fit.described(fit.pairs())
+    spectra = np.zeros_like(z)
+    for part in np.array_split(every, -(-every.size // _CHUNK)):
+        spectra[:, part] = found.spectra(2 * np.pi * part / samples, x[:, part])
+    values, covariance = found.responses(2 * np.pi * index / samples)
+    return Predicted(spectra, values, covariance) if np.all(np.isfinite(covariance)) else nothing
+
+
+class _Spectra(PoleFit):
+    """Partial fractions of common poles, times every input and for every record, against the spectra of the outputs."""
+
+    def __init__(self, angle: Real, x: Complex, z: Complex) -> None:
+        self.records, self.lines, self.inputs = x.shape
+        self.angle = angle
+        self.omega, self.dt, self.feedthrough = np.tile(angle, self.records), 1.0, True
+        self.x = np.exp(1j * self.omega)
+        self.values = z.reshape(self.omega.size, -1)
+        self.size = np.sqrt(np.mean(np.abs(self.values) ** 2, axis=0))  # of every output
+        self.weight = np.tile(1 / self.size, (self.omega.size, 1))
+        drives = x.reshape(self.omega.size, -1)
+        drives = drives / lengths(drives) * np.sqrt(self.omega.size)
+        self.scale = lengths(x.reshape(self.omega.size, -1)) / np.sqrt(self.omega.size)  # of every input
+        self.drives = np.hstack([drives, np.kron(np.eye(self.records), np.ones((self.lines, 1)))])
+
+    def parameters(self, pairs: int) -> int:
+        """Real ones of so many pairs of poles."""
+        return 2 * pairs + (2 * pairs + _SMOOTH) * self.drives.shape[1] * self.values.shape[1]
+
+    def pairs(self) -> Complex:
+        """The poles, as many as shorten the description of the spectra."""
+        equations = 2 * self.samples
+        poles, vain = np.zeros(0, complex), 0
+        best, shortest = poles, np.inf
+        while True:
+            power = self._cost(self.values, poles) / equations
+            length = equations * np.log(max(power, _ROUNDED)) + self.parameters(poles.size) * np.log(equations)
+            vain = 0 if length < shortest else vain + 1
+            if not vain:
+                best, shortest = poles, length
+            full = _EQUATIONS * self.parameters(poles.size + 1) > equations
+            if vain == _IN_VAIN or poles.size == _MOST_PAIRS or full or power <= _ROUNDED:
+                return best
+            poles = self.refine(0.0, self._further(poles), held=True).poles
+            poles = poles.real + 1j * np.abs(poles.imag)
+
+    def _further(self, poles: Complex) -> Complex:
+        """The poles and a narrow pair, of those at the lines where most is left the one that leaves least."""
+        left = np.abs(self.residuals(poles)).reshape(self.records, self.lines, -1)
+        left = np.convolve(np.sum(left**2, axis=(0, 2)), np.ones(3), "same")
+        spacing, tried, found = self.angle[1] - self.angle[0], list[int](), list[tuple[float, Complex]]()
+        for k in np.argsort(-left).tolist():
+            if len(tried) < _PLACES and all(abs(k - other) > _APART for other in tried):
+                tried.append(k)
+                for width in _WIDTHS:
+                    pole = np.exp(1j * (self.angle[k] + spacing / 4) - width * spacing)
+                    more = np.append(poles, pole)
+                    found.append((self._cost(self.values, more), more))
+        return min(found, key=lambda one: one[0])[1]
+
+    def _functions(self, delay: float, poles: Complex) -> Complex:
+        base = _base(self.x, poles)
+        return np.hstack([base * drive[:, None] for drive in self.drives.T])
+
+    def _ways(self, poles: Complex, c: Real) -> Complex:
+        each = c.reshape(self.drives.shape[1], -1)[:, : c.size // self.drives.shape[1] - _SMOOTH]
+        parts = zip(self.drives.T, each, strict=True)
+        return np.sum([drive[:, None] * slopes_of(self.x, poles, own) for drive, own in parts], axis=0)
+
+    def around(self, residual: Real) -> Real:
+        """Mean square of real residuals over the lines around every line of every record, (records lines,)."""
+        power = np.sum(residual.reshape(2, self.records, -1) ** 2, axis=0) / 2
+        total = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
+        low, high = (np.clip(np.arange(self.lines) + d, 0, self.lines) for d in (-_AROUND, _AROUND + 1))
+        return ((total[:, high] - total[:, low]) / (high - low)).ravel()
+
+    def described(self, poles: Complex) -> _Description:
+        """The fit at these poles, with what its errors are."""
+        entries = list(self._entries(self.values, self._functions(0.0, poles)))
+        changes = [_real(w[:, None] * self._ways(poles, one.coefficients)) for w, one in zip(self.weight.T, entries, strict=True)]
+        return _Description(self, poles, entries, changes)
+
+
+class _Description:
+    """Coefficients of every output at the poles, and the covariance of the responses to first order, for noise of any colour.
+
+    The noise of a line is what the lines around it leave. With W e the weighted errors, Q R the functions, J the derivatives by the
+    poles and S = sum (P J)'(P J) with P = I - Q Q', poles err by S^-1 sum (P J)' W e, coefficients by R^-1 Q' (W e - J da).
+    """
+
+    def __init__(self, fit: _Spectra, poles: Complex, entries: list[Projection], changes: list[Real]) -> None:
+        self.fit, self.poles = fit, poles
+        shape = (len(entries), fit.drives.shape[1], -1)
+        self.c = np.array([one.coefficients for one in entries]).reshape(shape)
+        spare = 2 * fit.samples / max(2 * fit.samples - fit.parameters(poles.size), 1)
+        tangents = [-one.tangent(change) for one, change in zip(entries, changes, strict=True)]
+        size = lengths(np.vstack(tangents))
+        S = sum(t.T @ t for t in tangents) / size / size[:, None]
+        inverse = np.linalg.inv(S + _SINGULAR * np.eye(len(S))) / size / size[:, None]
+        self.maps: list[tuple[Real, Real]] = []  # from Q' W e, and from da, to the coefficients
+        self.inner: list[Real] = []  # covariance of Q' W e
+        self.mixed: list[Real] = []  # of Q' W e with da
+        total = np.zeros_like(inverse)
+        for one, change, tangent in zip(entries, changes, tangents, strict=True):
+            noise = spare * np.tile(fit.around(one.residual), 2)[:, None]
+            back = np.linalg.pinv(one.triangle / (length := lengths(one.triangle))) / length[:, None]
+            self.maps.append((back, -back @ (one.basis.T @ change)))
+            self.inner.append(one.basis.T @ (noise * one.basis))
+            self.mixed.append(one.basis.T @ (noise * tangent) @ inverse)
+            total += tangent.T @ (noise * tangent)
+        self.moved = inverse @ total @ inverse  # covariance of the poles
+
+    def spectra(self, angle: Real, x: Complex) -> Complex:
+        """What is explained of the outputs (R, L, nz) at angles."""
+        base, nx = _base(np.exp(1j * angle), self.poles), self.fit.inputs
+        each = np.einsum("ln,ijn->lij", base, self.c)
+        return np.einsum("lij,rlj->rli", each[:, :, :nx], x / self.fit.scale) + each[:, :, nx:].transpose(2, 0, 1)
+
+    def responses(self, angle: Real) -> tuple[Complex, Complex]:
+        """The responses (K, nz, nx) at angles, and the covariance of their vec, columns stacked."""
+        turned, nx = np.exp(1j * angle), self.fit.inputs
+        base = _base(turned, self.poles)
+        K, n, nz = angle.size, base.shape[1], len(self.c)
+        values = np.einsum("kn,ijn->kij", base, self.c[:, :nx]) / self.fit.scale
+        steady: list[Complex] = []  # by Q' W e, (K, nx, m)
+        moved: list[Complex] = []  # by da
+        for c, maps in zip(self.c, self.maps, strict=True):
+            own, after = (np.stack([base @ one[j * n : (j + 1) * n] for j in range(nx)], axis=1) for one in maps)
+            direct = np.stack([slopes_of(turned, self.poles, c[j, : n - _SMOOTH]) for j in range(nx)], axis=1)
+            steady.append(own)
+            moved.append(direct + after)
+        units = 1 / self.fit.scale
+        covariance = np.zeros((K, nx, nz, nx, nz), complex)
+        for i in range(nz):
+            for j in range(nz):
+                part = (moved[i] @ self.moved + steady[i] @ self.mixed[i]) @ _adjoint(moved[j])
+                part = part + moved[i] @ _adjoint(steady[j] @ self.mixed[j])
+                if i == j:
+                    part = part + steady[i] @ self.inner[i] @ _adjoint(steady[i])
+                covariance[:, :, i, :, j] = part * units[:, None] * units
+        return values, covariance.reshape(K, nx * nz, nx * nz)
+
+
+def _base(turned: Complex, poles: Complex) -> Complex:
+    """Partial fractions and smooth terms on the circle, (L, n)."""
+    return np.hstack([fractions(turned, poles), turned[:, None] ** -np.arange(_SMOOTH)])
+
+
+def _adjoint(matrices: Complex) -> Complex:
+    return matrices.conj().swapaxes(1, 2)
+
+
+def _real(values: Complex) -> Real:
+    return np.concatenate([values.real, values.imag])
