@@ -37,19 +37,30 @@ def report(length, seeds, compare):
             print(f"{seed:3d} {words}: {type(error).__name__}: {error}", flush=True)
             continue
         every.append(found)
-        said = f"lines {found.lines:5.2f} ({100 * found.lines_outside:4.1f} % outside), boxes {found.held}/{found.found}"
+        said = (
+            f"lines {found.lines:5.2f} ({100 * found.lines_outside:4.1f} % outside), boxes {found.held}/{found.found}"
+        )
         if found.band is not None:
-            said += f", band {found.band:5.2f} ({100 * found.band_outside:4.1f} % outside), width {100 * found.width:.3g} %"
+            said += (
+                f", band {found.band:5.2f} ({100 * found.band_outside:4.1f} % outside), width {100 * found.width:.3g} %"
+            )
             said += "" if found.ratio is None else f", {found.ratio:.2f} times that of the true poles"
-        print(f"{seed:3d} {words}: {found.said}, {said}; {time.process_time() - start:.1f} s  [{found.note}]", flush=True)
+        print(
+            f"{seed:3d} {words}: {found.said}, {said}; {time.process_time() - start:.1f} s  [{found.note}]", flush=True
+        )
     there = [v for v in every if v.band is not None]
-    print(f"  bound of the response holds: {sum(v.lines <= 1 for v in every)} of {len(every)}")
-    print(f"  boxes hold a mode: {sum(v.held for v in every)} of {sum(v.found for v in every)}; 3 modes found: {sum(v.found == 3 for v in every)}")
-    print(f"  all boxes hold: {sum(v.held == v.found for v in every)} of {len(every)}; no modes: {sum(v.found == 0 for v in every)}")
-    print(f"  a band: {len(there)}; it holds: {sum(v.band <= 1 for v in there)}")
     ratios = [v.ratio for v in there if v.ratio is not None]
+    count = len(every)
+    print(f"  bound of the response holds: {sum(v.lines <= 1 for v in every)} of {count}")
+    print(f"  boxes that hold a mode: {sum(v.held for v in every)} of {sum(v.found for v in every)}")
+    print(f"  all boxes hold: {sum(v.held == v.found for v in every)} of {count}")
+    print(f"  three modes: {sum(v.found == 3 for v in every)}; none: {sum(v.found == 0 for v in every)}")
+    print(f"  a band: {len(there)}; it holds: {sum(v.band <= 1 for v in there)}")
     if ratios:
-        print(f"  width over that of the true poles: median {np.median(ratios):.2f}, at most 2: {sum(r <= 2 for r in ratios)} of {len(ratios)}")
+        most = sum(r <= 2 for r in ratios)
+        print(
+            f"  width over that of the true poles: median {np.median(ratios):.2f}, at most 2: {most} of {len(ratios)}"
+        )
 
 
 if __name__ == "__main__":

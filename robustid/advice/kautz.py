@@ -23,7 +23,7 @@ from robustid.advice.pole_fit import (
     told_apart,
     wanted_in_basis,
 )
-from robustid.advice.pole_interval import damped_outside, pole_interval
+from robustid.advice.pole_interval import bounded_by_shown, damped_outside, pole_interval, shown_in, with_shown
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, one_thread, plane_of
 from robustid.data import FrequencyResponse
@@ -177,6 +177,10 @@ def suggest_kautz(
         left = residual_rows(poles, fit)
         if decades is not None and ratios(left).max() > 1 and _relaxes(decades, left, len(poles)):
             return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
+    shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
+    few = len(poles)
+    poles = with_shown(poles, shown, fit.angle)
+    reason += f"; {len(poles) - few} more that the records show within these bounds" if len(poles) > few else ""
     poles = poles[np.argsort(poles[:, 0])]
     if wanted is None:
         found = damped_outside(fit, poles)
@@ -186,7 +190,7 @@ def suggest_kautz(
     kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
     if len(kept) < len(poles):
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
-    boxes = [pole_interval(fit, poles, int(i)) for i in kept]
+    boxes = [bounded_by_shown(pole_interval(fit, poles, i), poles[i], shown, fit.angle) for i in kept.tolist()]
     if wanted is None:
         seen = [k for k, (box, _, _) in enumerate(boxes) if box[1, 1] < DAMPING[1] * (1 - 1e-6)]
         if len(seen) < len(kept):

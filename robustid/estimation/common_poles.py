@@ -7,6 +7,7 @@ is smooth enough for windows.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +18,13 @@ from robustid.estimation.pole_fit import PoleFit, fractions, slopes_of
 _SMOOTH = 2  # terms 1, z^-1 beside the poles
 _MOST_PAIRS, _IN_VAIN = 12, 2  # pairs of poles; further ones in a row that are not worth their parameters
 _EQUATIONS = 3  # real equations that a parameter asks for
-_MOST, _FEWEST = 10_000, 200  # lines times spectra that are fitted, and lines
+_MOST, _FEWEST = 4000, 200  # lines times spectra that are fitted, and lines
 _PLACES, _APART = 4, 4  # where a further pair is tried, and lines between these
 _WIDTHS = (0.3, 2.0)  # lines: half-widths of a further pair
 _AROUND = 14  # lines on either side whose residuals give the noise of a line
+_STEPS = 10  # of the refinement of poles while pairs are added
 _ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
+_DEVIATIONS, _LEAST, _LIGHT = 4.0, 1e-5, 0.2  # of the intervals of modes; ends of their dampings
 _CHUNK = 2**16  # lines that are predicted at once
 _SINGULAR = 1e-12
 
@@ -32,13 +35,14 @@ class Predicted(NamedTuple):
     spectra: Complex
     values: Complex
     covariance: Complex
+    modes: tuple[tuple[float, float, float, float], ...] = ()  # ends of natural frequency, rad a sample, and of damping
 
 
 def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int) -> Predicted:
     """Fit ``Z = G X + T`` over the lines of `index` and between, of spectra of R records x (R, L, nx), z (R, L, nz).
 
     G and every T are sums of partial fractions of common poles and a smooth part. Pairs are added one by one while a description
-    of the data becomes shorter (`rissanen1978`), all poles refined together (`golub1973`).
+    of the data becomes shorter (`chen2008`), all poles refined together (`golub1973`).
     """
     records, _, nx = x.shape
     lines = np.arange(index[0], index[-1] + 1)
@@ -54,7 +58,7 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
     for part in np.array_split(every, -(-every.size // _CHUNK)):
         spectra[:, part] = found.spectra(2 * np.pi * part / samples, x[:, part])
     values, covariance = found.responses(2 * np.pi * index / samples)
-    return Predicted(spectra, values, covariance) if np.all(np.isfinite(covariance)) else nothing
+    return Predicted(spectra, values, covariance, found.modes()) if np.all(np.isfinite(covariance)) else nothing
 
 
 class _Spectra(PoleFit):
@@ -65,13 +69,10 @@ class _Spectra(PoleFit):
         self.angle = angle
         self.omega, self.dt, self.feedthrough = np.tile(angle, self.records), 1.0, True
         self.x = np.exp(1j * self.omega)
-        self.values = z.reshape(self.omega.size, -1)
-        self.size = np.sqrt(np.mean(np.abs(self.values) ** 2, axis=0))  # of every output
-        self.weight = np.tile(1 / self.size, (self.omega.size, 1))
-        drives = x.reshape(self.omega.size, -1)
-        drives = drives / lengths(drives) * np.sqrt(self.omega.size)
-        self.scale = lengths(x.reshape(self.omega.size, -1)) / np.sqrt(self.omega.size)  # of every input
-        self.drives = np.hstack([drives, np.kron(np.eye(self.records), np.ones((self.lines, 1)))])
+        drives, outputs = x.reshape(self.omega.size, -1), z.reshape(self.omega.size, -1)
+        self.scale, self.size = (lengths(part) / np.sqrt(self.omega.size) for part in (drives, outputs))
+        self.values, self.weight = outputs / self.size, np.ones(outputs.shape)
+        self.drives = np.hstack([drives / self.scale, np.kron(np.eye(self.records), np.ones((self.lines, 1)))])
 
     def parameters(self, pairs: int) -> int:
         """Real ones of so many pairs of poles."""
@@ -85,14 +86,18 @@ class _Spectra(PoleFit):
         while True:
             power = self._cost(self.values, poles) / equations
             length = equations * np.log(max(power, _ROUNDED)) + self.parameters(poles.size) * np.log(equations)
+            length += 2 * poles.size * np.log(self.lines)  # of all places where it may be
             vain = 0 if length < shortest else vain + 1
             if not vain:
                 best, shortest = poles, length
             full = _EQUATIONS * self.parameters(poles.size + 1) > equations
             if vain == _IN_VAIN or poles.size == _MOST_PAIRS or full or power <= _ROUNDED:
-                return best
-            poles = self.refine(0.0, self._further(poles), held=True).poles
-            poles = poles.real + 1j * np.abs(poles.imag)
+                return self._refined(best)
+            poles = self._refined(self._further(poles), _STEPS)
+
+    def _refined(self, poles: Complex, steps: int | None = None) -> Complex:
+        found = self.refine(0.0, poles, held=True, steps=steps).poles if poles.size else poles
+        return found.real + 1j * np.abs(found.imag)
 
     def _further(self, poles: Complex) -> Complex:
         """The poles and a narrow pair, of those at the lines where most is left the one that leaves least."""
@@ -124,18 +129,25 @@ class _Spectra(PoleFit):
         low, high = (np.clip(np.arange(self.lines) + d, 0, self.lines) for d in (-_AROUND, _AROUND + 1))
         return ((total[:, high] - total[:, low]) / (high - low)).ravel()
 
+    def _entries(self, values: Complex, functions: Complex) -> Iterator[Projection]:
+        """All outputs on the same functions, orthogonalised once."""
+        basis, triangle = np.linalg.qr(_real(functions))
+        for value in _real(values).T:
+            along = basis.T @ value
+            yield Projection(basis, triangle, along, value - basis @ along)
+
     def described(self, poles: Complex) -> _Description:
         """The fit at these poles, with what its errors are."""
         entries = list(self._entries(self.values, self._functions(0.0, poles)))
-        changes = [_real(w[:, None] * self._ways(poles, one.coefficients)) for w, one in zip(self.weight.T, entries, strict=True)]
+        changes = [_real(self._ways(poles, one.coefficients)) for one in entries]
         return _Description(self, poles, entries, changes)
 
 
 class _Description:
     """Coefficients of every output at the poles, and the covariance of the responses to first order, for noise of any colour.
 
-    The noise of a line is what the lines around it leave. With W e the weighted errors, Q R the functions, J the derivatives by the
-    poles and S = sum (P J)'(P J) with P = I - Q Q', poles err by S^-1 sum (P J)' W e, coefficients by R^-1 Q' (W e - J da).
+    The noise of a line is what the lines around it leave. With errors e, functions Q R, derivatives J by the poles and
+    S = sum (P J)'(P J), P = I - Q Q', the poles err by da = S^-1 sum (P J)' e, the coefficients by R^-1 Q' (e - J da).
     """
 
     def __init__(self, fit: _Spectra, poles: Complex, entries: list[Projection], changes: list[Real]) -> None:
@@ -147,9 +159,9 @@ class _Description:
         size = lengths(np.vstack(tangents))
         S = sum(t.T @ t for t in tangents) / size / size[:, None]
         inverse = np.linalg.inv(S + _SINGULAR * np.eye(len(S))) / size / size[:, None]
-        self.maps: list[tuple[Real, Real]] = []  # from Q' W e, and from da, to the coefficients
-        self.inner: list[Real] = []  # covariance of Q' W e
-        self.mixed: list[Real] = []  # of Q' W e with da
+        self.maps: list[tuple[Real, Real]] = []  # from Q' e, and from da, to the coefficients
+        self.inner: list[Real] = []  # covariance of Q' e
+        self.mixed: list[Real] = []  # of Q' e with da
         total = np.zeros_like(inverse)
         for one, change, tangent in zip(entries, changes, tangents, strict=True):
             noise = spare * np.tile(fit.around(one.residual), 2)[:, None]
@@ -160,10 +172,29 @@ class _Description:
             total += tangent.T @ (noise * tangent)
         self.moved = inverse @ total @ inverse  # covariance of the poles
 
+    def modes(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Pairs that are lightly damped, between the lines: four standard deviations on either side."""
+        found: list[tuple[float, float, float, float]] = []
+        low, high = self.fit.angle[[0, -1]]
+        if np.any(self.poles.imag == 0):
+            return ()
+        for k, (pole, s) in enumerate(zip(self.poles, np.log(self.poles), strict=True)):
+            at, omega = [k, k + self.poles.size], abs(s)
+            ways = np.array([1, 1j]) / pole  # of s, by the real and the imaginary part of the pole
+            turn = np.array([np.real(ways * np.conj(s)) / omega, -np.real(ways) / omega])
+            turn[1] += np.real(s) / omega**2 * turn[0]
+            deviations = np.sqrt(np.diag(turn @ self.moved[np.ix_(at, at)] @ turn.T))
+            (left, least), (right, most) = (
+                np.array([omega, -s.real / omega]) + sign * _DEVIATIONS * deviations for sign in (-1, 1)
+            )
+            if low < left <= right < high and _LEAST < most < _LIGHT:
+                found.append((float(left), float(right), float(max(least, _LEAST)), float(most)))
+        return tuple(found)
+
     def spectra(self, angle: Real, x: Complex) -> Complex:
         """What is explained of the outputs (R, L, nz) at angles."""
         base, nx = _base(np.exp(1j * angle), self.poles), self.fit.inputs
-        each = np.einsum("ln,ijn->lij", base, self.c)
+        each = np.einsum("ln,ijn,i->lij", base, self.c, self.fit.size)
         return np.einsum("lij,rlj->rli", each[:, :, :nx], x / self.fit.scale) + each[:, :, nx:].transpose(2, 0, 1)
 
     def responses(self, angle: Real) -> tuple[Complex, Complex]:
@@ -171,15 +202,15 @@ class _Description:
         turned, nx = np.exp(1j * angle), self.fit.inputs
         base = _base(turned, self.poles)
         K, n, nz = angle.size, base.shape[1], len(self.c)
-        values = np.einsum("kn,ijn->kij", base, self.c[:, :nx]) / self.fit.scale
-        steady: list[Complex] = []  # by Q' W e, (K, nx, m)
+        values = np.einsum("kn,ijn,i->kij", base, self.c[:, :nx], self.fit.size) / self.fit.scale
+        steady: list[Complex] = []  # by Q' e, (K, nx, m)
         moved: list[Complex] = []  # by da
         for c, maps in zip(self.c, self.maps, strict=True):
             own, after = (np.stack([base @ one[j * n : (j + 1) * n] for j in range(nx)], axis=1) for one in maps)
             direct = np.stack([slopes_of(turned, self.poles, c[j, : n - _SMOOTH]) for j in range(nx)], axis=1)
             steady.append(own)
             moved.append(direct + after)
-        units = 1 / self.fit.scale
+        units = self.fit.size[:, None] / self.fit.scale
         covariance = np.zeros((K, nx, nz, nx, nz), complex)
         for i in range(nz):
             for j in range(nz):
@@ -187,7 +218,7 @@ class _Description:
                 part = part + moved[i] @ _adjoint(steady[j] @ self.mixed[j])
                 if i == j:
                     part = part + steady[i] @ self.inner[i] @ _adjoint(steady[i])
-                covariance[:, :, i, :, j] = part * units[:, None] * units
+                covariance[:, :, i, :, j] = part * units[i][:, None] * units[j]
         return values, covariance.reshape(K, nx * nz, nx * nz)
 
 

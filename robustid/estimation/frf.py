@@ -173,6 +173,7 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         coherence=estimate.coherence,
         noise=estimate.noise,
         distortion=estimate.distortion,
+        modes=tuple((low / first.dt, high / first.dt, *damping) for low, high, *damping in estimate.modes),
     )
 
 

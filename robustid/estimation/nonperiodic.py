@@ -66,6 +66,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({(2 * half + 1) / (samples * first.dt):.3g} Hz)",
         noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
+        modes=() if loop else known.modes,  # the poles of a loop are not those of the plant in it
     )
 
 

@@ -99,7 +99,7 @@ class PoleFit:
         half = len(self.omega)
         return np.stack([rows[:half] + 1j * rows[half:] for rows in left], axis=1)
 
-    def refine(self, delay: float, poles: np.ndarray, *, held: bool = False) -> Refined:
+    def refine(self, delay: float, poles: np.ndarray, *, held: bool = False, steps: int | None = None) -> Refined:
         """The minimum near a start: variable projection with Kaufman's Jacobian (`golub1973`); over poles alone if `held`."""
         import scipy.optimize
 
@@ -136,7 +136,7 @@ class PoleFit:
         tight = {"ftol": _TIGHT, "xtol": _TIGHT, "gtol": _TIGHT}
         begin = np.zeros(len(moves))
         with np.errstate(all="ignore"):  # poles that meet have no functions of their own; on a point they have no value
-            found = least_squares(residual, begin, slopes, method="lm", x_scale="jac", max_nfev=40, **tight)
+            found = least_squares(residual, begin, slopes, method="lm", x_scale="jac", max_nfev=steps or 40, **tight)
         if not np.isfinite(found.cost):
             return Refined(*unpack(begin), float(np.sum(residual(begin) ** 2)))
         return Refined(*unpack(found.x), 2 * float(found.cost))

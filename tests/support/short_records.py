@@ -1,4 +1,4 @@
-"""Short noisy records of lightly damped plants of three modes, and a judge of what is made of them by default that knows the plant."""
+"""Short noisy records of lightly damped plants of three modes, and a judge, who knows the plant, of what comes out by default."""
 
 from __future__ import annotations
 
