@@ -147,8 +147,9 @@ def suggest_kautz(
     subtracted. A pole is left out only where weights w, summing to one, are found for which even the weighted
     least-squares fit has ``sum_k w_k |e_k/bound_k|^2 > level^2``, so that no fit of this kind keeps to the bounds (Lawson's
     iteration). The boundary is sought along 20 rays from the estimate: a set that isn't star-shaped can reach
-    further. Poles taken from the data are an assumption like any other: the data may leave much larger intervals than
-    the fit suggests.
+    further. A mode that the records of the response show (`FrequencyResponse.modes`) and its bounds hide, or leave as heavy as may
+    be, has the interval of the records: left to the gain bound it would stand in no class with a useful decay. Poles taken from
+    the data are an assumption like any other: the data may leave much larger intervals than the fit suggests.
 
     Source: separable least squares, `golub1973`; minimax by reweighting, `lawson1961`; Kautz pairs, `inanc2001`
     equation (29).

@@ -123,8 +123,8 @@ def pole_interval(data: LineData, poles: Real, which: int) -> tuple[Real, float,
 
 def shown_in(records: Sequence[tuple[float, float, float, float]], data: LineData) -> Real:
     """Boxes (M, 2, 2) in (angle, damping) of the modes that the records of a response show, between its frequency points."""
-    boxes = np.array([((low * data.plane.dt, high * data.plane.dt), ends) for low, high, *ends in records])
-    boxes = boxes.reshape(-1, 2, 2)
+    step = float(data.plane.dt or 0)
+    boxes: Real = np.array(records, dtype=float).reshape(-1, 2, 2) * np.array([[step], [1.0]])
     return boxes[(boxes[:, 0, 0] > data.angle[0]) & (boxes[:, 0, 1] < data.angle[-1])]
 
 
@@ -147,7 +147,7 @@ def bounded_by_shown(found: tuple[Real, float, bool], pole: Real, shown: Real, a
 def _beside(poles: Real, box: Real, angle: Real) -> NDArray[np.intp]:
     """The poles within a box, or within two frequency points of it."""
     turn = np.exp(poles[:, 0])
-    low, high = (int(np.searchsorted(angle, end)) for end in box[0])
+    low, high = np.searchsorted(angle, box[0]).tolist()
     ends = angle[max(low - 2, 0)], angle[min(high + 1, angle.size - 1)]
     return np.flatnonzero((turn >= ends[0]) & (turn <= ends[1]))
 

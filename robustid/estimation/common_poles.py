@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Complex, Projection, Real, lengths
 from robustid.estimation.pole_fit import PoleFit, fractions, slopes_of
@@ -30,7 +31,7 @@ _SINGULAR = 1e-12
 
 
 class Predicted(NamedTuple):
-    """What the poles explain of the outputs' spectra (R, L, nz); responses (K, nz, nx) at lines, and covariance of their vec."""
+    """Spectra (R, L, nz) of the outputs as the poles explain them; responses (K, nz, nx) at lines, and covariance of their vec."""
 
     spectra: Complex
     values: Complex
@@ -45,7 +46,7 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
     of the data becomes shorter (`chen2008`), all poles refined together (`golub1973`).
     """
     records, _, nx = x.shape
-    lines = np.arange(index[0], index[-1] + 1)
+    lines: NDArray[np.intp] = np.arange(int(index[0]), int(index[-1]) + 1)
     most = max(_FEWEST, _MOST // (records * (nx + records)))
     lines = lines[:: -(-lines.size // most)]
     every = np.arange(1, last + 1)
@@ -65,7 +66,8 @@ class _Spectra(PoleFit):
     """Partial fractions of common poles, times every input and for every record, against the spectra of the outputs."""
 
     def __init__(self, angle: Real, x: Complex, z: Complex) -> None:
-        self.records, self.lines, self.inputs = x.shape
+        sizes: tuple[int, int, int] = x.shape
+        self.records, self.lines, self.inputs = sizes
         self.angle = angle
         self.omega, self.dt, self.feedthrough = np.tile(angle, self.records), 1.0, True
         self.x = np.exp(1j * self.omega)
@@ -96,8 +98,9 @@ class _Spectra(PoleFit):
             poles = self._refined(self._further(poles), _STEPS)
 
     def _refined(self, poles: Complex, steps: int | None = None) -> Complex:
-        found = self.refine(0.0, poles, held=True, steps=steps).poles if poles.size else poles
-        return found.real + 1j * np.abs(found.imag)
+        if poles.size:
+            poles = np.asarray(self.refine(0.0, poles, held=True, steps=steps).poles, dtype=complex)
+        return poles.real + 1j * np.abs(poles.imag)
 
     def _further(self, poles: Complex) -> Complex:
         """The poles and a narrow pair, of those at the lines where most is left the one that leaves least."""
@@ -126,8 +129,9 @@ class _Spectra(PoleFit):
         """Mean square of real residuals over the lines around every line of every record, (records lines,)."""
         power = np.sum(residual.reshape(2, self.records, -1) ** 2, axis=0) / 2
         total = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
-        low, high = (np.clip(np.arange(self.lines) + d, 0, self.lines) for d in (-_AROUND, _AROUND + 1))
-        return ((total[:, high] - total[:, low]) / (high - low)).ravel()
+        at: NDArray[np.intp] = np.arange(int(self.lines))
+        low, high = np.maximum(at - _AROUND, 0), np.minimum(at + (_AROUND + 1), self.lines)
+        return np.ravel((total[:, high] - total[:, low]) / (high - low))
 
     def _entries(self, values: Complex, functions: Complex) -> Iterator[Projection]:
         """All outputs on the same functions, orthogonalised once."""
@@ -192,7 +196,7 @@ class _Description:
         return tuple(found)
 
     def spectra(self, angle: Real, x: Complex) -> Complex:
-        """What is explained of the outputs (R, L, nz) at angles."""
+        """Spectra of the outputs as they are explained, (R, L, nz), at angles."""
         base, nx = _base(np.exp(1j * angle), self.poles), self.fit.inputs
         each = np.einsum("ln,ijn,i->lij", base, self.c, self.fit.size)
         return np.einsum("lij,rlj->rli", each[:, :, :nx], x / self.fit.scale) + each[:, :, nx:].transpose(2, 0, 1)
