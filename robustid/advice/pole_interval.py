@@ -147,7 +147,7 @@ def bounded_by_shown(found: tuple[Real, float, bool], pole: Real, shown: Real, a
 def _beside(poles: Real, box: Real, angle: Real) -> NDArray[np.intp]:
     """The poles within a box, or within two frequency points of it."""
     turn = np.exp(poles[:, 0])
-    low, high = np.searchsorted(angle, box[0]).tolist()
+    low, high = (int(np.sum(angle < end)) for end in box[0])
     ends = angle[max(low - 2, 0)], angle[min(high + 1, angle.size - 1)]
     return np.flatnonzero((turn >= ends[0]) & (turn <= ends[1]))
 
