@@ -135,21 +135,25 @@ def with_shown(poles: Real, shown: Real, angle: Real) -> Real:
 
 
 def bounded_by_shown(found: tuple[Real, float, bool], pole: Real, shown: Real, angle: Real) -> tuple[Real, float, bool]:
-    """The box of a pole; that of the records' mode beside it where it reaches the heaviest damping.
+    """The box of a light pole; that of the records' mode beside it where it reaches the heaviest damping.
 
     An excitation and a transient that look alike over a few lines leave the response so uncertain there that it needs no mode at
     all; the whole record shows one all the same, and none that is light may be left to the gain bound.
     """
     mine = [box for box in shown if len(_beside(pole[None], box, angle))]
-    return (mine[0], 1.0, False) if mine and found[0][1, 1] >= DAMPING[1] * (1 - 1e-6) else found
+    if not mine or found[0][1, 1] < DAMPING[1] * (1 - 1e-6):
+        return found
+    box, (turn, zeta) = mine[0], np.exp(pole)
+    ends = np.array([[min(box[0, 0], turn), max(box[0, 1], turn)], [min(box[1, 0], zeta), max(box[1, 1], zeta)]])
+    return ends, 1.0, False
 
 
 def _beside(poles: Real, box: Real, angle: Real) -> NDArray[np.intp]:
-    """The poles within a box, or within two frequency points of it."""
-    turn = np.exp(poles[:, 0])
+    """The light poles within a box, or within two frequency points of it."""
+    turn, zeta = np.exp(poles).T
     low, high = (int(np.sum(angle < end)) for end in box[0])
     ends = angle[max(low - 2, 0)], angle[min(high + 1, angle.size - 1)]
-    return np.flatnonzero((turn >= ends[0]) & (turn <= ends[1]))
+    return np.flatnonzero((turn >= ends[0]) & (turn <= ends[1]) & (zeta < _WELL))
 
 
 def _reach(fits: list[_Local], centre: Real, ray: Real, level: float, low: Real, high: Real) -> Real:

@@ -72,7 +72,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     faults : sequence of Fault
         Of the records that it was estimated from (`record_faults`).
     modes : sequence of four numbers
-        Light modes that these records show: ends of the natural frequency in rad/s and of the damping ratio of each.
+        Light modes that its record shows (1x1): ends of the natural frequency in rad/s and of the damping ratio of each.
 
     Raises
     ------

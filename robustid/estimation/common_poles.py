@@ -26,6 +26,7 @@ _AROUND = 14  # lines on either side whose residuals give the noise of a line
 _STEPS = 10  # of the refinement of poles while pairs are added
 _ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
 _DEVIATIONS, _LEAST, _LIGHT = 4.0, 1e-5, 0.2  # of the intervals of modes; ends of their dampings
+_SHOWN = 12.0  # standard deviations: peaks of a hair dryer's noise reach 11
 _CHUNK = 2**16  # lines that are predicted at once
 _SINGULAR = 1e-12
 
@@ -177,12 +178,21 @@ class _Description:
         self.moved = inverse @ total @ inverse  # covariance of the poles
 
     def modes(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Pairs that are lightly damped, between the lines: four standard deviations on either side."""
+        """Pairs of one response that are lightly damped, between the lines: four standard deviations on either side.
+
+        Noise of a colour has peaks too: a mode is one that response and transient together show beyond what surrounds it.
+        """
         found: list[tuple[float, float, float, float]] = []
         low, high = self.fit.angle[[0, -1]]
-        if np.any(self.poles.imag == 0):
+        if self.c.shape[:2] != (1, 2) or np.any(self.poles.imag == 0):
             return ()
+        (back, after), n, c = self.maps[0], self.c.shape[2], np.ravel(self.c)
+        mixed = back @ self.mixed[0] @ after.T
+        spread = back @ self.inner[0] @ back.T + mixed + mixed.T + after @ self.moved @ after.T
         for k, (pole, s) in enumerate(zip(self.poles, np.log(self.poles), strict=True)):
+            own = np.array([2 * k, 2 * k + 1, n + 2 * k, n + 2 * k + 1])
+            if s.real >= 0 or c[own] @ np.linalg.pinv(spread[np.ix_(own, own)]) @ c[own] < _SHOWN**2:
+                continue
             at, omega = [k, k + self.poles.size], abs(s)
             ways = np.array([1, 1j]) / pole  # of s, by the real and the imaginary part of the pole
             turn = np.array([np.real(ways * np.conj(s)) / omega, -np.real(ways) / omega])
