@@ -23,7 +23,7 @@ from robustid.advice.pole_fit import (
     told_apart,
     wanted_in_basis,
 )
-from robustid.advice.pole_interval import damped_outside, pole_interval
+from robustid.advice.pole_interval import bounded_by_shown, damped_outside, pole_interval, shown_in, with_shown
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, one_thread, plane_of
 from robustid.data import FrequencyResponse
@@ -147,8 +147,9 @@ def suggest_kautz(
     subtracted. A pole is left out only where weights w, summing to one, are found for which even the weighted
     least-squares fit has ``sum_k w_k |e_k/bound_k|^2 > level^2``, so that no fit of this kind keeps to the bounds (Lawson's
     iteration). The boundary is sought along 20 rays from the estimate: a set that isn't star-shaped can reach
-    further. Poles taken from the data are an assumption like any other: the data may leave much larger intervals than
-    the fit suggests.
+    further. A mode that the records of the response show (`FrequencyResponse.modes`) and its bounds hide, or leave as heavy as may
+    be, has the interval of the records: left to the gain bound it would stand in no class with a useful decay. Poles taken from
+    the data are an assumption like any other: the data may leave much larger intervals than the fit suggests.
 
     Source: separable least squares, `golub1973`; minimax by reweighting, `lawson1961`; Kautz pairs, `inanc2001`
     equation (29).
@@ -177,6 +178,10 @@ def suggest_kautz(
         left = residual_rows(poles, fit)
         if decades is not None and ratios(left).max() > 1 and _relaxes(decades, left, len(poles)):
             return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
+    shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
+    few = len(poles)
+    poles = with_shown(poles, shown, fit.angle)
+    reason += f"; {len(poles) - few} more that the records show within these bounds" if len(poles) > few else ""
     poles = poles[np.argsort(poles[:, 0])]
     if wanted is None:
         found = damped_outside(fit, poles)
@@ -186,7 +191,7 @@ def suggest_kautz(
     kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
     if len(kept) < len(poles):
         reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
-    boxes = [pole_interval(fit, poles, int(i)) for i in kept]
+    boxes = [bounded_by_shown(pole_interval(fit, poles, i), poles[i], shown, fit.angle) for i in kept.tolist()]
     if wanted is None:
         seen = [k for k, (box, _, _) in enumerate(boxes) if box[1, 1] < DAMPING[1] * (1 - 1e-6)]
         if len(seen) < len(kept):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.advice.pole_fit import DAMPING, SMOOTH, LineData, design, nearest, pole_pair, ratios, smooth_terms
 from robustid.core import Real
@@ -117,6 +119,41 @@ def pole_interval(data: LineData, poles: Real, which: int) -> tuple[Real, float,
     box = np.array([points.min(axis=0), points.max(axis=0)])
     reached = bool(np.any(box[0] <= low + 1e-9) or np.any(box[1] >= high - 1e-9))
     return np.exp(box.T), level, reached
+
+
+def shown_in(records: Sequence[tuple[float, float, float, float]], data: LineData) -> Real:
+    """Boxes (M, 2, 2) in (angle, damping) of the modes that the records of a response show, between its frequency points."""
+    step = float(data.plane.dt or 0)
+    boxes: Real = np.array(records, dtype=float).reshape(-1, 2, 2) * np.array([[step], [1.0]])
+    return boxes[(boxes[:, 0, 0] > data.angle[0]) & (boxes[:, 0, 1] < data.angle[-1])]
+
+
+def with_shown(poles: Real, shown: Real, angle: Real) -> Real:
+    """The poles, and the middles of the boxes of modes beside which there is none."""
+    more = [np.log(np.mean(box, axis=1)) for box in shown if not len(_beside(poles, box, angle))]
+    return np.vstack([poles, *more])
+
+
+def bounded_by_shown(found: tuple[Real, float, bool], pole: Real, shown: Real, angle: Real) -> tuple[Real, float, bool]:
+    """The box of a light pole; that of the records' mode beside it where it reaches the heaviest damping.
+
+    An excitation and a transient that look alike over a few lines leave the response so uncertain there that it needs no mode at
+    all; the whole record shows one all the same, and none that is light may be left to the gain bound.
+    """
+    mine = [box for box in shown if len(_beside(pole[None], box, angle))]
+    if not mine or found[0][1, 1] < DAMPING[1] * (1 - 1e-6):
+        return found
+    box, (turn, zeta) = mine[0], np.exp(pole)
+    ends = np.array([[min(box[0, 0], turn), max(box[0, 1], turn)], [min(box[1, 0], zeta), max(box[1, 1], zeta)]])
+    return ends, 1.0, False
+
+
+def _beside(poles: Real, box: Real, angle: Real) -> NDArray[np.intp]:
+    """The light poles within a box, or within two frequency points of it."""
+    turn, zeta = np.exp(poles).T
+    low, high = (int(np.sum(angle < end)) for end in box[0])
+    ends = angle[max(low - 2, 0)], angle[min(high + 1, angle.size - 1)]
+    return np.flatnonzero((turn >= ends[0]) & (turn <= ends[1]) & (zeta < _WELL))
 
 
 def _reach(fits: list[_Local], centre: Real, ray: Real, level: float, low: Real, high: Real) -> Real:

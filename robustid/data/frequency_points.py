@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import operator
+from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -198,3 +199,13 @@ def as_level(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.flo
             f" {level.max():g}, outside at {count} of {len(level)} points{advice}"
         )
     return level
+
+
+def as_modes(name: str, value: Sequence[Sequence[float]]) -> tuple[tuple[float, float, float, float], ...]:
+    """Ends of natural frequencies and damping ratios, four numbers for every mode."""
+    ends = as_array(name, value).reshape(-1, 4) if np.size(value) else np.zeros((0, 4))
+    if not np.all((ends[:, [0, 2]] > 0) & (ends[:, [0, 2]] <= ends[:, [1, 3]])):
+        raise InputError(
+            f"`{name}` must hold positive ends, the lower one first, of frequency and damping; got {value!r}"
+        )
+    return tuple((a, b, c, d) for a, b, c, d in ends.tolist())

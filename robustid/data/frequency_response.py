@@ -17,6 +17,7 @@ from robustid.data.frequency_points import (
     NYQUIST_SLACK,
     FrequencyPoints,
     as_level,
+    as_modes,
     as_note,
     as_points,
     check_measured,
@@ -70,6 +71,8 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         stochastic nonlinear distortion.
     faults : sequence of Fault
         Of the records that it was estimated from (`record_faults`).
+    modes : sequence of four numbers
+        Light modes that its record shows (1x1): ends of the natural frequency in rad/s and of the damping ratio of each.
 
     Raises
     ------
@@ -82,8 +85,6 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     >>> frf = rid.FrequencyResponse([10.0, 20.0], [1 - 0.1j, 0.9 - 0.3j], bound=0.02, dt=0.01)
     >>> frf
     <FrequencyResponse: 2 frequency points, 1.5915 to 3.1831 Hz, 1x1, bound, dt=0.01 s>
-    >>> frf.values.shape, frf.bound.shape
-    ((2, 1, 1), (2, 1, 1))
     """
 
     PER_POINT: ClassVar[tuple[str, ...]] = ("omega", *_ENTRIES, "coherence", "covariance")
@@ -101,6 +102,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     noise: Any = None
     distortion: Any = None
     faults: tuple[Fault, ...] = ()
+    modes: tuple[tuple[float, float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if cast("object", self.values) is None:
@@ -133,6 +135,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
             outputs=as_signals("outputs", self.outputs, ny, "y"),
             note=as_note(self.note),
             faults=as_faults("faults", self.faults),
+            modes=as_modes("modes", self.modes),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             **{name: None if level is None else freeze(level[order]) for name, level in levels.items()},
         )

@@ -31,6 +31,7 @@ class Estimate(NamedTuple):
     distortion: np.ndarray | None = None
     real: np.ndarray | None = None  # (F,) lines at which everything is real
     caveats: tuple[Caveat, ...] = ()
+    modes: tuple[tuple[float, float, float, float], ...] = ()  # per sample: see `FrequencyResponse`
 
 
 def pooled(estimate: Estimate) -> Estimate:

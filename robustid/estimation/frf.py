@@ -35,7 +35,8 @@ def estimate_frf(
 
     Periodic excitation: ``G = Y U^{-1}`` at every spectral line, Y (ny, nu) and U (nu, nu) the DFT of nu experiments side by
     side, averaged over the periods. Any other excitation: ``Y(k+r) = G(k+r) U(k+r) + T(k+r)``, G and the transient T rational
-    with one denominator of order 2 over a few neighbouring lines r, so that neither leakage nor a resonance is smeared.
+    with one denominator of order 2 over a few neighbouring lines r, so that neither leakage nor a resonance is smeared; beside
+    poles of all lines, which are found first.
 
     Parameters
     ----------
@@ -94,6 +95,11 @@ def estimate_frf(
     and in the frequency. Degrees of freedom are those of that fit, less where neighbouring lines vary together, or all lines do
     from record to record. The variance of the next record is ``S (1 + 1/B)`` less that of the noise.
 
+    Local. In a short record the lines of a window reach beyond a resonance, or to two, and no function of low order fits there. So
+    G and T of all lines first, by common poles, as many as shorten the description of the spectra; windows are about what these
+    leave, and the covariance of both is added, which counts the same noise twice rather than leakage not at all. The light poles,
+    four standard deviations on either side, are the `modes` of the response.
+
     With s^2 the estimated variance, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
     so that
 
@@ -105,7 +111,7 @@ def estimate_frf(
 
     Assumes noise that is independent from period to period (periodic) or of a spectrum that is smooth over the window (local) with
     normal DFT values, small against the input at the lines used; a linear plant within a realisation. Sources: `pintelon2012`,
-    chapters 2, 4 and 7; `mckelvey2012` (local rational method).
+    chapters 2, 4 and 7; `mckelvey2012` (local rational method); `chen2008` (how many poles).
 
     Examples
     --------
@@ -174,6 +180,7 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         coherence=estimate.coherence,
         noise=estimate.noise,
         distortion=estimate.distortion,
+        modes=tuple((a / first.dt, b / first.dt, c, d) for a, b, c, d in estimate.modes),
     )
 
 

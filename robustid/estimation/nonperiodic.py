@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from robustid.core import as_array
 from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError
+from robustid.estimation.common_poles import predicted
 from robustid.estimation.estimate import Estimate, pooled
 
 _SEGMENTS = 8  # of Welch's method: of half overlap, per record
@@ -45,8 +46,10 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         )
     index = excited_lines(x, half, last) if lines is None else checked_lines(lines, last)
     chunk = max(1, _CHUNK // ((2 * half + 1) * len(records) * unknowns * 2))
-    parts = [_fit(x, z, part, half, last) for part in np.array_split(index, -(-index.size // chunk))]
+    known = predicted(x, z, samples, index, last)
+    parts = [_fit(x, z - known.spectra, part, half, last) for part in np.array_split(index, -(-index.size // chunk))]
     values, covariance, residual = (np.concatenate(piece) for piece in zip(*parts, strict=True))
+    values, covariance = values + known.values, covariance + known.covariance
     if loop:
         values, covariance = divided(values, covariance, ny)
     power = np.mean(np.abs(y) ** 2, axis=0)
@@ -63,6 +66,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({(2 * half + 1) / (samples * first.dt):.3g} Hz)",
         noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
+        modes=() if loop else known.modes,  # the poles of a loop are not those of the plant in it
     )
 
 

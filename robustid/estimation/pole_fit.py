@@ -99,7 +99,7 @@ class PoleFit:
         half = len(self.omega)
         return np.stack([rows[:half] + 1j * rows[half:] for rows in left], axis=1)
 
-    def refine(self, delay: float, poles: np.ndarray, *, held: bool = False) -> Refined:
+    def refine(self, delay: float, poles: np.ndarray, *, held: bool = False, steps: int | None = None) -> Refined:
         """The minimum near a start: variable projection with Kaufman's Jacobian (`golub1973`); over poles alone if `held`."""
         import scipy.optimize
 
@@ -128,7 +128,7 @@ class PoleFit:
             entries = self._entries(self.values, self._functions(*unpack(z)))
             for weight, one in zip(self.weight.T, entries, strict=True):
                 c = one.coefficients
-                ways = _slopes(self.x, unpack(z)[1], c) if plain else np.stack([each @ c for each in changes], axis=1)
+                ways = self._ways(unpack(z)[1], c) if plain else np.stack([each @ c for each in changes], axis=1)
                 rows.append(one.tangent(_real(weight[:, None] * ways)))
             return np.concatenate(rows)
 
@@ -136,7 +136,7 @@ class PoleFit:
         tight = {"ftol": _TIGHT, "xtol": _TIGHT, "gtol": _TIGHT}
         begin = np.zeros(len(moves))
         with np.errstate(all="ignore"):  # poles that meet have no functions of their own; on a point they have no value
-            found = least_squares(residual, begin, slopes, method="lm", x_scale="jac", max_nfev=40, **tight)
+            found = least_squares(residual, begin, slopes, method="lm", x_scale="jac", max_nfev=steps or 40, **tight)
         if not np.isfinite(found.cost):
             return Refined(*unpack(begin), float(np.sum(residual(begin) ** 2)))
         return Refined(*unpack(found.x), 2 * float(found.cost))
@@ -175,12 +175,16 @@ class PoleFit:
         else:
             whole = np.floor(delay / self.dt)
             turn, f = np.exp(-1j * self.omega * self.dt * whole)[:, None], delay / self.dt - whole
-        functions = turn * _fractions(self.x, poles, f)
+        functions = turn * fractions(self.x, poles, f)
         # A constant jumps by a whole sample as f leaves 0; the line between the two lets the minimum be sought.
         constant = (
             1 - f + f / self.x[:, None] if f else np.ones((self.x.size, 1))
         )  # x is 0 at zero frequency, without a hold
         return np.hstack([functions, turn * constant]) if self.feedthrough else functions
+
+    def _ways(self, poles: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """Derivatives of the functions times c by the poles, without a delay."""
+        return slopes_of(self.x, poles, c)
 
     def _entries(self, values: np.ndarray, functions: np.ndarray) -> Iterator[Projection]:
         """The weighted values of every entry, projected on the weighted functions."""
@@ -189,7 +193,7 @@ class PoleFit:
 
     def _relocated(self, values: np.ndarray, poles: np.ndarray) -> np.ndarray:
         """The zeros of sigma in values*sigma = N, sigma = 1 + sum c_i/(x - a_i) and N of the same poles (`gustavsen2006`)."""
-        functions = _fractions(self.x, poles)
+        functions = fractions(self.x, poles)
         rows: list[np.ndarray] = []
         rights: list[np.ndarray] = []
         entries = self._entries(values, self._functions(0.0, poles))
@@ -243,7 +247,7 @@ class PoleFit:
         return poles / self.omega[-1] if self.dt is None else np.exp(poles * self.dt)
 
 
-def _fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:
+def fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:
     """Functions of real poles, the sum and j times the difference of those of pairs, (F, order): real coefficients."""
     pair = np.imag(poles) != 0
     ahead = _ahead_of_hold(poles, f)
@@ -259,8 +263,8 @@ def _fractions(x: np.ndarray, poles: np.ndarray, f: float = 0.0) -> np.ndarray:
     return columns
 
 
-def _slopes(x: np.ndarray, poles: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Derivatives of the sum of `_fractions` times c by Re of every pole, then by Im of those of pairs, (F, n)."""
+def slopes_of(x: np.ndarray, poles: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Derivatives of the sum of `fractions` times c by Re of every pole, then by Im of those of pairs, (F, n)."""
     pair = np.imag(poles) != 0
     first = np.cumsum(1 + pair) - 1 - pair
     one = 1 / (x[:, None] - poles) ** 2

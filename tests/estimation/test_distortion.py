@@ -160,9 +160,9 @@ def test_derivatives_by_the_poles_are_those_of_differences():
     x, poles = 1j * np.linspace(0, 1, 30), np.array([-0.1 + 0.3j, -0.2, -0.05 + 0.8j, -0.7])
     c, step = rng.standard_normal(7), 1e-6  # the last one is that of a constant
     ways = [*np.eye(4), 1j * np.eye(4)[0], 1j * np.eye(4)[2]]
-    ends = [[pole_fit._fractions(x, poles + sign * step * way) @ c[:6] for sign in (1, -1)] for way in ways]
+    ends = [[pole_fit.fractions(x, poles + sign * step * way) @ c[:6] for sign in (1, -1)] for way in ways]
     differences = np.stack([(up - down) / (2 * step) for up, down in ends], axis=1)
-    np.testing.assert_allclose(pole_fit._slopes(x, poles, c), differences, atol=1e-6)
+    np.testing.assert_allclose(pole_fit.slopes_of(x, poles, c), differences, atol=1e-6)
 
 
 @pytest.mark.parametrize("part", [0.1, 0.3, 0.5])

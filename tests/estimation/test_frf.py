@@ -167,7 +167,10 @@ def test_calibrated(measure, most, seeds, held_in):
 
 
 def test_one_record_of_a_loop_needs_its_reference():
-    """Without the reference, the noise that the loop feeds back biases the local method; with it, not."""
+    """Without the reference, the noise that the loop feeds back biases the local method; with it, not.
+
+    Deviations hold those of the common poles, which a part of the lines gives: the mean square of errors over them is 1.1 with it.
+    """
     loop, lead = Loop(gain=0.05), 20_000
     rng = np.random.default_rng(3)
     record = loop.record(0.1 * rng.standard_normal((60_000 + lead, 2)), rng, 0.3, lead)
@@ -176,8 +179,8 @@ def test_one_record_of_a_loop_needs_its_reference():
     for reference in (record.reference, None):
         frf = estimate_frf(dataclasses.replace(record, reference=reference, initial="free"), lines=lines)
         misses.append(np.mean(np.abs((frf.values - truth(frf.omega)) / deviations(frf)) ** 2))
-    assert misses[0] < 1.3
-    assert misses[1] > 1.6
+    assert misses[0] < 1.2
+    assert misses[1] > 1.4
 
 
 @pytest.mark.parametrize("seeds", [4, pytest.param(10, marks=pytest.mark.slow)])

@@ -1,0 +1,249 @@
+"""Rational functions with common poles behind the spectra of records: responses, and transients with the same poles.
+
+A window of a short record is wide beside its resonances: two of them in it, or one at its end, are no function of low order there,
+and what the order leaves is no noise. The poles are those of the whole record, so one fit of all lines finds them; what it leaves
+is smooth enough for windows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Projection, Real, lengths
+from robustid.estimation.pole_fit import PoleFit, fractions, slopes_of
+
+_SMOOTH = 2  # terms 1, z^-1 beside the poles
+_MOST_PAIRS, _IN_VAIN = 12, 2  # pairs of poles; further ones in a row that are not worth their parameters
+_EQUATIONS = 3  # real equations that a parameter asks for
+_MOST, _FEWEST = 4000, 200  # lines times spectra that are fitted, and lines
+_PLACES, _APART = 4, 4  # where a further pair is tried, and lines between these
+_WIDTHS = (0.3, 2.0)  # lines: half-widths of a further pair
+_AROUND = 14  # lines on either side whose residuals give the noise of a line
+_STEPS = 10  # of the refinement of poles while pairs are added
+_ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
+_DEVIATIONS, _LEAST, _LIGHT = 4.0, 1e-5, 0.2  # of the intervals of modes; ends of their dampings
+_SHOWN = 12.0  # standard deviations: peaks of a hair dryer's noise reach 11
+_CHUNK = 2**16  # lines that are predicted at once
+_SINGULAR = 1e-12
+
+
+class Predicted(NamedTuple):
+    """Spectra (R, L, nz) of the outputs as the poles explain them; responses (K, nz, nx) at lines, and covariance of their vec."""
+
+    spectra: Complex
+    values: Complex
+    covariance: Complex
+    modes: tuple[tuple[float, float, float, float], ...] = ()  # ends of natural frequency, rad a sample, and of damping
+
+
+def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int) -> Predicted:
+    """Fit ``Z = G X + T`` over the lines of `index` and between, of spectra of R records x (R, L, nx), z (R, L, nz).
+
+    G and every T are sums of partial fractions of common poles and a smooth part. Pairs are added one by one while a description
+    of the data becomes shorter (`chen2008`), all poles refined together (`golub1973`).
+    """
+    records, _, nx = x.shape
+    lines: NDArray[np.intp] = np.arange(int(index[0]), int(index[-1]) + 1)
+    most = max(_FEWEST, _MOST // (records * (nx + records)))
+    lines = lines[:: -(-lines.size // most)]
+    every = np.arange(1, last + 1)
+    nothing = Predicted(np.zeros_like(z), np.zeros((index.size, z.shape[2], nx), complex), np.zeros((1, 1, 1), complex))
+    if not np.all(np.any(z[:, lines], axis=(0, 1))):
+        return nothing
+    fit = _Spectra(2 * np.pi * lines / samples, x[:, lines], z[:, lines])
+    found = fit.described(fit.pairs())
+    spectra = np.zeros_like(z)
+    for part in np.array_split(every, -(-every.size // _CHUNK)):
+        spectra[:, part] = found.spectra(2 * np.pi * part / samples, x[:, part])
+    values, covariance = found.responses(2 * np.pi * index / samples)
+    return Predicted(spectra, values, covariance, found.modes()) if np.all(np.isfinite(covariance)) else nothing
+
+
+class _Spectra(PoleFit):
+    """Partial fractions of common poles, times every input and for every record, against the spectra of the outputs."""
+
+    def __init__(self, angle: Real, x: Complex, z: Complex) -> None:
+        sizes: tuple[int, int, int] = x.shape
+        self.records, self.lines, self.inputs = sizes
+        self.angle = angle
+        self.omega, self.dt, self.feedthrough = np.tile(angle, self.records), 1.0, True
+        self.x = np.exp(1j * self.omega)
+        drives, outputs = x.reshape(self.omega.size, -1), z.reshape(self.omega.size, -1)
+        self.scale, self.size = (lengths(part) / np.sqrt(self.omega.size) for part in (drives, outputs))
+        self.values, self.weight = outputs / self.size, np.ones(outputs.shape)
+        self.drives = np.hstack([drives / self.scale, np.kron(np.eye(self.records), np.ones((self.lines, 1)))])
+
+    def parameters(self, pairs: int) -> int:
+        """Real ones of so many pairs of poles."""
+        return 2 * pairs + (2 * pairs + _SMOOTH) * self.drives.shape[1] * self.values.shape[1]
+
+    def pairs(self) -> Complex:
+        """The poles, as many as shorten the description of the spectra."""
+        equations = 2 * self.samples
+        poles, vain = np.zeros(0, complex), 0
+        best, shortest = poles, np.inf
+        while True:
+            power = self._cost(self.values, poles) / equations
+            length = equations * np.log(max(power, _ROUNDED)) + self.parameters(poles.size) * np.log(equations)
+            length += 2 * poles.size * np.log(self.lines)  # of all places where it may be
+            vain = 0 if length < shortest else vain + 1
+            if not vain:
+                best, shortest = poles, length
+            full = _EQUATIONS * self.parameters(poles.size + 1) > equations
+            if vain == _IN_VAIN or poles.size == _MOST_PAIRS or full or power <= _ROUNDED:
+                return self._refined(best)
+            poles = self._refined(self._further(poles), _STEPS)
+
+    def _refined(self, poles: Complex, steps: int | None = None) -> Complex:
+        if poles.size:
+            poles = np.asarray(self.refine(0.0, poles, held=True, steps=steps).poles, dtype=complex)
+        return poles.real + 1j * np.abs(poles.imag)
+
+    def _further(self, poles: Complex) -> Complex:
+        """The poles and a narrow pair, of those at the lines where most is left the one that leaves least."""
+        left = np.abs(self.residuals(poles)).reshape(self.records, self.lines, -1)
+        left = np.convolve(np.sum(left**2, axis=(0, 2)), np.ones(3), "same")
+        spacing, tried, found = self.angle[1] - self.angle[0], list[int](), list[tuple[float, Complex]]()
+        for k in np.argsort(-left).tolist():
+            if len(tried) < _PLACES and all(abs(k - other) > _APART for other in tried):
+                tried.append(k)
+                for width in _WIDTHS:
+                    pole = np.exp(1j * (self.angle[k] + spacing / 4) - width * spacing)
+                    more = np.append(poles, pole)
+                    found.append((self._cost(self.values, more), more))
+        return min(found, key=lambda one: one[0])[1]
+
+    def _functions(self, delay: float, poles: Complex) -> Complex:
+        base = _base(self.x, poles)
+        return np.hstack([base * drive[:, None] for drive in self.drives.T])
+
+    def _ways(self, poles: Complex, c: Real) -> Complex:
+        each = c.reshape(self.drives.shape[1], -1)[:, : c.size // self.drives.shape[1] - _SMOOTH]
+        parts = zip(self.drives.T, each, strict=True)
+        return np.sum([drive[:, None] * slopes_of(self.x, poles, own) for drive, own in parts], axis=0)
+
+    def around(self, residual: Real) -> Real:
+        """Mean square of real residuals over the lines around every line of every record, (records lines,)."""
+        power = np.sum(residual.reshape(2, self.records, -1) ** 2, axis=0) / 2
+        total = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
+        at: NDArray[np.intp] = np.arange(int(self.lines))
+        low, high = np.maximum(at - _AROUND, 0), np.minimum(at + (_AROUND + 1), self.lines)
+        return np.ravel((total[:, high] - total[:, low]) / (high - low))
+
+    def _entries(self, values: Complex, functions: Complex) -> Iterator[Projection]:
+        """All outputs on the same functions, orthogonalised once."""
+        basis, triangle = np.linalg.qr(_real(functions))
+        for value in _real(values).T:
+            along = basis.T @ value
+            yield Projection(basis, triangle, along, value - basis @ along)
+
+    def described(self, poles: Complex) -> _Description:
+        """The fit at these poles, with what its errors are."""
+        entries = list(self._entries(self.values, self._functions(0.0, poles)))
+        changes = [_real(self._ways(poles, one.coefficients)) for one in entries]
+        return _Description(self, poles, entries, changes)
+
+
+class _Description:
+    """Coefficients of every output at the poles, and the covariance of the responses to first order, for noise of any colour.
+
+    The noise of a line is what the lines around it leave. With errors e, functions Q R, derivatives J by the poles and
+    S = sum (P J)'(P J), P = I - Q Q', the poles err by da = S^-1 sum (P J)' e, the coefficients by R^-1 Q' (e - J da).
+    """
+
+    def __init__(self, fit: _Spectra, poles: Complex, entries: list[Projection], changes: list[Real]) -> None:
+        self.fit, self.poles = fit, poles
+        shape = (len(entries), fit.drives.shape[1], -1)
+        self.c = np.array([one.coefficients for one in entries]).reshape(shape)
+        spare = 2 * fit.samples / max(2 * fit.samples - fit.parameters(poles.size), 1)
+        tangents = [-one.tangent(change) for one, change in zip(entries, changes, strict=True)]
+        size = lengths(np.vstack(tangents))
+        S = sum(t.T @ t for t in tangents) / size / size[:, None]
+        inverse = np.linalg.inv(S + _SINGULAR * np.eye(len(S))) / size / size[:, None]
+        self.maps: list[tuple[Real, Real]] = []  # from Q' e, and from da, to the coefficients
+        self.inner: list[Real] = []  # covariance of Q' e
+        self.mixed: list[Real] = []  # of Q' e with da
+        total = np.zeros_like(inverse)
+        for one, change, tangent in zip(entries, changes, tangents, strict=True):
+            noise = spare * np.tile(fit.around(one.residual), 2)[:, None]
+            back = np.linalg.pinv(one.triangle / (length := lengths(one.triangle))) / length[:, None]
+            self.maps.append((back, -back @ (one.basis.T @ change)))
+            self.inner.append(one.basis.T @ (noise * one.basis))
+            self.mixed.append(one.basis.T @ (noise * tangent) @ inverse)
+            total += tangent.T @ (noise * tangent)
+        self.moved = inverse @ total @ inverse  # covariance of the poles
+
+    def modes(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Pairs of one response that are lightly damped, between the lines: four standard deviations on either side.
+
+        Noise of a colour has peaks too: a mode is one that response and transient together show beyond what surrounds it.
+        """
+        found: list[tuple[float, float, float, float]] = []
+        low, high = self.fit.angle[[0, -1]]
+        if self.c.shape[:2] != (1, 2) or np.any(self.poles.imag == 0):
+            return ()
+        (back, after), n, c = self.maps[0], self.c.shape[2], np.ravel(self.c)
+        mixed = back @ self.mixed[0] @ after.T
+        spread = back @ self.inner[0] @ back.T + mixed + mixed.T + after @ self.moved @ after.T
+        for k, (pole, s) in enumerate(zip(self.poles, np.log(self.poles), strict=True)):
+            own = np.array([2 * k, 2 * k + 1, n + 2 * k, n + 2 * k + 1])
+            if s.real >= 0 or c[own] @ np.linalg.pinv(spread[np.ix_(own, own)]) @ c[own] < _SHOWN**2:
+                continue
+            at, omega = [k, k + self.poles.size], abs(s)
+            ways = np.array([1, 1j]) / pole  # of s, by the real and the imaginary part of the pole
+            turn = np.array([np.real(ways * np.conj(s)) / omega, -np.real(ways) / omega])
+            turn[1] += np.real(s) / omega**2 * turn[0]
+            deviations = np.sqrt(np.diag(turn @ self.moved[np.ix_(at, at)] @ turn.T))
+            (left, least), (right, most) = (
+                np.array([omega, -s.real / omega]) + sign * _DEVIATIONS * deviations for sign in (-1, 1)
+            )
+            if low < left <= right < high and _LEAST < most < _LIGHT:
+                found.append((float(left), float(right), float(max(least, _LEAST)), float(most)))
+        return tuple(found)
+
+    def spectra(self, angle: Real, x: Complex) -> Complex:
+        """Spectra of the outputs as they are explained, (R, L, nz), at angles."""
+        base, nx = _base(np.exp(1j * angle), self.poles), self.fit.inputs
+        each = np.einsum("ln,ijn,i->lij", base, self.c, self.fit.size)
+        return np.einsum("lij,rlj->rli", each[:, :, :nx], x / self.fit.scale) + each[:, :, nx:].transpose(2, 0, 1)
+
+    def responses(self, angle: Real) -> tuple[Complex, Complex]:
+        """The responses (K, nz, nx) at angles, and the covariance of their vec, columns stacked."""
+        turned, nx = np.exp(1j * angle), self.fit.inputs
+        base = _base(turned, self.poles)
+        K, n, nz = angle.size, base.shape[1], len(self.c)
+        values = np.einsum("kn,ijn,i->kij", base, self.c[:, :nx], self.fit.size) / self.fit.scale
+        steady: list[Complex] = []  # by Q' e, (K, nx, m)
+        moved: list[Complex] = []  # by da
+        for c, maps in zip(self.c, self.maps, strict=True):
+            own, after = (np.stack([base @ one[j * n : (j + 1) * n] for j in range(nx)], axis=1) for one in maps)
+            direct = np.stack([slopes_of(turned, self.poles, c[j, : n - _SMOOTH]) for j in range(nx)], axis=1)
+            steady.append(own)
+            moved.append(direct + after)
+        units = self.fit.size[:, None] / self.fit.scale
+        covariance = np.zeros((K, nx, nz, nx, nz), complex)
+        for i in range(nz):
+            for j in range(nz):
+                part = (moved[i] @ self.moved + steady[i] @ self.mixed[i]) @ _adjoint(moved[j])
+                part = part + moved[i] @ _adjoint(steady[j] @ self.mixed[j])
+                if i == j:
+                    part = part + steady[i] @ self.inner[i] @ _adjoint(steady[i])
+                covariance[:, :, i, :, j] = part * units[i][:, None] * units[j]
+        return values, covariance.reshape(K, nx * nz, nx * nz)
+
+
+def _base(turned: Complex, poles: Complex) -> Complex:
+    """Partial fractions and smooth terms on the circle, (L, n)."""
+    return np.hstack([fractions(turned, poles), turned[:, None] ** -np.arange(_SMOOTH)])
+
+
+def _adjoint(matrices: Complex) -> Complex:
+    return matrices.conj().swapaxes(1, 2)
+
+
+def _real(values: Complex) -> Real:
+    return np.concatenate([values.real, values.imag])
