@@ -14,12 +14,23 @@ from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.linear.arcs import arc_bounds
+from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
+from robustid.guarantees.linear.solved_nodes import JoinedBands
 from robustid.guarantees.nominal import as_frequencies, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.pole_cells import AMPLITUDE
-from robustid.guarantees.refinement import SAME, check_polygons, narrowed, narrowed_norm, polygons_hold, polygons_of
+from robustid.guarantees.refinement import (
+    SAME,
+    check_polygons,
+    joined_bands,
+    narrowed,
+    narrowed_norm,
+    polygons_hold,
+    polygons_of,
+    smaller_discs,
+)
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
@@ -27,6 +38,8 @@ from robustid.identification import Identification
 
 if TYPE_CHECKING:
     import control
+
+_NARROWER = 0.995  # of the width: what is worth words
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -51,17 +64,37 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         The nominal that errors are measured from; None: the centres.
     polygons : WorstCaseError, WorstCaseOverPoles or None
         Bounds by semidefinite programs at some frequencies, of `refine`: where they are smaller, they are those of the band.
+    joined : tuple of EntryBand
+        As `bands`, with the discs around the polygons as further samples; empty without polygons. Of both the smaller disc holds.
     """
 
     omega: Real
     model: control.StateSpace | None = None
     polygons: Bounded | None = None
+    joined: tuple[EntryBand, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._set(omega=freeze(self.omega))
         if self.polygons is not None:
             check_polygons(self.polygons, self.problem, self.box)
+
+    @functools.cached_property
+    def _entries(self) -> EntryBands:
+        return JoinedBands(self.problem, self.joined, self._plain) if self.joined else self._plain
+
+    @functools.cached_property
+    def _plain(self) -> EntryBands:
+        """The discs of the samples alone."""
+        return EntryBands(self.problem, self.bands)
+
+    def at(self, omega: ArrayLike) -> tuple[Complex, Real]:
+        """Centres and radii of the discs at any frequencies, (F, ny, nu) each; at exactly those of polygons discs around these.
+
+        See `ProvedDiscs.at`.
+        """
+        centre, radius = super().at(omega)
+        return smaller_discs(centre, radius, self.polygons, np.atleast_1d(as_array("omega", omega)))
 
     @functools.cached_property
     def _here(self) -> tuple[Complex, Real]:
@@ -109,12 +142,13 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     ) -> tuple[Real, Bounded | None, Real, Complex]:
         """Bounds by the discs, with polygons, frequencies and nominal values by which they may be narrowed."""
         omega = np.atleast_1d(as_array("omega", omega))
-        centre, radius = self.at(omega)
         model = self.model if model is None else check_nominal(model, self.problem)
         if model is None:
+            centre, radius = self.at(omega)
             return radius, self.polygons, omega, centre
         nominal = self.problem.plane.values_at(model, omega)
-        return np.abs(centre - nominal) * (1 + 1e-15) + radius, self.polygons, omega, nominal
+        with one_thread():
+            return self._entries.distances(nominal, self._angles(omega)), self.polygons, omega, nominal
 
     def with_model(self, model: control.StateSpace) -> Band:
         """Return the same band with errors measured from another nominal; nothing is searched."""
@@ -198,7 +232,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
         near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
-        return dataclasses.replace(self, problem=polygons.identification.problem, omega=omega, polygons=polygons)
+        joined = joined_bands(self.bands, polygons)
+        about = polygons.identification.problem
+        return dataclasses.replace(self, problem=about, omega=omega, polygons=polygons, joined=joined)
 
     @property
     def circle(self) -> CircleBound:
@@ -247,13 +283,14 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
 
     @functools.cached_property
     def narrowed(self) -> NDArray[np.bool_]:
-        """Mask of the frequencies `omega` at which polygons bound the error by less than the discs do, (F,)."""
-        return self._narrowing < 1
+        """Mask of the frequencies `omega` of polygons at which these bound the error by less than the samples' discs do, (F,)."""
+        solved = np.zeros(0) if self.polygons is None else self.polygons.omega
+        return (self._narrowing < 1) & np.isin(self.omega, solved)
 
     @functools.cached_property
     def _narrowing(self) -> Real:
-        """Bounds with polygons over those of the discs, at `omega`, (F,)."""
-        discs = norm_of_bounds(self._discs_about(None, self.omega)[0])
+        """Bounds with polygons over those of the discs of samples alone, at `omega`, (F,)."""
+        discs = norm_of_bounds(dataclasses.replace(self, polygons=None, joined=()).upper)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.nan_to_num(self.sigma_upper / discs, nan=1.0)
 
@@ -268,9 +305,13 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         part = self._narrowing[self.narrowed]
         least = float(self.omega[np.argmin(self._narrowing)]) / (2 * np.pi)
         sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {least:.5g} Hz"
+        others = self._narrowing[~np.isin(self.omega, self.polygons.omega)]
+        further = ""
+        if others.size and np.median(others) < _NARROWER:
+            further = f", with these values among its samples (to {100 * np.median(others):.3g} % in the median)"
         return (
             f"At {count} of {self.omega.size} frequencies a semidefinite program narrows the band ({sizes}); everywhere else the"
-            " band of sums stands"
+            f" band of sums stands{further}"
         )
 
     @property
@@ -288,8 +329,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         exact = as_flag("exact", exact)
 
         with one_thread():
-            again = [dataclasses.replace(one) for one in self.bands]  # nothing that was computed before is taken over
-            same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, self.bands, strict=True)]
+            every = (*self.bands, *self.joined)
+            again = [dataclasses.replace(one) for one in every]  # nothing that was computed before is taken over
+            same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, every, strict=True)]
             discs = all(same) and (not exact or all(holds_exactly(one) for one in again))
         return discs and (self.polygons is None or polygons_hold(self.polygons, exact))
 

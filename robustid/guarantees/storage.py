@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Arrays, Complex, Real, Record, StateMatrices, as_count, fields_of, keep
-from robustid.guarantees.band import band_of_multipliers
+from robustid.guarantees.band import Multipliers, band_of_multipliers
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
 from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.member import Member, as_members
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
@@ -185,13 +186,22 @@ def _band(band: Band) -> Record:
         "omega": band.omega,
         "box": band.box,
         "nominal": None if band.model is None else StateMatrices.of(band.model),
-        "entries": tuple(
-            {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
-            | {"amplitudes": _amplitudes(one.extraction)}
-            for one in band.bands
-        ),
+        "entries": _entries(band.bands),
         "polygons": band.polygons,
+        "joined": _entries(band.joined),
     }
+
+
+def _entries(bands: tuple[EntryBand, ...]) -> tuple[Record, ...]:
+    return tuple(
+        {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
+        | {"amplitudes": _amplitudes(one.extraction)}
+        for one in bands
+    )
+
+
+def _multipliers(entries: tuple[_Entry, ...]) -> list[Multipliers]:
+    return [(one["angles"], one["points"], one["multipliers"], one["amplitudes"]) for one in entries]
 
 
 def _make_band(
@@ -201,11 +211,11 @@ def _make_band(
     nominal: StateMatrices | None,
     entries: tuple[_Entry, ...],
     polygons: Bounded | None,
+    joined: tuple[_Entry, ...] = (),
 ) -> Band:
     """The band of stored multipliers: radii are not stored, but follow from them anew; certificates of polygons are evaluated."""
     model = None if nominal is None else nominal.model(problem.dt)
-    multipliers = [(one["angles"], one["points"], one["multipliers"], one["amplitudes"]) for one in entries]
-    return band_of_multipliers(problem, box, omega, model, multipliers, polygons)
+    return band_of_multipliers(problem, box, omega, model, _multipliers(entries), polygons, _multipliers(joined))
 
 
 def _amplitudes(found: Extraction) -> Arrays:

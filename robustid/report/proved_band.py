@@ -170,7 +170,7 @@ def band_chart(identification: Identification, band: Band) -> Chart:
 @functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
 def drawn_band(band: Band, entry: tuple[int, int] = (0, 0)) -> tuple[np.ndarray, ...]:
     """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
-    knots = band.bands[0].angles
+    knots = (band.joined or band.bands)[0].angles
     angles = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
     omega = np.clip(band.problem.plane.omega(angles), *band.range)
     centre, radius = band.at(omega)

@@ -127,10 +127,14 @@ class EntryBands(Frozen):
         centres, radii = zip(*(one.at(angles) for one in self.bands), strict=True)
         return self.matrices(centres), self.matrices(radii)
 
+    def distances(self, nominal: Complex, angles: Real) -> Real:
+        """Bounds of the entries of F less nominal values (N, ny, nu) at angles."""
+        centre, radius = self.at(angles)
+        return np.abs(centre - nominal) * (1 + 1e-15) + radius
+
     def errors_at(self, model: control.StateSpace, angles: Real) -> Real:
         """Bounds of the entries of F - model at angles, (N, ny, nu)."""
-        centre, radius = self.at(angles)
-        return np.abs(centre - self.problem.plane.values(model, angles)) * _ONE + radius
+        return self.distances(self.problem.plane.values(model, angles), angles) * _ONE
 
     def open_arcs(self) -> list[tuple[float, float]]:
         """Arcs between angles on which nothing is said: around infinite radii, as far as they exceed the largest response."""
