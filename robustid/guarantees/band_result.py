@@ -20,7 +20,6 @@ from robustid.guarantees.linear.solved_nodes import JoinedBands
 from robustid.guarantees.nominal import as_frequencies, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
-from robustid.guarantees.pole_cells import AMPLITUDE
 from robustid.guarantees.refinement import (
     SAME,
     check_polygons,
@@ -166,9 +165,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     ) -> Band:
         """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
 
-        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles`, which assume that
-        amplitudes of modes are at most twice those of the identified model. Frequencies come first at which the discs are estimated
-        to be twice as large as need be. Polygons that the band has are replaced.
+        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles`. Frequencies come first at
+        which the discs are estimated to be twice as large as need be. Polygons that the band has are replaced.
 
         Parameters
         ----------
@@ -314,11 +312,6 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             f" band of sums stands{further}"
         )
 
-    @property
-    def assumes_amplitudes(self) -> bool:
-        """Return whether polygons over a box narrow it: these assume amplitudes of at most twice those of the identified model."""
-        return self.polygons is not None and self.box is not None and bool(self.narrowed.any())
-
     def verify(self, exact: bool = False) -> bool:
         """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone; polygons.
 
@@ -372,10 +365,6 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             )
         if self.polygons is not None:
             lines.append(f"refined    {self.polygon_words}")
-        if self.assumes_amplitudes:
-            lines.append(
-                f"           there amplitudes are assumed of at most {AMPLITUDE:g} times the identified model's"
-            )
         lines.append(
             "assumed    gain bound, decay rate, number of modes, bounds of the samples: data can refute them, never prove them"
         )

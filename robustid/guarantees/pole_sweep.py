@@ -32,12 +32,12 @@ _DIRECTIONS, _FIRST = 6, 12  # of the first look at a cell: directions, frequenc
 _ACCURACY = 1e-2
 
 
-def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
-    """Over the range of the frequency points, and at the modes."""
+def default_frequencies(problem: MixedProblem, modes: Real) -> Real:
+    """Over the range of the frequency points, and at the modes, whose frequencies lie in intervals (M, 2)."""
     top = problem.plane.top
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = (lines.min(), lines.max()) if lines.size else (top / 200, top)
-    return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), whole.omega.mean(axis=1)]), 0, top))
+    return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), modes.mean(axis=1)]), 0, top))
 
 
 def searched(

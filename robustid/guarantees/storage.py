@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Arrays, Complex, Real, Record, StateMatrices, as_count, fields_of, keep
+from robustid.guarantees.amplitude_bounds import extractions_of
 from robustid.guarantees.band import Multipliers, band_of_multipliers
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.circle import CircleBound
@@ -116,6 +117,7 @@ def _over_poles(band: WorstCaseOverPoles) -> Record:
         "box": _ends(band.box),
         "delay": band.box.delay,
         "omega": band.omega,
+        "amplitudes": tuple(_amplitudes(one) for one in band.extractions),
         "kept": tuple({"cell": _ends(item.cell), "values": pack_values(item.values)} for item in band.kept),
         "refuted": tuple({"cell": _ends(item.cell), "certificate": item.certificate} for item in band.refuted),
     }
@@ -127,10 +129,12 @@ def _make_over_poles(
     box: Ends,
     delay: int,
     omega: Real,
+    amplitudes: tuple[Arrays, ...],
     kept: tuple[_Kept, ...],
     refuted: tuple[_Refuted, ...],
 ) -> WorstCaseOverPoles:
-    problem, whole = identification.problem, box_of(identification, *box, as_count("delay", delay))
+    problem, proofs = identification.problem, extractions_of(identification.problem, *box, amplitudes)
+    whole, _ = box_of(identification, *box, as_count("delay", delay), proofs)
     cells = tuple(
         KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), _cell(whole, *item["cell"]))
         for item in kept
@@ -144,6 +148,7 @@ def _make_over_poles(
         box=whole,
         kept=cells,
         refuted=tuple(RefutedCell(_cell(whole, *item["cell"]), item["certificate"]) for item in refuted),
+        extractions=proofs,
     )
 
 

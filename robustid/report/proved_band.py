@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import as_kind, fingerprint
 from robustid.errors import InputError
-from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
+from robustid.guarantees import Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
 from robustid.report.charts import ALERT, BAND, FINE, NOMINAL, Chart, Layer, Panel, lighter, named, side_by_side
@@ -123,14 +123,6 @@ def band_rows(identification: Identification, band: Band) -> list[tuple[str, str
         ),
         ("Poles", f"The band holds {poles_words(band)}."),
     ]
-    if band.assumes_amplitudes:
-        found.append(
-            (
-                "Refined",
-                f"Where semidefinite programs narrow the band, amplitudes of modes are assumed to be at most {AMPLITUDE:g} times"
-                " those of the identified model; the sums assume nothing of them.",
-            )
-        )
     found.append(
         (
             "Assumed",

@@ -183,6 +183,7 @@ class JoinedBands(EntryBands):
         (centre, radius), (plain, least) = super().at(angles), self.plain.at(angles)
         return np.where(radius < least, centre, plain), np.minimum(radius, least)
 
-    def distances(self, nominal: Complex, angles: Real) -> Real:
+    def distances(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> Real:
         """The smaller bounds of those about both centres, (N, ny, nu)."""
-        return np.minimum(super().distances(nominal, angles), self.plain.distances(nominal, angles))
+        discs = super().at(angles), self.plain.at(angles)
+        return np.minimum(*(np.abs(centre - nominal) * (1 + rounding) + radius for centre, radius in discs))
