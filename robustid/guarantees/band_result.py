@@ -17,12 +17,14 @@ from robustid.guarantees.linear.arcs import arc_bounds
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
 from robustid.guarantees.linear.solved_nodes import JoinedBands
-from robustid.guarantees.nominal import as_frequencies, check_nominal
+from robustid.guarantees.nominal import as_frequencies, as_nominal, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
+from robustid.guarantees.placement import OfExactPoles, OverBox, candidates_of, placed
 from robustid.guarantees.refinement import (
     SAME,
     check_polygons,
+    check_same,
     joined_bands,
     narrowed,
     narrowed_norm,
@@ -33,7 +35,7 @@ from robustid.guarantees.refinement import (
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
-from robustid.identification import Identification
+from robustid.identification import Identification, identify
 
 if TYPE_CHECKING:
     import control
@@ -165,15 +167,16 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     ) -> Band:
         """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
 
-        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles`. Frequencies come first at
-        which the discs are estimated to be twice as large as need be. Polygons that the band has are replaced.
+        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles` in few cells. By default up
+        to 40 frequencies in the range of the data, those at which they are estimated to gain most over the discs, a few at a time;
+        where they gain less than 5 % the discs stand. Polygons that the band has are replaced.
 
         Parameters
         ----------
         identification : Identification, optional
             Of the problem of the band, where one is at hand. Default: `identify` of it.
         omega : (F,) array, rad/s, optional
-            Default: those of the band.
+            These, all of them. Default: where polygons gain.
         time_limit : float, optional
             Seconds; the discs stand at frequencies that are not finished then.
         progress, executor, resume : optional
@@ -201,16 +204,25 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         >>> bool(found.upper[0] < plain.upper[0]), bool(found.upper[1] == plain.upper[1]), found.certified
         (True, True, True)
         """
-        grid = self.omega if omega is None else as_frequencies(omega, self.problem)
-        low, high = self.range
-        grid = grid[(grid >= low) & (grid <= high)]
-        if not grid.size:
-            raise InputError(f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; none does")
-        means = Means(executor, progress, resume, Budget(time_limit))
-        thing = self.problem
-        if identification is not None:
-            thing = as_kind("identification", identification, Identification, "an Identification")
-        return self.with_polygons(polygons_of(thing, self.box, self.model, grid, self, means))
+        means, low, high = Means(executor, progress, resume, Budget(time_limit)), *self.range
+        if omega is not None:
+            omega = as_frequencies(omega, self.problem)
+            omega = omega[(omega >= low) & (omega <= high)]
+            if not omega.size:
+                raise InputError(
+                    f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; none does"
+                )
+        if identification is None:
+            identification = identify(self.problem, time_limit=time_limit)
+        thing = as_kind("identification", identification, Identification, "an Identification")
+        if omega is not None:
+            return self.with_polygons(polygons_of(thing, self.box, self.model, omega, self, means))
+        plain = dataclasses.replace(self, polygons=None, joined=())
+        about, grid = as_nominal(self.model, thing), candidates_of(self, self.problem, self.omega)
+        check_same(thing.problem, self.problem)
+        if self.box is None:
+            return placed(OfExactPoles(thing, about), plain, grid, means)
+        return placed(OverBox(thing, about, self.box, grid, means.budget), plain, grid, means)
 
     def with_polygons(self, polygons: Bounded) -> Band:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,11 +15,12 @@ from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.functions import Box, pairs_of
 from robustid.guarantees.linear.solved_nodes import Nodes, joined_band
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles, worst_case_over_poles
-from robustid.guarantees.pole_proofs import corners_of, union_of
+from robustid.guarantees.pole_proofs import Cell, corners_of, union_of
 from robustid.guarantees.sweep import Known, Means
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem, identify
+from robustid.identification import Identification, MixedProblem
+from robustid.identification.formulation import Entries
 
 if TYPE_CHECKING:
     import control
@@ -28,7 +30,7 @@ SAME = 1e-9  # relative distance up to which two frequencies are one
 
 
 def polygons_of(
-    thing: MixedProblem | Identification,
+    identification: Identification,
     box: Box | None,
     model: control.StateSpace | None,
     omega: Real,
@@ -36,16 +38,14 @@ def polygons_of(
     means: Means,
 ) -> Bounded:
     """Worst case at frequencies, those first at which the known discs are loose; over the box where there is one."""
-    limit = means.options["time_limit"]
-    identification = thing if isinstance(thing, Identification) else identify(thing, time_limit=limit)
     how: Record = {"model": model, "omega": omega, "known": known, **means.options}
     if box is None:
         return worst_case_error(identification, **how)
-    omega_interval, damping_interval, delay = _in_order(identification.problem, box)
+    omega_interval, damping_interval, delay = in_order(identification.problem, box)
     return worst_case_over_poles(identification, omega_interval, damping_interval, delay=delay, **how)
 
 
-def _in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:
+def in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:
     """The box, which has the modes by rising frequency, in the order of the functions; and the delay of their pairs."""
     if problem.parametric is None:
         return *box, 0
@@ -65,9 +65,7 @@ def check_polygons(polygons: object, problem: MixedProblem, box: Box | None) -> 
         raise InputTypeError(
             "`polygons` must be a WorstCaseError, or over a box a WorstCaseOverPoles; got " + type(polygons).__name__
         )
-    other = polygons.identification.problem
-    if other is not problem and fingerprint(other) != fingerprint(problem):
-        raise InputError("`polygons` are about another problem than the band; take an identification of the same one")
+    check_same(polygons.identification.problem, problem)
     if isinstance(polygons, WorstCaseError):
         if box is not None:
             raise InputError(
@@ -84,6 +82,12 @@ def check_polygons(polygons: object, problem: MixedProblem, box: Box | None) -> 
             raise InputError(
                 f"`polygons` must cover the box of the band; their `{name}` is {mine.tolist()}, its {ends.tolist()}"
             )
+
+
+def check_same(other: MixedProblem, problem: MixedProblem) -> None:
+    """Refuse polygons of another problem."""
+    if other is not problem and fingerprint(other) != fingerprint(problem):
+        raise InputError("`polygons` are about another problem than the band; take an identification of the same one")
 
 
 def polygons_hold(polygons: Bounded, exact: bool = False) -> bool:
@@ -133,9 +137,22 @@ def narrowed_norm(found: Real, polygons: Bounded | None, omega: Real, model: con
     return found
 
 
+def discs_of(cells: Sequence[Cell], omega: Real, entries: Entries) -> tuple[Complex, Real]:
+    """The same of all entries of cells, (F, ny, nu)."""
+    found = np.empty((omega.size, *entries.shape), complex), np.empty((omega.size, *entries.shape))
+    for entry in np.ndindex(*entries.shape):
+        for whole, own in zip(found, _discs(cells, omega, entry), strict=True):
+            whole[:, *entry] = own
+    return found
+
+
 def solved_discs(polygons: Bounded, entry: Entry) -> tuple[Complex, Real]:
     """Centres and radii (F,) of the smallest discs around the polygons of an entry, of all cells; infinite of one too wide."""
-    every = corners_of(polygons.kept, polygons.omega, entry)
+    return _discs(polygons.kept, polygons.omega, entry)
+
+
+def _discs(cells: Sequence[Cell], omega: Real, entry: Entry) -> tuple[Complex, Real]:
+    every = corners_of(cells, omega, entry)
     discs = [(0j, np.inf) if corners is None else smallest_disc(corners) for corners in every]
     centre, radius = np.array([one[0] for one in discs], complex), np.array([one[1] for one in discs], float)
     return centre, radius + _ROUNDING * (np.abs(centre) + radius)

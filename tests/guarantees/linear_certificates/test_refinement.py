@@ -11,8 +11,11 @@ import pytest
 
 import robustid as rid
 from robustid.app.run.sequence import refined_band
+from robustid.core import Budget
 from robustid.errors import FileFormatError, InputTypeError
+from robustid.guarantees import placement
 from robustid.guarantees.common_nominal import smallest_disc
+from robustid.guarantees.sweep import Means
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
 from support.refusals import refused
@@ -58,6 +61,15 @@ def over_box():
 
 def supports(path):
     return [name for name in arrays_of(path) if name.startswith("polygons/") and name.endswith("support")]
+
+
+class Loose:
+    """Discs that are as good as nothing at one frequency."""
+
+    range = (0.0, 31.0)
+
+    def at(self, omega):
+        return plain().at(omega)[0], np.where(omega == OMEGA[3], 1e3, 1e-9)[:, None, None]
 
 
 def other_model():
@@ -132,6 +144,45 @@ def test_between_solved_frequencies_the_band_is_as_narrow_as_a_polygon_there():
     assert found.verify(exact=importlib.util.find_spec("flint") is not None)
 
 
+def test_polygons_stand_where_they_gain_most(monkeypatch):
+    """Six of them, chosen two at a time, in the range of the data: more than six that are equally spaced."""
+    monkeypatch.setattr(placement, "_MOST", 6)
+    monkeypatch.setattr(placement.OfExactPoles, "together", 2)
+    found, omega = plain().refine(identified()), np.linspace(1, 25, 300)
+    solved = found.polygons.omega
+    assert 2 <= solved.size <= 6
+    assert np.all((solved >= 1) & (solved <= 25))
+    own, least = found.at(solved)[1], plain().at(solved)[1]
+    assert np.median(least / own) >= 1.2
+    equally = plain().refine(identified(), omega=np.linspace(1, 25, 6))
+    width = [(one.at(omega)[1] / plain().at(omega)[1]).mean() for one in (found, equally)]
+    assert width[0] <= width[1] + 0.01
+    assert width[0] <= 0.97
+    assert found.verify()
+
+
+def test_over_a_box_polygons_that_are_no_better_are_not_pursued(monkeypatch):
+    monkeypatch.setattr(placement, "_MOST", 4)
+    monkeypatch.setattr(placement, "_CELLS", 2)
+    band = over_box()[0]
+    programs = placement.OverBox(identified(), identified().model, BOX, OMEGA, Budget())
+
+    class Small(Loose):
+        def at(self, omega):
+            return band.at(omega)[0], 1e-6 + 0 * band.at(omega)[1]
+
+    seen, radius = programs.solve(AT[:2], Small(), Means())
+    np.testing.assert_array_equal(seen, AT[:2])
+    assert programs.polygons() is None
+    assert np.all(radius > 1e-6)
+    found = band.refine(identified())
+    if found.polygons is not None:
+        own = found.at(found.polygons.omega)[1]
+        assert np.all(own <= band.at(found.polygons.omega)[1] / 1.05 * (1 + 1e-9))
+    assert np.all(np.abs(truth(OMEGA) - found.at(OMEGA)[0]) <= found.at(OMEGA)[1])
+    assert found.verify()
+
+
 # Plants of which the data are consistent: with exact poles, and with those of a problem whose true poles are elsewhere in a box.
 EDGES = {
     "discrete": ([11, 12, 16, 21], [2, 10, 22, 31]),
@@ -157,7 +208,7 @@ def test_a_plant_at_the_edge_is_within_the_refined_bounds(kind, seed):
     plant = edge_plant(kind, seed)
     result = rid.identify(plant.problem)
     band = rid.band(result, box=plant.box, omega=plant.frequencies(np.random.default_rng(seed), 4))
-    found = band.refine(result)
+    found = band.refine(result, omega=band.omega)
     error = np.abs(plant.truth(found.omega) - plant.problem.plane.values_at(found.model, found.omega))
     assert (plant.box is None) == (seed in EDGES[kind][0])
     assert np.isin(found.polygons.omega, found.omega).any()
@@ -266,12 +317,6 @@ def test_without_time_the_discs_stand_but_where_they_are_loosest():
     """The first frequency is finished whatever the limit is: that at which a known disc is said to be the loosest."""
     found = plain().refine(identified(), time_limit=1e-6)
     assert found.polygons.omega.size == 1
-
-    class Loose:
-        range = (0.0, 31.0)
-
-        def at(self, omega):
-            return plain().at(omega)[0], np.where(omega == OMEGA[3], 1e3, 1e-9)[:, None, None]
 
     error = rid.worst_case_error(identified(), omega=OMEGA, directions=4, known=Loose(), time_limit=1e-6)
     np.testing.assert_array_equal(error.omega, OMEGA[3:4])
