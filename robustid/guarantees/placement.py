@@ -18,7 +18,7 @@ from robustid.guarantees.pole_cells import box_of
 from robustid.guarantees.pole_proofs import KeptCell
 from robustid.guarantees.pole_sweep import bounded, searched
 from robustid.guarantees.refinement import discs_of, in_order
-from robustid.guarantees.sweep import Known, Means, half_widths, value_sets
+from robustid.guarantees.sweep import Known, Means, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency, gap_of
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MixedProblem
@@ -30,7 +30,6 @@ _GRID = 40  # further candidates, equally spaced
 _MOST, _ROUND, _ROUND_OF_CELLS = 40, 8, 4  # frequencies, and of these so many before the next are chosen
 _MANY = 4  # entries: of more all frequencies are chosen at once, since the search between them takes as long as they do
 _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good enough
-_TIGHT = 4.0  # radius of a disc over the half-width of an ellipsoid inside, at least, where little can be gained
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _SEARCH = 8, 0.25  # of a pole-uncertainty box, at most; part of the time in which they are found
 _SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
@@ -59,10 +58,6 @@ class Programs(abc.ABC):
         self.entries = identification.problem.entries
 
     @abc.abstractmethod
-    def half_widths(self, omega: Real) -> Real:
-        """Half-widths of ellipsoids inside the sets of values, (F, ny, nu)."""
-
-    @abc.abstractmethod
     def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
         """Find the polygons at frequencies; those that were looked at, (F,), and at least the radii there, (F, ny, nu)."""
 
@@ -82,10 +77,6 @@ class OfExactPoles(Programs):
         self._directions, rtol = _SIDES
         self._gap = gap_of(rtol, self._directions, self.entries.single)
         self._values: dict[float, tuple[ValueSet, ...]] = {}
-
-    def half_widths(self, omega: Real) -> Real:
-        """As `Programs.half_widths`."""
-        return half_widths(self._consistent, omega)
 
     def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
         """As `Programs.solve`."""
@@ -134,10 +125,6 @@ class OverBox(Programs):
                 " `band` stand alone; measure more frequency points around the modes, or state a smaller box"
             )
         self._kept: list[dict[float, tuple[ValueSet, ...]]] = [{} for _ in self._sets]
-
-    def half_widths(self, omega: Real) -> Real:
-        """As `Programs.half_widths`, the largest of the cells."""
-        return np.max([half_widths(one, omega) for _, one in self._sets if one is not None], axis=0)
 
     def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
         """As `Programs.solve`; a frequency at which a cell alone is as large as the known disc is looked at no further."""
@@ -188,16 +175,20 @@ def candidates_of(band: Known, problem: MixedProblem, omega: Real) -> Real:
 def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     """The band with polygons at those candidates, rising, where they gain most, until nothing or no time is left.
 
-    Radii of polygons are estimated from ellipsoids inside the sets, times what polygons beside had in these units. One polygon at
-    least is looked at.
+    Radii of polygons are estimated from those of the discs of the samples alone, times what those beside had in these units. One
+    polygon at least is looked at.
     """
-    half = np.maximum(programs.half_widths(candidates), np.finfo(float).tiny)
-    tried = np.full(half.shape, np.nan)  # radii, of those that were looked at
+    plain = band.at(candidates)[1]
+    tried = np.full(plain.shape, np.nan)  # radii, of those that were looked at
     found, count = band, 0
-    size = programs.together if half[0].size <= _MANY else _MOST
+    size = programs.together if plain[0].size <= _MANY else _MOST
     while count < _MOST:
-        gain = (found.at(candidates)[1] / _estimated(half, tried, candidates)).max(axis=(1, 2))
-        chosen = _chosen(gain, ~np.isnan(tried).all(axis=(1, 2)), min(size, _MOST - count), first=not count)
+        room = min(size, _MOST - count)
+        if count:
+            gain = (found.at(candidates)[1] / _estimated(plain, tried, candidates)).max(axis=(1, 2))
+            chosen = _apart(np.where(np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN), gain, 0), room)
+        else:
+            chosen = _first(plain.max(axis=(1, 2)), room)
         if not chosen.size:
             break
         seen, radius = programs.solve(candidates[chosen], band, means)
@@ -212,23 +203,32 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     return found
 
 
-def _estimated(half: Real, tried: Real, omega: Real) -> Real:
-    """Radii of polygons (F, ny, nu): in units of the half-widths those of the neighbours that were tried."""
-    found = half * _TIGHT
-    for entry in np.ndindex(*half.shape[1:]):
-        known = ~np.isnan(tried[:, *entry])
+def _estimated(plain: Real, tried: Real, omega: Real) -> Real:
+    """Radii of polygons (F, ny, nu): in units of those of the discs they change from one that was tried to the next."""
+    found = np.array(plain)
+    for entry in np.ndindex(*plain.shape[1:]):
+        known = np.isfinite(tried[:, *entry]) & np.isfinite(plain[:, *entry])
         if known.any():
-            level = np.log(tried[known, *entry] / half[known, *entry])
-            found[:, *entry] = half[:, *entry] * np.exp(np.interp(omega, omega[known], level))
+            level = np.log(tried[known, *entry] / plain[known, *entry])
+            found[:, *entry] = plain[:, *entry] * np.exp(np.interp(omega, omega[known], level))
     return found
 
 
-def _chosen(gain: Real, tried: NDArray[np.bool_], count: int, first: bool) -> NDArray[np.intp]:
-    """So many numbers, rising, of the largest gains that are worth it (to begin with, whatever they are), some way apart."""
+def _first(radius: Real, count: int) -> NDArray[np.intp]:
+    """The numbers to begin with: half of them of the largest discs, the others spread over all."""
+    largest = _apart(radius, (count + 1) // 2)
+    spread = np.linspace(0, radius.size - 1, count + 2).round().astype(int)[1:-1]
+    away = np.abs(spread[:, None] - largest).min(axis=1)
+    spread = spread[away > _BESIDE]
+    kept = np.unique(np.linspace(0, spread.size - 1, min(count // 2, spread.size)).round().astype(int))
+    return np.union1d(largest, spread[kept]).astype(int)
+
+
+def _apart(value: Real, count: int) -> NDArray[np.intp]:
+    """So many numbers, rising, of the largest positive values that are some way apart."""
     found: list[int] = []
-    for k in np.argsort(-gain, kind="stable").tolist():
-        worth = gain[k] > _GAIN or first
-        if worth and not tried[k] and all(abs(k - other) > _BESIDE for other in found):
+    for k in np.argsort(-value, kind="stable").tolist():
+        if value[k] > 0 and all(abs(k - other) > _BESIDE for other in found):
             found.append(k)
         if len(found) == count:
             break

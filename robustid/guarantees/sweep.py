@@ -204,15 +204,11 @@ def looseness(consistent: ConsistentSet, omega: Real, known: Known) -> Real:
     # On five random problems, about two models each, it was four to six times the ratio of the two proved errors, and its ranks
     # followed those of that ratio with a correlation of 0.83; those of the error over its estimate from the ellipsoid with 0.75,
     # and over the bound of the nearest sample and the distance from it with 0.52.
-    _, radius = known.at(np.clip(omega, *known.range))
-    return (radius / np.maximum(half_widths(consistent, omega), np.finfo(float).tiny)).max(axis=(1, 2))
-
-
-def half_widths(consistent: ConsistentSet, omega: Real) -> Real:
-    """Half-widths of ellipsoids inside the sets of values, (F, ny, nu)."""
     alone = consistent.posed_at(float(omega[0])) is not consistent.posed  # each frequency is a node of its own
     size = _TOGETHER if alone else omega.size
-    return np.concatenate([consistent.spreads(omega[k : k + size]) for k in range(0, omega.size, size)])
+    half = np.concatenate([consistent.spreads(omega[k : k + size]) for k in range(0, omega.size, size)])
+    _, radius = known.at(np.clip(omega, *known.range))
+    return (radius / np.maximum(half, np.finfo(float).tiny)).max(axis=(1, 2))
 
 
 def spread_order(count: int) -> list[int]:
