@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Real, one_thread
+from robustid.core import Arrays, Complex, Real, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import independent_entries, which
 from robustid.guarantees.linear.amplitudes import Extraction, extract
@@ -36,9 +38,7 @@ def extractions_over(problem: MixedProblem, omega: Real, damping: Real) -> Extra
         return tuple(extract(one) for one in _samples(problem, omega, damping))
 
 
-def extractions_of(
-    problem: MixedProblem, omega: Real, damping: Real, multipliers: Sequence[dict[str, Real]]
-) -> Extractions:
+def extractions_of(problem: MixedProblem, omega: Real, damping: Real, multipliers: Sequence[Arrays]) -> Extractions:
     """The same of known multipliers, the fields of an `Extraction` but for its samples. ValueError for those of other entries."""
     every = _samples(problem, omega, damping)
     if len(every) != len(multipliers):
@@ -63,9 +63,9 @@ def _samples(problem: MixedProblem, omega: Real, damping: Real) -> list[Samples]
     return [samples_of(problem, functions, entry, seen) for entry in independent_entries(problem.entries)]
 
 
-def _rank(problem: MixedProblem) -> Real:
+def _rank(problem: MixedProblem) -> NDArray[np.intp]:
     """Order of the modes of the parametric part by rising frequency, as linear certificates have them."""
-    poles = problem.parametric.poles
+    poles: Complex = problem.parametric.poles
     return np.argsort(np.angle(poles[np.imag(poles) > 0]), kind="stable")
 
 
@@ -96,7 +96,7 @@ def largest_amplitudes(problem: MixedProblem, omega: Real, damping: Real, extrac
     return found
 
 
-def _check_apart(problem: MixedProblem, functions: Functions, rank: Real) -> None:
+def _check_apart(problem: MixedProblem, functions: Functions, rank: NDArray[np.intp]) -> None:
     """Refuse modes that only have joint amplitudes."""
     modes, first = functions.modes, 0
     for sizes in () if modes is None else modes.sizes:
@@ -118,6 +118,7 @@ def _factors(problem: MixedProblem, functions: Functions, omega: Real, damping: 
     size = np.where(modes.reach > 0, 1.0, 1 / (1 - modes.distance * np.abs(modes.middle)))  # type: ignore[union-attr]
     if problem.dt:
         return size * _WIDER
-    corner = problem.plane.corner  # type: ignore[attr-defined]
+    plane: Any = problem.plane
+    corner = float(plane.corner)
     w, d = omega[:, 1], damping[:, 1]
     return size * np.sqrt(corner**2 + 2 * corner * d * w + w**2) * _WIDER

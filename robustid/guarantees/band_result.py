@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -204,7 +204,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         >>> bool(found.upper[0] < plain.upper[0]), bool(found.upper[1] == plain.upper[1]), found.certified
         (True, True, True)
         """
-        means, low, high = Means(executor, progress, resume, Budget(time_limit)), *self.range
+        budget, (low, high) = Budget(time_limit), self.range
+        means = Means(executor, progress, resume, budget)
         if omega is not None:
             omega = as_frequencies(omega, self.problem)
             omega = omega[(omega >= low) & (omega <= high)]
@@ -222,9 +223,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         check_same(thing.problem, self.problem)
         if self.box is None:
             return placed(OfExactPoles(thing, about), plain, grid, means)
-        return placed(OverBox(thing, about, self.box, grid, means.budget), plain, grid, means)
+        return placed(OverBox(thing, about, self.box, grid, budget), plain, grid, means)
 
-    def with_polygons(self, polygons: Bounded) -> Band:
+    def with_polygons(self, polygons: Bounded) -> Self:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
 
         Parameters

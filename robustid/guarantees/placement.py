@@ -134,7 +134,7 @@ class OverBox(Programs):
         def pays(cell: KeptCell, here: Real) -> NDArray[np.bool_]:
             radius, at = discs_of((cell,), here, self.entries)[1], np.searchsorted(omega, here)
             looked[at] = np.fmax(looked[at], radius)
-            return (radius < most[at]).any(axis=(1, 2))
+            return np.asarray((radius < most[at]).any(axis=(1, 2)))
 
         kept, grid = bounded(self._sets, omega, self._sides, means, self.model, known, pays)
         for mine, one in zip(self._kept, kept, strict=True):
