@@ -192,9 +192,7 @@ class ClassSuggestion(Frozen):
         elif best.pairs:
             lines.append("The errors hold for the poles that were given, as prior knowledge.")
         lines.append(f"next       measure around {self.next_line / (2 * np.pi):.5g} Hz: the bound is largest there")
-        assumed = (
-            "number of modes, poles inside the pole-uncertainty box, amplitudes of the modes at most twice the model's"
-        )
+        assumed = "number of modes, poles inside the pole-uncertainty box"
         return "\n".join(
             [
                 *lines,

@@ -21,7 +21,7 @@ from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.outputs import output_errors
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
+from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
 from robustid.guarantees.power import Judgement, shown
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
@@ -40,7 +40,6 @@ from robustid.guarantees.worst_case import LEAST, MOST, growing_error, worst_cas
 from robustid.guarantees.worst_case_result import WorstCaseError
 
 __all__ = [
-    "AMPLITUDE",
     "LEAST",
     "MOST",
     "Band",
@@ -76,6 +75,7 @@ __all__ = [
     "box_of",
     "chance_of_order",
     "check_samples",
+    "checked_box",
     "consistent_set",
     "contradiction",
     "coverage",

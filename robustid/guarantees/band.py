@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +16,11 @@ from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.entry_band import EntryBand, extraction_fits, multipliers_fit
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
-from robustid.guarantees.linear.samples import samples_of, seen_in
+from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
+from robustid.guarantees.linear.solved_nodes import with_nodes
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded
-from robustid.guarantees.refinement import polygons_hold
+from robustid.guarantees.refinement import check_polygons, nodes_of, polygons_hold
 from robustid.guarantees.whole_axis import axis_ends, discs_of_entries
 from robustid.identification import Identification, MixedProblem
 
@@ -123,34 +125,48 @@ def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedPr
     return problem, None if model is None else check_nominal(model, problem)
 
 
+Multipliers = tuple[Real, NDArray[Any], NDArray[Any], Arrays, bool]
+
+
 def band_of_multipliers(
     problem: MixedProblem,
     box: Box | None,
     omega: Real,
     model: control.StateSpace | None,
-    multipliers: Sequence[tuple[Real, NDArray[Any], NDArray[Any], Arrays, bool]],
+    multipliers: Sequence[Multipliers],
     polygons: Bounded | None = None,
+    joined: Sequence[Multipliers] = (),
 ) -> Band:
     """Make the band of known multipliers; all that it claims follows from them. ValueError for arrays of another problem.
 
     Of every entry angles, points and multipliers of the knots, the fields of an `Extraction` but for its samples, and whether its
-    search was complete.
+    search was complete; `joined` are those over samples and polygons.
     """
     functions, seen = functions_of(problem, box), seen_in(problem)
     places = independent_entries(problem.entries)
-    if len(places) != len(multipliers):
+    if len(places) != len(multipliers) or len(joined) not in ((0,) if polygons is None else (0, len(places))):
         raise ValueError("its entries are not those of the problem")
-    bands: list[EntryBand] = []
-    for place, (angles, points, d, proof, complete) in zip(places, multipliers, strict=True):
-        samples = samples_of(problem, functions, place, seen)
-        extraction = Extraction(samples, **proof)
-        fits = multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction)
-        ordered = angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))
-        if not (fits and ordered):
-            raise ValueError("its multipliers do not belong to the samples of the problem")
-        bands.append(EntryBand(samples, extraction, angles, points, d, bool(complete)))
-    if polygons is not None and not polygons_hold(polygons):
-        raise ValueError("its polygons do not follow from their certificates")
+    every = [samples_of(problem, functions, place, seen) for place in places]
+    bands = tuple(_entry_of(*pair) for pair in zip(every, multipliers, strict=True))
     grid = as_frequencies(omega, problem)
-    found = Band(problem=problem, omega=grid, bands=tuple(bands), box=box, model=model)
-    return found if polygons is None else found.with_polygons(polygons)
+    found = Band(problem=problem, omega=grid, bands=bands, box=box, model=model)
+    if polygons is None:
+        return found
+    if not polygons_hold(polygons):
+        raise ValueError("its polygons do not follow from their certificates")
+    check_polygons(polygons, problem, box)
+    if joined:
+        every = [with_nodes(one, nodes_of(polygons, one.entry)) for one in every]
+    further = tuple(_entry_of(*pair) for pair in zip(every, joined, strict=bool(joined)))
+    return dataclasses.replace(found, problem=polygons.identification.problem, polygons=polygons, joined=further)
+
+
+def _entry_of(samples: Samples, known: Multipliers) -> EntryBand:
+    """The band of an entry."""
+    angles, points, d, proof, complete = known
+    extraction = Extraction(samples, **proof)
+    fits = multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction)
+    ordered = angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))
+    if not (fits and ordered):
+        raise ValueError("its multipliers do not belong to the samples of the problem")
+    return EntryBand(samples, extraction, angles, points, d, bool(complete))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,20 +13,34 @@ from robustid.core import Budget, Complex, Progress, Real, Savable, as_array, as
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
-from robustid.guarantees.nominal import as_frequencies, check_nominal
+from robustid.guarantees.linear.solved_nodes import JoinedBands
+from robustid.guarantees.nominal import as_frequencies, as_nominal, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
-from robustid.guarantees.pole_cells import AMPLITUDE
-from robustid.guarantees.refinement import SAME, check_polygons, narrowed, narrowed_norm, polygons_hold, polygons_of
+from robustid.guarantees.placement import OfExactPoles, OverBox, candidates_of, placed
+from robustid.guarantees.refinement import (
+    SAME,
+    check_polygons,
+    check_same,
+    joined_bands,
+    narrowed,
+    narrowed_norm,
+    polygons_hold,
+    polygons_of,
+    smaller_discs,
+)
 from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.whole_axis import whole_axis
-from robustid.identification import Identification
+from robustid.identification import Identification, identify
 
 if TYPE_CHECKING:
     import control
+
+_NARROWER = 0.995  # of the width: what is worth words
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -51,17 +65,37 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         The nominal that errors are measured from; None: the centres.
     polygons : WorstCaseError, WorstCaseOverPoles or None
         Bounds by semidefinite programs at some frequencies, of `refine`: where they are smaller, they are those of the band.
+    joined : tuple of EntryBand
+        As `bands`, with the discs around the polygons as further samples; empty without polygons. Of both the smaller disc holds.
     """
 
     omega: Real
     model: control.StateSpace | None = None
     polygons: Bounded | None = None
+    joined: tuple[EntryBand, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._set(omega=freeze(self.omega))
         if self.polygons is not None:
             check_polygons(self.polygons, self.problem, self.box)
+
+    @functools.cached_property
+    def _entries(self) -> EntryBands:
+        return JoinedBands(self.problem, self.joined, self._plain) if self.joined else self._plain
+
+    @functools.cached_property
+    def _plain(self) -> EntryBands:
+        """The discs of the samples alone."""
+        return EntryBands(self.problem, self.bands)
+
+    def at(self, omega: ArrayLike) -> tuple[Complex, Real]:
+        """Centres and radii of the discs at any frequencies, (F, ny, nu) each; at exactly those of polygons discs around these.
+
+        See `ProvedDiscs.at`.
+        """
+        centre, radius = super().at(omega)
+        return smaller_discs(centre, radius, self.polygons, np.atleast_1d(as_array("omega", omega)))
 
     @functools.cached_property
     def _here(self) -> tuple[Complex, Real]:
@@ -114,12 +148,13 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     ) -> tuple[Real, Bounded | None, Real, Complex]:
         """Bounds by the discs, with polygons, frequencies and nominal values by which they may be narrowed."""
         omega = np.atleast_1d(as_array("omega", omega))
-        centre, radius = self.at(omega)
         model = self.model if model is None else check_nominal(model, self.problem)
         if model is None:
+            centre, radius = self.at(omega)
             return radius, self.polygons, omega, centre
         nominal = self.problem.plane.values_at(model, omega)
-        return np.abs(centre - nominal) * (1 + 1e-15) + radius, self.polygons, omega, nominal
+        with one_thread():
+            return self._entries.distances(nominal, self._angles(omega)), self.polygons, omega, nominal
 
     def with_model(self, model: control.StateSpace) -> Band:
         """Return the same band with errors measured from another nominal; nothing is searched."""
@@ -137,16 +172,16 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     ) -> Band:
         """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
 
-        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles`, which assume that
-        amplitudes of modes are at most twice those of the identified model. Frequencies come first at which the discs are estimated
-        to be twice as large as need be. Polygons that the band has are replaced.
+        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles` in few cells. By default up
+        to 40 frequencies in the range of the data, those at which they are estimated to gain most over the discs, a few at a time;
+        where they gain less than 5 % the discs stand. Polygons that the band has are replaced.
 
         Parameters
         ----------
         identification : Identification, optional
             Of the problem of the band, where one is at hand. Default: `identify` of it.
         omega : (F,) array, rad/s, optional
-            Default: those of the band.
+            These, all of them. Default: where polygons gain.
         time_limit : float, optional
             Seconds; the discs stand at frequencies that are not finished then.
         progress, executor, resume : optional
@@ -174,18 +209,28 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         >>> bool(found.upper[0] < plain.upper[0]), bool(found.upper[1] == plain.upper[1]), found.certified
         (True, True, True)
         """
-        grid = self.omega if omega is None else as_frequencies(omega, self.problem)
-        low, high = self.range
-        grid = grid[(grid >= low) & (grid <= high)]
-        if not grid.size:
-            raise InputError(f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; none does")
-        means = Means(executor, progress, resume, Budget(time_limit))
-        thing = self.problem
-        if identification is not None:
-            thing = as_kind("identification", identification, Identification, "an Identification")
-        return self.with_polygons(polygons_of(thing, self.box, self.model, grid, self, means))
+        budget, (low, high) = Budget(time_limit), self.range
+        means = Means(executor, progress, resume, budget)
+        if omega is not None:
+            omega = as_frequencies(omega, self.problem)
+            omega = omega[(omega >= low) & (omega <= high)]
+            if not omega.size:
+                raise InputError(
+                    f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; none does"
+                )
+        if identification is None:
+            identification = identify(self.problem, time_limit=time_limit)
+        thing = as_kind("identification", identification, Identification, "an Identification")
+        if omega is not None:
+            return self.with_polygons(polygons_of(thing, self.box, self.model, omega, self, means))
+        plain = dataclasses.replace(self, polygons=None, joined=())
+        about, grid = as_nominal(self.model, thing), candidates_of(self, self.problem, self.omega)
+        check_same(thing.problem, self.problem)
+        if self.box is None:
+            return placed(OfExactPoles(thing, about), plain, grid, means)
+        return placed(OverBox(thing, about, self.box, grid, budget), plain, grid, means)
 
-    def with_polygons(self, polygons: Bounded) -> Band:
+    def with_polygons(self, polygons: Bounded) -> Self:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
 
         Parameters
@@ -203,7 +248,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
         near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
-        return dataclasses.replace(self, problem=polygons.identification.problem, omega=omega, polygons=polygons)
+        joined = joined_bands(self.bands, polygons)
+        about = polygons.identification.problem
+        return dataclasses.replace(self, problem=about, omega=omega, polygons=polygons, joined=joined)
 
     @property
     def circle(self) -> CircleBound:
@@ -240,13 +287,14 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
 
     @functools.cached_property
     def narrowed(self) -> NDArray[np.bool_]:
-        """Mask of the frequencies `omega` at which polygons bound the error by less than the discs do, (F,)."""
-        return self._narrowing < 1
+        """Mask of the frequencies `omega` of polygons at which these bound the error by less than the samples' discs do, (F,)."""
+        solved = np.zeros(0) if self.polygons is None else self.polygons.omega
+        return (self._narrowing < 1) & np.isin(self.omega, solved)
 
     @functools.cached_property
     def _narrowing(self) -> Real:
-        """Bounds with polygons over those of the discs, at `omega`, (F,)."""
-        discs = norm_of_bounds(self._discs_about(None, self.omega)[0])
+        """Bounds with polygons over those of the discs of samples alone, at `omega`, (F,)."""
+        discs = norm_of_bounds(dataclasses.replace(self, polygons=None, joined=()).upper)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.nan_to_num(self.sigma_upper / discs, nan=1.0)
 
@@ -261,15 +309,14 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         part = self._narrowing[self.narrowed]
         least = float(self.omega[np.argmin(self._narrowing)]) / (2 * np.pi)
         sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {least:.5g} Hz"
+        others = self._narrowing[~np.isin(self.omega, self.polygons.omega)]
+        further = ""
+        if others.size and np.median(others) < _NARROWER:
+            further = f", with these values among its samples (to {100 * np.median(others):.3g} % in the median)"
         return (
             f"At {count} of {self.omega.size} frequencies a semidefinite program narrows the band ({sizes}); everywhere else the"
-            " band of sums stands"
+            f" band of sums stands{further}"
         )
-
-    @property
-    def assumes_amplitudes(self) -> bool:
-        """Return whether polygons over a box narrow it: these assume amplitudes of at most twice those of the identified model."""
-        return self.polygons is not None and self.box is not None and bool(self.narrowed.any())
 
     def verify(self, exact: bool = False) -> bool:
         """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone; polygons.
@@ -281,8 +328,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         exact = as_flag("exact", exact)
 
         with one_thread():
-            again = [dataclasses.replace(one) for one in self.bands]  # nothing that was computed before is taken over
-            same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, self.bands, strict=True)]
+            every = (*self.bands, *self.joined)
+            again = [dataclasses.replace(one) for one in every]  # nothing that was computed before is taken over
+            same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, every, strict=True)]
             discs = all(same) and (not exact or all(holds_exactly(one) for one in again))
         return discs and (self.polygons is None or polygons_hold(self.polygons, exact))
 
@@ -342,10 +390,6 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             lines.append(f"unfinished {self.unfinished}")
         if self.polygons is not None:
             lines.append(f"refined    {self.polygon_words}")
-        if self.assumes_amplitudes:
-            lines.append(
-                f"           there amplitudes are assumed of at most {AMPLITUDE:g} times the identified model's"
-            )
         lines.append(
             "assumed    gain bound, decay rate, number of modes, bounds of the samples: data can refute them, never prove them"
         )

@@ -18,7 +18,7 @@ from robustid.guarantees.family_result import Family
 from robustid.guarantees.member import CONDITIONS, Member, Members, as_members
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded, worst_case_over_poles
-from robustid.guarantees.pole_cells import box_of
+from robustid.guarantees.pole_cells import checked_box
 from robustid.guarantees.pole_sweep import default_frequencies
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.worst_case import worst_case_error
@@ -151,8 +151,8 @@ def frequencies_of(members: Sequence[Member]) -> Real:
         if m.poles is None:
             found.append(default_grid(m.identification.problem))
         else:
-            omega, damping = m.poles
-            found.append(default_frequencies(problem, box_of(m.identification, omega, damping, m.delay)))
+            omega, *_ = checked_box(m.identification, *m.poles, m.delay)
+            found.append(default_frequencies(problem, omega))
     return np.unique(np.concatenate(found))
 
 

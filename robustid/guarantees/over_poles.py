@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 
 from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, freeze, one_thread, threads_for
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
+from robustid.guarantees.amplitude_bounds import Extractions, amplitudes_proved
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import which
 from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.over_cells import WorstCase
-from robustid.guarantees.pole_cells import AMPLITUDE, PoleCell, box_of
+from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
 from robustid.guarantees.pole_sweep import affordable, bounded, circle_over_poles, default_frequencies, searched
 from robustid.guarantees.sweep import Folder, Known, Means, Processes
@@ -42,17 +43,20 @@ class WorstCaseOverPoles(WorstCase):
     model : control.StateSpace
     omega : (F,) array, rad/s
     box : PoleCell
-        As it was stated, with the amplitudes that are assumed.
+        As it was stated, with proved bounds of the amplitudes of its modes.
     kept : tuple of KeptCell
         The parts of it that may contain the poles, with the certificates of their bounds.
     refuted : tuple of RefutedCell
         Those that are proved not to.
+    extractions : tuple of Extraction
+        Sums over the samples that prove the amplitudes, of every independent entry.
     """
 
     identification: Identification
     kept: tuple[KeptCell, ...]
     box: PoleCell
     refuted: tuple[RefutedCell, ...]
+    extractions: Extractions
 
     def __post_init__(self) -> None:
         self._set(omega=freeze(self.omega))
@@ -68,8 +72,12 @@ class WorstCaseOverPoles(WorstCase):
         return tuple(item.cell for item in self.kept)
 
     def not_relaxed_enough(self) -> list[str]:
-        """Cells whose relaxed problem can't be shown in ball arithmetic to cover all their poles; needs `robustid[exact]`."""
-        return [
+        """Cells whose relaxed problem can't be shown in ball arithmetic to cover all their poles; needs `robustid[exact]`.
+
+        Named too are entries whose amplitudes are not proved.
+        """
+        unproved = [f"entry {one.samples.entry}" for one in self.extractions if not amplitudes_proved(one)]
+        return unproved + [
             f"cell {number}, expansion about its middle"
             for number, item in enumerate((*self.kept, *self.refuted), start=1)
             if not relaxed_enough(item.cell, self.problem, self.omega)
@@ -87,10 +95,10 @@ class WorstCaseOverPoles(WorstCase):
 
     @property
     def covered(self) -> bool:
-        """Return whether the cells, kept and refuted, cover the box, and assume no smaller amplitudes than are stated."""
+        """Return whether the cells, kept and refuted, cover the box, with no smaller amplitudes than are proved."""
         box, cells = self.box, [*self.cells, *(item.cell for item in self.refuted)]
         try:
-            stated = box_of(self.identification, box.omega, box.damping, box.delay)
+            stated, _ = box_of(self.identification, box.omega, box.damping, box.delay, self.extractions)
         except (InputError, InputTypeError):
             return False
         alike = all(c.delay == box.delay and c.dt == stated.dt for c in (box, *cells))
@@ -166,8 +174,8 @@ class WorstCaseOverPoles(WorstCase):
             lines.append(f"mode {number}     {_interval(w, d)}; the box: {_interval(*whole)}")
         lines += [
             f"next       measure around {self.next_line / (2 * np.pi):.5g} Hz: the bound is largest there",
-            "assumed    gain bound, decay rate, the number of modes, poles inside the box, amplitudes of the modes at most"
-            f" {AMPLITUDE:g} times the model's, bounds of the samples: data can refute them, never prove them",
+            "assumed    gain bound, decay rate, the number of modes, poles inside the box, bounds of the samples: data can refute"
+            " them, never prove them",
         ]
         return "\n".join(lines)
 
@@ -231,14 +239,15 @@ def worst_case_over_poles(
     ------
     InputError
         Intervals that are empty, not of the number of modes or do not hold the poles of the identification, pairs of another delay,
-        time records with other than zero initial conditions.
+        time records with other than zero initial conditions; samples that bound no amplitude of some mode by itself (modes whose
+        boxes are close), where the discs of `band` stand alone.
     InconsistentDataError
         No system with poles in the pole-uncertainty box fits the data: all cells are refuted.
 
     Notes
     -----
-    Assumes the number of modes, and amplitudes at most twice those of the identified model. MIMO: of every entry; in an entry where
-    the model hardly has a mode, at most what its other entries, as a matrix of rank one, suggest.
+    Assumes the number of modes. Their amplitudes over the whole box, in every entry, are bounded first, by sums over the samples
+    that extract them, as those of `band`.
 
     Examples
     --------
@@ -253,11 +262,11 @@ def worst_case_over_poles(
     (True, True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
+    whole, proofs = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
     gap = gap_of(as_positive("rtol", rtol), directions, problem.entries.single)
-    grid = default_frequencies(problem, whole) if omega is None else as_frequencies(omega, problem)
+    grid = default_frequencies(problem, whole.omega) if omega is None else as_frequencies(omega, problem)
     budget = Budget(time_limit)
     with threads_for(problem.coefficients):
         sets, refuted = searched(problem, whole, grid, cells, budget.share(_SEARCH))
@@ -272,5 +281,11 @@ def worst_case_over_poles(
     means = Means(executor, progress, resume, budget)
     kept, grid = bounded(sets, grid, (directions, gap), means, model, known)
     return WorstCaseOverPoles(
-        identification=identification, model=model, omega=grid, box=whole, kept=kept, refuted=tuple(refuted)
+        identification=identification,
+        model=model,
+        omega=grid,
+        box=whole,
+        kept=kept,
+        refuted=tuple(refuted),
+        extractions=proofs,
     )

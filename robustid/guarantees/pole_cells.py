@@ -15,14 +15,11 @@ from robustid.bases import ParametricBasis, kautz
 from robustid.core import Complex, Frozen, Real, as_array, exponents_of, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
+from robustid.guarantees.amplitude_bounds import Extractions, extractions_over, largest_amplitudes
 from robustid.guarantees.widening import Points, smallest_bounds, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
 
-AMPLITUDE = 2.0  # largest amplitude of a mode over that of the identified model: the stated safety factor
 REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
-# Least amplitudes of entries in which the model hardly has a mode, as parts: of the entry's largest mode, and of what the other
-# entries of its row and column suggest, since modes are of rank one.
-_FLOOR, _WEAK = 1e-3, 0.5
 _ROUNDING = (
     1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4; of s, relative
 )
@@ -245,8 +242,10 @@ def _covered(whole: Real, parts: list[Real]) -> bool:
     return False
 
 
-def box_of(identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int) -> PoleCell:
-    """Pole-uncertainty box as one cell, with the amplitudes that are assumed: those of the model times `AMPLITUDE`.
+def checked_box(
+    identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int
+) -> tuple[Real, Real, int]:
+    """Ends of a pole-uncertainty box and the delay of its pairs.
 
     Raises
     ------
@@ -274,34 +273,31 @@ def box_of(identification: Identification, omega: ArrayLike | None, damping: Arr
         if np.any(outside):
             mode = int(np.argmax(outside))
             raise InputError(
-                f"`{name}` must hold the poles of `identification`, in their order: their amplitudes set those that are allowed"
-                f" in the pole-uncertainty box. Mode {mode + 1} has {own[mode]:.9g}, got {ends[mode].tolist()}. Identify"
-                " with poles in it first"
+                f"`{name}` must hold the poles of `identification`, in their order. Mode {mode + 1} has {own[mode]:.9g}, got"
+                f" {ends[mode].tolist()}. Identify with poles in it first"
             )
-    weights = identification.parameters.reshape(poles.size, 2, *problem.entries.shape)
-    norms = _norms(problem, poles, delay)
-    amplitude = np.linalg.norm(weights / norms[..., None, None], axis=1) / 2
-    floor = np.maximum(_FLOOR * amplitude.max(axis=0), _WEAK * _of_rank_one(amplitude, problem))
-    allowed = problem.entries.as_given(AMPLITUDE * np.maximum(amplitude, floor))
-    return PoleCell(omega, damping, allowed, delay, problem.dt)
+    return omega, damping, delay
 
 
-def _of_rank_one(amplitude: Real, problem: MixedProblem) -> Real:
-    """Sizes of rows times sizes of columns over that of the whole, (M, ny, nu), in units of the prior: of rank one its own."""
-    scales = problem.prior.scales(*problem.entries.shape)
-    rows, columns = (np.linalg.norm(amplitude / scales, axis=axis, keepdims=True) for axis in (2, 1))
-    whole = np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), np.finfo(float).tiny)
-    return rows * (columns / whole) * scales
+def box_of(
+    identification: Identification,
+    omega: ArrayLike | None,
+    damping: ArrayLike | None,
+    delay: int,
+    extractions: Extractions | None = None,
+) -> tuple[PoleCell, Extractions]:
+    """Pole-uncertainty box as one cell, with certified bounds of its amplitudes, and the sums that prove these.
 
-
-def _norms(problem: MixedProblem, poles: Complex, delay: int) -> Real:
-    """Norms of Re a^k and Im a^k, by which the functions of every pair were divided, (M, 2); of Re exp(a t) and Im exp(a t)."""
-    if not problem.dt:
-        pairs = kautz(np.abs(poles), -poles.real / np.abs(poles), dt=0)
-        return 1 / np.diag(pairs.C).reshape(poles.size, 2)
-    impulse = problem.parametric.impulse(delay + 2).reshape(delay + 2, poles.size, 2)
-    # Functions Re a^k/n_1 and Im a^k/n_2 from k = delay on.
-    return np.stack([1 / impulse[delay, :, 0], np.imag(poles) / impulse[delay + 1, :, 1]], axis=1)
+    Raises
+    ------
+    InputError
+        As `checked_box`; the samples bound no amplitude of some mode by itself.
+    """
+    omega, damping, delay = checked_box(identification, omega, damping, delay)
+    problem = identification.problem
+    extractions = extractions_over(problem, omega, damping) if extractions is None else extractions
+    largest = largest_amplitudes(problem, omega, damping, extractions)
+    return PoleCell(omega, damping, problem.entries.as_given(largest), delay, problem.dt), extractions
 
 
 def _modes(identification: Identification, delay: int) -> Complex:

@@ -129,15 +129,25 @@ def union_of(cells: Sequence[Cell], nominal: Complex, omega: Real) -> tuple[Real
     return upper, np.stack([low, high], axis=-1)
 
 
-def hulls_of(cells: Sequence[Cell], omega: Real, entry: Entry) -> list[Complex] | None:
+def corners_of(cells: Sequence[Cell], omega: Real, entry: Entry) -> list[Complex | None]:
     """At every frequency, points whose convex hull holds an entry of every system of any cell; None where one is too wide."""
-    slacks = [item.slack(omega)[:, *entry] for item in cells]
-    if not all(item.values for item in cells) or not np.all(np.isfinite(slacks)):
-        return None
-    sets = [item.of_entry(*entry) for item in cells]
-    return [
-        np.concatenate(
-            [(mine[k].vertices[:, None] + slack[k] * _AROUND).ravel() for mine, slack in zip(sets, slacks, strict=True)]
-        )
-        for k in range(omega.size)
-    ]
+    if not all(item.values for item in cells):
+        return [None] * omega.size
+    slacks, sets = [item.slack(omega)[:, *entry] for item in cells], [item.of_entry(*entry) for item in cells]
+    found: list[Complex | None] = []
+    for k in range(omega.size):
+        if not all(np.isfinite(slack[k]) for slack in slacks):
+            found.append(None)
+            continue
+        each = [
+            (mine[k].vertices[:, None] + slack[k] * _AROUND).ravel() for mine, slack in zip(sets, slacks, strict=True)
+        ]
+        found.append(np.concatenate(each))
+    return found
+
+
+def hulls_of(cells: Sequence[Cell], omega: Real, entry: Entry) -> list[Complex] | None:
+    """The same at all frequencies; None where a cell is too wide at one."""
+    found = corners_of(cells, omega, entry)
+    known = [one for one in found if one is not None]
+    return known if len(known) == len(found) else None

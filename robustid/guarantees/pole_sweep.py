@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Budget, Real, as_count, worker_pool
 from robustid.errors import InconsistentDataError, InputError, Status
@@ -30,14 +31,15 @@ _ENOUGH = 24  # frequencies, for which cells are left undivided where the time i
 _MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
 _DIRECTIONS, _FIRST = 6, 12  # of the first look at a cell: directions, frequencies
 _ACCURACY = 1e-2
+_FIRST_LOOK = 0.5  # part of the time for the first cell, where it leaves few frequencies to the others
 
 
-def default_frequencies(problem: MixedProblem, whole: PoleCell) -> Real:
-    """Over the range of the frequency points, and at the modes."""
+def default_frequencies(problem: MixedProblem, modes: Real) -> Real:
+    """Over the range of the frequency points, and at the modes, whose frequencies lie in intervals (M, 2)."""
     top = problem.plane.top
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = (lines.min(), lines.max()) if lines.size else (top / 200, top)
-    return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), whole.omega.mean(axis=1)]), 0, top))
+    return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), modes.mean(axis=1)]), 0, top))
 
 
 def searched(
@@ -94,10 +96,12 @@ def bounded(
     means: Means,
     model: control.StateSpace,
     known: Known | None = None,
+    pays: Callable[[KeptCell, Real], NDArray[np.bool_]] | None = None,
 ) -> tuple[tuple[KeptCell, ...], Real]:
     """The values of every cell, and the frequencies that are finished in all of them.
 
-    One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part.
+    One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part. Frequencies
+    at which a cell says, by `pays`, that it isn't worth the others are left out, and counted as done.
     """
     left = sum(consistent is not None for _, consistent in sets)
     done, count = 0, grid.size * left
@@ -115,11 +119,18 @@ def bounded(
             if consistent is None:
                 found.append((cell, None))
                 continue
-            mine = means.part(f"cell-{number}", 1 / left, counted)
+            share = 1 / left if pays is None else max(1 / left, _FIRST_LOOK * (number == 1))
+            mine = means.part(f"cell-{number}", share, counted)
             values = by_frequency(value_sets(consistent, grid, *settings, mine, model, known))
             # Other frequencies are of no use any more: the union is over all cells.
             done, left, grid = done + grid.size, left - 1, grid[np.isin(grid, list(values))]
             found.append((cell, values))
+            if pays is not None:
+                worth = pays(KeptCell(tuple(one for w in grid.tolist() for one in values[w]), cell), grid)
+                done, grid = done + left * int(np.sum(~worth)), grid[worth]
+            if not grid.size:
+                break
+    found += [(cell, {}) for cell, _ in sets[len(found) :]]
     kept = [KeptCell(() if v is None else tuple(one for w in grid.tolist() for one in v[w]), c) for c, v in found]
     return tuple(kept), grid
 

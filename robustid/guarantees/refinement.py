@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Complex, Real, Record, exponents_of, fingerprint
+from robustid.core import Complex, Real, Record, exponents_of, fingerprint, one_thread
 from robustid.errors import InputError, InputTypeError
+from robustid.guarantees.common_nominal import smallest_disc
+from robustid.guarantees.consistent_set import Entry
+from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.functions import Box, pairs_of
+from robustid.guarantees.linear.solved_nodes import Nodes, joined_band
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles, worst_case_over_poles
-from robustid.guarantees.pole_proofs import union_of
+from robustid.guarantees.pole_proofs import Cell, corners_of, union_of
 from robustid.guarantees.sweep import Known, Means
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem, identify
+from robustid.identification import Identification, MixedProblem
+from robustid.identification.formulation import Entries
 
 if TYPE_CHECKING:
     import control
 
+_ROUNDING = 1e-12  # relative: of corners, and of distances from a centre
 SAME = 1e-9  # relative distance up to which two frequencies are one
 
 
 def polygons_of(
-    thing: MixedProblem | Identification,
+    identification: Identification,
     box: Box | None,
     model: control.StateSpace | None,
     omega: Real,
@@ -31,16 +38,14 @@ def polygons_of(
     means: Means,
 ) -> Bounded:
     """Worst case at frequencies, those first at which the known discs are loose; over the box where there is one."""
-    limit = means.options["time_limit"]
-    identification = thing if isinstance(thing, Identification) else identify(thing, time_limit=limit)
     how: Record = {"model": model, "omega": omega, "known": known, **means.options}
     if box is None:
         return worst_case_error(identification, **how)
-    omega_interval, damping_interval, delay = _in_order(identification.problem, box)
+    omega_interval, damping_interval, delay = in_order(identification.problem, box)
     return worst_case_over_poles(identification, omega_interval, damping_interval, delay=delay, **how)
 
 
-def _in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:
+def in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:
     """The box, which has the modes by rising frequency, in the order of the functions; and the delay of their pairs."""
     if problem.parametric is None:
         return *box, 0
@@ -60,9 +65,7 @@ def check_polygons(polygons: object, problem: MixedProblem, box: Box | None) -> 
         raise InputTypeError(
             "`polygons` must be a WorstCaseError, or over a box a WorstCaseOverPoles; got " + type(polygons).__name__
         )
-    other = polygons.identification.problem
-    if other is not problem and fingerprint(other) != fingerprint(problem):
-        raise InputError("`polygons` are about another problem than the band; take an identification of the same one")
+    check_same(polygons.identification.problem, problem)
     if isinstance(polygons, WorstCaseError):
         if box is not None:
             raise InputError(
@@ -79,6 +82,12 @@ def check_polygons(polygons: object, problem: MixedProblem, box: Box | None) -> 
             raise InputError(
                 f"`polygons` must cover the box of the band; their `{name}` is {mine.tolist()}, its {ends.tolist()}"
             )
+
+
+def check_same(other: MixedProblem, problem: MixedProblem) -> None:
+    """Refuse polygons of another problem."""
+    if other is not problem and fingerprint(other) != fingerprint(problem):
+        raise InputError("`polygons` are about another problem than the band; take an identification of the same one")
 
 
 def polygons_hold(polygons: Bounded, exact: bool = False) -> bool:
@@ -101,6 +110,22 @@ def narrowed(found: Real, polygons: Bounded | None, omega: Real, nominal: Comple
     return found
 
 
+def smaller_discs(centre: Complex, radius: Real, polygons: Bounded | None, omega: Real) -> tuple[Complex, Real]:
+    """Discs (F, ny, nu), or those around the polygons at exactly their frequencies, if smaller."""
+    here = np.zeros(omega.size, bool) if polygons is None else np.isin(omega, polygons.omega)
+    if polygons is None or not here.any():
+        return centre, radius
+    centre, radius = np.array(centre), np.array(radius)
+    at = np.searchsorted(polygons.omega, omega[here])
+    for entry in np.ndindex(*radius.shape[1:]):
+        own, least = (one[at] for one in solved_discs(polygons, entry))
+        place = np.flatnonzero(here), *entry
+        smaller = least < radius[place]
+        centre[place] = np.where(smaller, own, centre[place])
+        radius[place] = np.where(smaller, least, radius[place])
+    return centre, radius
+
+
 def narrowed_norm(found: Real, polygons: Bounded | None, omega: Real, model: control.StateSpace) -> Real:
     """Bounds (F,) of the largest singular value of F - model, or those that polygons of matrices have of it, if smaller."""
     if not isinstance(polygons, WorstCaseError) or model is None or polygons.identification.problem.entries.single:
@@ -110,3 +135,35 @@ def narrowed_norm(found: Real, polygons: Bounded | None, omega: Real, model: con
     found = np.array(found)
     found[here] = np.minimum(found[here], own[np.searchsorted(polygons.omega, omega[here])])
     return found
+
+
+def discs_of(cells: Sequence[Cell], omega: Real, entries: Entries) -> tuple[Complex, Real]:
+    """The same of all entries of cells, (F, ny, nu)."""
+    found = np.empty((omega.size, *entries.shape), complex), np.empty((omega.size, *entries.shape))
+    for entry in np.ndindex(*entries.shape):
+        for whole, own in zip(found, _discs(cells, omega, entry), strict=True):
+            whole[:, *entry] = own
+    return found
+
+
+def solved_discs(polygons: Bounded, entry: Entry) -> tuple[Complex, Real]:
+    """Centres and radii (F,) of the smallest discs around the polygons of an entry, of all cells; infinite of one too wide."""
+    return _discs(polygons.kept, polygons.omega, entry)
+
+
+def _discs(cells: Sequence[Cell], omega: Real, entry: Entry) -> tuple[Complex, Real]:
+    every = corners_of(cells, omega, entry)
+    discs = [(0j, np.inf) if corners is None else smallest_disc(corners) for corners in every]
+    centre, radius = np.array([one[0] for one in discs], complex), np.array([one[1] for one in discs], float)
+    return centre, radius + _ROUNDING * (np.abs(centre) + radius)
+
+
+def nodes_of(polygons: Bounded, entry: Entry) -> Nodes:
+    """Polygons of an entry as nodes of linear certificates."""
+    return Nodes(polygons.problem.plane.angles(polygons.omega), *solved_discs(polygons, entry))
+
+
+def joined_bands(bands: tuple[EntryBand, ...], polygons: Bounded) -> tuple[EntryBand, ...]:
+    """The bands of the entries with certificates over samples and polygons: everywhere, between the polygons too."""
+    with one_thread():
+        return tuple(joined_band(one, nodes_of(polygons, one.samples.entry)) for one in bands)

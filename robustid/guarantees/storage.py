@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Arrays, Complex, Real, Record, StateMatrices, as_count, fields_of, keep
-from robustid.guarantees.band import band_of_multipliers
+from robustid.guarantees.amplitude_bounds import extractions_of
+from robustid.guarantees.band import Multipliers, band_of_multipliers
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
 from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.member import Member, as_members
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
@@ -116,6 +118,7 @@ def _over_poles(band: WorstCaseOverPoles) -> Record:
         "box": _ends(band.box),
         "delay": band.box.delay,
         "omega": band.omega,
+        "amplitudes": tuple(_amplitudes(one) for one in band.extractions),
         "kept": tuple({"cell": _ends(item.cell), "values": pack_values(item.values)} for item in band.kept),
         "refuted": tuple({"cell": _ends(item.cell), "certificate": item.certificate} for item in band.refuted),
     }
@@ -127,10 +130,12 @@ def _make_over_poles(
     box: Ends,
     delay: int,
     omega: Real,
+    amplitudes: tuple[Arrays, ...],
     kept: tuple[_Kept, ...],
     refuted: tuple[_Refuted, ...],
 ) -> WorstCaseOverPoles:
-    problem, whole = identification.problem, box_of(identification, *box, as_count("delay", delay))
+    problem, proofs = identification.problem, extractions_of(identification.problem, *box, amplitudes)
+    whole, _ = box_of(identification, *box, as_count("delay", delay), proofs)
     cells = tuple(
         KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), _cell(whole, *item["cell"]))
         for item in kept
@@ -144,6 +149,7 @@ def _make_over_poles(
         box=whole,
         kept=cells,
         refuted=tuple(RefutedCell(_cell(whole, *item["cell"]), item["certificate"]) for item in refuted),
+        extractions=proofs,
     )
 
 
@@ -186,13 +192,22 @@ def _band(band: Band) -> Record:
         "omega": band.omega,
         "box": band.box,
         "nominal": None if band.model is None else StateMatrices.of(band.model),
-        "entries": tuple(
-            {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
-            | {"amplitudes": _amplitudes(one.extraction), "complete": one.complete}
-            for one in band.bands
-        ),
+        "entries": _entries(band.bands),
         "polygons": band.polygons,
+        "joined": _entries(band.joined),
     }
+
+
+def _entries(bands: tuple[EntryBand, ...]) -> tuple[Record, ...]:
+    return tuple(
+        {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
+        | {"amplitudes": _amplitudes(one.extraction), "complete": one.complete}
+        for one in bands
+    )
+
+
+def _multipliers(entries: tuple[_Entry, ...]) -> list[Multipliers]:
+    return [(one["angles"], one["points"], one["multipliers"], one["amplitudes"], one["complete"]) for one in entries]
 
 
 def _make_band(
@@ -202,13 +217,11 @@ def _make_band(
     nominal: StateMatrices | None,
     entries: tuple[_Entry, ...],
     polygons: Bounded | None,
+    joined: tuple[_Entry, ...] = (),
 ) -> Band:
     """The band of stored multipliers: radii are not stored, but follow from them anew; certificates of polygons are evaluated."""
     model = None if nominal is None else nominal.model(problem.dt)
-    multipliers = [
-        (one["angles"], one["points"], one["multipliers"], one["amplitudes"], one["complete"]) for one in entries
-    ]
-    return band_of_multipliers(problem, box, omega, model, multipliers, polygons)
+    return band_of_multipliers(problem, box, omega, model, _multipliers(entries), polygons, _multipliers(joined))
 
 
 def _amplitudes(found: Extraction) -> Arrays:

@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 
-from robustid.guarantees import AMPLITUDE, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, Axis, Chart, Layer, Panel, named
 from robustid.report.document import (
@@ -170,17 +170,11 @@ def box_rows(band: WorstCaseOverPoles, error: WorstCaseError | None) -> list[tup
     out.append(
         (
             "Assumed",
-            "Besides the class named above, in place of its poles: as many modes as the model has, poles inside the box, and"
-            f" amplitudes of the modes at most {AMPLITUDE:g} times the model’s{_entries(band)}. Data can refute assumptions, never"
-            " prove them.",
+            "Besides the class named above, in place of its poles: as many modes as the model has, and poles inside the box."
+            " Data can refute assumptions, never prove them.",
         )
     )
     return out
-
-
-def _entries(band: WorstCaseOverPoles) -> str:
-    part = "; in an entry that hardly has a mode, what the others suggest"
-    return "" if siso(band.identification) else f" in every entry{part}"
 
 
 def box_verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import as_kind, fingerprint
 from robustid.errors import InputError
-from robustid.guarantees import AMPLITUDE, Band, WorstCaseError, norm_of_bounds
+from robustid.guarantees import Band, WorstCaseError, norm_of_bounds
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
 from robustid.report.charts import ALERT, BAND, FINE, NOMINAL, Chart, Layer, Panel, lighter, named, side_by_side
@@ -123,14 +123,6 @@ def band_rows(identification: Identification, band: Band) -> list[tuple[str, str
         ),
         ("Poles", f"The band holds {poles_words(band)}."),
     ]
-    if band.assumes_amplitudes:
-        found.append(
-            (
-                "Refined",
-                f"Where semidefinite programs narrow the band, amplitudes of modes are assumed to be at most {AMPLITUDE:g} times"
-                " those of the identified model; the sums assume nothing of them.",
-            )
-        )
     found.append(
         (
             "Assumed",
@@ -170,7 +162,7 @@ def band_chart(identification: Identification, band: Band) -> Chart:
 @functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
 def drawn_band(band: Band, entry: tuple[int, int] = (0, 0)) -> tuple[np.ndarray, ...]:
     """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
-    knots = band.bands[0].angles
+    knots = (band.joined or band.bands)[0].angles
     angles = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
     omega = np.clip(band.problem.plane.omega(angles), *band.range)
     centre, radius = band.at(omega)

@@ -71,7 +71,7 @@ def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
     assert upper[0] > bare
     text = found.summary()
     assert "for all poles in the pole-uncertainty box" in text
-    assert "amplitudes of the modes at most twice" in text
+    assert "poles inside the pole-uncertainty box" in text
     assert text.count("<- recommended") == 1
 
 

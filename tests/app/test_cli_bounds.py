@@ -130,7 +130,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
     count = band.claim_count
     assert f"{count} of {count} certificates hold" in out
     assert "the box:" in out
-    assert "amplitudes of the modes at most 2 times the model's" in out
+    assert "poles inside the box" in out
     assert out.splitlines()[-1] == "verified"
     code, out, _ = run("bounds", "given", *few, "-o", "others")
     assert code == 0

@@ -38,7 +38,7 @@ def saved(computed, tmp_path):
 def test_the_proofs_hold(computed):
     claims = list(computed.claims())
     assert len(computed.kept) >= 2
-    assert len(computed.refuted) >= 2
+    assert len(computed.refuted) >= 1
     assert computed.certified
     assert len(claims) == computed.claim_count == 6 * len(computed.kept) + len(computed.refuted)
     assert len({claim.name for claim in claims}) == len(claims)
@@ -146,9 +146,11 @@ def test_a_cell_without_values_has_no_bound(computed):
 
 
 def test_what_no_data_speak_of_is_not_refuted(computed):
-    """Half of a box so wide that every line is left out."""
+    """Half of a box so wide that every line is left out, with larger amplitudes than are proved."""
     box = computed.box
-    wide = dataclasses.replace(box, omega=box.omega * [0.5, 1.5], damping=box.damping * [0.5, 3])
+    wide = dataclasses.replace(
+        box, omega=box.omega * [0.5, 1.5], damping=box.damping * [0.5, 3], amplitude=100 * box.amplitude
+    )
     halves = wide.split(computed.identification.problem, computed.omega)
     assert all(half.relaxed(computed.identification.problem) is None for half in halves)
     band = dataclasses.replace(computed, box=wide, refuted=(), kept=())
@@ -213,7 +215,9 @@ FORGERIES = {
     "data": lambda a: {
         "identification/problem/frequency/0/values": a["identification/problem/frequency/0/values"] * 1.01
     },
-    "amplitudes": scaled("identification/scaled_parameters", 0.9),
+    "amplitudes": scaled("amplitudes/0/multipliers", 0.9),
+    "centres of amplitudes": scaled("amplitudes/0/about", 1.1),
+    "points of amplitudes": lambda a: {"amplitudes/0/points": a["amplitudes/0/points"][:, ::-1]},
 }
 
 

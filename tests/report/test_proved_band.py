@@ -51,8 +51,11 @@ def test_dots_are_the_refined_errors_and_the_line_is_proved_between_them(refined
     np.testing.assert_allclose(dots.x * 2 * np.pi, refined.omega[refined.narrowed])
     np.testing.assert_array_equal(dots.y, refined.sigma_upper[refined.narrowed])
     assert dots.marker
-    np.testing.assert_allclose(line.y, plain.error_at(line.x * 2 * np.pi)[:, 0, 0], rtol=1e-9)
-    centre, radius = plain.at(dots.x * 2 * np.pi)
+    at = line.x * 2 * np.pi
+    alone = ~np.isin(at, refined.omega)
+    np.testing.assert_allclose(line.y[alone], refined.error_at(at)[alone, 0, 0], rtol=1e-9)
+    assert np.all(line.y <= plain.error_at(at)[:, 0, 0] * (1 + 1e-9))
+    centre, radius = refined.at(dots.x * 2 * np.pi)
     size = np.abs(refined.nominal[refined.narrowed, 0, 0])
     high = np.minimum(size + dots.y, np.abs(centre[:, 0, 0]) + radius[:, 0, 0])
     np.testing.assert_allclose(bars.high, high, rtol=1e-9)
@@ -64,7 +67,7 @@ def test_one_sentence_says_what_stands_on_what(refined, plain, error):
     assert words.startswith(
         f"At {int(refined.narrowed.sum())} of 5 frequencies a semidefinite program narrows the band (to "
     )
-    assert words.endswith("everywhere else the band of sums stands.")
+    assert "everywhere else the band of sums stands" in words
     assert stands_on(plain, error) == ""
     page = Page(render_report(error.identification, band=refined, worst_case=error))
     assert page.text.count(words) == 2  # on the first screen, and in the section
@@ -83,9 +86,10 @@ def test_a_sweep_at_exact_poles_is_said_to_be_no_part_of_a_band_over_a_box(resul
     found = band.with_polygons(over)
     assert isinstance(found.polygons, WorstCaseOverPoles)
     assert found.narrowed.any()
-    assert stands_on(found, error).endswith(f"everywhere else the band of sums stands; {exact}")
+    assert "everywhere else the band of sums stands" in stands_on(found, error)
+    assert stands_on(found, error).endswith(f"; {exact}")
     text = Page(render_report(result, band=found, worst_case=error, over_poles=over)).text
-    assert "amplitudes of modes are assumed to be at most 2 times" in text
+    assert "amplitudes of modes are assumed" not in text
 
 
 def test_polygons_that_their_certificates_do_not_support_are_not_called_proved(refined, error):

@@ -23,12 +23,16 @@ NEARLY = 1 - 1e-9  # an error at its bound, whatever its rounding
 
 @dataclasses.dataclass(frozen=True)
 class EdgePlant:
-    """A problem, the box of its poles (None: they are exact), its plant at frequencies in rad/s, and the highest one to look at."""
+    """A problem, the box of its poles (None: they are exact), its plant at frequencies in rad/s, and the highest one to look at.
+
+    `residue` (ny, nu) is the c of its mode c/(s - p), or c x^delay/(1 - a x).
+    """
 
     problem: rid.MixedProblem
     box: tuple[Any, Any] | None
     truth: Callable[[Any], Any]
     top: float
+    residue: Any
 
     def frequencies(self, rng, count):
         return rng.uniform(0.001 * self.top, self.top, count)
@@ -58,13 +62,15 @@ def edge_plant(kind, seed):
     lines = np.sort(np.concatenate([lines, [0.99 * middle, 1.01 * middle]]))
     if kind in ("continuous", "roll-off"):
         prior, rest = continuous_class(rng, kind, gain)
-        mode = fraction(lambda s: 1 / (s - pole), size * -pole.real)
+        residue = size * -pole.real
+        mode = fraction(lambda s: 1 / (s - pole), residue)
         truth, dt, top = (lambda w: mode(1j * w) + rest(1j * w)), None, 2 * np.pi * 100
         basis = rid.kautz(middle, damping, dt=0)
     else:
         prior, rest = discrete_class(rng, kind, gain)
         a = np.exp(pole * DT)
-        mode = fraction(lambda x: x**delay / (1 - a * x), size * (1 - abs(a)))
+        residue = size * (1 - abs(a))
+        mode = fraction(lambda x: x**delay / (1 - a * x), residue)
         truth, dt, top = (lambda w: (lambda x: mode(x) + rest(x))(np.exp(-1j * w * DT))), DT, np.pi / DT
         basis = rid.kautz(middle, damping, dt=DT, delay=delay)
     values = truth(lines)
@@ -75,7 +81,7 @@ def edge_plant(kind, seed):
         time=record(rng, kind, truth, nu, gain) if kind in IN_TIME else None,
         prior=prior, parametric=basis, symmetric=kind == "symmetric",
     )  # fmt: skip
-    return EdgePlant(problem, box if part else None, truth, top)
+    return EdgePlant(problem, box if part else None, truth, top, residue)
 
 
 def fraction(function, size):

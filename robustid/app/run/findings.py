@@ -14,7 +14,7 @@ from robustid.app.run.work import Work
 from robustid.core import Real, Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
-from robustid.guarantees import Band, Coverage, Judgement, WorstCaseError, WorstCaseOverPoles, box_of, coverage
+from robustid.guarantees import Band, Coverage, Judgement, WorstCaseError, WorstCaseOverPoles, checked_box, coverage
 from robustid.identification import Identification, MixedProblem, model_residuals, validate
 from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
 from robustid.report import at_most, stands_on
@@ -95,7 +95,7 @@ def pole_words(identification: Identification, modes: Modes) -> str:
     if modes.hz_interval is None:
         return f"{_FIXED_POLES}."
     try:
-        box_of(identification, 2 * np.pi * np.array(modes.hz_interval), modes.damping_interval, modes.delay or 0)
+        checked_box(identification, 2 * np.pi * np.array(modes.hz_interval), modes.damping_interval, modes.delay or 0)
     except InputError:
         return f"{_FIXED_POLES}."
     return f"{_FIXED_POLES}{_OVER_POLES}."

@@ -32,7 +32,7 @@ _SHARE = 0.25  # of few knots that are lines
 _OUTSIDE = 40  # knots below and above the data
 _AROUND = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # knots around a mode, in its half-width
 _STACK = 4e6  # complex numbers of a stack of evaluations
-_ONE = 1 + 1e-9
+_ROUNDED = 1e-9  # of the values of a model
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -133,10 +133,14 @@ class EntryBands(Frozen):
         centres, radii = zip(*(one.at(angles) for one in self.bands), strict=True)
         return self.matrices(centres), self.matrices(radii)
 
+    def distances(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> Real:
+        """Bounds of the entries of F less nominal values (N, ny, nu) at angles, these known up to rounding."""
+        centre, radius = self.at(angles)
+        return np.abs(centre - nominal) * (1 + rounding) + radius
+
     def errors_at(self, model: control.StateSpace, angles: Real) -> Real:
         """Bounds of the entries of F - model at angles, (N, ny, nu)."""
-        centre, radius = self.at(angles)
-        return np.abs(centre - self.problem.plane.values(model, angles)) * _ONE + radius
+        return self.distances(self.problem.plane.values(model, angles), angles, _ROUNDED)
 
     def open_arcs(self) -> list[tuple[float, float]]:
         """Arcs between angles on which nothing is said: around infinite radii, as far as they exceed the largest response."""

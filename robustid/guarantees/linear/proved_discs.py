@@ -49,15 +49,18 @@ class ProvedDiscs(Frozen):
         InputError
             Frequencies outside of that range.
         """
-        omega = np.atleast_1d(as_array("omega", omega))
+        with one_thread():
+            return self._entries.at(self._angles(np.atleast_1d(as_array("omega", omega))))
+
+    def _angles(self, omega: Real) -> Real:
+        """Angles of frequencies inside of the range of the band; others are refused."""
         angles, first = self.problem.plane.angles(omega), self.bands[0].angles
         slack = 1e-12 * max(float(first[-1]), 1.0)
         if angles.size and (angles.min() < first[0] - slack or angles.max() > first[-1] + slack):
             low, high = self.problem.plane.omega(first[[0, -1]]).tolist()
             bad = omega[(angles < first[0] - slack) | (angles > first[-1] + slack)][0]
             raise InputError(f"`omega` must lie between {low:g} and {high:g} rad/s, where the band stands; got {bad:g}")
-        with one_thread():
-            return self._entries.at(np.clip(angles, first[0], first[-1]))
+        return np.clip(angles, first[0], first[-1])
 
     @property
     def range(self) -> tuple[float, float]:

@@ -1,0 +1,189 @@
+"""Values that are known at further frequencies, as samples of linear certificates: sums over lines and these."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real
+from robustid.guarantees.linear.amplitudes import Extraction, amplitude_targets, extract
+from robustid.guarantees.linear.certificate import targets_at
+from robustid.guarantees.linear.entry_band import EntryBand, EntryBands, apart, evaluate, mixed
+from robustid.guarantees.linear.samples import Number, Samples
+from robustid.guarantees.linear.search import search
+
+_NEAREST = 6  # nodes that join the points of a knot, with their conjugates
+_ROUNDS, _LOOSE = 5, 1.04  # of halving arcs, and of the radius between knots over that of a search there
+_PAYS = 0.98  # of a radius: multipliers with nodes are taken where they are below
+_APART = 1e-7  # of the range: shorter arcs are not halved, and nodes this near to a knot are no knots of their own
+
+Multipliers = tuple[NDArray[np.intp], Complex]
+
+
+class Nodes(NamedTuple):
+    """Discs that hold the values of an entry of every consistent system at angles, (N,) each."""
+
+    angles: Real
+    centre: Complex
+    radius: Real
+
+
+def with_nodes(samples: Samples, nodes: Nodes) -> Samples:
+    """The samples with nodes behind the points, and their conjugates behind the conjugate points."""
+    half, count = samples.angles.size // 2, nodes.angles.size
+    v = np.zeros((count, len(samples.components)), complex)
+    v[:, samples.target] = 1
+
+    def joined(old: NDArray[Number], new: NDArray[Number], conjugate: NDArray[Number]) -> NDArray[Number]:
+        return np.concatenate([old[:half], new, old[half:], conjugate])
+
+    return dataclasses.replace(
+        samples,
+        angles=joined(samples.angles, nodes.angles, -nodes.angles),
+        v=joined(samples.v, v, v),
+        y=joined(samples.y, nodes.centre, nodes.centre.conj()),
+        bound=joined(samples.bound, nodes.radius, nodes.radius),
+    )
+
+
+def said(samples: Samples, nodes: Nodes) -> Nodes:
+    """The nodes with finite discs at which the series of the modes say something."""
+    use = np.isfinite(nodes.radius) & np.isfinite(samples.functions.left_out(nodes.angles)).all(axis=1)
+    return Nodes(nodes.angles[use], nodes.centre[use], nodes.radius[use])
+
+
+def joined_band(band: EntryBand, nodes: Nodes) -> EntryBand:
+    """The band with certificates over lines and nodes where they are smaller; itself where no node has a smaller disc."""
+    nodes = said(band.samples, nodes)
+    inside = (nodes.angles >= band.angles[0]) & (nodes.angles <= band.angles[-1])
+    if not np.any(nodes.radius[inside] < _PAYS * band.at(nodes.angles[inside])[1]):
+        return band
+    found = _Search(band, nodes)
+    return band if not np.all(np.isfinite(found.extraction.known.radius)) else found.band()
+
+
+class _Search:
+    """Multipliers of lines and nodes, from those of the lines on."""
+
+    def __init__(self, band: EntryBand, nodes: Nodes) -> None:
+        self._plain, self._nodes = band, nodes
+        self.samples = with_nodes(band.samples, nodes)
+        half, count = self.samples.angles.size // 2, nodes.angles.size
+        own = half - count + np.arange(count)
+        self._own, self._least = np.stack([own, own + half]), _APART * float(np.ptp(band.angles))
+
+    def _started(self, near: NDArray[np.intp], points: NDArray[np.intp], d: Complex) -> Multipliers:
+        """Rows of points of the lines and multipliers, with so many nodes (B, n) behind the points, of multiplier 0."""
+        count, zeros = points.shape[1], np.zeros((len(points), 2 * near.shape[1]), complex)
+        points = points + self._nodes.angles.size * (points >= self._plain.samples.angles.size // 2)
+        points = np.concatenate([points, self._own[0][near], self._own[1][near]], axis=1)
+        return points, np.concatenate([d[:, :count], zeros, d[:, count:]], axis=1)
+
+    @functools.cached_property
+    def extraction(self) -> Extraction:
+        """The amplitudes as the lines prove them, or smaller discs with nodes."""
+        plain, targets = self._plain.extraction, amplitude_targets(self.samples)
+        if not np.all(np.isfinite(plain.known.radius)):
+            return extract(self.samples)
+        away = np.abs(self._nodes_zeta - targets.base[:, None])
+        start = self._started(np.argsort(away, axis=1, kind="stable")[:, :_NEAREST], plain.points, plain.multipliers)
+        best = Extraction(self.samples, plain.about, *start)
+        new = search(self.samples, targets, best.known, start=start)
+        found = Extraction(self.samples, best.known.centre, *new)
+        return found if found.known.radius.sum() < best.known.radius.sum() else best
+
+    @property
+    def _nodes_zeta(self) -> Complex:
+        return self.samples.nodes[self._own[0]]
+
+    def band(self) -> EntryBand:
+        """Knots of the lines and of the nodes, and further ones where mixing loses; from a knot that gained to the next."""
+        low, high = self._plain.angles[[0, -1]]
+        inside = (self._nodes.angles > low) & (self._nodes.angles < high)
+        angles = apart(np.concatenate([self._plain.angles, self._nodes.angles[inside]]), self._least)
+        points, d = self._started(self._nearest(angles), *self._of_plain(angles))
+        before = self._radius(angles, points, d)
+        points, d, after = self._improved(angles, points, d, before)
+        gained = after < before
+        open_arcs = np.flatnonzero(gained[:-1] | gained[1:])
+        for _ in range(_ROUNDS):
+            open_arcs = open_arcs[np.diff(angles)[open_arcs] > self._least]
+            if not open_arcs.size:
+                break
+            middle, half = (angles[open_arcs] + angles[open_arcs + 1]) / 2, np.full(open_arcs.size, 0.5)
+            ends = [(points[k], d[k]) for k in (open_arcs, open_arcs + 1)]
+            _, between = mixed(self.samples, self.extraction, middle, half, *ends)
+            start = self._mean(middle, *ends)
+            new_points, new_d, direct = self._improved(middle, *start, self._radius(middle, *start))
+            loose = between > _LOOSE * direct
+            at = open_arcs[loose] + 1
+            angles = np.insert(angles, at, middle[loose])
+            points, d = np.insert(points, at, new_points[loose], axis=0), np.insert(d, at, new_d[loose], axis=0)
+            first = open_arcs[loose] + np.arange(at.size)
+            open_arcs = np.concatenate([first, first + 1])
+            open_arcs.sort()
+        return EntryBand(self.samples, self.extraction, angles, points, d.astype(np.complex64))
+
+    def _of_plain(self, angles: Real) -> Multipliers:
+        """Points and multipliers of the lines at angles: those of the nearest knot."""
+        knots = self._plain.angles
+        before = np.clip(np.searchsorted(knots, angles, side="right") - 1, 0, knots.size - 2)
+        return self._plain.of_knots(before + (angles - knots[before] > knots[before + 1] - angles))
+
+    def _mean(self, angles: Real, low: Multipliers, high: Multipliers) -> Multipliers:
+        """Mean multipliers of pairs of knots at as many points as each: the nodes nearest to angles, and the heaviest others."""
+        count, near = low[0].shape[1], self._own[:, self._nearest(angles)].swapaxes(0, 1).reshape(angles.size, -1)
+        points, d = np.empty_like(low[0]), np.empty_like(low[1])
+        d[:, count:] = (low[1][:, count:] + high[1][:, count:]) / 2
+        for k, kept in enumerate(near):
+            total = np.zeros(self.samples.angles.size, complex)
+            for one, every in (low, high):
+                np.add.at(total, one[k], every[k, :count] / 2)
+            weight = np.abs(total) * self.samples.bound
+            weight[np.setdiff1d(np.arange(weight.size), np.concatenate([low[0][k], high[0][k]]))] = -1
+            weight[kept] = np.inf
+            points[k] = np.argsort(-weight, kind="stable")[:count]
+            d[k, :count] = total[points[k]]
+        return points, d
+
+    def _nearest(self, angles: Real) -> NDArray[np.intp]:
+        """Numbers of the nodes nearest to angles, (B, n)."""
+        away = np.abs(self._nodes.angles - angles[:, None])
+        return np.argsort(away, axis=1, kind="stable")[:, :_NEAREST]
+
+    def _radius(self, angles: Real, points: NDArray[np.intp], d: Complex) -> Real:
+        return evaluate(self.samples, self.extraction, angles, points, d)[1]
+
+    def _improved(
+        self, angles: Real, points: NDArray[np.intp], d: Complex, before: Real
+    ) -> tuple[NDArray[np.intp], Complex, Real]:
+        """Points and multipliers that are searched with the same points, where that pays, and radii."""
+        # Not from the multipliers of the lines: weights of nodes that are zero there would hardly move.
+        _, new = search(self.samples, targets_at(self.samples, angles), self.extraction.known, points=points)
+        new = new.astype(np.complex64).astype(complex)
+        after = self._radius(angles, points, new)
+        better = after < _PAYS * before
+        return points, np.where(better[:, None], new, d), np.where(better, after, before)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class JoinedBands(EntryBands):
+    """Discs of all entries from certificates over lines and nodes, beside those over lines alone: the smaller ones."""
+
+    plain: EntryBands
+
+    def at(self, angles: Real) -> tuple[Complex, Real]:
+        """Centres and radii at angles between the knots, (N, ny, nu)."""
+        (centre, radius), (plain, least) = super().at(angles), self.plain.at(angles)
+        return np.where(radius < least, centre, plain), np.minimum(radius, least)
+
+    def distances(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> Real:
+        """The smaller bounds of those about both centres, (N, ny, nu)."""
+        discs = super().at(angles), self.plain.at(angles)
+        return np.minimum(*(np.abs(centre - nominal) * (1 + rounding) + radius for centre, radius in discs))
