@@ -151,7 +151,8 @@ def frequencies_of(members: Sequence[Member]) -> Real:
         if m.poles is None:
             found.append(default_grid(m.identification.problem))
         else:
-            omega, *_ = checked_box(m.identification, *m.poles, m.delay)
+            omega, damping = m.poles
+            omega, _, _ = checked_box(m.identification, omega, damping, m.delay)
             found.append(default_frequencies(problem, omega))
     return np.unique(np.concatenate(found))
 
