@@ -77,8 +77,8 @@ class ConsistentSet(Frozen):
             return self.extreme_of_all(functional, gap, near, early)
         x, p = self.towards(part.x, part.p)
         value = functional(x, p) - functional.tail
-        near = part.upper - value <= 2 * (gap * max(value + functional.tail - inside, 0.0) + functional.tail)
-        if near or not reached:
+        close = part.upper - value <= 2 * (gap * max(value + functional.tail - inside, 0.0) + functional.tail)
+        if close or not reached:
             return dataclasses.replace(part, attained=value if self.contains(x, p) else -np.inf, x=x, p=p)
         whole = self.extreme_of_all(functional, gap)
         return whole if whole.upper <= part.upper else whole.proved_by(part)

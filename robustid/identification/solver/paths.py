@@ -36,8 +36,8 @@ def barrier_program(data: ConvexData, limits: Limits, cost: float | None, quick:
         constant, slope = limits.reach
         reach = np.concatenate([constant, np.ones(a.size)]), np.concatenate([slope, np.zeros(a.size)])
         limits = dataclasses.replace(limits, reach=reach)
-    none: Real = np.zeros(ball.size + Q.shape[1])
-    return Program(ball, design, cones, y, limits, cost, none, quick)
+    unknowns = int(ball.size) + int(Q.shape[1])
+    return Program(ball, design, cones, y, limits, cost, np.zeros(unknowns), quick)
 
 
 def _candidate(data: ConvexData, program: Program, at: Iterate) -> Candidate:
