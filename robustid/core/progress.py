@@ -7,7 +7,7 @@ import dataclasses
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextvars import ContextVar
 from types import TracebackType
 
@@ -133,7 +133,7 @@ class Stops:
         return Unfinished(tuple(self.late), self.interrupted) if self.late or self.interrupted else None
 
     @contextlib.contextmanager
-    def listening(self) -> Iterator[None]:
+    def listening(self) -> Generator[None]:
         """Listen to loops that keep Ctrl-C back."""
         before = _LISTENING.set((*_LISTENING.get(), self))
         try:

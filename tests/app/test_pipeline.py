@@ -46,11 +46,12 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder):
     assert isinstance(stated["identify"]["inflate"], float)
 
     second = rid.run(folder / "sub" / "first" / "run.toml", folder / "second")
-    assert same_numbers(folder / "sub" / "first", folder / "second", "identification", "worst_case", "small_model")
+    assert same_numbers(folder / "sub" / "first", folder / "second", "identification", "band", "small_model")
     assert second.findings == first.findings
     assert second.identification.choices == first.identification.choices == first.choices
     assert len(first.choices) == 3
-    assert any("not for the box" in finding for finding in first.findings)
+    assert first.error is None  # of poles as they were taken nothing is said
+    assert any("the poles anywhere in the pole-uncertainty box" in finding for finding in first.findings)
     one, two = ((folder / place / "run.toml").read_text(encoding="utf-8") for place in ("sub/first", "second"))
     assert one.replace("../../frf.csv", "../frf.csv") == two
 
@@ -190,7 +191,7 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(sequence, "worst_case_error", interrupted)
+        patch.setattr(rid.guarantee.Band, "refine", interrupted)
         code, out, err = run(["run", "ask.toml", "-o", "out"])
     assert code == 130
     assert "--resume" in out
@@ -207,7 +208,7 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
         code, out, err = run(["run", "ask.toml", "-o", "out", "--resume"])
     assert code == 0, err
     assert "taken from the unfinished run" in out
-    assert same_numbers(folder / "whole", folder / "out", "identification", "worst_case", "small_model")
+    assert same_numbers(folder / "whole", folder / "out", "identification", "band", "small_model")
     assert whole.run_file.text() == (folder / "out" / "run.toml").read_text(encoding="utf-8")
 
     ask(folder, DATA, SHORT, CLASS)

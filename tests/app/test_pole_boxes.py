@@ -48,8 +48,20 @@ def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response
 
 
 @pytest.mark.usefixtures("unreduced")
+def test_by_default_polygons_cover_the_box_of_poles_that_the_data_leave(tmp_path, response):
+    found = ran(tmp_path, response, at_hz=[6.37, 11.14])
+    assert found.band.box is not None
+    assert found.error is None  # a sweep at the poles as they were taken says nothing of the others in the box
+    assert found.band.polygons is found.over_poles
+    np.testing.assert_allclose(found.over_poles.omega / (2 * np.pi), found.run_file.worst_case.at_hz)
+    for (low, high), (least, most) in zip(found.band.box[0], found.over_poles.box.omega, strict=True):
+        assert least <= low <= high <= most
+    assert found.band.certified
+
+
+@pytest.mark.usefixtures("unreduced")
 def test_a_sweep_at_exact_poles_is_no_part_of_the_band_over_their_box(tmp_path, response):
-    found = ran(tmp_path, response, at_hz=[6.37, 11.14], directions=16)
+    found = ran(tmp_path, response, at_hz=[6.37, 11.14], directions=16, circle=True)
     assert found.band.box is not None
     assert found.band.polygons is None
     assert np.any(found.error.upper < found.band.error_at(found.error.omega))  # it would have lowered it

@@ -58,9 +58,9 @@ def sentences(work: Work) -> tuple[str, ...]:
         found.append(error_words(work.error, work.withheld))
         if run.modes.source is Source.DATA and run.modes.hz and not run.worst_case.over_poles:
             found.append(pole_words(result, run.modes))
-    elif result.consistent and run.worst_case.compute:
+    elif said is not None and said.empty and run.worst_case.compute:
         found.append(_EMPTY)
-    if work.over_poles is not None:
+    if work.over_poles is not None and run.worst_case.over_poles:
         found.append(box_words(work.over_poles))
     elif work.not_over_poles:
         found.append(work.not_over_poles)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shutil
-from collections.abc import Iterator
+from collections.abc import Generator
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TypedDict
@@ -166,7 +166,7 @@ class Surroundings:
     stops: Stops = dataclasses.field(default_factory=Stops)
 
     @contextlib.contextmanager
-    def step(self, text: str, share: float = 1.0, stated: float | None = None) -> Iterator[float | None]:
+    def step(self, text: str, share: float = 1.0, stated: float | None = None) -> Generator[float | None]:
         """Say what begins; its time limit, a share of the time that is left and at most what is stated. It is late if that ends."""
         self.say(text)
         budget = self.budget.share(share)

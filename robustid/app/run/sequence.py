@@ -17,7 +17,7 @@ from robustid.app.run.results import IdentifiedReduced
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Step, Untouched, Work, carry_out
-from robustid.core import Real
+from robustid.core import Real, Record, Source
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody
 from robustid.guarantees import (
@@ -62,7 +62,9 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
         carry_out(work, [*([proved] if asked.compute else []), *small, refined, seen_between])
         nothing_said = work.content is not None and work.content.empty and asked.at_hz is None
         if asked.compute and not nothing_said:
-            carry_out(work, [gridded, bounded, circled, refined, judged])
+            chosen = run.modes.source is Source.DATA and work.band is not None and work.band.box is not None
+            swept: list[Step] = [gridded, bounded, circled, refined]
+            carry_out(work, [*([narrowed] if chosen and not (asked.over_poles or asked.circle) else swept), judged])
         if asked.over_poles:
             carry_out(work, [bounded_over_box, refined])
     return IdentifiedReduced(
@@ -144,7 +146,12 @@ def reduced(work: Work) -> None:
     asked, words = work.run.small_model, "searching for the smallest order"
     body = None if asked.rigid_body is None else RigidBody(asked.rigid_body)
     with work.around.step(words, _ORDER, asked.time_limit) as limit:
-        how = {"rigid_body": body, "band": work.band, "time_limit": limit, "progress": work.around.progress(words)}
+        how: Record = {
+            "rigid_body": body,
+            "band": work.band,
+            "time_limit": limit,
+            "progress": work.around.progress(words),
+        }
         work.reduction = reduce_within_bounds(work.identification, **how)
 
 
@@ -157,7 +164,7 @@ def compared_with_fits(work: Work) -> None:
     words = "comparing it with the best fits"
     with work.around.step(words, _FITS, _LONGEST_FITS) as limit:
         told = work.around.progress(words)
-        how = {"records": left.records, "time_limit": limit, "progress": told}
+        how: Record = {"records": left.records, "time_limit": limit, "progress": told}
         work.worth = model_worth_having(result, work.small, left.response, **how)
     if work.worth is not None:
         work.reduction = work.worth.reduction
@@ -206,6 +213,30 @@ def refined_band(found: Band, error: WorstCaseError | None, over_poles: WorstCas
     return found if polygons is None or not polygons.omega.size else found.with_polygons(polygons)
 
 
+def narrowed(work: Work) -> None:
+    """The band over the box of poles that the data leave, with polygons over the same box where they gain most.
+
+    Their frequencies are kept in the run file, which gives the same again.
+    """
+    if work.band is None:
+        return
+    asked, words = work.run.worst_case, "narrowing the band by semidefinite programs"
+    stated = None if asked.at_hz is None else 2 * np.pi * np.array(asked.at_hz)
+    with work.around.step(words, stated=asked.time_limit) as limit:
+        how: Record = {"omega": stated, "time_limit": limit, **work.around.counted(words)}
+        try:
+            work.band = work.band.refine(work.identification, **how)
+        except (InputError, InconsistentDataError) as error:
+            work.not_over_poles = f"Semidefinite programs narrow nothing: {error}"
+            return
+    polygons = work.band.polygons
+    if isinstance(polygons, WorstCaseOverPoles) and polygons.omega.size:
+        work.over_poles = polygons
+        work.run = work.run.changed("worst_case", at_hz=tuple((polygons.omega / (2 * np.pi)).tolist()))
+        work.around.folder.choices(work.run)
+    work.around.folder.proved(work.band)
+
+
 def gridded(work: Work) -> None:
     """The frequencies of the worst case: as stated, or the usual ones and some that were kept out."""
     problem = work.identification.problem
@@ -224,7 +255,7 @@ def bounded(work: Work) -> None:
         around.counted("bounding the error at every frequency"),
     )
     with around.step(words, stated=asked.time_limit) as limit:
-        how = asked.arguments | counted | {"omega": omega, "known": work.band, "time_limit": limit}
+        how: Record = asked.arguments | counted | {"omega": omega, "known": work.band, "time_limit": limit}
         work.error = worst_case_error(result, model=work.model, **how)
 
 
@@ -264,6 +295,6 @@ def bounded_over(
     """The error around the model with the poles anywhere in a box."""
     words = "bounding the error over the pole-uncertainty box"
     with work.around.step(words, stated=work.run.worst_case.time_limit) as limit:
-        how = {"delay": delay, "model": work.model, "omega": omega, "time_limit": limit, "known": work.band}
+        how: Record = {"delay": delay, "model": work.model, "omega": omega, "time_limit": limit, "known": work.band}
         how |= work.around.counted(words)
         work.over_poles = worst_case_over_poles(work.identification, omega_interval, damping_interval, **how)

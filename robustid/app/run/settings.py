@@ -370,7 +370,7 @@ SECTIONS: dict[str, type[DataclassInstance]] = {
     "worst_case": WorstCase,
 }
 # As they stand in a run file.
-PARTS: dict[str, type[DataclassInstance]] = {
+PARTS: dict[str, type[Any]] = {
     "": General,
     **{f"[[{name}]]": kind for name, kind in LISTS.items()},
     **{f"[{name}]": kind for name, kind in SECTIONS.items()},
