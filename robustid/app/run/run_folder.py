@@ -166,14 +166,19 @@ class Surroundings:
     stops: Stops = dataclasses.field(default_factory=Stops)
 
     @contextlib.contextmanager
-    def step(self, text: str, share: float = 1.0, stated: float | None = None) -> Generator[float | None]:
-        """Say what begins; its time limit, a share of the time that is left and at most what is stated. It is late if that ends."""
+    def step(
+        self, text: str, share: float = 1.0, stated: float | None = None, *, needed: bool = True
+    ) -> Generator[float | None]:
+        """Say what begins; its time limit, a share of the time that is left and at most what is stated.
+
+        It is late if that ends, unless what it adds is not needed.
+        """
         self.say(text)
         budget = self.budget.share(share)
         if stated is not None and stated < budget.left:
             budget = Budget(stated)
         yield budget.seconds
-        if budget.over:
+        if budget.over and needed:
             self.stops.late.append(text)
 
     def say(self, text: str) -> None:

@@ -38,6 +38,7 @@ _PREDICTED = 2000  # samples that are compared with what the others leave, befor
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 _MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5  # of the time that is left when a step begins
+_NARROWED = 0.1  # of it, for what narrows a band that is proved at every frequency already
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
 
@@ -136,8 +137,10 @@ def proved(work: Work) -> None:
         return
     if result.prior.positive_real:  # a class without a gain has none
         return
-    told = work.around.begun("proving the error at every frequency")
-    work.band = band(result, box=held_box(work.box, result.problem), progress=told)
+    words = "proving the error at every frequency"
+    with work.around.step(words, _BAND) as limit:
+        told, box = work.around.progress(words), held_box(work.box, result.problem)
+        work.band = band(result, box=box, time_limit=limit, progress=told)
     work.around.folder.proved(work.band)
 
 
@@ -222,7 +225,8 @@ def narrowed(work: Work) -> None:
         return
     asked, words = work.run.worst_case, "narrowing the band by semidefinite programs"
     stated = None if asked.at_hz is None else 2 * np.pi * np.array(asked.at_hz)
-    with work.around.step(words, stated=asked.time_limit) as limit:
+    share = _NARROWED if stated is None else 1.0
+    with work.around.step(words, share, asked.time_limit, needed=stated is not None) as limit:
         how: Record = {"omega": stated, "time_limit": limit, **work.around.counted(words)}
         try:
             work.band = work.band.refine(work.identification, **how)

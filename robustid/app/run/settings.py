@@ -317,8 +317,9 @@ class WorstCase:
     over_poles: bool = key(
         flag,
         False,
-        help="Cover the pole-uncertainty box that the data leave too, where the poles were taken from them (`robustid bounds`"
-        " writes it to NAME-poles); may take minutes.",
+        help="Bound the error by semidefinite programs over the whole pole-uncertainty box, at all frequencies, beside a sweep at"
+        " the poles as they were taken (`robustid bounds` writes it to NAME-poles); may take minutes. The band covers the box"
+        " without it.",
         flag="--poles",
     )
 

@@ -41,7 +41,7 @@ class QuadratureProducts(EntryProducts):
         return self._of(P), self._of(Q)
 
     def _of(self, P: Corners) -> Parts:
-        """Those of a symmetric matrix: a block and the one across it have one product."""
+        """Parts of a symmetric matrix: a block and the one across it have one product."""
         found: Parts = {(1, 2): [[self._between(U) for U in row] for row in P[1, 2]]}
         found[2, 1] = [[_across(found[1, 2][b][a]) for b in range(len(row))] for a, row in enumerate(P[2, 1])]
         for corner in ((1, 1), (2, 2)):
