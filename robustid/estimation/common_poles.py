@@ -56,6 +56,9 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
         return nothing
     fit = _Spectra(2 * np.pi * lines / samples, x[:, lines], z[:, lines])
     found = fit.described(fit.pairs())
+    wide = -np.log(np.abs(found.poles)) > _APART * (fit.angle[1] - fit.angle[0])  # no peaks
+    if not (kept := wide | found.shown()).all():
+        found = fit.described(fit.refined(found.poles[kept]))
     spectra = np.zeros_like(z)
     for part in np.array_split(every, -(-every.size // _CHUNK)):
         spectra[:, part] = found.spectra(2 * np.pi * part / samples, x[:, part])
@@ -95,10 +98,11 @@ class _Spectra(PoleFit):
                 best, shortest = poles, length
             full = _EQUATIONS * self.parameters(poles.size + 1) > equations
             if vain == _IN_VAIN or poles.size == _MOST_PAIRS or full or power <= _ROUNDED:
-                return self._refined(best)
-            poles = self._refined(self._further(poles), _STEPS)
+                return self.refined(best)
+            poles = self.refined(self._further(poles), _STEPS)
 
-    def _refined(self, poles: Complex, steps: int | None = None) -> Complex:
+    def refined(self, poles: Complex, steps: int | None = None) -> Complex:
+        """The poles of least squares near these."""
         if poles.size:
             poles = np.asarray(self.refine(0.0, poles, held=True, steps=steps).poles, dtype=complex)
         return poles.real + 1j * np.abs(poles.imag)
@@ -177,21 +181,35 @@ class _Description:
             total += tangent.T @ (noise * tangent)
         self.moved = inverse @ total @ inverse  # covariance of the poles
 
-    def modes(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Pairs of one response that are lightly damped, between the lines: four standard deviations on either side.
+    def _spread(self, output: int) -> Real:
+        """Covariance of the coefficients of an output."""
+        back, after = self.maps[output]
+        mixed = back @ self.mixed[output] @ after.T
+        return back @ self.inner[output] @ back.T + mixed + mixed.T + after @ self.moved @ after.T
 
-        Noise of a colour has peaks too: a mode is one that response and transient together show beyond what surrounds it.
+    def shown(self) -> NDArray[np.bool_]:
+        """Pairs that responses and transients of an output together show beyond what surrounds them, (pairs,).
+
+        Noise of a colour has peaks too, which shorten a description that takes it for white.
         """
+        count, n = self.c.shape[1:]
+        found = np.zeros(self.poles.size, bool)
+        for i, c in enumerate(self.c.reshape(len(self.c), -1)):
+            spread = self._spread(i)
+            for k in range(self.poles.size):
+                own = (np.arange(count)[:, None] * n + [2 * k, 2 * k + 1]).ravel()
+                found[k] |= bool(c[own] @ np.linalg.pinv(spread[np.ix_(own, own)]) @ c[own] >= _SHOWN**2)
+        return found
+
+    def modes(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Pairs of one response that are lightly damped, between the lines: four standard deviations on either side."""
         found: list[tuple[float, float, float, float]] = []
         low, high = self.fit.angle[[0, -1]]
         if self.c.shape[:2] != (1, 2) or np.any(self.poles.imag == 0):
             return ()
-        (back, after), n, c = self.maps[0], self.c.shape[2], np.ravel(self.c)
-        mixed = back @ self.mixed[0] @ after.T
-        spread = back @ self.inner[0] @ back.T + mixed + mixed.T + after @ self.moved @ after.T
+        shown = self.shown()
         for k, (pole, s) in enumerate(zip(self.poles, np.log(self.poles), strict=True)):
-            own = np.array([2 * k, 2 * k + 1, n + 2 * k, n + 2 * k + 1])
-            if s.real >= 0 or c[own] @ np.linalg.pinv(spread[np.ix_(own, own)]) @ c[own] < _SHOWN**2:
+            if s.real >= 0 or not shown[k]:
                 continue
             at, omega = [k, k + self.poles.size], abs(s)
             ways = np.array([1, 1j]) / pole  # of s, by the real and the imaginary part of the pole

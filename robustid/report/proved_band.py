@@ -228,7 +228,7 @@ def _refined(band: Band, bottom: float) -> tuple[list[Layer], list[Layer]]:
     x, size, upper = band.omega[here] / HZ, model_size(band)[here], band.sigma_upper[here]
     middle, half = _sizes(*(part[here] for part in (band.centre, band.radius)))
     hover = at_hz(x, "at most {}", upper)
-    words = f"narrowed by a semidefinite program ({x.size} frequencies)"
+    words = f"narrowed by a semidefinite program ({x.size} frequenc{'y' if x.size == 1 else 'ies'})"
     ends = np.maximum(size - upper, middle - half), np.minimum(size + upper, middle + half)
     ends = tuple(np.maximum(end, bottom) for end in ends)
     bars = Layer(words, x, size, ALERT, marker="circle", low=ends[0], high=ends[1], size=FINE)
