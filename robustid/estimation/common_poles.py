@@ -56,9 +56,10 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
         return nothing
     fit = _Spectra(2 * np.pi * lines / samples, x[:, lines], z[:, lines])
     found = fit.described(fit.pairs())
-    wide = -np.log(np.abs(found.poles)) > _APART * (fit.angle[1] - fit.angle[0])  # no peaks
-    if not (kept := wide | found.shown()).all():
-        found = fit.described(fit.refined(found.poles[kept]))
+    if found.poles.size:
+        wide = -np.log(np.abs(found.poles)) > _APART * (fit.angle[1] - fit.angle[0])  # no peaks
+        if not (kept := wide | found.shown()).all():
+            found = fit.described(fit.refined(found.poles[kept]))
     spectra = np.zeros_like(z)
     for part in np.array_split(every, -(-every.size // _CHUNK)):
         spectra[:, part] = found.spectra(2 * np.pi * part / samples, x[:, part])
