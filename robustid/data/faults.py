@@ -30,6 +30,27 @@ class FaultKind(enum.StrEnum):
     SMALL_BOUND = "small bound"
     NOT_FINITE = "not finite"
     TWO_SIDED = "two-sided"
+    SPIKE = "spike"
+    WRAPPED = "wrapped"  # beyond the range of an integer, to its other end
+    LOST = "lost samples"
+    QUANTISED = "quantised"
+    NO_RESPONSE = "no response"  # an output that the input doesn't move
+    TONE = "tone"  # hum, and whatever stands out of its neighbours in frequency
+    JUMP = "jump"  # of the level, in time
+    OFFSET = "offset"  # a point of operation from which nothing is counted
+    TRANSIENT = "transient"
+    LATE = "late"  # a channel, by samples
+    CLOCK = "clock"  # of the output, unlike that of the input
+    JITTER = "jitter"
+    OTHER_PLANT = "other plant"
+    VARYING = "varying"  # the response, within the record
+    SIGN = "sign"
+    UNIT = "unit"
+    SAMPLE_TIME = "sample time"
+    NOT_AT_REST = "not at rest"
+    OUTLIER = "outlier"  # a frequency point, or a sample, against all others
+    SEAM = "seam"  # between two parts of the frequency axis
+    NOISE_ONLY = "noise only"  # frequency points that nothing excited
 
 
 class Fault(NamedTuple):
