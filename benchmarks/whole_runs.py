@@ -36,6 +36,8 @@ def run(name):
     print(f"  {time.process_time() - start:7.1f} end: {found!r}")
     if found.unfinished is not None:
         print(f"  {found.unfinished.word}: {found.unfinished.sentence}")
+    if found.wider is not None:
+        print(f"  with every bound {found.wider.factor:.4g} times as large: {found.wider.band.summary()}")
     if found.band is not None:
         print(f"  {found.band.summary()}")
 

@@ -4,11 +4,12 @@ from robustid.advice.causes import SLIGHTLY, Cause
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
+from robustid.advice.gain_curve import possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
-from robustid.advice.prior import PriorSuggestion, possible_rates, suggest_prior
+from robustid.advice.prior import PriorSuggestion, says_something, suggest_prior, useful_prior
 from robustid.advice.prior_weight import prior_weight, suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
@@ -35,6 +36,7 @@ __all__ = [
     "possible_rates",
     "prior_weight",
     "response_sizes",
+    "says_something",
     "sensitivity",
     "suggest_class",
     "suggest_kautz",
@@ -42,4 +44,5 @@ __all__ = [
     "suggest_prior",
     "suggest_roll_off",
     "suggest_scaling",
+    "useful_prior",
 ]

@@ -179,18 +179,8 @@ def suggest_kautz(
         if decades is not None and ratios(left).max() > 1 and _relaxes(decades, left, len(poles)):
             return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
-    few = len(poles)
-    poles = with_shown(poles, shown, fit.angle)
-    reason += f"; {len(poles) - few} more that the records show within these bounds" if len(poles) > few else ""
-    poles = poles[np.argsort(poles[:, 0])]
-    if wanted is None:
-        found = damped_outside(fit, poles)
-        poles = told_apart(found)
-        if len(poles) < len(found):
-            reason += f"; {len(found) - len(poles)} of them coincide with others: left out"
-    kept = np.arange(len(poles)) if wanted is not None else np.flatnonzero(wanted_in_basis(poles, fit))
-    if len(kept) < len(poles):
-        reason += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
+    poles, kept, words = _kept(fit, poles, shown, wanted is not None)
+    reason += words
     boxes = [bounded_by_shown(pole_interval(fit, poles, i), poles[i], shown, fit.angle) for i in kept.tolist()]
     if wanted is None:
         seen = [k for k, (box, _, _) in enumerate(boxes) if box[1, 1] < DAMPING[1] * (1 - 1e-6)]
@@ -230,6 +220,25 @@ def suggest_kautz(
         delay=chosen,
         reason=reason,
     )
+
+
+def _kept(fit: LineData, poles: Real, shown: Real, every: bool) -> tuple[Real, NDArray[np.int_], str]:
+    """Poles with those that the records show, by rising frequency; which of them may stand in the basis; words on the others."""
+    few, words = len(poles), ""
+    poles = with_shown(poles, shown, fit.angle)
+    if len(poles) > few:
+        words += f"; {len(poles) - few} more that the records show within these bounds"
+    poles = poles[np.argsort(poles[:, 0])]
+    if every:
+        return poles, np.arange(len(poles)), words
+    found = damped_outside(fit, poles)
+    poles = told_apart(found)
+    if len(poles) < len(found):
+        words += f"; {len(found) - len(poles)} of them coincide with others: left out"
+    kept = np.flatnonzero(wanted_in_basis(poles, fit))
+    if len(kept) < len(poles):
+        words += f"; {len(poles) - len(kept)} of them outside the frequency points or well damped, and fast: left out"
+    return poles, kept, words
 
 
 def _relaxes(found: _Relaxations, left: Real, pairs: int) -> bool:

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustid.advice.gain_curve import (
+    FEW,
+    SAFETY,
+    GainCurve,
+    default_rates,
+    lighter,
+    possible,
+    possible_rates,
+    smallest_gains,
+)
 from robustid.advice.sensitivity import default_points, guaranteed
 from robustid.advice.smallest_gain import (
     CEILINGS,
@@ -21,20 +30,14 @@ from robustid.advice.smallest_gain import (
     smallest_gain,
     thinned,
 )
-from robustid.core import Budget, Frozen, Interruptible, Progress, Real, as_array, as_kind, freeze, one_thread
+from robustid.core import Budget, Frozen, Progress, Real, Stops, as_array, as_kind, freeze, one_thread
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior, identify
 from robustid.identification.formulation import formulate
 
 _log = logging.getLogger("robustid")
 
-SAFETY = 2.0  # recommended gain bound over the smallest one
-_RATES = 9
-_QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
-_FEW = 40  # frequency points (over the root of the entries) that stand for more of them
 _QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
-_FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
-_APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,6 +64,8 @@ class PriorSuggestion(Frozen):
         Frequency points that the gains rest on; fewer than there are where a part stands for all.
     continuous : bool
         Whether `decay_rates` are decays in 1/s, of data of continuous time.
+    complete : bool
+        Whether the search came to its end; where time or Ctrl-C ended it, other points may ask for a larger gain bound.
     """
 
     prior: Prior | None
@@ -72,6 +77,7 @@ class PriorSuggestion(Frozen):
     reason: str
     points: int = 0
     continuous: bool = False
+    complete: bool = True
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("decay_rates", "gains", "errors")})
@@ -181,22 +187,56 @@ def suggest_prior(
     least = 1 if problem.dt else 0
     if rates is not None and (rates.size == 0 or rates[0] <= least):
         raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
+    return _search(problem, rates, criterion, Budget(time_limit, progress, "looking for a prior"))
+
+
+@one_thread()
+def useful_prior(
+    problem: MixedProblem, *, time_limit: float | None = None, progress: Progress | None = None
+) -> PriorSuggestion:
+    """The prior that `suggest_prior` recommends, for those who take none that says nothing, or takes minutes with all points.
+
+    Gains only grow with the points that join: the search ends as soon as every one exceeds the largest response.
+    """
+    try:
+        rates = possible_rates(problem)
+    except SizeError:  # with a smaller gain bound it may not be too large
+        rates = None
     budget = Budget(time_limit, progress, "looking for a prior")
-    masks, found = representatives(problem), None
-    while True:
-        part = problem if masks is None else selected(problem, masks)
-        tried = _possible(part, _default_rates(problem)) if rates is None else rates
-        before = None if criterion == "error" else found
-        found = _suggested(problem, part, tried, criterion, budget, before)
-        if masks is None or found.prior is None or budget.over:
-            return found
-        if _lighter(problem, part, found.prior.rate) is problem:
-            return found  # its gain is that of all points already
-        model = identify(dataclasses.replace(part, prior=found.prior), time_limit=budget.seconds).model
-        more = missed(problem, masks, model)
-        if more is None:
-            return _of_all(problem, found, budget)
-        masks = more
+    return _search(problem, rates, "slope", budget, response_sizes(problem)[0])
+
+
+def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
+    """Tell whether a suggested non-parametric part is not larger than every response."""
+    return found.prior is not None and found.prior.gain_bound <= found.safety * response_sizes(problem)[0]
+
+
+def _search(
+    problem: MixedProblem, rates: Real | None, criterion: str, budget: Budget, most: float = np.inf
+) -> PriorSuggestion:
+    """The prior from points that stand for all and those that it misses, until it misses none, or all gains exceed `most`."""
+    masks, found, stops = representatives(problem), None, Stops()
+    with stops.listening():
+        while True:
+            part = problem if masks is None else selected(problem, masks)
+            tried = possible(part, default_rates(problem)) if rates is None else rates
+            before = None if found is None or criterion == "error" else GainCurve(found.decay_rates, found.gains)
+            curve = smallest_gains(problem, part, tried, before, budget)
+            errors = np.full(curve.rates.size, np.nan)
+            if criterion == "error":
+                errors = _guaranteed_errors(problem, curve.priors(problem))
+            found = _result(problem, curve, errors, sum(f.omega.size for f in part.frequency))
+            if budget.over or stops.interrupted:
+                return dataclasses.replace(found, complete=False)
+            if masks is None or found.prior is None or found.gains.min() * (1 - DIGITS) > most:
+                return found
+            if lighter(problem, part, found.prior.rate) is problem:
+                return found  # its gain is that of all points already
+            model = identify(dataclasses.replace(part, prior=found.prior), time_limit=budget.seconds).model
+            masks = missed(problem, masks, model)
+            if masks is None:
+                found = _of_all(problem, found, budget)
+                return dataclasses.replace(found, complete=not (budget.over or stops.interrupted))
 
 
 def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> PriorSuggestion:
@@ -209,7 +249,7 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
         gains = np.where(found.decay_rates == prior.rate, gain, found.gains)
         if np.isinf(gain):
             gains[found.decay_rates > prior.rate] = np.inf
-        found = _result(problem, found.decay_rates, gains, found.errors, found.points)
+        found = _result(problem, GainCurve(found.decay_rates, gains), found.errors, found.points)
         if found.prior is None or found.prior.rate == prior.rate:
             return found
     return found
@@ -217,108 +257,14 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
 
 def representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
     """Masks of the frequency points that stand for all; None where there are few enough."""
-    few = int(_FEW / np.sqrt(problem.entries.count))
+    few = int(FEW / np.sqrt(problem.entries.count))
     return None if sum(f.omega.size for f in problem.frequency) <= 1.25 * few else thinned(problem, few)
 
 
-def _suggested(
-    problem: MixedProblem,
-    part: MixedProblem,
-    rates: Real,
-    criterion: str,
-    budget: Budget,
-    before: PriorSuggestion | None,
-) -> PriorSuggestion:
-    """The curve of the gains of a part of the data, and the prior at its knee; `before` of a part of that part."""
-    # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
-    ceilings = CEILINGS if part is problem else CEILINGS[:1]
-
-    def gain_at(rate: float) -> float:
-        gain = smallest_gain(_lighter(problem, part, rate), rate, problem, ceilings, budget)
-        _log.info("decay rate %.6g: smallest gain bound %.6g", rate, gain)
-        return gain
-
-    if before is None:
-        gains = _curve(rates, gain_at, budget)
-        rates = rates[: gains.size]
-    else:
-        gains = _at_knee(problem, rates, gain_at, before, budget)
-    errors = np.full(rates.size, np.nan)
-    if criterion == "error":
-        errors = _guaranteed_errors(problem, _priors(problem, rates, gains))
-    return _result(problem, rates, gains, errors, sum(f.omega.size for f in part.frequency))
-
-
-def _curve(rates: Real, gain_at: Callable[[float], float], budget: Budget) -> Real:
-    """The smallest gain at every decay rate, or the first ones where the time is over."""
-    gains, done = np.full(rates.size, np.inf), 0
-    with Interruptible(lambda: done > 0):
-        for k, rate in enumerate(rates.tolist()):
-            gains[k] = gain_at(rate)
-            done = k + 1
-            budget.tell(done, rates.size)
-            if np.isinf(gains[k]):
-                done = rates.size  # a larger rho makes the class smaller still
-            if done == rates.size or budget.over:
-                break
-    return gains[:done]
-
-
-def _at_knee(
-    problem: MixedProblem, rates: Real, gain_at: Callable[[float], float], before: PriorSuggestion, budget: Budget
-) -> Real:
-    """The smallest gain where the slope is smallest, and what it is not below at the other decay rates.
-
-    The gain rises with the decay rate and with the data, so that what one rate or fewer points ask for bounds the others from
-    below: first at the knee of fewer points, then where that bound of the slope is smallest, until the smallest was computed.
-    """
-    gains, known = np.maximum.accumulate(_not_below(before, rates)), np.zeros(rates.size, bool)
-    k = 0 if before.prior is None else int(np.argmin(np.abs(rates - before.prior.rate)))
-    with Interruptible():
-        while not budget.over:
-            gains[k], known[k] = gain_at(float(rates[k])), True
-            gains[k + 1 :] = np.maximum(gains[k + 1 :], gains[k] * (1 - DIGITS))
-            budget.tell(int(known.sum()), rates.size)
-            slopes = [np.inf if one is None else one.slope for one in _priors(problem, rates, gains)]
-            k = int(np.argmin(slopes))
-            if known[k] or np.isinf(slopes[k]):
-                break
-    return gains
-
-
-def _not_below(before: PriorSuggestion, rates: Real) -> Real:
-    """Gains of fewer points at the same decay rates, less what they may be too large by; 0 where there were none."""
-    gains = dict(zip(before.decay_rates.tolist(), (before.gains * (1 - DIGITS)).tolist(), strict=True))
-    return np.array([gains.get(rate, 0.0) for rate in rates.tolist()])
-
-
-def _lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProblem:
-    """All points where they cost no more than a part of them: a fast decay needs few coefficients for any number of points."""
-    if part is problem:
-        return problem
-    trials = (one.with_prior(gain_bound=CEILINGS[0] * response_sizes(problem)[0], rate=rho) for one in (problem, part))
-    try:
-        whole, few = (formulate(one, accuracy=TAILS).work for one in trials)
-    except SizeError:
-        return part
-    return problem if whole <= few else part
-
-
-def _priors(problem: MixedProblem, rates: Real, gains: Real) -> tuple[Prior | None, ...]:
-    """The prior that would be recommended at each decay rate."""
-    # A non-parametric part smaller than every bound can't be seen, hence not excluded either.
-    floor = response_sizes(problem)[1]
-    return tuple(
-        dataclasses.replace(problem.prior.with_rate(float(rho)), gain_bound=SAFETY * max(float(gain), floor))
-        if np.isfinite(gain)
-        else None
-        for rho, gain in zip(rates, gains, strict=True)
-    )
-
-
-def _result(problem: MixedProblem, rates: Real, gains: Real, errors: Real, points: int) -> PriorSuggestion:
-    priors = _priors(problem, rates, gains)
-    prior, reason = _recommend(problem, rates, gains, errors, priors)
+def _result(problem: MixedProblem, curve: GainCurve, errors: Real, points: int) -> PriorSuggestion:
+    rates, gains = curve
+    priors = curve.priors(problem)
+    prior, reason = _recommend(problem, rates, gains, errors, priors, points)
     return PriorSuggestion(
         prior=prior,
         decay_rates=rates,
@@ -342,61 +288,20 @@ def _guaranteed_errors(problem: MixedProblem, priors: tuple[Prior | None, ...]) 
     return errors
 
 
-def possible_rates(problem: MixedProblem) -> Real:
-    """The default decay rates, those left out at which many data, or matrices, need too many coefficients."""
-    return _possible(problem, _default_rates(problem))
-
-
-def _possible(problem: MixedProblem, rates: Real) -> Real:
-    refusal: SizeError | None = None
-    largest = response_sizes(problem)[0] * CEILINGS[0]
-    entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
-    for first, rho in enumerate(rates):
-        try:
-            trial = problem.with_prior(gain_bound=largest, rate=float(rho))
-            form = formulate(trial, accuracy=DIGITS)
-        except SizeError as error:
-            refusal = error
-            continue
-        slow = not form.exact and form.count * entries > _QUICK_MATRIX
-        if not slow or entries == 1 or rho == rates[-1]:
-            return rates[first:]
-    raise refusal or InputError("`problem` has no decay rate to try")
-
-
-def _default_rates(problem: MixedProblem) -> Real:
-    finest: list[float] = []
-    widest: list[float] = []
-    if not problem.dt:
-        top = float(max(f.omega.max() for f in problem.frequency)) or 1.0
-        high, finest = top / 2, [_APART * top / min(problem.angles.size, _FEW)]
-        return np.asarray(np.geomspace(np.clip(finest[0], high / 300, high / 8), high, _RATES), dtype=float)
-    if problem.angles.size:
-        finest.append(_APART * float(problem.angles[-1]) / min(problem.angles.size, _FEW))
-        widest.append(float(problem.angles[-1]) / 2)
-    if problem.taylor:
-        # From unknown initial states a class that hardly decays over the record holds any data, and says nothing of the plant.
-        free = all(record.initial == "free" for record in problem.time)
-        finest.append((_FORGETS if free else 1) / problem.taylor)
-        widest.append(0.3)
-    high = min(max(widest), 0.3)
-    low = float(np.clip(min(finest), high / 300, high / 8))
-    return 1 + np.asarray(np.geomspace(low, high, _RATES), dtype=float)
-
-
 def _rate_words(rate: float, problem: MixedProblem) -> str:
     return f"decay rate {rate:.5g}" if problem.dt else f"decay {rate:.5g} 1/s"
 
 
 def _recommend(
-    problem: MixedProblem, rates: Real, gains: Real, errors: Real, priors: tuple[Prior | None, ...]
+    problem: MixedProblem, rates: Real, gains: Real, errors: Real, priors: tuple[Prior | None, ...], points: int
 ) -> tuple[Prior | None, str]:
     largest, floor = response_sizes(problem)
     cost = np.array([np.inf if p is None else p.slope for p in priors])
     k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
     prior = priors[k]
     if prior is None:
-        ceiling = CEILINGS[-1] * largest
+        whole = points == sum(f.omega.size for f in problem.frequency)
+        ceiling = CEILINGS[-1 if whole else 0] * largest
         return None, (
             f"no gain bound up to {ceiling:.3g} makes the data consistent, even at {_rate_words(rates[0], problem)}: samples"
             " contradict each other (repeated frequency points, overlapping records) or the parametric part"

@@ -97,10 +97,14 @@ class Interruptible:
 
 @dataclasses.dataclass(frozen=True)
 class Unfinished:
-    """Parts that a run has left out: steps whose time was over, which end with their best so far, or that Ctrl-C ended."""
+    """Parts that a run has left out: steps whose time was over, which end with their best so far, or that Ctrl-C ended.
+
+    `resumable` says whether what is finished is kept where the same run finds it again.
+    """
 
     steps: tuple[str, ...]
     interrupted: bool
+    resumable: bool = False
 
     @property
     def word(self) -> str:
@@ -116,7 +120,12 @@ class Unfinished:
                 "Ctrl-C ended it before its end: what stands here was found by then, and holds"
                 + f"; {late}" * bool(late)
             )
-            return f"{start}. Run it again, or go on from it with resume."
+            again = (
+                "The same run with resume goes on from what is finished."
+                if self.resumable
+                else "Run it again for the rest."
+            )
+            return f"{start}. {again}"
         return f"What stands here holds, but {late}; each kept the best so far. A larger time_limit goes further."
 
 

@@ -155,13 +155,17 @@ class Part:
 
 @dataclasses.dataclass(frozen=True)
 class Document:
-    """A page: its title, verdicts and warnings, the rest of its first screen, its body, and its last lines."""
+    """A page: its title, verdicts and warnings, the rest of its first screen, its body, and its last lines.
+
+    A `notice` is said before the verdict, which stays on the first screen.
+    """
 
     title: str
     head: Sequence[Block]
     body: Sequence[Block]
     foot: Sequence[Text] = ()
     glance: Glance = Glance()
+    notice: Text | None = None
 
     @property
     def verdict(self) -> Verdict | None:
@@ -199,7 +203,14 @@ class Document:
     def blocks(self) -> Iterator[Block]:
         """Every block in its order, those beside each other one after another."""
         first = [Drawing(self.glance.chart)] if self.glance.chart is not None else []
-        todo = [*self.head, *first, *self.glance.next, *self.body, *self.foot]
+        todo = [
+            *([] if self.notice is None else [self.notice]),
+            *self.head,
+            *first,
+            *self.glance.next,
+            *self.body,
+            *self.foot,
+        ]
         while todo:
             block = todo.pop(0)
             if isinstance(block, Beside):
@@ -234,6 +245,6 @@ def certificates(count: int, hold: bool, id: str) -> Verdict:
     return proved(hold, sentence, f"{otherwise} Don’t rely on these numbers.", id)
 
 
-def unfinished_verdict(unfinished: Unfinished | None) -> list[Verdict]:
-    """The verdict on a run that ended before its end, which comes first; none on others."""
-    return [] if unfinished is None else [Verdict("undecided", unfinished.word, unfinished.sentence, id="unfinished")]
+def unfinished_notice(unfinished: Unfinished | None) -> Text | None:
+    """Words that come first on the page of a run that ended before its end; None of others."""
+    return None if unfinished is None else Text(unfinished.sentence, "warning", "unfinished", head=unfinished.word)

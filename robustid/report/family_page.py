@@ -39,7 +39,7 @@ from robustid.report.document import (
     Text,
     Verdict,
     certificates,
-    unfinished_verdict,
+    unfinished_notice,
 )
 from robustid.report.identification_page import findings_section, run_file_section
 from robustid.report.identified import Bounded, Parts, transfer
@@ -67,7 +67,8 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
         ]
     return Document(
         title or heading("Family", problem.outputs, problem.inputs),
-        head=[*unfinished_verdict(parts.get("unfinished")), *_verdicts(family, withheld)],
+        head=_verdicts(family, withheld),
+        notice=unfinished_notice(parts.get("unfinished")),
         body=not_guaranteed(
             [
                 *findings_section(parts.get("findings", ())),

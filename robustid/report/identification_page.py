@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robustid.core import Unfinished
 from robustid.errors import Status
 from robustid.guarantees import Band
 from robustid.identification import Identification
@@ -23,7 +24,7 @@ from robustid.report.document import (
     Text,
     Verdict,
     checks_table,
-    unfinished_verdict,
+    unfinished_notice,
 )
 from robustid.report.first_screen import glance
 from robustid.report.frequency import frequency_section
@@ -83,6 +84,7 @@ def identification_page(identification: Identification, title: str | None, parts
         glance=glance(
             identification, margin_interval(identification), parts, [] if diagnosis is None else diagnosis.next_steps
         ),
+        notice=unfinished_notice(parts.get("unfinished")),
     )
 
 
@@ -124,17 +126,20 @@ def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     others = [withheld_verdict(withheld)] if withheld is not None else []
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
-    first = unfinished_verdict(parts.get("unfinished"))
-    first = first + others if withheld is not None and withheld.contradicted else first
+    first = others if withheld is not None and withheld.contradicted else []
     first = first + said if content is not None and content.empty else first
     return [*first, own, *(verdict for verdict in others + said + model if verdict not in first)]
 
 
-def identification_summary(identification: Identification, reduction: Reduction | None = None) -> list[Block]:
+def identification_summary(
+    identification: Identification, reduction: Reduction | None = None, unfinished: Unfinished | None = None
+) -> list[Block]:
     """Build the summary at the terminal."""
+    notice = unfinished_notice(unfinished)
     active = active_table(identification, refuted(identification))
     modes = modes_table(identification)
     return [
+        *([] if notice is None else [notice]),
         identification_verdict(identification),
         *_warnings(identification),
         Facts(_overview(identification, reduction)),

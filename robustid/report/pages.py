@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Unpack
 
-from robustid.core import as_flag, as_kind, atomic_write
+from robustid.core import Unfinished, as_flag, as_kind, atomic_write
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
 from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report import html, with_rich
-from robustid.report.document import Code, Document, Glance, Text, Verdict
+from robustid.report.document import Code, Document, Glance, Text, Verdict, unfinished_notice
 from robustid.report.family_page import family_page
 from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
@@ -165,6 +166,7 @@ def render_summary(
     reduction: Reduction | None = None,
     *,
     data: FrequencyResponse | None = None,
+    unfinished: Unfinished | None = None,
 ) -> Group:
     """Render verdict, margin or cost, checks, active constraints, poles or modes for ``rich.print`` or a rich console.
 
@@ -178,6 +180,8 @@ def render_summary(
         Of the model of an identification; its poles are then shown instead.
     data : FrequencyResponse, optional
         What a matrix fraction was fitted to, for the names of its signals.
+    unfinished : Unfinished, optional
+        What the run of an identification has left out, which is said before the verdict.
 
     Returns
     -------
@@ -202,7 +206,7 @@ def render_summary(
         return with_rich.render(stability_summary(identification))
     if isinstance(identification, StructuredWeight):
         return with_rich.render(weights_summary(identification))
-    return with_rich.render(identification_summary(identification, reduction))
+    return with_rich.render(identification_summary(identification, reduction, unfinished))
 
 
 def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verdict:
@@ -255,7 +259,8 @@ def _head(result: object) -> Document | None:
     identification = getattr(result, "identification", None)
     if isinstance(identification, Identification) and hasattr(result, "reduction"):
         reduction, error = getattr(result, "reduction"), getattr(result, "error", None)  # noqa: B009 - any result of a run
-        return _identified(identification, reduction=reduction, worst_case=error)
+        left_out = getattr(result, "unfinished", None)
+        return _identified(identification, reduction=reduction, worst_case=error, unfinished=left_out)
     if isinstance(result, MatrixFraction):
         said = verdict(result)
         return _first_screen(said, Glance(said.numbers))
@@ -277,9 +282,9 @@ def _identified(identification: Identification, **parts: Unpack[Parts]) -> Docum
     margin = margin_interval(identification)
     shown = glance(identification, margin, parts, drawn=False, bounding="rid.worst_case_error(result)")
     steps = [Text(step.text) for step in shown.next]
-    return _first_screen(
-        identification_verdict(identification, parts.get("reduction")), Glance(shown.numbers, shown.words, next=steps)
-    )
+    said = identification_verdict(identification, parts.get("reduction"))
+    found = _first_screen(said, Glance(shown.numbers, shown.words, next=steps))
+    return dataclasses.replace(found, notice=unfinished_notice(parts.get("unfinished")))
 
 
 def _signals(data: FrequencyResponse | TimeRecord) -> tuple[str, str]:

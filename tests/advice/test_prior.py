@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice import prior, suggest_prior
+from robustid.advice import gain_curve, prior, says_something, suggest_prior, useful_prior
 from robustid.advice.sensitivity import guaranteed
 from robustid.advice.smallest_gain import missed, selected, thinned
 from robustid.errors import InputTypeError, SizeError
@@ -206,25 +206,31 @@ def test_prior_of_many_points_is_consistent_with_all_of_them_and_says_something(
 
 def test_a_search_that_ran_out_of_time_or_was_interrupted_returns_what_is_there():
     problem = dense(lines=20)
-    assert suggest_prior(problem, time_limit=1e-9).decay_rates.size == 1
+    late = suggest_prior(problem, time_limit=1e-9)
+    assert late.decay_rates.size == 1
+    assert not late.complete
 
     def stop(text, done, count):
         assert count == 9
         if done == 2:
             raise KeyboardInterrupt
 
-    assert suggest_prior(problem, progress=stop).decay_rates.size == 2
+    stopped = suggest_prior(problem, progress=stop)
+    assert stopped.decay_rates.size == 2
+    assert not stopped.complete
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope_asks_for(seed, monkeypatch):
-    # Gains that rise with the decay rate and with the points, in place of those of programs; the judge knows all of them.
+def risen(seed, monkeypatch):
+    """A problem, gains that rise with the decay rate and with points that join four times, and a list of those asked for.
+
+    They take the place of those of programs; who judges knows all of them.
+    """
     rng, asked = np.random.default_rng(seed), []
     frf = rid.FrequencyResponse(np.linspace(0.1, 3.0, 200), np.ones(200), bound=0.01, dt=1.0)
     problem = rid.MixedProblem(frequency=frf, prior=ANY)
     steps = rng.uniform(0, 1, (5, 9)) * rng.choice([0.02, 0.3, 3.0], (5, 9))
     every = 0.1 * np.exp(np.cumsum(np.cumsum(steps, axis=1), axis=0))
-    rates = prior._default_rates(problem)
+    rates, first = gain_curve.default_rates(problem), int(prior.representatives(problem)[0].sum())
 
     def gain(part, rate, *_):
         asked.append((sum(f.omega.size for f in part.frequency), rate))
@@ -234,13 +240,20 @@ def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope
         (mask,) = masks
         return None if mask.sum() == first + 32 else (mask | (~mask & (np.cumsum(~mask) <= 8)),)
 
-    first = int(prior.representatives(problem)[0].sum())
-    monkeypatch.setattr(prior, "smallest_gain", gain)
+    monkeypatch.setattr(gain_curve, "smallest_gain", gain)
     monkeypatch.setattr(prior, "missed", more)
-    monkeypatch.setattr(prior, "_lighter", lambda whole, part, rate: part)
+    for module in (prior, gain_curve):
+        monkeypatch.setattr(module, "lighter", lambda whole, part, rate: part)
     monkeypatch.setattr(prior, "_of_all", lambda problem, found, budget: found)
     monkeypatch.setattr(prior, "identify", lambda *_, **__: problem)
     monkeypatch.setattr(type(problem), "model", None, raising=False)
+    return problem, every, asked
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope_asks_for(seed, monkeypatch):
+    problem, every, asked = risen(seed, monkeypatch)
+    rates, first = gain_curve.default_rates(problem), int(prior.representatives(problem)[0].sum())
     found = suggest_prior(problem)
     last = every[(found.points - first) // 8]
     slopes = [rid.Prior(gain_bound=found.safety * k, decay_rate=r).slope for k, r in zip(last, rates, strict=True)]
@@ -249,3 +262,36 @@ def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope
     assert found.prior.gain_bound == pytest.approx(found.safety * last[int(np.argmin(slopes))])
     assert np.all(found.gains <= last * (1 + 1e-12))
     assert len(asked) <= 45
+
+
+def test_a_search_for_a_useful_class_ends_early_and_decides_as_the_whole_one(monkeypatch):
+    # 20 sets of gains; the largest response is 1.
+    saved, said = 0, []
+    for seed in range(20):
+        with monkeypatch.context() as patch:
+            problem, _, asked = risen(seed, patch)
+            whole, count = suggest_prior(problem), len(asked)
+            asked.clear()
+            found = useful_prior(problem)
+        said.append(says_something(problem, whole))
+        assert says_something(problem, found) == said[-1]
+        assert whole.complete
+        assert found.complete
+        if said[-1]:
+            assert found.prior == whole.prior
+        else:
+            assert min(found.gains) > 1 or found.points == whole.points
+        saved += len(asked) < count
+    assert 3 < sum(said) < 17
+    assert saved > 3
+
+
+def test_a_search_for_a_useful_class_tries_only_decay_rates_that_all_points_can_be_posed_with():
+    rng = np.random.default_rng(0)
+    values = rng.standard_normal((300, 3, 3)) + 1j * rng.standard_normal((300, 3, 3))
+    frf = rid.FrequencyResponse(np.linspace(0.5, 1.5, 300), values, bound=0.1, dt=1.0)
+    problem = rid.MixedProblem(frequency=frf, prior=ANY)
+    rates = gain_curve.possible_rates(problem)
+    assert rates[0] > gain_curve.default_rates(problem)[0]
+    assert useful_prior(problem, time_limit=1e-9).decay_rates[0] == rates[0]
+    assert suggest_prior(problem, time_limit=1e-9).decay_rates[0] < rates[0]

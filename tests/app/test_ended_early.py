@@ -13,10 +13,12 @@ from support.run_files import CLASS as STATED
 from support.run_files import DATA, ask
 
 
-def first_verdict(page):
-    """Words of the first verdict of a page."""
+def first_screen(page):
+    """Words before the first figure of a page, and where its first verdict begins in them."""
     text = page.read_text(encoding="utf-8")
-    return html.unescape(re.sub(r"<[^>]+>", " ", text[text.index('class="verdict') :][:2000]))
+    text = text[text.index('aria-label="At a glance"') : text.index("<figure")]
+    before, after = (html.unescape(re.sub(r"<[^>]+>", " ", part)) for part in text.split('<section class="verdict', 1))
+    return before, after
 
 
 def test_a_listener_hears_of_ctrl_c_that_a_loop_keeps_back():
@@ -48,9 +50,13 @@ def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files,
     code, out, err = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"])
     assert code == 130
     assert "interrupted: what was found by then is written" in err
-    assert "Ctrl-C ended it before its end" in " ".join((out + err).split())
+    words = " ".join((out + err).split())
+    assert words.index("Interrupted: Ctrl-C ended it before its end") < words.index("Consistent")
+    assert "resume" not in words  # which this command has not
     assert rid.load("first").consistent
-    assert first_verdict(files / "first.html").split('">')[-1].split()[0] == "Interrupted"
+    before, after = first_screen(files / "first.html")
+    assert "Interrupted: Ctrl-C ended it" in before
+    assert "Consistent" in after
 
 
 def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):
@@ -63,11 +69,31 @@ def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):
     assert not result.unfinished.interrupted
     assert any("smallest order" in step for step in result.unfinished.steps)
     assert result.summary().startswith("Unfinished: ")
-    assert first_verdict(folder / "out" / "report.html").split('">')[-1].split()[0] == "Unfinished"
+    before, after = first_screen(folder / "out" / "report.html")
+    assert "Unfinished: What stands here holds" in before
+    assert "Consistent" in after
     assert result.band.certified
 
 
 def test_a_run_in_its_time_leaves_nothing_out(folder):
     result = rid.run(ask(folder, DATA, STATED, {"worst_case": {"compute": False}}), "out")
     assert result.unfinished is None
-    assert "Unfinished" not in first_verdict(folder / "out" / "report.html")
+    assert "Unfinished" not in "".join(first_screen(folder / "out" / "report.html"))
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_an_interrupted_run_is_gone_on_with_where_something_keeps_it(folder, kept):
+    def stop(text, done, count):
+        if count and "smallest order" in text:
+            raise KeyboardInterrupt
+
+    path = ask(folder, DATA, STATED, {"worst_case": {"compute": False}})
+    if kept:
+        result = rid.run(path, "out", progress=stop)
+    else:
+        stated = {"modes": [(9.0, 0.1), (17.67, 0.004)], "prior": rid.Prior(gain_bound=0.2, decay_rate=1.1)}
+        result = rid.identify_reduced([rid.load("frf.csv"), rid.load("step.csv")], progress=stop, **stated)
+    assert result.unfinished.interrupted
+    assert result.unfinished.resumable is kept
+    if kept:
+        assert rid.run(path, "out", resume=True).unfinished is None

@@ -178,7 +178,7 @@ def test_misuse_is_one_sentence_before_anything_is_computed(folder, run, monkeyp
     "change", [{"modes": {"hz": [60.0], "damping": [0.1]}}, {"worst_case": {"at_hz": [60.0]}, "modes": CLASS["modes"]}]
 )
 def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatch, change):
-    monkeypatch.setattr(class_choice, "suggest_prior", None)
+    monkeypatch.setattr(class_choice, "useful_prior", None)
     with pytest.raises(rid.InputError, match="60 Hz, above the Nyquist frequency of 50 Hz"):
         rid.run(ask(folder, DATA, change), "out")
 

@@ -184,12 +184,10 @@ def conclude(
 
     result = work.identification
     page = None if report is None else render_report(result, title=title, static=static, **work.parts)
-    summary = render_summary(result, work.reduction)
+    summary = render_summary(result, work.reduction, unfinished=work.around.unfinished)
     result.save(output)
     written_files.write_page(report, page)
     console.print(summary)
-    if (left_out := work.around.stops.unfinished) is not None:
-        screen.warn(console, f"{left_out.word}: {left_out.sentence}")
     if work.band is not None:
         say(console, work.band.summary())
     if work.diagnosis is not None:

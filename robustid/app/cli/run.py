@@ -100,7 +100,7 @@ def run(
     solved, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.run import pipeline
-    from robustid.app.run.results import IdentifiedReduced
+    from robustid.app.run.results import IdentifiedReduced, unfinished_words
     from robustid.app.run.run_folder import RUN_FILE
     from robustid.errors import Status
     from robustid.report import render_summary
@@ -120,12 +120,14 @@ def run(
             progress=told(show),
         )
     if isinstance(result, IdentifiedReduced):
-        console.print(render_summary(result.identification, result.reduction))
+        console.print(render_summary(result.identification, result.reduction, unfinished=result.unfinished))
         if result.diagnosis is not None:
             screen.say(console, "\n" + result.diagnosis.summary())
         status, identifications = result.identification.status, [result.identification]
     else:
         status, identifications = result.status, list(result.identifications.values())
+        for line in unfinished_words(result.unfinished):
+            screen.warn(console, line)
         if result.family is not None:
             screen.say(console, result.family.summary())
     for finding in result.findings:

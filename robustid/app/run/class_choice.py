@@ -14,9 +14,11 @@ from robustid.advice import (
     entry_sizes,
     possible_rates,
     response_sizes,
+    says_something,
     suggest_prior,
     suggest_roll_off,
     suggest_scaling,
+    useful_prior,
 )
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL, PriorChoice
@@ -138,11 +140,11 @@ def with_prior(
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and chosen.source is Source.DATA
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
-    problem, found, doubled = _suggested(problem, twice, around)
+    problem, found, doubled = _suggested(problem, twice, around, reference)
     if doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
     prior, source, note = found.prior, Source.DATA, PRIOR_NOTE + found.reason
-    if reference and not _says_something(problem, found):
+    if reference and not says_something(problem, found):
         (prior, what), source = _reference(run, problem), Source.PROGRAM
         note += (
             f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
@@ -199,25 +201,27 @@ def _with_roll_off(problem: MixedProblem, around: Surroundings) -> tuple[MixedPr
 
 
 def _suggested(
-    problem: MixedProblem, twice: ParametricBasis | None, around: Surroundings
+    problem: MixedProblem, twice: ParametricBasis | None, around: Surroundings, reference: bool
 ) -> tuple[MixedProblem, PriorSuggestion, bool]:
     """The prior for a problem, with the basis `twice` where that is much better than one that says little: problem, prior, whether.
 
-    A non-parametric part that may be larger than the typical response says little; much better is half the gain bound.
+    A non-parametric part that may be larger than the typical response says little; much better is half the gain bound. Where a
+    `reference` class is taken in place of one that says nothing, the search goes no further than it takes to see that.
     """
+    search = useful_prior if reference else suggest_prior
     with around.step("looking for a prior", _PRIOR) as limit:
-        found = suggest_prior(problem, time_limit=limit, progress=around.told)
-    something = _says_something(problem, found)
+        found = search(problem, time_limit=limit, progress=around.told)
+    something = says_something(problem, found)
     if twice is None or (something and _gain(found) <= found.safety * _typical_size(problem)):
         return problem, found, False
     wider = dataclasses.replace(problem, parametric=twice)
     try:
         with around.step("looking for a prior with each pair twice", _PRIOR) as limit:
-            other = suggest_prior(wider, time_limit=limit, progress=around.told)
+            other = search(wider, time_limit=limit, progress=around.told)
     except InputError:  # functions that the samples can't tell apart
         return problem, found, False
-    better = _says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
-    return (wider, other, True) if better else (problem, found, False)
+    better = says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
+    return (wider, other, True) if better and other.complete else (problem, found, False)
 
 
 def _gain(found: PriorSuggestion) -> float:
@@ -229,11 +233,6 @@ def _typical_size(problem: MixedProblem) -> float:
     """Median of the measured responses, over scaling and weight of the prior; inf where there are none."""
     sizes = np.concatenate([np.zeros(0), *(entry_sizes(problem, f) for f in problem.frequency)])
     return float(np.median(sizes)) if sizes.size else float("inf")
-
-
-def _says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
-    """Tell whether a suggested non-parametric part is not larger than every response."""
-    return found.prior is not None and found.prior.gain_bound <= found.safety * response_sizes(problem)[0]
 
 
 def _chosen_decay(problem: MixedProblem, kind: str, slack: float | None) -> tuple[Prior, str]:

@@ -141,6 +141,16 @@ def _box_of(member: MemberChoice) -> Box | None:
     return 2 * np.pi * np.array(member.hz_interval), np.array(member.damping_interval)
 
 
+def _said_of(run: RunFile, found: dict[str, Identification], around: Surroundings) -> list[str]:
+    """Words on every member: whether its data fit the class, and what would help."""
+    said: list[str] = []
+    for name, one in found.items():
+        diagnosis = diagnosis_of(one, around)
+        help = [] if diagnosis is None else [diagnosis.summary()]
+        said += [f"{name}: {words}" for words in [*findings.class_words(run, one), *help]]
+    return said
+
+
 def _united(
     run: RunFile, found: dict[str, Identification], left: dict[str, Untouched], around: Surroundings
 ) -> FamilyRun:
@@ -158,11 +168,7 @@ def _united(
         )
         for m in run.members
     ]
-    said: list[str] = []
-    for name, one in found.items():
-        diagnosis = diagnosis_of(one, around)
-        help = [] if diagnosis is None else [diagnosis.summary()]
-        said += [f"{name}: {words}" for words in [*findings.class_words(run, one), *help]]
+    said = _said_of(run, found, around)
     asked = run.worst_case
     bases = [one.problem.parametric for one in found.values()]
     poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))
@@ -192,7 +198,7 @@ def _united(
             withheld={},
             findings=(*said, str(error)),
             run_file=run,
-            unfinished=around.stops.unfinished,
+            unfinished=around.unfinished,
         )
     if asked.circle:
         spread = around.counted("bounding the members between the frequencies")
@@ -212,5 +218,5 @@ def _united(
         withheld=seen,
         findings=(*found_of, *one.not_known),
         run_file=run,
-        unfinished=around.stops.unfinished,
+        unfinished=around.unfinished,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from robustid.advice import Content, Diagnosis
 from robustid.app.run.run_file import RunFile
@@ -16,6 +16,13 @@ from robustid.reduction import ModelWorth, Reduction
 
 if TYPE_CHECKING:
     import control
+
+
+class WiderBand(NamedTuple):
+    """The band that data which contradict their class would leave if every bound were `factor` times as large."""
+
+    factor: float
+    band: Band
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -35,6 +42,9 @@ class IdentifiedReduced(Frozen):
         matrices are made tight around the small one.
     band : Band or None
         Proved at every frequency, around the small model: over the pole-uncertainty box where the poles were taken from the data.
+    wider : WiderBand or None
+        Of data that are not consistent: the same with all bounds larger, by 10 % more than the class needs; `wider.factor` says
+        how much, `wider.band.problem` has them. No guarantee about the data as they were measured.
     over_poles : WorstCaseOverPoles or None
         With the poles anywhere in the pole-uncertainty box, around the small model.
     content : Content or None
@@ -63,6 +73,7 @@ class IdentifiedReduced(Frozen):
     findings: tuple[str, ...]
     run_file: RunFile
     band: Band | None = None
+    wider: WiderBand | None = None
     diagnosis: Diagnosis | None = None
     unfinished: Unfinished | None = None
 
@@ -84,6 +95,7 @@ class IdentifiedReduced(Frozen):
             "worst_case": self.error,
             "over_poles": self.over_poles,
             "band": self.band,
+            "wider_band": None if self.wider is None else self.wider.band,
         }
 
     @property

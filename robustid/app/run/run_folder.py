@@ -13,7 +13,7 @@ from typing import TypedDict
 from robustid.app.load_save import load_result
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.core import Budget, Progress, Source, Stops, atomic_write, fingerprint, paths, save
+from robustid.core import Budget, Progress, Source, Stops, Unfinished, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.fitting import MatrixFraction
@@ -22,7 +22,7 @@ from robustid.guarantees import Band
 from robustid.identification import Identification, MixedProblem
 
 RUN_FILE = "run.toml"
-_NUMBERS = ("identification", "band", "worst_case", "over_poles", "family", "fit")
+_NUMBERS = ("identification", "band", "wider_band", "worst_case", "over_poles", "family", "fit")
 _PAGE, _MODEL, _SUMMARY, _RESPONSE, _UNFINISHED = (
     "report.html",
     "small_model.npz",
@@ -180,6 +180,13 @@ class Surroundings:
         yield budget.seconds
         if budget.over and needed:
             self.stops.late.append(text)
+
+    @property
+    def unfinished(self) -> Unfinished | None:
+        """The steps that ended before their end, and whether a folder keeps what is finished; None where nothing did."""
+        found = self.stops.unfinished
+        kept = self.folder.folder is not None or self.resume is not None
+        return None if found is None else dataclasses.replace(found, resumable=kept)
 
     def say(self, text: str) -> None:
         """Say what is done now."""

@@ -8,12 +8,12 @@ import numpy as np
 
 from robustid.advice import Diagnosis, content, diagnose
 from robustid.app.run import findings
-from robustid.app.run.class_choice import with_larger_gain
+from robustid.app.run.class_choice import SPARE, inflated_problem, with_larger_gain
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import box_of_modes, held_box
 from robustid.app.run.posing import posed, posed_as_stated
-from robustid.app.run.results import IdentifiedReduced
+from robustid.app.run.results import IdentifiedReduced, WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Step, Untouched, Work, carry_out
@@ -58,7 +58,7 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
     work, asked = decided(run, problem, left, around), run.worst_case
     small: list[Step] = [reduced, compared_with_fits, without_doubtful]
     if not work.identification.consistent:
-        carry_out(work, [*small, diagnosed])
+        carry_out(work, [*([proved_if_wider] if asked.compute else []), *small, diagnosed])
     else:
         carry_out(work, [*([proved] if asked.compute else []), *small, refined, seen_between])
         nothing_said = work.content is not None and work.content.empty and asked.at_hz is None
@@ -78,10 +78,11 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
         error=work.error,
         over_poles=work.over_poles,
         band=work.band,
+        wider=None if work.wider is None else work.wider._replace(band=work.wider.band.with_model(work.model)),
         findings=findings.sentences(work),
         diagnosis=work.diagnosis,
         run_file=work.run,
-        unfinished=around.stops.unfinished,
+        unfinished=around.unfinished,
     )
 
 
@@ -142,6 +143,22 @@ def proved(work: Work) -> None:
         told, box = work.around.progress(words), held_box(work.box, result.problem)
         work.band = band(result, box=box, time_limit=limit, progress=told)
     work.around.folder.proved(work.band)
+
+
+def proved_if_wider(work: Work) -> None:
+    """The band of data that are not consistent if every bound were larger, by 10 % more than the class needs."""
+    result = work.identification
+    if result.status is Status.FAILED or result.prior.positive_real or not np.isfinite(result.margin):
+        return
+    factor = SPARE * float(result.margin)
+    problem = inflated_problem(
+        result.problem, work.run.changed("identify", inflate=factor, inflate_source=Source.PROGRAM)
+    )
+    words = "proving the error for wider bounds"
+    with work.around.step(words, _BAND) as limit:
+        told, box = work.around.progress(words), held_box(work.box, problem)
+        found = band(problem, box=box, model=result.model, time_limit=limit, progress=told)
+    work.wider = WiderBand(factor, found)
 
 
 def reduced(work: Work) -> None:

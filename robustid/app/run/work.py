@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from robustid.advice import Content, Diagnosis
 from robustid.app.run.modes import Box
+from robustid.app.run.results import WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.core import Real
@@ -52,6 +53,7 @@ class Work:
     box: Box | None = None  # of the poles, which the band covers
     omega: Real | None = None  # of the worst case; None: the usual grid
     band: Band | None = None
+    wider: WiderBand | None = None  # of data that are not consistent
     reduction: Reduction | None = None
     worth: ModelWorth | None = None
     not_compared: str = ""  # why there is no worth
@@ -84,7 +86,7 @@ class Work:
             "over_poles": self.over_poles,
             "band": self.band,
             "diagnosis": self.diagnosis,
-            "unfinished": self.around.stops.unfinished,
+            "unfinished": self.around.unfinished,
         }
 
 

@@ -1,0 +1,165 @@
+"""The smallest gain bound at every decay rate: all of the curve, or where its slope may be smallest; and the rates to try."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.advice.smallest_gain import CEILINGS, DIGITS, TAILS, response_sizes, smallest_gain
+from robustid.core import Budget, Interruptible, Real
+from robustid.errors import InputError, SizeError
+from robustid.identification import MixedProblem, Prior
+from robustid.identification.formulation import formulate
+
+_log = logging.getLogger("robustid")
+
+SAFETY = 2.0  # recommended gain bound over the smallest one
+FEW = 40  # frequency points (over the root of the entries) that stand for more of them
+_RATES = 9
+_QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
+_FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
+_APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
+
+
+class GainCurve(NamedTuple):
+    """The smallest gain at every decay rate, or what it is not below."""
+
+    rates: Real
+    gains: Real
+
+    def priors(self, problem: MixedProblem) -> tuple[Prior | None, ...]:
+        """The prior that would be recommended at each decay rate."""
+        # A non-parametric part smaller than every bound can't be seen, hence not excluded either.
+        floor = response_sizes(problem)[1]
+        return tuple(
+            dataclasses.replace(problem.prior.with_rate(float(rho)), gain_bound=SAFETY * max(float(gain), floor))
+            if np.isfinite(gain)
+            else None
+            for rho, gain in zip(self.rates, self.gains, strict=True)
+        )
+
+    def slopes(self, problem: MixedProblem) -> Real:
+        """Slope bound of each of the `priors`; inf where there is none."""
+        return np.array([np.inf if one is None else one.slope for one in self.priors(problem)])
+
+
+def smallest_gains(
+    problem: MixedProblem, part: MixedProblem, rates: Real, before: GainCurve | None, budget: Budget
+) -> GainCurve:
+    """The curve of a part of the data, or the first of it where the time is over; `before` is that of a part of the part."""
+    # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
+    ceilings = CEILINGS if part is problem else CEILINGS[:1]
+
+    def gain_at(rate: float) -> float:
+        gain = smallest_gain(lighter(problem, part, rate), rate, problem, ceilings, budget)
+        _log.info("decay rate %.6g: smallest gain bound %.6g", rate, gain)
+        return gain
+
+    if before is not None:
+        return _at_knee(problem, rates, gain_at, before, budget)
+    gains = _every_gain(rates, gain_at, budget)
+    return GainCurve(rates[: gains.size], gains)
+
+
+def _every_gain(rates: Real, gain_at: Callable[[float], float], budget: Budget) -> Real:
+    """The smallest gain at every decay rate, or the first ones where the time is over."""
+    gains, done = np.full(rates.size, np.inf), 0
+    with Interruptible(lambda: done > 0):
+        for k, rate in enumerate(rates.tolist()):
+            gains[k] = gain_at(rate)
+            done = k + 1
+            budget.tell(done, rates.size)
+            if np.isinf(gains[k]):
+                done = rates.size  # a larger rho makes the class smaller still
+            if done == rates.size or budget.over:
+                break
+    return gains[:done]
+
+
+def _at_knee(
+    problem: MixedProblem, rates: Real, gain_at: Callable[[float], float], before: GainCurve, budget: Budget
+) -> GainCurve:
+    """The smallest gain where the slope is smallest, and what it is not below at the other decay rates.
+
+    The gain rises with the decay rate and with the data, so that what one rate or fewer points ask for bounds the others from
+    below: first at the knee of fewer points, then where that bound of the slope is smallest, until the smallest was computed.
+    """
+    gains, known = np.maximum.accumulate(_not_below(before, rates)), np.zeros(rates.size, bool)
+    knee = before.rates[int(np.argmin(before.slopes(problem)))]
+    k = int(np.argmin(np.abs(rates - knee)))
+    with Interruptible():
+        while not budget.over:
+            gains[k], known[k] = gain_at(float(rates[k])), True
+            gains[k + 1 :] = np.maximum(gains[k + 1 :], gains[k] * (1 - DIGITS))
+            budget.tell(int(known.sum()), rates.size)
+            slopes = GainCurve(rates, gains).slopes(problem)
+            k = int(np.argmin(slopes))
+            if known[k] or np.isinf(slopes[k]):
+                break
+    return GainCurve(rates, gains)
+
+
+def _not_below(before: GainCurve, rates: Real) -> Real:
+    """Gains of fewer points at the same decay rates, less what they may be too large by; 0 where there were none."""
+    gains = dict(zip(before.rates.tolist(), (before.gains * (1 - DIGITS)).tolist(), strict=True))
+    return np.array([gains.get(rate, 0.0) for rate in rates.tolist()])
+
+
+def lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProblem:
+    """All points where they cost no more than a part of them: a fast decay needs few coefficients for any number of points."""
+    if part is problem:
+        return problem
+    trials = (one.with_prior(gain_bound=CEILINGS[0] * response_sizes(problem)[0], rate=rho) for one in (problem, part))
+    try:
+        whole, few = (formulate(one, accuracy=TAILS).work for one in trials)
+    except SizeError:
+        return part
+    return problem if whole <= few else part
+
+
+def possible_rates(problem: MixedProblem) -> Real:
+    """The default decay rates, those left out at which many data, or matrices, need too many coefficients."""
+    return possible(problem, default_rates(problem))
+
+
+def possible(problem: MixedProblem, rates: Real) -> Real:
+    """The decay rates, the slowest left out at which many data, or matrices, need too many coefficients."""
+    refusal: SizeError | None = None
+    largest = response_sizes(problem)[0] * CEILINGS[0]
+    entries = float(np.sqrt(problem.entries.outputs * problem.entries.inputs))
+    for first, rho in enumerate(rates):
+        try:
+            trial = problem.with_prior(gain_bound=largest, rate=float(rho))
+            form = formulate(trial, accuracy=DIGITS)
+        except SizeError as error:
+            refusal = error
+            continue
+        slow = not form.exact and form.count * entries > _QUICK_MATRIX
+        if not slow or entries == 1 or rho == rates[-1]:
+            return rates[first:]
+    raise refusal or InputError("`problem` has no decay rate to try")
+
+
+def default_rates(problem: MixedProblem) -> Real:
+    """Decay rates from the distance of the points, or the length of the records, to half the highest frequency point."""
+    finest: list[float] = []
+    widest: list[float] = []
+    if not problem.dt:
+        top = float(max(f.omega.max() for f in problem.frequency)) or 1.0
+        high, finest = top / 2, [_APART * top / min(problem.angles.size, FEW)]
+        return np.asarray(np.geomspace(np.clip(finest[0], high / 300, high / 8), high, _RATES), dtype=float)
+    if problem.angles.size:
+        finest.append(_APART * float(problem.angles[-1]) / min(problem.angles.size, FEW))
+        widest.append(float(problem.angles[-1]) / 2)
+    if problem.taylor:
+        # From unknown initial states a class that hardly decays over the record holds any data, and says nothing of the plant.
+        free = all(record.initial == "free" for record in problem.time)
+        finest.append((_FORGETS if free else 1) / problem.taylor)
+        widest.append(0.3)
+    high = min(max(widest), 0.3)
+    low = float(np.clip(min(finest), high / 300, high / 8))
+    return 1 + np.asarray(np.geomspace(low, high, _RATES), dtype=float)
