@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger("robustid")
 
 Cells = list[tuple[PoleCell, ConsistentSet | None]]
-Searched = tuple[Cells, list[RefutedCell], float]  # cells that are left, and refuted ones; seconds of one at a frequency
+Searched = tuple[Cells, list[RefutedCell], float]  # cells that are left, refuted ones, seconds of one at a frequency
 
 LIMITLESS = 1000  # cells, where time is no matter
 _ENOUGH = 24  # frequencies, for which cells are left undivided where the time is short
@@ -89,11 +89,7 @@ def searched(
 
 
 def affordable(
-    sets: Cells,
-    grid: Real,
-    settings: tuple[int, float],
-    budget: Budget,
-    model: control.StateSpace,
+    sets: Cells, grid: Real, settings: tuple[int, float], budget: Budget, model: control.StateSpace
 ) -> tuple[int, float]:
     """So many cells can be bounded at enough frequencies in the time that is left, by the seconds of one of them at one."""
     first = next((consistent for _, consistent in sets if consistent is not None), None)
