@@ -71,7 +71,7 @@ class Programs(abc.ABC):
         """Everything that was found; None where nothing was."""
 
     def added(self, omega: Real) -> Real:
-        """What the radii of polygons have at frequencies beyond those at exact poles, (F, ny, nu), approximately."""
+        """Parts of the radii of polygons that the relaxation of the poles adds at frequencies, (F, ny, nu), approximately."""
         return np.zeros((omega.size, *self.entries.shape))
 
 
