@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import time
 from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.parameters import parameter_intervals
 from robustid.guarantees.pole_cells import box_of
 from robustid.guarantees.pole_proofs import KeptCell
-from robustid.guarantees.pole_sweep import bounded, searched
+from robustid.guarantees.pole_sweep import Searched, affordable, bounded, matters, searched
 from robustid.guarantees.refinement import discs_of, in_order
 from robustid.guarantees.sweep import Known, Means, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency, gap_of
@@ -32,9 +33,13 @@ _MANY = 4  # entries: of more all frequencies are chosen at once, since the sear
 _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good enough
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _SEARCH = 8, 0.25  # of a pole-uncertainty box, at most; part of the time in which they are found
+_HALF = 0.5  # of the radius of a disc: what a polygon may be that nothing is known of
+_TWICE = 2.0  # what the remainder of a cell adds to a polygon, in the samples and at its frequency, over itself
 _SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
 _SIDES_OF_CELLS = 8, 0.1  # and of cells
+_QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
 _NO_TIME = 1e-9
+_LEAST = 0.1  # of a polygon: what is its own, and not that of the relaxation
 
 
 class Refinable(Known, Protocol):
@@ -64,6 +69,10 @@ class Programs(abc.ABC):
     @abc.abstractmethod
     def polygons(self) -> Bounded | None:
         """Everything that was found; None where nothing was."""
+
+    def added(self, omega: Real) -> Real:
+        """Parts of the radii of polygons that the relaxation of the poles adds at frequencies, (F, ny, nu), approximately."""
+        return np.zeros((omega.size, *self.entries.shape))
 
 
 class OfExactPoles(Programs):
@@ -113,7 +122,7 @@ class OverBox(Programs):
         directions, rtol = _SIDES_OF_CELLS
         self._sides = directions, gap_of(rtol, directions, self.entries.single)
         with threads_for(problem.coefficients):
-            self._sets, self._refuted = searched(problem, self._whole, omega, _CELLS, budget.share(_SEARCH))
+            self._sets, self._refuted, self._each = self._cells(omega, budget)
         if not self._sets:
             raise InconsistentDataError(
                 f"no system with poles in the pole-uncertainty box fits the data: all {len(self._refuted)} cells of it are"
@@ -126,8 +135,28 @@ class OverBox(Programs):
             )
         self._kept: list[dict[float, tuple[ValueSet, ...]]] = [{} for _ in self._sets]
 
+    def _cells(self, omega: Real, budget: Budget) -> Searched:
+        """As many cells as leave time for enough frequencies, and the seconds of one of them at one frequency."""
+        problem = self.identification.problem
+        sets, refuted = searched(problem, self._whole, omega, 1, budget)
+        narrow = omega[np.argsort(self._whole.slack(omega).max(axis=(1, 2)), kind="stable")]
+        most, each = affordable(sets, narrow[: narrow.size // 2 + 1], self._sides, budget, self.model)
+        if most > 1 and matters(self._whole, problem, omega):
+            sets, refuted = searched(problem, self._whole, omega, min(most, _CELLS), budget.share(_SEARCH))
+        return sets, refuted, each
+
+    def added(self, omega: Real) -> Real:
+        """As `Programs.added`: the remainder of the cells' expansions."""
+        return _TWICE * np.max([cell.slack(omega) for cell, _ in self._sets], axis=0)
+
     def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
-        """As `Programs.solve`; a frequency at which a cell alone is as large as the known disc is looked at no further."""
+        """As `Programs.solve`; a frequency at which a cell alone is as large as the known disc is looked at no further.
+
+        Only so many, the first of them, as are finished in all cells by the end of the time.
+        """
+        if means.budget is not None and means.budget.seconds is not None:
+            omega = omega[: max(int(means.budget.left / (self._each * len(self._sets))), 0)]
+        omega = np.sort(omega)
         most = known.at(omega)[1] / _GAIN
         looked = np.full((omega.size, *self.entries.shape), np.nan)
 
@@ -175,49 +204,71 @@ def candidates_of(band: Known, problem: MixedProblem, omega: Real) -> Real:
 def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     """The band with polygons at those candidates, rising, where they gain most, until nothing or no time is left.
 
-    Radii of polygons are estimated from those of the discs of the samples alone, times what those beside had in these units. One
-    polygon at least is looked at.
+    Radii of polygons are estimated from those of the discs of the samples alone, times what those beside had in these units, and
+    what the relaxation of the poles adds.
     """
-    plain = band.at(candidates)[1]
+    plain, added = band.at(candidates)[1], programs.added(candidates)
     tried = np.full(plain.shape, np.nan)  # radii, of those that were looked at
-    found, count = band, 0
+    found, count, joining = band, 0, 0.0
+    polygons = joined = None
     size = programs.together if plain[0].size <= _MANY else _MOST
     while count < _MOST:
         room = min(size, _MOST - count)
+        gain = (found.at(candidates)[1] / _estimated(plain, tried, added, candidates)).max(axis=(1, 2))
         if count:
-            gain = (found.at(candidates)[1] / _estimated(plain, tried, candidates)).max(axis=(1, 2))
             chosen = _apart(np.where(np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN), gain, 0), room)
         else:
-            chosen = _first(plain.max(axis=(1, 2)), room)
+            chosen = _first(np.where(gain > _GAIN, plain.max(axis=(1, 2)), 0), room)
         if not chosen.size:
             break
-        seen, radius = programs.solve(candidates[chosen], band, means)
+        # The best of them first: the time may end before the others.
+        chosen = chosen[np.argsort(-gain[chosen], kind="stable")]
+        before = time.monotonic()
+        seen, radius = programs.solve(candidates[chosen], band, _less(means, joining))
+        solved = time.monotonic()
+        if not seen.size:
+            break
         tried[np.searchsorted(candidates, seen)] = radius
         tried[np.isinf(tried)] = np.finfo(float).max
         count += chosen.size
         polygons = programs.polygons()
-        if polygons is not None:
-            found = band.with_polygons(polygons)
+        if polygons is not None and joining <= _QUICK * (solved - before):
+            found, joined = band.with_polygons(polygons), polygons
+            joining = max(joining, time.monotonic() - solved)
         if means.budget is not None and means.budget.over:
             break
-    return found
+    return found if polygons is joined else band.with_polygons(polygons)
 
 
-def _estimated(plain: Real, tried: Real, omega: Real) -> Real:
-    """Radii of polygons (F, ny, nu): in units of those of the discs they change from one that was tried to the next."""
-    found = np.array(plain)
+def _less(means: Means, seconds: float) -> Means:
+    """The same means without some seconds at the end of their time."""
+    budget = means.budget
+    if budget is None or budget.seconds is None:
+        return means
+    return means._replace(budget=Budget(max(budget.left - seconds, _NO_TIME)))
+
+
+def _estimated(plain: Real, tried: Real, added: Real, omega: Real) -> Real:
+    """Radii of polygons (F, ny, nu): in units of those of the discs they change from one that was tried to the next.
+
+    Without what the relaxation of the poles adds.
+    """
+    found = _HALF * plain
     for entry in np.ndindex(*plain.shape[1:]):
         known = np.isfinite(tried[:, *entry]) & np.isfinite(plain[:, *entry])
         if known.any():
-            level = np.log(tried[known, *entry] / plain[known, *entry])
+            own = np.maximum(tried - added, _LEAST * tried)[known, *entry]
+            level = np.log(own / plain[known, *entry])
             found[:, *entry] = plain[:, *entry] * np.exp(np.interp(omega, omega[known], level))
-    return found
+    return found + added
 
 
 def _first(radius: Real, count: int) -> NDArray[np.intp]:
-    """The numbers to begin with: half of them of the largest discs, the others spread over all."""
-    largest = _apart(radius, (count + 1) // 2)
-    spread = np.linspace(0, radius.size - 1, count + 2).round().astype(int)[1:-1]
+    """The numbers to begin with, of positive radii: half of them of the largest discs, the others spread over all."""
+    largest, there = _apart(radius, (count + 1) // 2), np.flatnonzero(radius > 0)
+    if not largest.size:
+        return largest
+    spread = there[np.linspace(0, there.size - 1, count + 2).round().astype(int)[1:-1]]
     away = np.abs(spread[:, None] - largest).min(axis=1)
     spread = spread[away > _BESIDE]
     kept = np.unique(np.linspace(0, spread.size - 1, min(count // 2, spread.size)).round().astype(int))

@@ -16,7 +16,7 @@ from robustid.core import Complex, Frozen, Real, as_array, exponents_of, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.amplitude_bounds import Extractions, extractions_over, largest_amplitudes
-from robustid.guarantees.widening import Points, smallest_bounds, widened_points, widened_record
+from robustid.guarantees.widening import Points, bounds_at, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
 
 REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
@@ -187,16 +187,20 @@ class PoleCell(Frozen):
             symmetric=problem.symmetric,
         )
 
-    def cost(self, omega: Real, smallest: Real) -> float:
-        """Largest remainder of the expansion, in units of the smallest bound of every entry (ny, nu)."""
+    def cost(self, omega: Real, bounds: Real) -> float:
+        """Largest remainder of the expansion at frequencies, in units of the bounds (F, ny, nu) of the samples there.
+
+        At the samples it is the part by which any sum of theirs grows at most, since |d| (bound + remainder) does so term by term.
+        """
         slack = self.slack(omega)
-        return float(np.divide(slack, smallest, out=np.zeros(slack.shape), where=np.isfinite(smallest)).max())
+        return float(np.divide(slack, bounds, out=np.zeros(slack.shape), where=np.isfinite(bounds)).max())
 
     def split(self, problem: MixedProblem, omega: Real) -> tuple[PoleCell, PoleCell]:
         """Two halves of the side of the mode that matters most."""
         omega = np.concatenate([omega, *(f.omega for f in problem.frequency)])
-        weight = np.minimum(self.remainder(omega), _ENDLESS).max(axis=0).reshape(len(self.middle), -1)
-        mode = int(np.argmax((weight / smallest_bounds(problem).ravel()).max(axis=1)))
+        weight = np.minimum(self.remainder(omega), _ENDLESS).reshape(omega.size, len(self.middle), -1)
+        bounds = bounds_at(problem, omega).reshape(omega.size, 1, -1)
+        mode = int(np.argmax((weight / bounds).max(axis=(0, 2))))
         sides = [
             np.ptp(self.omega[mode]),
             np.ptp(self.damping[mode]) * self.omega[mode].mean(),

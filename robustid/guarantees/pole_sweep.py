@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, posed_relaxation
 from robustid.guarantees.sweep import Known, Means, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency, norm_of_bounds
-from robustid.guarantees.widening import smallest_bounds
+from robustid.guarantees.widening import bounds_at
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.identification import MixedProblem, identify, prove_margin
 
@@ -27,8 +28,12 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger("robustid")
 
+Cells = list[tuple[PoleCell, ConsistentSet | None]]
+Searched = tuple[Cells, list[RefutedCell], float]  # cells that are left, refuted ones, seconds of one at a frequency
+
+LIMITLESS = 1000  # cells, where time is no matter
 _ENOUGH = 24  # frequencies, for which cells are left undivided where the time is short
-_MATTERS = 0.25  # part of the smallest bound that the relaxation may cost before a cell is split
+_MATTERS = 0.25  # part of the bounds beside that the relaxation may cost before a cell is split
 _DIRECTIONS, _FIRST = 6, 12  # of the first look at a cell: directions, frequencies
 _ACCURACY = 1e-2
 _FIRST_LOOK = 0.5  # part of the time for the first cell, where it leaves few frequencies to the others
@@ -42,18 +47,28 @@ def default_frequencies(problem: MixedProblem, modes: Real) -> Real:
     return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), modes.mean(axis=1)]), 0, top))
 
 
+def matters(cell: PoleCell, problem: MixedProblem, grid: Real) -> bool:
+    """Return whether the relaxation of a cell costs so much, at frequencies and samples, that it is worth a split."""
+    omega = np.concatenate([grid, *(f.omega for f in problem.frequency)])
+    return cell.cost(omega, bounds_at(problem, omega)) > _MATTERS
+
+
 def searched(
     problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget
-) -> tuple[list[tuple[PoleCell, ConsistentSet | None]], list[RefutedCell]]:
-    """Split cells until their relaxation costs little; leave out what is refuted."""
-    smallest = smallest_bounds(problem)
+) -> tuple[Cells, list[RefutedCell]]:
+    """Split cells until their relaxation costs little; leave out what is refuted.
+
+    A cell is split where the time suffices for both halves and all that wait, by the longest that one has taken.
+    """
     waiting = [whole]
-    kept: list[tuple[PoleCell, ConsistentSet | None]] = []
+    kept: Cells = []
     refuted: list[RefutedCell] = []
     omega = np.concatenate([grid, *(f.omega for f in problem.frequency)])
+    bounds, longest = bounds_at(problem, omega), 0.0
     while waiting:
+        before = time.monotonic()
         # The widest cell first, so that the number of cells that are allowed goes where it matters.
-        costs = [c.cost(omega, smallest) for c in waiting]
+        costs = [c.cost(omega, bounds) for c in waiting]
         widest = int(np.argmax(costs))
         cell = waiting.pop(widest)
         posed = posed_relaxation(cell, problem)
@@ -61,7 +76,8 @@ def searched(
         if claim is not None and claim.certificate.value > 1:
             refuted.append(RefutedCell(cell, claim.certificate))
             continue
-        if costs[widest] > _MATTERS and len(waiting) + len(kept) + 2 <= limit and not budget.over:
+        longest, count = max(longest, time.monotonic() - before), len(waiting) + 2
+        if costs[widest] > _MATTERS and len(kept) + count <= limit and count * longest < budget.left:
             waiting += cell.split(problem, grid)
             continue
         consistent = None
@@ -73,24 +89,20 @@ def searched(
 
 
 def affordable(
-    sets: list[tuple[PoleCell, ConsistentSet | None]],
-    grid: Real,
-    settings: tuple[int, float],
-    budget: Budget,
-    model: control.StateSpace,
-) -> int:
-    """So many cells can be bounded at enough frequencies in the time that is left, by what one of them takes at one frequency."""
+    sets: Cells, grid: Real, settings: tuple[int, float], budget: Budget, model: control.StateSpace
+) -> tuple[int, float]:
+    """So many cells can be bounded at enough frequencies in the time that is left, by the seconds of one of them at one."""
     first = next((consistent for _, consistent in sets if consistent is not None), None)
     if budget.seconds is None or first is None:
-        return len(sets)
+        return LIMITLESS, 0.0
     before = budget.left
     value_sets(first, grid[grid.size // 2 :][:1], *settings, Means(), model)
     each = max(before - budget.left, 1e-9)
-    return max(1, int(max(budget.left, 0.0) / each) // min(_ENOUGH, grid.size))
+    return max(1, int(max(budget.left, 0.0) / each) // min(_ENOUGH, grid.size)), each
 
 
 def bounded(
-    sets: list[tuple[PoleCell, ConsistentSet | None]],
+    sets: Cells,
     grid: Real,
     settings: tuple[int, float],
     means: Means,

@@ -9,6 +9,7 @@ import logging
 import os
 import pathlib
 import pickle
+import time
 import zipfile
 from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
 from concurrent.futures import Executor
@@ -150,6 +151,7 @@ def value_sets(
         first = loose(consistent, np.array(missing), known)
         order = [*first, *(k for k in order if k not in set(first))]
     missing = [missing[k] for k in order]
+    longest, last = 0.0, time.monotonic()
     with Interruptible(lambda: store is None and bool(found)) as sweep:
         try:
             # Closed at once, whatever happens: the processes of our own end with it.
@@ -162,8 +164,9 @@ def value_sets(
                     found[w] = value
                     if progress is not None:
                         progress(_WORDS, len(found), omega.size)
-                    if budget is not None and budget.over:
-                        break
+                    longest, last = max(longest, time.monotonic() - last), time.monotonic()
+                    if budget is not None and budget.left <= (longest if executor is None else 0.0):
+                        break  # another one may not end in time
         except SolverError as error:
             kept = "give `resume` a folder to keep what is finished"
             if store is not None:

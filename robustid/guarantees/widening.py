@@ -54,14 +54,24 @@ def widened_record(record: TimeRecord, distance: Real) -> TimeRecord:
     return record.with_bound(record.bound.radius + np.stack(extra, axis=1))
 
 
-def smallest_bounds(problem: MixedProblem) -> Real:
-    """The smallest bound that a sample gives to every entry, (ny, nu); inf where none sees it."""
-    found = [np.full(problem.entries.shape, np.inf)]
-    found += [bounds_of_entries(points, points.bound.inner_radius).min(axis=0) for points in problem.frequency]
-    for record in problem.time:
+def bounds_at(problem: MixedProblem, omega: Real) -> Real:
+    """The bound that the samples beside a frequency give to every entry, (F, ny, nu); inf where none sees it.
+
+    Straight between frequency points; of records alone their smallest, over the largest input.
+    """
+    found = np.full((omega.size, *problem.entries.shape), np.inf)
+    for points in problem.frequency:
+        bounds = bounds_of_entries(points, points.bound.inner_radius)
+        for entry in np.ndindex(*problem.entries.shape):
+            own = bounds[:, *entry]
+            seen = np.isfinite(own)
+            if seen.any():
+                place = slice(None), *entry
+                found[place] = np.minimum(found[place], np.interp(omega, points.omega[seen], own[seen]))
+    for record in () if problem.frequency else problem.time:
         drive = np.maximum(np.abs(record.u).max(axis=0), np.finfo(float).tiny)
-        found.append(record.bound.radius.min(axis=0)[:, None] / drive)
-    return np.min(found, axis=0)
+        found = np.minimum(found, record.bound.radius.min(axis=0)[:, None] / drive)
+    return found
 
 
 def bounds_of_entries(points: Points, radius: Real) -> Real:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees.widening import smallest_bounds, widened_points, widened_record
+from robustid.guarantees.widening import bounds_at, widened_points, widened_record
 
 OMEGA = np.array([0.5, 1.5])
 
@@ -53,8 +53,20 @@ def test_directions_see_the_distances_that_they_combine():
         frequency=(data, rid.FrequencyResponse([1.0], np.zeros((1, 2, 3)), bound=0.5, dt=1.0)),
         prior=rid.Prior(gain_bound=1.0, decay_rate=1.2),
     )
-    reach = np.abs(right).max(axis=0)[:, 0]
-    np.testing.assert_allclose(smallest_bounds(problem), np.broadcast_to(0.5 / np.maximum(reach, 1), (2, 3)))
+    reach = np.maximum(np.abs(right)[:, None, :, 0], 1)
+    np.testing.assert_allclose(bounds_at(problem, OMEGA), np.broadcast_to(0.5 / reach, (2, 2, 3)))
+
+
+def test_bounds_at_a_frequency_are_those_of_the_samples_beside_it():
+    """Straight between two points that see the entry; where no response does, that of a record over the largest input."""
+    bound = np.array([[[1.0, 4.0]], [[2.0, np.inf]], [[6.0, 8.0]]])
+    frf = rid.FrequencyResponse([1.0, 2.0, 3.0], np.zeros((3, 1, 2)), bound=bound, dt=1.0)
+    record = rid.TimeRecord([[0.5, 2.0], [1.0, 0.0]], [[0.0], [0.0]], dt=1.0, bound=[[0.2], [0.1]])
+    prior = rid.Prior(gain_bound=1.0, decay_rate=1.2)
+    both = rid.MixedProblem(frequency=frf, time=record, prior=prior)
+    np.testing.assert_allclose(bounds_at(both, np.array([0.5, 1.5, 3.0]))[:, 0], [[1, 4], [1.5, 5], [6, 8]])
+    alone = rid.MixedProblem(time=record, prior=prior)
+    np.testing.assert_allclose(bounds_at(alone, np.array([0.5]))[0, 0], [0.1, 0.05])
 
 
 def test_samples_that_would_say_next_to_nothing_are_left_out():

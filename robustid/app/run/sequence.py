@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -38,7 +39,9 @@ _PREDICTED = 2000  # samples that are compared with what the others leave, befor
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 _MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5  # of the time that is left when a step begins
-_NARROWED = 0.1  # of it, for what narrows a band that is proved at every frequency already
+# What narrows a band that is proved at every frequency already ends within this part of the time of the whole run: a run that has
+# taken long is not made much longer for it. And the least, of the time that is left.
+_NARROWED, _LEAST = 0.1, 0.03
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
 
@@ -242,7 +245,7 @@ def narrowed(work: Work) -> None:
         return
     asked, words = work.run.worst_case, "narrowing the band by semidefinite programs"
     stated = None if asked.at_hz is None else 2 * np.pi * np.array(asked.at_hz)
-    share = _NARROWED if stated is None else 1.0
+    share = 1.0 if stated is not None else narrowing_share(work.run.time_limit, work.around.budget.left)
     with work.around.step(words, share, asked.time_limit, needed=stated is not None) as limit:
         how: Record = {"omega": stated, "time_limit": limit, **work.around.counted(words)}
         try:
@@ -256,6 +259,13 @@ def narrowed(work: Work) -> None:
         work.run = work.run.changed("worst_case", at_hz=tuple((polygons.omega / (2 * np.pi)).tolist()))
         work.around.folder.choices(work.run)
     work.around.folder.proved(work.band)
+
+
+def narrowing_share(whole: float, left: float) -> float:
+    """Part of the seconds that are left of a run, for what narrows its band."""
+    if math.isinf(left):
+        return 1.0
+    return max(_NARROWED * whole - (whole - left), _LEAST * left) / max(left, _LEAST)
 
 
 def gridded(work: Work) -> None:

@@ -255,11 +255,22 @@ class BlockHankelMap(SymmetricMap):
 
     def curvature(self, pairs: list[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> NDArray[np.float64]:
         """Sum of tr(H_i P H_j Q)."""
+        # With C(w, w') of real symmetric P and Q, C(w, w') = C(w', w)' and C(-w, -w') is its conjugate: half of the pairs do.
         (_, m), N, R = self._shape, self._length, self._length // 2 + 1
-        total = np.zeros((N, R, m, m), complex)
-        for P, Q in pairs:
-            for k, (p, q) in enumerate(zip(self._transform(P), self._transform(Q), strict=True)):
-                total[k] += self._above(p[None], k)[0] @ self._below(q[None])[0].transpose(0, 2, 1)
+        p, q = (np.stack([self._transform(one[side]) for one in pairs], axis=-1) for side in (0, 1))
+        turned = self._turned.reshape(N, m, m, m).transpose(0, 3, 2, 1).reshape(N, m, m * m)
+        total = np.empty((N, R, m, m), complex)
+        for k in range(N):
+            first = min(k, N - k)
+            here, there = p[k][:, first:], q[k][:, first:].transpose(1, 2, 3, 0)
+            above = (here.reshape(m, -1).T @ turned[k]).reshape(R - first, -1, m)
+            below = self._turned[first:R] @ there.reshape(R - first, m, -1)
+            total[k, first:] = above.transpose(0, 2, 1) @ below.reshape(R - first, m, -1).transpose(0, 2, 1)
+        k, r = np.nonzero(np.arange(R) < np.minimum(np.arange(N), N - np.arange(N))[:, None])
+        low = 2 * k <= N
+        total[k, r] = np.where(
+            low[:, None, None], total[r, np.minimum(k, R - 1)], total[(N - r) % N, np.minimum(N - k, R - 1)].conj()
+        ).transpose(0, 2, 1)
         full = self.back(total)
         return (full + full.T) / 2
 

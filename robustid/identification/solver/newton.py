@@ -262,7 +262,9 @@ def inverse_of(root: Real) -> Real:
     lower, info = invert(root, lower=1)
     if info:
         raise np.linalg.LinAlgError("singular factor")
-    return np.tril(lower) + np.tril(lower, -1).T
+    whole = lower + lower.T  # above the diagonal it has the zeros of the factor
+    whole.flat[:: len(whole) + 1] /= 2
+    return whole
 
 
 def _solver(M: Real) -> Callable[[Real], Real]:
