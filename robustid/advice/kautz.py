@@ -173,11 +173,8 @@ def suggest_kautz(
             " remainder; ask for fewer modes, or give more frequency points"
         )
     poles, reason = find_poles(fit, wanted)
-    if wanted is None and not fit.plane.dt:
-        decades = over_decades(frf)
-        left = residual_rows(poles, fit)
-        if decades is not None and ratios(left).max() > 1 and _relaxes(decades, left, len(poles)):
-            return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
+    if wanted is None and (decades := _better_decades(frf, fit, poles)) is not None:
+        return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     few = len(poles)
     poles = with_shown(poles, shown, fit.angle)
@@ -216,9 +213,7 @@ def suggest_kautz(
             "; a mode below the first frequency point may stand for a machine that is free to move: in its place integrators = 2"
             " (1 from torque to speed)"
         )
-    chosen = 0
-    if step:
-        chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])
+    chosen = 0 if not step else smallest_remainder(fit, poles[kept]) if fixed_delay is None else fixed_delay
     return KautzSuggestion(
         omega=omega,
         damping=damping,
@@ -230,6 +225,15 @@ def suggest_kautz(
         delay=chosen,
         reason=reason,
     )
+
+
+def _better_decades(frf: FrequencyResponse, fit: LineData, poles: Real) -> _Relaxations | None:
+    """Poles over decades of a continuous response, where they explain it and pairs do not; else None."""
+    decades = None if fit.plane.dt else over_decades(frf)
+    if decades is None:
+        return None
+    left = residual_rows(poles, fit)
+    return decades if ratios(left).max() > 1 and _relaxes(decades, left, len(poles)) else None
 
 
 def _relaxes(found: _Relaxations, left: Real, pairs: int) -> bool:

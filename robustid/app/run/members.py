@@ -141,6 +141,16 @@ def _box_of(member: MemberChoice) -> Box | None:
     return 2 * np.pi * np.array(member.hz_interval), np.array(member.damping_interval)
 
 
+def _said_of(run: RunFile, found: dict[str, Identification], around: Surroundings) -> list[str]:
+    """Sentences on the class of every member, and on what contradicts it."""
+    said: list[str] = []
+    for name, one in found.items():
+        diagnosis = diagnosis_of(one, around)
+        help = [] if diagnosis is None else [diagnosis.summary()]
+        said += [f"{name}: {words}" for words in [*findings.class_words(run, one), *help]]
+    return said
+
+
 def _united(
     run: RunFile, found: dict[str, Identification], left: dict[str, Untouched], around: Surroundings
 ) -> FamilyRun:
@@ -158,12 +168,7 @@ def _united(
         )
         for m in run.members
     ]
-    said: list[str] = []
-    for name, one in found.items():
-        diagnosis = diagnosis_of(one, around)
-        help = [] if diagnosis is None else [diagnosis.summary()]
-        said += [f"{name}: {words}" for words in [*findings.class_words(run, one), *help]]
-    asked = run.worst_case
+    said, asked = _said_of(run, found, around), run.worst_case
     bases = [one.problem.parametric for one in found.values()]
     poles = np.unique(np.concatenate([np.zeros(0), *(basis.poles for basis in bases if basis is not None)]))
     withheld = [frf for one in left.values() for frf in one.withheld]
