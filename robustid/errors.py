@@ -24,7 +24,6 @@ __all__ = [
     "SizeError",
     "SolverError",
     "Status",
-    "TimeLimitError",
 ]
 
 _MARKED = re.compile("`([^`]*)`")
@@ -161,10 +160,6 @@ class DatasetNotFoundError(RobustIdError, FileNotFoundError):
 
 class SizeError(RobustIdError, ValueError):
     """The problem is too large for the chosen form; the remedy is how to ask for less."""
-
-
-class TimeLimitError(RobustIdError, TimeoutError):
-    """An attribute would take longer than attributes should; the sentence names the method that shows its progress."""
 
 
 class SolverError(RobustIdError, RuntimeError):

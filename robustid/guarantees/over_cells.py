@@ -92,7 +92,7 @@ class AroundModel(abc.ABC):
 
         Raises
         ------
-        InputError, TimeLimitError
+        InputError
             As `circle`.
         """
         circle = self.circle

@@ -358,9 +358,12 @@ class _Search:
         return out
 
     def _together(self, polygons: list[_Polygon]) -> Functional:
-        """The sum over entries of Re(exp(-j theta) F), each in the direction of its farthest value and in its units."""
+        """The sum over entries of Re(exp(-j theta) F), each in the direction of its farthest value and in its units.
+
+        Its unit is the distance of that value, or of the farthest corner where no value was found.
+        """
         parts = [self._functional(one.entry, one.farthest) for one in polygons]
-        size = [1 / max(one.extent, np.finfo(float).tiny) for one in polygons]
+        size = [1 / (one.extent or one.radius) for one in polygons]
         x, p = (sum(s * getattr(part, name) for s, part in zip(size, parts, strict=True)) for name in ("x", "p"))
         return Functional(
             np.asarray(x), np.asarray(p), float(sum(s * part.tail for s, part in zip(size, parts, strict=True)))

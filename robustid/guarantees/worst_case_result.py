@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from robustid.core import Real, Source, freeze, threads_for
-from robustid.errors import InputError, TimeLimitError
+from robustid.errors import InputError
 from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
 from robustid.guarantees.over_cells import WorstCase
@@ -21,7 +21,7 @@ from robustid.guarantees.sweep import Means, Processes
 from robustid.guarantees.value_set import Errors, SupportClaim, ValueSet, by_frequency, value_set_claims
 from robustid.identification import Identification, MixedProblem
 
-_AT_ONCE = 10.0  # seconds of work, as estimated, that an attribute may take
+_AT_ONCE = 5.0  # seconds of work, as estimated, that an attribute may take
 _COARSE_STEPS = 100  # Newton steps at a frequency of the circle, approximately
 _SECONDS, _EACH = 2e-10, 0.01  # for a multiplication of a Newton step, and for a frequency besides: estimates
 
@@ -113,25 +113,17 @@ class WorstCaseError(WorstCase):
     def circle(self) -> CircleBound:
         """The bound on the whole circle that `on_circle` has found; before, that of sums, narrowed by the polygons.
 
-        Of positive-real and negative-imaginary classes, which have no gain bound and no sums, to 5 % where little work does for it.
-
-        Raises
-        ------
-        TimeLimitError
-            Where it doesn't, counted in frequencies and their size, not in seconds of this machine: `on_circle` takes as long as
-            you give it, and shows its progress.
+        Of positive-real and negative-imaginary classes, which have no gain bound and no sums, to 5 %, or what little work gives
+        (`CircleBound.converged`): counted in frequencies and their size, not in seconds of this machine.
         """
         if self.known_circle is not None or not self.problem.prior.positive_real:
             return super().circle
+        return self._with_little_work
+
+    @functools.cached_property
+    def _with_little_work(self) -> CircleBound:
         most = int(_AT_ONCE / (_SECONDS * self.consistent_set.posed.work * _COARSE_STEPS + _EACH))
-        found = self._refined(0.05, False, Means(), most) if most else None
-        if found is None or not found.converged:
-            raise TimeLimitError(
-                "the bound on the whole circle takes more work than an attribute should: call"
-                " on_circle(progress=..., time_limit=...) of this result first; `hinf` and `circle` then are what it found"
-            )
-        self._circle.take(found)
-        return found
+        return self._refined(0.05, False, Means(), most)
 
     def with_circle(self, circle: CircleBound) -> WorstCaseError:
         """Return the same result with a bound on the circle that is known from elsewhere, a file for instance."""

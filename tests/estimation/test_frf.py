@@ -166,21 +166,27 @@ def test_calibrated(measure, most, seeds, held_in):
     assert bias < most
 
 
-def test_one_record_of_a_loop_needs_its_reference():
+@pytest.mark.parametrize(("seeds", "apart"), [(3, 0.15), pytest.param(30, 0.05, marks=pytest.mark.slow)])
+def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     """Without the reference, the noise that the loop feeds back biases the local method; with it, not.
 
-    Deviations hold those of the common poles, which a part of the lines gives: the mean square of errors over them is 1.1 with it.
+    Mean square of errors over their deviations, mean of the seeds: 1 with it; without it 1.87 (1.5 to 2.4 in 30 seeds), where
+    the joint bound of 95 % holds in none.
     """
-    loop, lead = Loop(gain=0.05), 20_000
-    rng = np.random.default_rng(3)
-    record = loop.record(0.1 * rng.standard_normal((60_000 + lead, 2)), rng, 0.3, lead)
+    loop, lead, misses, held = Loop(gain=0.05), 20_000, ([], []), [0, 0]
     lines = np.round(np.linspace(30, 300, 120) * 60_000 * DT).astype(int)
-    misses = []
-    for reference in (record.reference, None):
-        frf = estimate_frf(dataclasses.replace(record, reference=reference, initial="free"), lines=lines)
-        misses.append(np.mean(np.abs((frf.values - truth(frf.omega)) / deviations(frf)) ** 2))
-    assert misses[0] < 1.2
-    assert misses[1] > 1.4
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        record = loop.record(0.1 * rng.standard_normal((60_000 + lead, 2)), rng, 0.3, lead)
+        for k, reference in enumerate((record.reference, None)):
+            frf = estimate_frf(dataclasses.replace(record, reference=reference, initial="free"), lines=lines)
+            error = np.abs(frf.values - truth(frf.omega))
+            misses[k].append(np.mean((error / deviations(frf)) ** 2))
+            held[k] += bool(np.all(error <= frf.bound))
+    assert np.mean(misses[0]) == pytest.approx(1, abs=apart)
+    assert np.mean(misses[1]) == pytest.approx(1.87, abs=2 * apart)
+    assert held[0] >= 0.6 * seeds
+    assert held[1] == 0
 
 
 @pytest.mark.parametrize("seeds", [4, pytest.param(10, marks=pytest.mark.slow)])

@@ -71,6 +71,67 @@ def search(
     return chosen_points, found
 
 
+class _Stack:
+    """A stack of targets: what they ask of multipliers, the best ones along the way, and weights that follow from others."""
+
+    def __init__(self, samples: Samples, chosen: Chosen, targets: Targets, known: Amplitudes, one: Complex | None):
+        _, radius = known.coefficients(samples)
+        free = np.isinf(radius)
+        self.samples, self.chosen, self.targets = samples, chosen, targets
+        self.finite = Amplitudes(known.centre, np.where(np.isinf(known.radius), 0.0, known.radius))
+        self.bound: Real = chosen.bound + chosen.left_out @ self.finite.largest
+        self.soft, self.hard = chosen.values[:, :, ~free], chosen.values[:, :, free]
+        self.wanted, self.matched = targets.values[:, ~free], targets.values[:, free]
+        if one is not None:
+            self.hard = np.concatenate([self.hard, one[:, :, None]], axis=2)
+            self.matched = np.insert(self.matched, self.matched.shape[1], 1, axis=1)
+        self.radius = radius[~free]
+        # The first functions of the modes at every step, the others, most of them and smaller, at some.
+        first = samples.first[~free]
+        self.groups = [(np.flatnonzero(first), 1), (np.flatnonzero(~first), _SELDOM)]
+        self.size = int(self.bound.shape[1])
+        self.best: Complex = np.zeros(self.bound.shape, complex)
+        self.value: Real = np.full(len(self.bound), np.inf)
+
+    def kept(self, d: Complex) -> Real:
+        """The radii of multipliers, which are kept where they are the best."""
+        total = radii(self.samples, self.chosen, self.targets, d, self.finite)
+        better = total < self.value
+        self.best[better], self.value[better] = d[better], total[better]
+        return total
+
+    def weights(self, d: Complex) -> list[Real]:
+        """Weights 1/t of multipliers, of the class and of functions: t the moduli at d."""
+        total, sizes, radius, targets = self.kept(d), np.abs(d), self.radius, self.targets
+        total = np.where(
+            np.isfinite(total), total, (sizes * self.bound).sum(axis=1)
+        )  # infinite where a series does not converge
+        square = targets.square - 2 * (d * self.chosen.cross).sum(axis=1).real
+        square += np.einsum("bs,bs->b", d, (self.chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
+        missed = np.abs(np.einsum("bsm,bs->bm", self.soft, d) - self.wanted)
+        least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
+        return [
+            self.bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + 1e-300),
+            1 / np.sqrt(np.maximum(square, (1e-6 * total) ** 2 + 1e-300)),
+            np.maximum(radius, 1e-300) / np.maximum(missed, least),
+        ]
+
+    def first_weights(self) -> list[Real]:
+        """Weights where there are no multipliers yet, on a scale of their own."""
+        bound, radius = self.bound, self.radius
+        level = np.broadcast_to(np.maximum(radius, 1e-300) ** 2 * max(radius.size, 1), (len(bound), radius.size))
+        return [bound**2 * bound.shape[1], np.ones(len(bound)), level]
+
+    def without_search(self) -> None:
+        """Keep no samples at all, or the nearest one alone, where nothing is to be matched exactly."""
+        if self.hard.shape[2]:
+            return
+        self.kept(np.zeros_like(self.best))
+        if self.chosen.points.shape[1]:
+            away = np.abs(self.samples.nodes[self.chosen.points] - self.targets.base[:, None])
+            self.kept(np.eye(self.size, dtype=complex)[away.argmin(axis=1)])
+
+
 def reweighted(
     samples: Samples,
     chosen: Chosen,
@@ -86,76 +147,34 @@ def reweighted(
     A sum of moduli is at most the sum of |d|^2/(2 t) + t/2: with t the moduli of the last step that is least squares. Weights 1/t
     that go `_FARTHER` than that, in their logarithms, take half of the steps.
     """
-    _, radius = known.coefficients(samples)
-    free = np.isinf(radius)
-    finite = Amplitudes(known.centre, np.where(np.isinf(known.radius), 0.0, known.radius))
-    bound = chosen.bound + chosen.left_out @ finite.largest
-    soft, hard = chosen.values[:, :, ~free], chosen.values[:, :, free]
-    wanted, matched = targets.values[:, ~free], targets.values[:, free]
-    if one is not None:
-        hard, matched = np.concatenate([hard, one[:, :, None]], axis=2), np.insert(matched, matched.shape[1], 1, axis=1)
-    radius = radius[~free]
-    L, adjoint = soft.swapaxes(1, 2), soft.conj()  # (B, m, S), (B, S, m)
-    gram, size = chosen.gram.swapaxes(1, 2), int(bound.shape[1])
-    at = np.arange(size)
+    stack = _Stack(samples, chosen, targets, known, one)
+    L, adjoint = stack.soft.swapaxes(1, 2), stack.soft.conj()  # (B, m, S), (B, S, m)
+    gram, at = chosen.gram.swapaxes(1, 2), np.arange(stack.size)
     ridge = _STABLE * np.einsum("bss->bs", chosen.gram).real.max(axis=1)
-    best, value = np.zeros(bound.shape, complex), np.full(len(bound), np.inf)
-
-    def kept(d: Complex) -> Real:
-        total = radii(samples, chosen, targets, d, finite)
-        better = total < value
-        best[better], value[better] = d[better], total[better]
-        return total
-
-    def weights(d: Complex) -> list[Real]:
-        total, sizes = kept(d), np.abs(d)
-        total = np.where(
-            np.isfinite(total), total, (sizes * bound).sum(axis=1)
-        )  # infinite where a series does not converge
-        square = targets.square - 2 * (d * chosen.cross).sum(axis=1).real
-        square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
-        missed = np.abs(np.einsum("bsm,bs->bm", soft, d) - wanted)
-        least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
-        return [
-            bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + 1e-300),
-            1 / np.sqrt(np.maximum(square, (1e-6 * total) ** 2 + 1e-300)),
-            np.maximum(radius, 1e-300) / np.maximum(missed, least),
-        ]
-
-    if start is not None:
-        used = weights(start)
-    else:
-        level = np.broadcast_to(np.maximum(radius, 1e-300) ** 2 * max(radius.size, 1), (len(bound), radius.size))
-        used = [bound**2 * bound.shape[1], np.ones(len(bound)), level]
-    if not hard.shape[2]:
-        kept(np.zeros_like(best))
-        if chosen.points.shape[1]:  # the nearest sample alone
-            away = np.abs(samples.nodes[chosen.points] - targets.base[:, None])
-            kept(np.eye(size, dtype=complex)[away.argmin(axis=1)])
-    # The first functions of the modes at every step, the others, most of them and smaller, at some.
-    groups = [(np.flatnonzero(samples.first[~free]), 1), (np.flatnonzero(~samples.first[~free]), _SELDOM)]
-    products = [np.zeros_like(gram) for _ in groups]
+    used = stack.first_weights() if start is None else stack.weights(start)
+    stack.without_search()
+    products = [np.zeros_like(gram) for _ in stack.groups]
     v = np.array(used[2])
     for step in range(steps):
         q, w, latest = used
-        for k, (group, every) in enumerate(groups):
+        for k, (group, every) in enumerate(stack.groups):
             if group.size and (step == 0 or (step - 1) % every == 0):  # the first weights are on a scale of their own
                 products[k] = (adjoint[:, :, group] * latest[:, None, group]) @ L[:, group]
                 v[:, group] = latest[:, group]
         A = w[:, None, None] * gram + products[0] + products[1]
         A[:, at, at] += q + (w * ridge)[:, None]
-        right = w[:, None] * chosen.cross.conj() + (adjoint @ (v * wanted)[:, :, None])[:, :, 0]
+        right = w[:, None] * chosen.cross.conj() + (adjoint @ (v * stack.wanted)[:, :, None])[:, :, 0]
         try:
-            d = _solved(A, right, hard, matched)
+            d = _solved(A, right, stack.hard, stack.matched)
         except np.linalg.LinAlgError:  # a singular one of the stack: what is best so far stays
-            return best
-        new = weights(d)
+            return stack.best
+        new = stack.weights(d)
         if step or start is not None:
             new = [old * np.clip(now / old, *_CHANGE) ** _FARTHER for old, now in zip(used, new, strict=True)]
             largest = np.abs(d).max(axis=1, keepdims=True)
-            new[0] = np.minimum(new[0], bound / (_FLOOR * largest + 1e-300))
+            new[0] = np.minimum(new[0], stack.bound / (_FLOOR * largest + 1e-300))
         used = new
-    return best
+    return stack.best
 
 
 def _solved(A: Complex, right: Complex, hard: Complex, matched: Complex) -> Complex:
