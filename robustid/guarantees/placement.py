@@ -40,8 +40,8 @@ _NO_TIME = 1e-9
 class Refinable(Known, Protocol):
     """A band that takes polygons."""
 
-    def with_polygons(self, polygons: Bounded) -> Self:
-        """Return it with polygons."""
+    def between(self, polygons: Bounded, budget: Budget | None) -> Self:
+        """Return it with polygons, the search between them within a budget; without one a short search."""
         ...
 
 
@@ -180,7 +180,7 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     """
     plain = band.at(candidates)[1]
     tried = np.full(plain.shape, np.nan)  # radii, of those that were looked at
-    found, count = band, 0
+    found, count, polygons = band, 0, None
     size = programs.together if plain[0].size <= _MANY else _MOST
     while count < _MOST:
         room = min(size, _MOST - count)
@@ -197,10 +197,12 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         count += chosen.size
         polygons = programs.polygons()
         if polygons is not None:
-            found = band.with_polygons(polygons)
+            found = band.between(polygons, None)
         if means.budget is not None and means.budget.over:
             break
-    return found
+    if polygons is None or (means.budget is not None and means.budget.over):
+        return found
+    return band.between(polygons, means.budget or Budget())
 
 
 def _estimated(plain: Real, tried: Real, omega: Real) -> Real:
