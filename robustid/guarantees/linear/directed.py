@@ -190,7 +190,7 @@ class DirectedBand(Frozen):
 
     @property
     def extraction(self) -> Extraction:
-        """What bounds the amplitudes."""
+        """Proofs of the amplitudes."""
         return self.sides.extraction
 
     @functools.cached_property
