@@ -63,20 +63,25 @@ def _halved(
     search: DirectedSearch, band: DirectedBand, arcs: NDArray[np.intp], middle: Real, between: Real
 ) -> tuple[DirectedBand, NDArray[np.intp]]:
     """The band with knots in the middle of those arcs where a search there gains, and the numbers of their halves."""
-    targets, found = targets_at(band.samples, middle), []
+    targets = targets_at(band.samples, middle)
+    chosen: list[NDArray[np.intp]] = []
+    multipliers: list[Complex] = []
+    bounds: list[Real] = []
     for k, arc in enumerate(arcs.tolist()):
         target = targets[k : k + 1]
         points = search.nearest(complex(target.base[0]))
         both, low, high = band.of_arc(arc)
-        found.append((points, *search.search(target, points, moved(both, (low + high) / 2, points))))
-    points, c, support = (np.array(one) for one in zip(*found, strict=True))
-    loose = between > _LOOSE * smallest_discs(corners_of_supports(support))[1]
+        c, support = search.search(target, points, moved(both, (low + high) / 2, points))
+        chosen.append(points)
+        multipliers.append(c)
+        bounds.append(support)
+    loose = between > _LOOSE * smallest_discs(corners_of_supports(np.array(bounds)))[1]
     at = arcs[loose] + 1
     first = arcs[loose] + np.arange(at.size)
-    new = (middle, points, c.astype(np.complex64))
-    old = (band.angles, band.points, band.multipliers)
-    every = (np.insert(one, at, more[loose], axis=0) for one, more in zip(old, new, strict=True))
-    return DirectedBand(band.sides, *every), np.sort(np.concatenate([first, first + 1]))
+    angles = np.insert(band.angles, at, middle[loose])
+    points = np.insert(band.points, at, np.array(chosen)[loose], axis=0)
+    c = np.insert(band.multipliers, at, np.array(multipliers, dtype=np.complex64)[loose], axis=0)
+    return DirectedBand(band.sides, angles, points, c), np.sort(np.concatenate([first, first + 1]))
 
 
 def moved(points: NDArray[np.intp], c: Complex, to: NDArray[np.intp]) -> Complex:
@@ -121,9 +126,8 @@ class DirectedSearch:
     def search(self, target: Targets, points: NDArray[np.intp], start: Complex | None = None) -> tuple[Complex, Real]:
         """Multipliers (M, n) of points for one target, and bounds (M,): the best of the last ones and of a start beside it."""
         sides, n = self.sides, points.size
-        bound = _Smoothed(
-            self._norms(target, points), self._rows(target, points), *(one[points] for one in self._ellipses)
-        )
+        centre, E = self._ellipses
+        bound = _Smoothed(self._norms(target, points), self._rows(target, points), centre[points], E[points])
         best, value = np.zeros((self.turns.size, n), complex), np.full(self.turns.size, np.inf)
 
         def kept(c: Complex) -> None:

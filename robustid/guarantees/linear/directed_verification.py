@@ -106,13 +106,13 @@ class _Knot:
             missed.append(turn * sums.number(wanted) - sum(each, flint.acb(0)))
         largest = [abs(sums.number(q)) + r for q, r in zip(known.centre.tolist(), known.radius.tolist(), strict=True)]
         total, (own, twin) = flint.arb(0), sides.twins
-        twins = dict(zip(own.tolist(), twin.tolist(), strict=True))
+        twins: dict[int, int] = dict(zip(own.tolist(), twin.tolist(), strict=True))
         for i, one in enumerate(missed):
             g = int(samples.amplitude_of[i])
             if i in twins.values():
                 continue
             if sides.reals[i] or i in twins:
-                both = one + missed[twins[i]].conjugate() if i in twins else one
+                both: acb = one + missed[twins[i]].conjugate() if i in twins else one
                 off = abs(both) if i in twins else abs(both.real)
                 total += (both * sums.number(complex(known.centre[g]))).real + off * float(known.radius[g])
             else:

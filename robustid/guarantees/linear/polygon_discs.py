@@ -33,13 +33,15 @@ def smallest_discs(points: Complex) -> tuple[Complex, Real]:
     points, whatever the centres are.
     """
     count = len(points)
-    finite = np.isfinite(points).all(axis=1)
-    held = np.where(finite[:, None], points, 0)
+    finite = np.asarray(np.isfinite(points).all(axis=1), dtype=bool)
+    held: Complex = np.array(points, dtype=complex)
+    held[~finite] = 0
     middle = (held.real.max(axis=1) + held.real.min(axis=1) + 1j * (held.imag.max(axis=1) + held.imag.min(axis=1))) / 2
     held = held - middle[:, None]
     rows = np.arange(count)
-    rim = np.repeat(held[rows, np.abs(held).argmax(axis=1)][:, None], 3, axis=1)
-    centre, radius = rim[:, 0].copy(), np.zeros(count)
+    rim: Complex = np.repeat(held[rows, np.abs(held).argmax(axis=1)][:, None], 3, axis=1)
+    centre: Complex = rim[:, 0].copy()
+    radius = np.zeros(count)
     for _ in range(_ROUNDS):
         away = np.abs(held[rows] - centre[rows, None])
         far = away.argmax(axis=1)

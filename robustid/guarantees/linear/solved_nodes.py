@@ -38,7 +38,7 @@ class Nodes(NamedTuple):
 
     def only(self, use: NDArray[np.bool_]) -> Nodes:
         """Some of them."""
-        return Nodes(*(one[use] for one in self))
+        return Nodes(self.angles[use], self.centre[use], self.radius[use], self.corners[use])
 
 
 def with_nodes(samples: Samples, nodes: Nodes) -> Samples:
@@ -199,7 +199,7 @@ class _Search:
 class JoinedBands(EntryBands):
     """Bounds of all entries from certificates over lines and nodes, beside discs over lines alone: the smaller ones."""
 
-    bands: tuple[EntryBand | DirectedBand, ...]
+    bands: tuple[EntryBand | DirectedBand, ...]  # type: ignore[reportIncompatibleVariableOverride]
     plain: EntryBands
 
     def at(self, angles: Real) -> tuple[Complex, Real]:
