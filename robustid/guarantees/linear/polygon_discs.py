@@ -22,8 +22,9 @@ def corners_of_supports(support: Real) -> Complex:
     count = support.shape[1]
     turn = 2 * np.pi / count
     with np.errstate(invalid="ignore"):
-        along = (np.roll(support, -1, axis=1) - support * np.cos(turn)) / np.sin(turn)
-        return np.asarray(np.exp(1j * turn * np.arange(count)) * (support + 1j * along), dtype=complex)
+        along: Real = (np.roll(support, -1, axis=1) - support * np.cos(turn)) / np.sin(turn)
+        turned: Complex = np.exp(1j * turn * np.arange(count))
+        return turned * (support + 1j * along)
 
 
 def smallest_discs(points: Complex) -> tuple[Complex, Real]:
