@@ -22,7 +22,8 @@ def corners_of_supports(support: Real) -> Complex:
     count = support.shape[1]
     turn = 2 * np.pi / count
     with np.errstate(invalid="ignore"):
-        along: Real = (np.roll(support, -1, axis=1) - support * np.cos(turn)) / np.sin(turn)
+        after: Real = support[:, np.arange(1, count + 1) % count]
+        along = (after - support * np.cos(turn)) / np.sin(turn)
         turned: Complex = np.exp(1j * turn * np.arange(count))
         return turned * (support + 1j * along)
 
