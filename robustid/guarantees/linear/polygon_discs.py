@@ -19,7 +19,7 @@ def corners_of_supports(support: Real) -> Complex:
 
     A direction between two neighbours is a sum of theirs with positive factors, in which the set is at most as far as their corner.
     """
-    count = support.shape[1]
+    count = int(support.shape[1])
     turn = 2 * np.pi / count
     with np.errstate(invalid="ignore"):
         after: Real = support[:, np.arange(1, count + 1) % count]
