@@ -14,10 +14,11 @@ from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.directed import DirectedBand, Sides, directed_fit
 from robustid.guarantees.linear.entry_band import EntryBand, extraction_fits, multipliers_fit
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
-from robustid.guarantees.linear.solved_nodes import with_nodes
+from robustid.guarantees.linear.solved_nodes import Nodes, said, with_nodes
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.refinement import check_polygons, nodes_of, polygons_hold
@@ -155,9 +156,8 @@ def band_of_multipliers(
     if not polygons_hold(polygons):
         raise ValueError("its polygons do not follow from their certificates")
     check_polygons(polygons, problem, box)
-    if joined:
-        every = [with_nodes(one, nodes_of(polygons, one.entry)) for one in every]
-    further = tuple(_entry_of(*pair) for pair in zip(every, joined, strict=bool(joined)))
+    nodes = [nodes_of(polygons, one.entry) for one in every]
+    further = tuple(_joined_of(*each) for each in zip(every, nodes, joined, strict=False))
     return dataclasses.replace(found, problem=polygons.identification.problem, polygons=polygons, joined=further)
 
 
@@ -165,8 +165,23 @@ def _entry_of(samples: Samples, known: Multipliers) -> EntryBand:
     """The band of an entry."""
     angles, points, d, proof, complete = known
     extraction = Extraction(samples, **proof)
-    fits = multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction)
-    ordered = angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))
-    if not (fits and ordered):
-        raise ValueError("its multipliers do not belong to the samples of the problem")
+    _check(multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction), angles)
     return EntryBand(samples, extraction, angles, points, d, bool(complete))
+
+
+def _joined_of(samples: Samples, nodes: Nodes, known: Multipliers) -> EntryBand | DirectedBand:
+    """The band of an entry with polygons among its samples; one that was not worth it is that of the samples alone."""
+    angles, points, c, proof, complete = known
+    nodes = said(samples, nodes)
+    samples = with_nodes(samples, nodes)
+    if c.ndim != 3:
+        return _entry_of(samples, known)
+    sides = Sides(samples, Extraction(samples, **proof), nodes.corners)
+    _check(directed_fit(sides, points, c, angles.size) and extraction_fits(sides.extraction), angles)
+    return DirectedBand(sides, angles, points, c, bool(complete))
+
+
+def _check(fits: bool, angles: Real) -> None:
+    """Refuse multipliers of other samples, and knots that do not rise."""
+    if not (fits and angles.ndim == 1 and angles.size > 1 and bool(np.all(np.diff(angles) > 0))):
+        raise ValueError("its multipliers do not belong to the samples of the problem")

@@ -13,6 +13,7 @@ from robustid.core import Budget, Complex, Progress, Real, Savable, as_array, as
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.linear.directed import DirectedBand
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
 from robustid.guarantees.linear.solved_nodes import JoinedBands
@@ -65,14 +66,14 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         The nominal that errors are measured from; None: the centres.
     polygons : WorstCaseError, WorstCaseOverPoles or None
         Bounds by semidefinite programs at some frequencies, of `refine`: where they are smaller, they are those of the band.
-    joined : tuple of EntryBand
-        As `bands`, with the discs around the polygons as further samples; empty without polygons. Of both the smaller disc holds.
+    joined : tuple of EntryBand or DirectedBand
+        As `bands`, with the polygons as further samples; empty without polygons. Of both the smaller bound holds.
     """
 
     omega: Real
     model: control.StateSpace | None = None
     polygons: Bounded | None = None
-    joined: tuple[EntryBand, ...] = ()
+    joined: tuple[EntryBand | DirectedBand, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -172,9 +173,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     ) -> Band:
         """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
 
-        Of poles that are exact those of `worst_case_error`, over a box those of `worst_case_over_poles` in few cells. By default up
-        to 40 frequencies in the range of the data, those at which they are estimated to gain most over the discs, a few at a time;
-        where they gain less than 5 % the discs stand. Polygons that the band has are replaced.
+        Those of `worst_case_error`, or over a box of `worst_case_over_poles` in few cells. By default at up to 40 frequencies in
+        the range of the data, where they are estimated to gain most over the discs, if that is 5 % at least.
 
         Parameters
         ----------
@@ -222,7 +222,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             identification = identify(self.problem, time_limit=time_limit)
         thing = as_kind("identification", identification, Identification, "an Identification")
         if omega is not None:
-            return self.with_polygons(polygons_of(thing, self.box, self.model, omega, self, means))
+            return self.between(polygons_of(thing, self.box, self.model, omega, self, means), budget)
         plain = dataclasses.replace(self, polygons=None, joined=())
         about, grid = as_nominal(self.model, thing), candidates_of(self, self.problem, self.omega)
         check_same(thing.problem, self.problem)
@@ -243,12 +243,16 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         InputError
             Polygons of another problem, of exact poles beside a box, over a box that does not hold that of the band.
         """
+        return self.between(polygons, Budget())
+
+    def between(self, polygons: Bounded, budget: Budget | None) -> Self:
+        """As `with_polygons`, with a search between them within a budget; without one a short search."""
         check_polygons(polygons, self.problem, self.box)
         low, high = self.range
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
         near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
-        joined = joined_bands(self.bands, polygons)
+        joined = joined_bands(self.bands, polygons, budget)
         about = polygons.identification.problem
         return dataclasses.replace(self, problem=about, omega=omega, polygons=polygons, joined=joined)
 
@@ -323,7 +327,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
 
         `exact` in ball arithmetic, of discs at the knots, by code of its own (`robustid[exact]`).
         """
-        from robustid.guarantees.linear.verification import holds_exactly
+        from robustid.guarantees.linear.directed_verification import holds_exactly
 
         exact = as_flag("exact", exact)
 
@@ -331,7 +335,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             every = (*self.bands, *self.joined)
             again = [dataclasses.replace(one) for one in every]  # nothing that was computed before is taken over
             same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, every, strict=True)]
-            discs = all(same) and (not exact or all(holds_exactly(one) for one in again))
+            discs = all(same) and (not exact or all(map(holds_exactly, again)))
         return discs and (self.polygons is None or polygons_hold(self.polygons, exact))
 
     @property

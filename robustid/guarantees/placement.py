@@ -38,6 +38,7 @@ _TWICE = 2.0  # what the remainder of a cell adds to a polygon, in the samples a
 _SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
 _SIDES_OF_CELLS = 8, 0.1  # and of cells
 _QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
+_BETWEEN = 0.2  # of the time: for the search between the polygons
 _NO_TIME = 1e-9
 _LEAST = 0.1  # of a polygon: what is its own, and not that of the relaxation
 
@@ -45,8 +46,8 @@ _LEAST = 0.1  # of a polygon: what is its own, and not that of the relaxation
 class Refinable(Known, Protocol):
     """A band that takes polygons."""
 
-    def with_polygons(self, polygons: Bounded) -> Self:
-        """Return it with polygons."""
+    def between(self, polygons: Bounded, budget: Budget | None) -> Self:
+        """Return it with polygons, the search between them within a budget; without one a short search."""
         ...
 
 
@@ -211,6 +212,8 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     tried = np.full(plain.shape, np.nan)  # radii, of those that were looked at
     found, count, joining = band, 0, 0.0
     polygons = joined = None
+    # The search between the polygons, which ends where its time does.
+    searching = 0.0 if means.budget is None or means.budget.seconds is None else _BETWEEN * means.budget.left
     size = programs.together if plain[0].size <= _MANY else _MOST
     while count < _MOST:
         room = min(size, _MOST - count)
@@ -224,7 +227,7 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         # The best of them first: the time may end before the others.
         chosen = chosen[np.argsort(-gain[chosen], kind="stable")]
         before = time.monotonic()
-        seen, radius = programs.solve(candidates[chosen], band, _less(means, joining))
+        seen, radius = programs.solve(candidates[chosen], band, _less(means, joining + searching))
         solved = time.monotonic()
         if not seen.size:
             break
@@ -233,11 +236,15 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         count += chosen.size
         polygons = programs.polygons()
         if polygons is not None and joining <= _QUICK * (solved - before):
-            found, joined = band.with_polygons(polygons), polygons
+            found, joined = band.between(polygons, None), polygons
             joining = max(joining, time.monotonic() - solved)
         if means.budget is not None and means.budget.over:
             break
-    return found if polygons is joined else band.with_polygons(polygons)
+    if polygons is None:
+        return found
+    if means.budget is not None and means.budget.over:
+        return found if polygons is joined else band.between(polygons, None)
+    return band.between(polygons, means.budget or Budget())
 
 
 def _less(means: Means, seconds: float) -> Means:

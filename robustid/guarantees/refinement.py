@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Complex, Real, Record, exponents_of, fingerprint, one_thread
+from robustid.core import Budget, Complex, Real, Record, exponents_of, fingerprint, one_thread
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import Entry
+from robustid.guarantees.linear.directed import DirectedBand
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.functions import Box, pairs_of
+from robustid.guarantees.linear.polygon_discs import hull
 from robustid.guarantees.linear.solved_nodes import Nodes, joined_band
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.pole_proofs import Cell, corners_of, union_of
@@ -160,10 +162,20 @@ def _discs(cells: Sequence[Cell], omega: Real, entry: Entry) -> tuple[Complex, R
 
 def nodes_of(polygons: Bounded, entry: Entry) -> Nodes:
     """Polygons of an entry as nodes of linear certificates."""
-    return Nodes(polygons.problem.plane.angles(polygons.omega), *solved_discs(polygons, entry))
+    every = [np.zeros(1) if one is None else hull(one) for one in corners_of(polygons.kept, polygons.omega, entry)]
+    most = max((one.size for one in every), default=1)
+    corners = np.array([np.pad(one, (0, most - one.size), mode="edge") for one in every], dtype=complex).reshape(
+        -1, most
+    )
+    return Nodes(polygons.problem.plane.angles(polygons.omega), *solved_discs(polygons, entry), corners)
 
 
-def joined_bands(bands: tuple[EntryBand, ...], polygons: Bounded) -> tuple[EntryBand, ...]:
-    """The bands of the entries with certificates over samples and polygons: everywhere, between the polygons too."""
+def joined_bands(
+    bands: tuple[EntryBand, ...], polygons: Bounded, budget: Budget | None
+) -> tuple[EntryBand | DirectedBand, ...]:
+    """The bands of the entries with certificates over samples and polygons: everywhere, between the polygons too.
+
+    Of one direction each, as far as the time goes; without a budget of all directions at once, which is sooner.
+    """
     with one_thread():
-        return tuple(joined_band(one, nodes_of(polygons, one.samples.entry)) for one in bands)
+        return tuple(joined_band(one, nodes_of(polygons, one.samples.entry), budget) for one in bands)

@@ -16,6 +16,7 @@ from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
 from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.directed import DirectedBand
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.member import Member, as_members
 from robustid.guarantees.nominal import as_nominal
@@ -198,7 +199,7 @@ def _band(band: Band) -> Record:
     }
 
 
-def _entries(bands: tuple[EntryBand, ...]) -> tuple[Record, ...]:
+def _entries(bands: tuple[EntryBand | DirectedBand, ...]) -> tuple[Record, ...]:
     return tuple(
         {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
         | {"amplitudes": _amplitudes(one.extraction), "complete": one.complete}

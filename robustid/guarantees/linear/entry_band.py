@@ -92,6 +92,11 @@ class EntryBand(Frozen):
                 whole[~known] = own
         return found
 
+    def distances(self, nominal: Complex, angles: Real, rounding: float) -> Real:
+        """Bounds of F less nominal values (N, k) at angles, these known up to rounding."""
+        centre, radius = self.at(angles)
+        return np.abs(centre[:, None] - nominal) * (1 + rounding) + radius[:, None]
+
     def between(self, arcs: NDArray[np.intp], part: Real) -> tuple[Complex, Real]:
         """Centres and radii on arcs, behind knot number `arcs`, at the given parts of their lengths."""
         angles = self.angles[arcs] + part * (self.angles[arcs + 1] - self.angles[arcs])
@@ -135,8 +140,11 @@ class EntryBands(Frozen):
 
     def distances(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> Real:
         """Bounds of the entries of F less nominal values (N, ny, nu) at angles, these known up to rounding."""
-        centre, radius = self.at(angles)
-        return np.abs(centre - nominal) * (1 + rounding) + radius
+        found = np.empty(nominal.shape)
+        for number, band in enumerate(self.bands):
+            rows, columns = zip(*(place for place, own in self._numbers.items() if own == number), strict=True)
+            found[:, rows, columns] = band.distances(nominal[:, rows, columns], angles, rounding)
+        return found
 
     def errors_at(self, model: control.StateSpace, angles: Real) -> Real:
         """Bounds of the entries of F - model at angles, (N, ny, nu)."""

@@ -11,10 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Real
 from robustid.guarantees.linear.amplitudes import Extraction, amplitude_targets, extract
 from robustid.guarantees.linear.certificate import targets_at
-from robustid.guarantees.linear.entry_band import EntryBand, EntryBands, apart, evaluate, mixed
+from robustid.guarantees.linear.directed import DirectedBand, Sides
+from robustid.guarantees.linear.directed_search import directed_band
+from robustid.guarantees.linear.entry_band import EntryBand, EntryBands, apart, evaluate, first_knots, mixed
 from robustid.guarantees.linear.samples import Number, Samples
 from robustid.guarantees.linear.search import search
 
@@ -27,11 +29,16 @@ Multipliers = tuple[NDArray[np.intp], Complex]
 
 
 class Nodes(NamedTuple):
-    """Discs that hold the values of an entry of every consistent system at angles, (N,) each."""
+    """Polygons, and discs around them, that hold the values of an entry of every consistent system at angles, (N,) each."""
 
     angles: Real
     centre: Complex
     radius: Real
+    corners: Complex  # (N, V), the last one again where there are fewer
+
+    def only(self, use: NDArray[np.bool_]) -> Nodes:
+        """Some of them."""
+        return Nodes(self.angles[use], self.centre[use], self.radius[use], self.corners[use])
 
 
 def with_nodes(samples: Samples, nodes: Nodes) -> Samples:
@@ -55,17 +62,24 @@ def with_nodes(samples: Samples, nodes: Nodes) -> Samples:
 def said(samples: Samples, nodes: Nodes) -> Nodes:
     """The nodes with finite discs at which the series of the modes say something."""
     use = np.isfinite(nodes.radius) & np.isfinite(samples.functions.left_out(nodes.angles)).all(axis=1)
-    return Nodes(nodes.angles[use], nodes.centre[use], nodes.radius[use])
+    return nodes.only(use)
 
 
-def joined_band(band: EntryBand, nodes: Nodes) -> EntryBand:
-    """The band with certificates over lines and nodes where they are smaller; itself where no node has a smaller disc."""
+def joined_band(band: EntryBand, nodes: Nodes, budget: Budget | None) -> EntryBand | DirectedBand:
+    """The band with certificates over lines and nodes; itself where no node has a smaller disc.
+
+    Certificates of one direction each, with the polygons of the nodes, in a budget of time. Without one, where it is over, and
+    beside samples of records, those of all directions, with the discs of the nodes: sooner, and wider.
+    """
     nodes = said(band.samples, nodes)
     inside = (nodes.angles >= band.angles[0]) & (nodes.angles <= band.angles[-1])
     if not np.any(nodes.radius[inside] < _PAYS * band.at(nodes.angles[inside])[1]):
         return band
     found = _Search(band, nodes)
-    return band if not np.all(np.isfinite(found.extraction.known.radius)) else found.band()
+    if not np.all(np.isfinite(found.extraction.known.radius)):
+        return band
+    directed = None if budget is None or band.samples.rows else found.directed(budget)
+    return found.band() if directed is None else directed
 
 
 class _Search:
@@ -130,6 +144,15 @@ class _Search:
             open_arcs.sort()
         return EntryBand(self.samples, self.extraction, angles, points, d.astype(np.complex64))
 
+    def directed(self, budget: Budget) -> DirectedBand | None:
+        """Knots of few lines and of the nodes, and further ones where mixing loses; None where there is no time."""
+        low, high = self._plain.angles[[0, -1]].tolist()
+        inside = (self._nodes.angles > low) & (self._nodes.angles < high)
+        first = first_knots(self._plain.samples, low, high)
+        angles = apart(np.concatenate([first, self._nodes.angles[inside]]), self._least)
+        sides = Sides(self.samples, self.extraction, self._nodes.corners)
+        return directed_band(sides, angles, self._least, budget)
+
     def _of_plain(self, angles: Real) -> Multipliers:
         """Points and multipliers of the lines at angles: those of the nearest knot."""
         knots = self._plain.angles
@@ -174,8 +197,9 @@ class _Search:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class JoinedBands(EntryBands):
-    """Discs of all entries from certificates over lines and nodes, beside those over lines alone: the smaller ones."""
+    """Bounds of all entries from certificates over lines and nodes, beside discs over lines alone: the smaller ones."""
 
+    bands: tuple[EntryBand | DirectedBand, ...]  # type: ignore[reportIncompatibleVariableOverride]
     plain: EntryBands
 
     def at(self, angles: Real) -> tuple[Complex, Real]:
@@ -184,6 +208,5 @@ class JoinedBands(EntryBands):
         return np.where(radius < least, centre, plain), np.minimum(radius, least)
 
     def distances(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> Real:
-        """The smaller bounds of those about both centres, (N, ny, nu)."""
-        discs = super().at(angles), self.plain.at(angles)
-        return np.minimum(*(np.abs(centre - nominal) * (1 + rounding) + radius for centre, radius in discs))
+        """The smaller bounds of those by both, (N, ny, nu)."""
+        return np.minimum(super().distances(nominal, angles, rounding), self.plain.distances(nominal, angles, rounding))

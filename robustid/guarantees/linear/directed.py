@@ -1,0 +1,260 @@
+"""Certificates of one direction each: linear bounds of Re(exp(-j theta) F) from samples and from polygons of solved frequencies.
+
+Let f_k be what sample k sees, f_k(F) in a disc of y_k and eps_k or in a polygon P_k. For any complex c_k and every consistent F
+
+    Re(exp(-j theta) F(z_0)) = sum_k Re(c_k f_k(F)) + Re r(G) + Re sum_i m_i p_i,
+
+r and m_i what the sum misses of the non-parametric part and of the functions. The first term is at most Re(c_k y_k) + |c_k| eps_k
+for a disc, and max Re(c_k v) over the corners of a polygon; the last one Re(m_i q_i) + |m_i| Delta_i, p_i within Delta_i of q_i.
+G = K phi with real coefficients, which counts twice: c_k stands for a point and its conjugate, and with real p_i only Re m_i does.
+Re r(G) <= K |r| in the real part of H2(mu), for every probability measure mu that is symmetric about the real axis, since phi has
+at most norm 1 there. For mu the mean of the harmonic measures seen from b and b*, b the place of z_0, with a = |b|^2:
+
+    mu = (1 - a) s/2 |1 - r x|^2 / |(1 - b x)(1 - b* x)|^2 dm,    s (1 + r^2) = 2 (1 + a), s r = 2 Re b,
+
+so that 1/h, h(x) = (1 - b x)(1 - b* x)/((1 - r x) sqrt((1 - a) s/2)), is outer with mu = dm/|h|^2, and the kernel is k(z, w) =
+h(z) h(w)*/(1 - z w*). Re(u phi(z)) has the representer (u* k(., z) + u k(., z*))/2, and two of them have the inner product
+Re(u u'* k(z, z') + u u' k(z, z'*))/2.
+
+A disc of one certificate says the same in all directions, whatever the samples say; here the multipliers of a direction are those
+that are best for the values that were measured. Between knots multipliers are mixed, direction by direction.
+"""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Frozen, Real, freeze
+from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.certificate import Targets, targets_at
+from robustid.guarantees.linear.polygon_discs import corners_of_supports, smallest_discs
+from robustid.guarantees.linear.samples import Samples
+
+_EPS = float(np.finfo(float).eps)
+_CORNERS = 1e-12  # relative rounding of corners
+
+
+def directions(count: int) -> Complex:
+    """Exp(-j theta) of so many equally spaced directions, (M,)."""
+    return np.asarray(np.exp(-2j * np.pi * np.arange(count) / count), dtype=complex)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sides(Frozen):
+    """Samples with polygons at the last of their points, as certificates of a direction see them: no records."""
+
+    samples: Samples
+    extraction: Extraction
+    corners: Complex  # (nodes, V), those of the last points; fewer ones repeat the last
+
+    @property
+    def half(self) -> int:
+        """Number of points, without their conjugates."""
+        return self.samples.angles.size // 2
+
+    @property
+    def first_node(self) -> int:
+        """Number of the first point with a polygon."""
+        return self.half - len(self.corners)
+
+    @functools.cached_property
+    def left_out(self) -> Real:
+        """Most that the series leave out at the points, for the largest amplitudes, (half,)."""
+        return self.samples.left_out[: self.half] @ self.extraction.known.largest
+
+    @functools.cached_property
+    def reals(self) -> NDArray[np.bool_]:
+        """Mask of the coefficients that are real numbers, (m,): amplitudes without a conjugate one."""
+        at, first = self.samples.amplitude_of, self.samples.first
+        count = np.bincount(at[first], minlength=self.samples.amplitudes)
+        return first & (count[at] == 1) if at.size else first
+
+    @functools.cached_property
+    def twins(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Numbers of the coefficients that are complex amplitudes, and of their conjugates."""
+        at, first, conjugate = self.samples.amplitude_of, self.samples.first, self.samples.conjugate
+        own = np.flatnonzero(first & ~conjugate & ~self.reals)
+        other = {int(at[k]): int(k) for k in np.flatnonzero(first & conjugate)}
+        return own, np.array([other[int(at[k])] for k in own], dtype=int)
+
+
+class Measure:
+    """The symmetric measure of a target at `base`."""
+
+    def __init__(self, base: complex) -> None:
+        self.base, a = base, abs(base) ** 2
+        part = base.real / (1 + a)
+        root = np.sqrt((1 - a) ** 2 + 4 * base.imag**2) / (1 + a)  # of 1 - 4 part^2, without cancellation
+        self.zero = float(2 * part / (1 + root))
+        self.level = float(np.sqrt((1 - a) * (1 + a) / (1 + self.zero**2)))
+
+    def outer(self, x: Complex) -> Complex:
+        """Values of h at x."""
+        b = self.base
+        return (1 - b * x) * (1 - np.conj(b) * x) / ((1 - self.zero * x) * self.level)
+
+
+def kernels(z: Complex, w: Complex) -> tuple[Complex, Complex]:
+    """Inner products of the weights of points (n, C) with each other and with the conjugates, over 1 - z z'* and 1 - z z'."""
+    plain = (w @ w.conj().T) / (1 - z[:, None] * z.conj())
+    return plain, (w @ w.T) / (1 - z[:, None] * z)
+
+
+def supports(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex) -> Real:
+    """Bounds of Re(turn F) at the targets by multipliers (B, M, n) of points (n,), (B, M)."""
+    samples, known = sides.samples, sides.extraction.known
+    own = points < sides.first_node
+    total = (c[:, :, own] * samples.y[points[own]]).real.sum(axis=2)
+    size = np.abs(c)
+    total += size[:, :, own] @ samples.bound[points[own]] + size @ sides.left_out[points]
+    rounded = size[:, :, own] @ np.abs(samples.y[points[own]])
+    if not own.all():
+        corners = sides.corners[points[~own] - sides.first_node]
+        total += (c[:, :, ~own, None] * corners).real.max(axis=3).sum(axis=2)
+        total += _CORNERS * (size[:, :, ~own] @ np.abs(corners).max(axis=1))
+    missed, terms = missed_of(sides, targets, points, c, turns)
+    total += _of_functions(sides, missed)
+    with np.errstate(invalid="ignore"):
+        beyond = np.where(np.isinf(targets.left_out).any(axis=1), np.inf, targets.left_out @ known.largest)
+    total += beyond[:, None] + _of_class(sides, targets, points, c, turns)
+    rounded += terms @ known.largest[samples.amplitude_of] if terms.shape[2] else 0.0
+    return total + _EPS * (8 * (points.size + 16) * rounded + 16 * (np.abs(total) + rounded))
+
+
+def missed_of(
+    sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex
+) -> tuple[Complex, Real]:
+    """The m_i of all functions, (B, M, m), and the sizes of their terms."""
+    values = sides.samples.values[points]
+    missed = turns[:, None] * targets.values[:, None, :] - c @ values
+    return missed, np.abs(targets.values)[:, None, :] + np.abs(c) @ np.abs(values)
+
+
+def _of_functions(sides: Sides, missed: Complex) -> Real:
+    """Bounds of Re sum m_i p_i, (B, M)."""
+    samples, known = sides.samples, sides.extraction.known
+    centre, radius = known.coefficients(samples)
+    own, twin = sides.twins
+    size = np.where(sides.reals, np.abs(missed.real), np.abs(missed))
+    size[:, :, twin] = 0  # together with the amplitude: Re(m p + m' p*) = Re((m + m'*) p)
+    size[:, :, own] = np.abs(missed[:, :, own] + missed[:, :, twin].conj())
+    return (missed @ centre).real + size @ radius
+
+
+def _of_class(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex) -> Real:
+    """K |r|, rounding included, (B, M)."""
+    samples = sides.samples
+    z, w = samples.nodes[points], samples.weights[points]
+    plain, twice = kernels(z, w)
+    measures = [Measure(b) for b in targets.base.tolist()]
+    h = np.array([one.outer(z) for one in measures]).reshape(len(measures), points.size)
+    at = np.array([complex(one.outer(np.array(one.base))) for one in measures])
+    u, tau = c * h[:, None, :], (targets.weight * at)[:, None] * turns  # (B, M, n), (B, M)
+    rows = u.reshape(-1, points.size)
+    square = ((rows @ plain) * rows.conj() + (rows @ twice) * rows).real.sum(axis=1).reshape(tau.shape)
+    b, w = targets.base[:, None], w[:, samples.target]
+    onto, other = w.conj() / (1 - b * z.conj()), w / (1 - b * z)  # (B, n)
+    square -= 2 * (tau * ((u.conj() @ onto[:, :, None]) + (u @ other[:, :, None]))[:, :, 0]).real
+    own = np.abs(tau) ** 2 / (1 - np.abs(b) ** 2)
+    square += own + (tau**2 / (1 - b**2)).real
+    sizes = np.sqrt(own) + np.abs(u) @ np.sqrt(np.einsum("nn->n", plain).real)
+    inside = float(samples.problem.region.inside(np.append(np.abs(samples.angles), 0.0)).min())
+    inside = min(inside, float((1 - np.abs(targets.base) ** 2).min(initial=1.0)))
+    rounding = (8 * points.size + 128 + 128 / inside) * _EPS
+    return np.sqrt(np.maximum(square, 0.0) / 2 + rounding * sizes**2)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class DirectedBand(Frozen):
+    """Polygons that hold an entry of every consistent system, at every angle between the first and the last knot."""
+
+    sides: Sides
+    angles: Real  # (F,), ascending
+    points: NDArray[np.intp]  # (F, n)
+    multipliers: NDArray[np.complex64]  # (F, M, n)
+    complete: bool = True
+
+    def __post_init__(self) -> None:
+        self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in ("angles", "points", "multipliers")})
+
+    @property
+    def samples(self) -> Samples:
+        """The samples, with nodes behind the points."""
+        return self.sides.samples
+
+    @property
+    def extraction(self) -> Extraction:
+        """Proofs of the amplitudes."""
+        return self.sides.extraction
+
+    @functools.cached_property
+    def turns(self) -> Complex:
+        """Exp(-j theta) of the directions, (M,)."""
+        return directions(int(self.multipliers.shape[1]))
+
+    @functools.cached_property
+    def _at_knots(self) -> tuple[Complex, Real]:
+        return self.at(self.angles)
+
+    @property
+    def centre(self) -> Complex:
+        """Centres of discs around the polygons at the knots, (F,)."""
+        return self._at_knots[0]
+
+    @property
+    def radius(self) -> Real:
+        """Radii of these, (F,)."""
+        return self._at_knots[1]
+
+    def at(self, angles: Real) -> tuple[Complex, Real]:
+        """Centres and radii of discs around the polygons at angles."""
+        return smallest_discs(self.corners_at(angles))
+
+    def corners_at(self, angles: Real) -> Complex:
+        """Corners of the polygons at angles, (N, M)."""
+        return corners_of_supports(self.supports(angles))
+
+    def distances(self, nominal: Complex, angles: Real, rounding: float) -> Real:
+        """Bounds of F less nominal values (N, k) at angles, these known up to rounding."""
+        corners = self.corners_at(angles)[:, None, :]
+        far = np.abs(corners - nominal[:, :, None]) * (1 + rounding) + _CORNERS * np.abs(corners)
+        return np.where(np.isnan(far).any(axis=2), np.inf, far.max(axis=2))
+
+    def supports(self, angles: Real) -> Real:
+        """Bounds of Re(exp(-j theta) F) at angles, (N, M): an arc at a time, with the multipliers of both ends in proportion."""
+        found = np.empty((angles.size, self.turns.size))
+        before = np.clip(np.searchsorted(self.angles, angles, side="right") - 1, 0, self.angles.size - 2)
+        part = (angles - self.angles[before]) / (self.angles[before + 1] - self.angles[before])
+        order = np.argsort(before, kind="stable")
+        targets = targets_at(self.samples, angles[order])
+        starts = np.flatnonzero(np.diff(before[order], prepend=-1))
+        for start, stop in zip(starts.tolist(), [*starts[1:].tolist(), angles.size], strict=True):
+            own = order[start:stop]
+            points, low, high = self.of_arc(int(before[own[0]]))
+            t = part[own][:, None, None]
+            found[own] = supports(self.sides, targets[start:stop], points, (1 - t) * low + t * high, self.turns)
+        return found
+
+    def of_arc(self, arc: int) -> tuple[NDArray[np.intp], Complex, Complex]:
+        """The points of the knots at both ends of an arc, (n,), and the multipliers of these, (M, n) each."""
+        points, place = np.unique(self.points[arc : arc + 2], return_inverse=True)
+        place = place.reshape(2, -1)
+        ends = np.zeros((2, self.turns.size, points.size), complex)
+        for k in range(2):
+            ends[k][:, place[k]] = self.multipliers[arc + k]
+        return points, ends[0], ends[1]
+
+
+def directed_fit(sides: Sides, points: NDArray[np.intp], c: NDArray[np.complexfloating], count: int) -> bool:
+    """Return whether so many rows of points and multipliers belong to the samples, each point once in a row."""
+    fits = c.ndim == 3 and points.ndim == 2 and (len(points), len(c)) == (count, count) and c.shape[1] >= 3
+    if not (fits and c.shape[2] == points.shape[1] and not sides.samples.rows and np.all(np.isfinite(c))):
+        return False
+    inside = not points.size or (points.min() >= 0 and points.max() < sides.half)
+    return bool(inside and np.all(np.diff(np.sort(points, axis=1), axis=1) > 0))
