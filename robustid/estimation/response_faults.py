@@ -10,6 +10,8 @@ from robustid.core import Complex, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
 from robustid.estimation.corrections import MISTAKES, correct
+from robustid.estimation.line_faults import line_faults
+from robustid.estimation.outlying_lines import noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.roughness import roughness
 
@@ -71,7 +73,12 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
     ('the phase has the wrong sign (the response is conjugated)', 'conjugate')
     """
     frf = as_frequency_response("frf", frf)
-    return tuple([*_axis(frf), *_stable(frf)] or _scattered(frf))
+    lines, rest, joined = line_faults(frf)
+    whole = _stable(rest)
+    if whole:  # what is in another unit is off its neighbours too
+        return (*_axis(frf), *whole)
+    found = [*_axis(frf), *lines]
+    return tuple(found + ([] if _axis(frf) else _scattered(joined)))
 
 
 def _axis(frf: FrequencyResponse) -> list[Fault]:
@@ -156,7 +163,8 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
     if frf.bound is None or len(frf.omega) < 2 * _FEWEST or np.any(frf.missing):
         return []
     worst, times = 0.0, 0.0
-    for one in _entries(_representative(frf, bounded=True)):
+    noisy = [one for one in _entries(_representative(frf, bounded=True)) if noise_in_bounds(one) > 1]
+    for one in noisy:
         found = roughness(one)
         bound: Real = one.bound.outer_radius
         left = np.abs(found.residual) / bound.reshape(-1)
