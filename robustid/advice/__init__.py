@@ -13,6 +13,7 @@ from robustid.advice.prior_weight import prior_weight, suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 from robustid.advice.smallest_gain import entry_sizes, response_sizes
+from robustid.advice.suspect_modes import suspect_modes
 
 __all__ = [
     "SLIGHTLY",
@@ -42,4 +43,5 @@ __all__ = [
     "suggest_prior",
     "suggest_roll_off",
     "suggest_scaling",
+    "suspect_modes",
 ]

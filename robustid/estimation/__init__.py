@@ -1,6 +1,6 @@
 """From records to responses, delays, noise levels and bounds; faults of data and their corrections."""
 
-from robustid.estimation.corrections import MISTAKES, correct
+from robustid.estimation.corrections import MISTAKES, correct, leaving_out
 from robustid.estimation.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.estimation.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.estimation.frf import estimate_frf, first_response
@@ -23,6 +23,7 @@ __all__ = [
     "estimate_delay",
     "estimate_frf",
     "first_response",
+    "leaving_out",
     "record_faults",
     "response_faults",
     "with_delay",

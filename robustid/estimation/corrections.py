@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -230,6 +230,21 @@ def _advanced(frf: FrequencyResponse, samples: float) -> FrequencyResponse:
 
 def _delayed(frf: FrequencyResponse, samples: float) -> FrequencyResponse:
     return _advanced(frf, -samples)
+
+
+def leaving_out(frf: FrequencyResponse, lines: Sequence[int]) -> str:
+    """The correction that leaves out these frequency points, by their number."""
+    return "leave out " + " ".join(written_hz(frf, line) for line in lines)
+
+
+def written_hz(frf: FrequencyResponse, line: int) -> str:
+    """Frequency in Hz with as many digits as tell the point from its neighbours, five at least."""
+    hz, text = frf.freq_hz, ""
+    for digits in range(5, 18):
+        text = f"{hz[line]:.{digits}g}"
+        if hz[int(np.argmin(np.abs(hz - float(text))))] == hz[line]:
+            break
+    return text
 
 
 def _left_out(frf: FrequencyResponse, *left_out_hz: float) -> FrequencyResponse:

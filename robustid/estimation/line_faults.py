@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, FrequencyResponse
 from robustid.estimation.axis_parts import Jump, jump, unexcited
+from robustid.estimation.corrections import leaving_out, written_hz
 from robustid.estimation.local_models import FEWEST
 from robustid.estimation.outlying_lines import NARROW, Odd, odd_values
 
@@ -94,7 +95,7 @@ def _contradicting(frf: FrequencyResponse) -> tuple[NDArray[np.bool_], list[Faul
     words = f"repeated frequency points contradict each other: {_places(frf, places)}"
     size = worst * (_TWICE if frf.bound is not None else 1)
     evidence = f"values at the same frequency differ by {size:.3g} {unit}"
-    return out, [Fault(FaultKind.OUTLIER, words, evidence, _left_out(frf, places), size=size)]
+    return out, [Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, places), size=size)]
 
 
 def _disagreement(frf: FrequencyResponse, points: slice) -> float:
@@ -120,8 +121,8 @@ def _odd_words(frf: FrequencyResponse, odd: Sequence[Odd], lines: Sequence[int])
     worst = max(odd, key=lambda one: one.scatter)
     bounded = [one.bounds for one in odd if np.isfinite(one.bounds)]
     count = len(lines)
-    words = f"{count} frequency point{'s are' if count > 1 else ' is'} off what {'their' if count > 1 else 'its'} neighbours say:"
-    words += f" {_places(frf, lines)}{_entry_words(frf, odd)}"
+    words = f"{count} frequency point{'s' * (count > 1)} ({_places(frf, lines)}{_entry_words(frf, odd)})"
+    words += " are off what their neighbours say" if count > 1 else " is off what its neighbours say"
     at = f" at {frf.freq_hz[worst.line]:.5g} Hz" if count > 1 else ""
     by_bound = f"{max(bounded):.3g} times the bound and " if bounded else ""
     evidence = f"by up to {by_bound}{worst.scatter:.3g} times the scatter of the neighbours{at}"
@@ -131,7 +132,7 @@ def _odd_words(frf: FrequencyResponse, odd: Sequence[Odd], lines: Sequence[int])
     )
     evidence += " them out" if count > 1 else " it out"
     size = max(bounded) if bounded else worst.scatter
-    return Fault(FaultKind.OUTLIER, words, evidence, _left_out(frf, lines), _where(frf, odd), size=float(size))
+    return Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, lines), _where(frf, odd), size=float(size))
 
 
 def _cause(frf: FrequencyResponse, lines: Sequence[int]) -> str:
@@ -193,23 +194,8 @@ def _noise_words(frf: FrequencyResponse, low: int, high: int) -> list[Fault]:
 
 
 def _places(frf: FrequencyResponse, lines: Sequence[int]) -> str:
-    said = ", ".join(_hz(frf, line) for line in lines[:_NAMED])
+    said = ", ".join(written_hz(frf, line) for line in lines[:_NAMED])
     return f"{said} Hz" + (f" and {len(lines) - _NAMED} more" if len(lines) > _NAMED else "")
-
-
-def _left_out(frf: FrequencyResponse, lines: Sequence[int]) -> str:
-    return "leave out " + " ".join(_hz(frf, line) for line in lines)
-
-
-def _hz(frf: FrequencyResponse, line: int) -> str:
-    """Frequency with as many digits as tell it from its neighbours, five at least."""
-    hz = frf.freq_hz
-    text = ""
-    for digits in range(5, 18):
-        text = f"{hz[line]:.{digits}g}"
-        if hz[int(np.argmin(np.abs(hz - float(text))))] == hz[line]:
-            break
-    return text
 
 
 def _spacing(frf: FrequencyResponse, lines: Sequence[int]) -> float:
@@ -237,4 +223,4 @@ def _entries(frf: FrequencyResponse, part: NDArray[np.bool_]) -> str:
 
 def _entry_words(frf: FrequencyResponse, odd: Sequence[Odd]) -> str:
     of = _where(frf, odd)
-    return f" ({of})" if of else ""
+    return f", {of}" if of else ""

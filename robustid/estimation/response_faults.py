@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import weakref
 
 import numpy as np
 
@@ -30,6 +31,7 @@ _SMALL = 1e-9  # part of the largest value, below which no part of it makes sens
 _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
 _OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
 _DECIBELS = 6.0  # by which a magnitude in decibels varies at least
+_FOUND: weakref.WeakKeyDictionary[FrequencyResponse, tuple[Fault, ...]] = weakref.WeakKeyDictionary()
 _OF_STABLE = {
     "conjugate": FaultKind.PHASE_SIGN,
     "phase in radians": FaultKind.PHASE_UNIT,
@@ -73,12 +75,18 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
     ('the phase has the wrong sign (the response is conjugated)', 'conjugate')
     """
     frf = as_frequency_response("frf", frf)
+    if (known := _FOUND.get(frf)) is None:
+        known = _FOUND[frf] = _found(frf)
+    return known
+
+
+def _found(frf: FrequencyResponse) -> tuple[Fault, ...]:
+    axis = _axis(frf)
     lines, rest, joined = line_faults(frf)
     whole = _stable(rest)
     if whole:  # what is in another unit is off its neighbours too
-        return (*_axis(frf), *whole)
-    found = [*_axis(frf), *lines]
-    return tuple(found + ([] if _axis(frf) else _scattered(joined)))
+        return (*axis, *whole)
+    return (*axis, *lines, *([] if axis else _scattered(joined)))
 
 
 def _axis(frf: FrequencyResponse) -> list[Fault]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.advice import KautzSuggestion, suggest_kautz
+from robustid.advice import KautzSuggestion, suggest_kautz, suspect_modes
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL
 from robustid.app.run.measurements import Measured
@@ -21,6 +21,7 @@ from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, s
 from robustid.core import Budget, Real, Source, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.estimation import response_faults
 from robustid.fitting import (
     MatrixFraction,
     ModeRow,
@@ -80,6 +81,20 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
         damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=modes)
+
+
+def with_suspect_modes(run: RunFile, data: Measured, around: Surroundings) -> Measured:
+    """The data with the faults that modes show which were taken from them and rest on a single frequency point."""
+    modes = run.modes
+    if not data.responses or not modes.hz or modes.damping is None or modes.source is not Source.DATA:
+        return data
+    frf, *others = data.responses
+    known = {point for fault in response_faults(frf) for point in fault.correction.split()}
+    found = suspect_modes(frf, 2 * np.pi * np.array(modes.hz), np.array(modes.damping))
+    found = tuple(fault for fault in found if not known.issuperset(fault.correction.split()))
+    for fault in found:
+        around.say(str(fault))
+    return data._replace(responses=(dataclasses.replace(frf, faults=(*frf.faults, *found)), *others)) if found else data
 
 
 def box_of_modes(modes: Modes) -> Box | None:
