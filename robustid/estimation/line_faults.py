@@ -125,7 +125,7 @@ def _odd_words(frf: FrequencyResponse, odd: Sequence[Odd], lines: Sequence[int])
     words += " are off what their neighbours say" if count > 1 else " is off what its neighbours say"
     at = f" at {frf.freq_hz[worst.line]:.5g} Hz" if count > 1 else ""
     by_bound = f"{max(bounded):.3g} times the bound and " if bounded else ""
-    evidence = f"by up to {by_bound}{worst.scatter:.3g} times the scatter of the neighbours{at}"
+    evidence = f"by {'up to ' * (len(odd) > 1)}{by_bound}{worst.scatter:.3g} times the scatter of the neighbours{at}"
     evidence += f"{_cause(frf, lines)}. Suspect: a mode would explain {'each' if count > 1 else 'it'} only with a half-width below"
     evidence += (
         f" {NARROW * _spacing(frf, lines):.3g} Hz, a quarter of the line spacing; measure between the lines, or leave"

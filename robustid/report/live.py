@@ -102,7 +102,7 @@ def live_words(
     words = f"{said.word}, margin {margin_interval(identification)} (proved). {said.sentence}"
     for before in problem_verdict(identification.problem):
         words = f"{before.word}. {before.sentence} {words}"
-        said = replace(said, key=before.key if said.key == "consistent" else said.key)
+        said = replace(said, key=said.key if said.key in ("inconsistent", "failed") else before.key)
     if identification.status is Status.INCONSISTENT:
         parts = [
             f"{sample_words(identification, Sample(*one[:3]))} ({percent(one[3])})"
