@@ -12,7 +12,7 @@ from robustid.core import Complex, Real
 # Poles and degree of the numerator, each with the points that it takes: a line has to be odd to all of them.
 ORDERS = ((1, 1, 10), (2, 2, 12), (2, 3, 14), (3, 3, 16))
 FEWEST = ORDERS[-1][-1] + 1
-_AGAIN = 2  # solutions, each weighted by the denominator of the one before
+_TURNS = 2  # solutions, each weighted by the denominator of the one before
 _SMALL = 1e-12  # of a direction of the unknowns, and of the scatter, in parts of the largest and of the values
 _NEAR = 1e-3  # of the largest |A|: nearer to a pole no weight rises
 
@@ -41,7 +41,7 @@ def neighbours(count: int, lines: NDArray[np.intp], usable: NDArray[np.intp]) ->
     return usable[taken + (own[:, None] & (taken >= place[:, None]))]
 
 
-def said_at_zero(x: Real, values: Complex, deviation: Real, poles: int, power: int) -> Said:
+def said_at_zero(x: Real, values: Complex, deviation: Real, poles: int, power: int, turns: int = _TURNS) -> Said:
     """Values that points (..., n) give to x = 0: B(x)/A(x), A(0) = 1, of `poles` poles and a numerator of degree `power`.
 
     Least squares of B(x) - (A(x) - 1) G(x) = G(x), weighted by 1/|A| of the solution before (Sanathanan and Koerner). The last
@@ -50,7 +50,7 @@ def said_at_zero(x: Real, values: Complex, deviation: Real, poles: int, power: i
     weight, powers = 1 / deviation, x[..., None] ** np.arange(max(poles, power), -1, -1)
     columns = np.concatenate([-powers[..., -1 - poles : -1] * values[..., None], powers[..., -1 - power :]], axis=-1)
     dof = values.shape[-1] - columns.shape[-1]
-    for turn in range(_AGAIN):
+    for turn in range(turns):
         scaled: Complex = columns * weight[..., None]
         sizes: Real = np.maximum(np.linalg.norm(scaled, axis=-2), np.finfo(float).tiny)
         q, r = np.linalg.qr(scaled / sizes[..., None, :])
@@ -59,7 +59,7 @@ def said_at_zero(x: Real, values: Complex, deviation: Real, poles: int, power: i
         diagonal[...] += np.where(np.abs(diagonal) < _SMALL, _SMALL, 0)
         unknowns: Complex = np.linalg.solve(r, right[..., None])[..., 0] / sizes
         below = np.abs(1 + np.sum(powers[..., -1 - poles : -1] * unknowns[..., None, :poles], axis=-1))
-        if turn + 1 < _AGAIN:
+        if turn + 1 < turns:
             weight = 1 / (deviation * np.maximum(below, _NEAR * below.max(axis=-1, keepdims=True)))
     whole = np.sum(np.abs(values * weight) ** 2, axis=-1)
     left = np.maximum(whole - np.sum(np.abs(right) ** 2, axis=-1), _SMALL**2 * whole)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
-from robustid.estimation.local_models import FEWEST, ORDERS, neighbours, said_at_zero, unlikely
+from robustid.estimation.local_models import FEWEST, ORDERS, Said, neighbours, said_at_zero, unlikely
 
 _CHANCE = 1e-3  # of a false alarm, over all values of a response
 _ALIKE = (
@@ -26,6 +26,7 @@ _ROUNDS = 6
 _APART = 4  # lines: of several so near, which disturb each other's neighbourhood, the oddest is taken out first
 _MOST = 0.1  # of all lines: where more are odd, the neighbourhoods say nothing
 _DIP = 5  # neighbours whose median a response is at least
+_TURNS = 8  # of a fit that has to find a pole
 _ZERO = 1e-9  # of a denominator
 _LEAST = 1e-3  # of the response nearby: scatter that is counted at least where no bound is stated
 
@@ -163,6 +164,8 @@ def _confirmed(one: Entry, entry: int, line: int, usable: NDArray[np.intp], limi
         said = said_at_zero(x / unit, one.values[at], one.deviation[at], poles, power)
         if _mode_explains(one, line, at, said.denominator, power, spacing / unit):
             return None
+        if _model_explains(one, line, at, said, (poles + 1, power), spacing / unit):
+            return None
         if (left := float(np.abs(one.values[line] - said.value))) < distance:
             distance, scatter = left, float(np.sqrt(said.scatter * (one.deviation[line] ** 2 + said.variance)))
     bound = distance / one.bound[line] if one.bound[line] > 0 else np.nan
@@ -195,6 +198,21 @@ def _mode_explains(one: Entry, line: int, at: NDArray[np.intp], a: Complex, powe
     as_well = unlikely(max(alone - wide, 0.0) * dof / max(whole - alone, least), dof) < _ALIKE
     better = unlikely(max(best - alone, 0.0) * dof / max(whole - best, least), dof) > _ALIKE
     return bool(as_well or better)
+
+
+def _model_explains(
+    one: Entry, line: int, at: NDArray[np.intp], said: Said, order: tuple[int, int], spacing: float
+) -> bool:
+    """Return whether a model with one more pole explains the line and its neighbours, and none of its poles is a needle there."""
+    rows = np.append(at, line)
+    x = one.omega[rows] - one.omega[line]
+    x = x / np.abs(x).max()
+    larger = said_at_zero(x, one.values[rows], one.deviation[rows], *order, turns=_TURNS)
+    roots = np.roots(np.append(larger.denominator, 1))
+    if larger.dof < 1 or np.any((np.abs(roots.real) < spacing) & (np.abs(roots.imag) < NARROW * spacing)):
+        return False
+    worse = float(larger.scatter) * larger.dof - float(said.scatter) * said.dof
+    return bool(unlikely(max(worse, 0.0) / max(float(said.scatter), np.finfo(float).tiny), said.dof) < _ALIKE)
 
 
 def noise_in_bounds(frf: FrequencyResponse) -> float:
