@@ -7,7 +7,7 @@ from robustid.estimation.frf import estimate_frf, first_response
 from robustid.estimation.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.record_faults import record_faults
-from robustid.estimation.response_faults import response_faults
+from robustid.estimation.response_faults import all_faults, response_faults
 
 __all__ = [
     "BOUND_SOURCES",
@@ -16,6 +16,7 @@ __all__ = [
     "DelayedModel",
     "NoiseFloor",
     "PoleFit",
+    "all_faults",
     "bounds_from_noise_floor",
     "correct",
     "default_bound",

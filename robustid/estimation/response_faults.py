@@ -80,6 +80,12 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
     return known
 
 
+def all_faults(frf: FrequencyResponse) -> list[Fault]:
+    """Faults that a response brings with it, and those that it shows, of kinds that it doesn't bring: each fault once."""
+    known = {fault.kind for fault in frf.faults}
+    return [*frf.faults, *(fault for fault in response_faults(frf) if fault.kind not in known)]
+
+
 def _found(frf: FrequencyResponse) -> tuple[Fault, ...]:
     axis = _axis(frf)
     lines, rest, joined = line_faults(frf)

@@ -110,7 +110,7 @@ def _data_faults(view: FitView) -> list[Verdict]:
     """The verdict on faults of the response that was fitted, where it is at hand."""
     if view.data is None:
         return []
-    return fault_verdict(faults_of_response(view.data), view.data.faults, estimated=view.data.dof is not None)
+    return fault_verdict(faults_of_response(view.data), estimated=view.data.dof is not None)
 
 
 def _title(view: FitView) -> str:

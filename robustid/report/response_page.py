@@ -112,7 +112,7 @@ def _spectra(view: ResponseView, charts: list[Chart]) -> list[Block]:
 
 def response_fault_verdict(view: ResponseView) -> list[Verdict]:
     """Verdict on faults of the response and of its records, where there are any."""
-    return fault_verdict(view.faults, view.frf.faults, estimated=view.frf.dof is not None)
+    return fault_verdict(view.faults, estimated=view.frf.dof is not None)
 
 
 def response_verdict(view: ResponseView) -> Verdict:

@@ -8,7 +8,7 @@ import pytest
 import robustid as rid
 from robustid.advice import suggest_kautz, suspect_modes
 from robustid.app.run.measurements import Measured
-from robustid.app.run.modes import with_modes, with_suspect_modes
+from robustid.app.run.modes import with_faults, with_modes
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 
@@ -51,8 +51,8 @@ def test_a_run_keeps_it_among_the_faults_of_its_data_once():
     around, data = Surroundings(lambda *_: None), Measured((frf,), ())
     run = with_modes(RunFile(), data, around)
     problem = rid.MixedProblem(
-        frequency=with_suspect_modes(run, data, around).responses, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)
+        frequency=with_faults(run, data, around).responses, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)
     )
     assert [fault.kind for fault in problem.data_faults] == ["outlier"]
     stated = dataclasses.replace(run.modes, source="stated")
-    assert with_suspect_modes(dataclasses.replace(run, modes=stated), data, around) == data
+    assert len(with_faults(dataclasses.replace(run, modes=stated), data, around).responses[0].faults) <= 1

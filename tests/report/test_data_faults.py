@@ -63,9 +63,9 @@ def test_it_stands_before_the_verdict_on_a_response_and_on_a_fit():
 
 def test_what_undoes_it_is_written_as_it_is_pasted():
     fault = Fault(FaultKind.OUTLIER, "off", correction="leave out 16.978 50")
-    assert '--frequency-correct "leave out 16.978 50"' in undoing(fault, of_records=False, estimated=False)
-    assert "leave_out_hz = [16.978, 50]" in undoing(fault, of_records=False, estimated=True)
-    assert '--time-correct "times 2"' in undoing(fault._replace(correction="times 2"), of_records=True, estimated=False)
+    assert '--frequency-correct "leave out 16.978 50"' in undoing(fault, estimated=False)
+    assert "leave_out_hz = [16.978, 50]" in undoing(fault, estimated=True)
+    assert '--time-correct "times 2"' in undoing(fault._replace(correction="times 2"), estimated=True)
 
 
 def test_a_drift_that_is_removed_is_no_verdict_and_further_faults_are_counted():

@@ -83,18 +83,21 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     return dataclasses.replace(run, modes=modes)
 
 
-def with_suspect_modes(run: RunFile, data: Measured, around: Surroundings) -> Measured:
-    """The data with the faults that modes show which were taken from them and rest on a single frequency point."""
-    modes = run.modes
-    if not data.responses or not modes.hz or modes.damping is None or modes.source is not Source.DATA:
-        return data
-    frf, *others = data.responses
-    known = {point for fault in response_faults(frf) for point in fault.correction.split()}
-    found = suspect_modes(frf, 2 * np.pi * np.array(modes.hz), np.array(modes.damping))
-    found = tuple(fault for fault in found if not known.issuperset(fault.correction.split()))
-    for fault in found:
-        around.say(str(fault))
-    return data._replace(responses=(dataclasses.replace(frf, faults=(*frf.faults, *found)), *others)) if found else data
+def with_faults(run: RunFile, data: Measured, around: Surroundings) -> Measured:
+    """The data with the faults of all their frequency points, used or not, and of modes that rest on one of them."""
+    modes, responses = run.modes, list(data.responses)
+    for k, frf in enumerate(responses):
+        found = [fault for fault in response_faults(frf) if fault not in frf.faults]
+        if k == 0 and modes.hz and modes.damping is not None and modes.source is Source.DATA:
+            known = {point for fault in found for point in fault.correction.split()}
+            seen = suspect_modes(frf, 2 * np.pi * np.array(modes.hz), np.array(modes.damping))
+            for fault in seen:
+                if not known.issuperset(fault.correction.split()):
+                    around.say(str(fault))
+                    found.append(fault)
+        if found:
+            responses[k] = dataclasses.replace(frf, faults=(*frf.faults, *found))
+    return data._replace(responses=tuple(responses))
 
 
 def box_of_modes(modes: Modes) -> Box | None:
