@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
-from robustid.estimation.local_models import neighbours, said_at_zero, unlikely
+from robustid.estimation.local_models import Said, neighbours, said_at_zero, unlikely
 from robustid.estimation.outlying_lines import Entry, entries_of
 
 _CHANCE = 1e-3  # of a false alarm, over all places of all entries
@@ -147,7 +147,7 @@ def _both(
     sides: list[np.ndarray] = []
     for first in (gaps - lines - (skipped == 1), gaps + (skipped == 2)):
         sides.append(usable[first[:, None] + np.arange(lines)])
-    found = []
+    found: list[Said] = []
     for at in sides:
         x = one.omega[at] - middle[:, None]
         x = x / np.abs(x).max(axis=1, keepdims=True)

@@ -139,10 +139,10 @@ def _cause(frf: FrequencyResponse, lines: Sequence[int]) -> str:
     """Words on what such lines have in common: zeros, or a frequency and its odd multiples."""
     if not np.any(frf.values[list(lines)]):
         return "; the values are 0, as of lines that were not measured"
-    hz, spacing = frf.freq_hz[list(lines)], _spacing(frf, lines)
-    times = np.round(hz / hz[0])
+    hz, spacing = np.asarray(frf.freq_hz[list(lines)], dtype=float), _spacing(frf, lines)
+    times: Real = np.asarray(np.rint(hz / hz[0]), dtype=float)
     if len(lines) > 1 and np.all(times % 2 == 1) and np.all(np.abs(hz - times * hz[0]) <= spacing * (times + 1) / 2):
-        said = ", ".join(f"{n:g}" for n in times)
+        said = ", ".join(f"{n:g}" for n in times.tolist())
         return f"; they are {said} times {hz[0]:.5g} Hz: a disturbance and its odd multiples{_mains(hz[0], spacing)}"
     return _mains(hz[0], spacing) if len(lines) == 1 else ""
 
@@ -206,9 +206,8 @@ def _spacing(frf: FrequencyResponse, lines: Sequence[int]) -> float:
 
 
 def _where(frf: FrequencyResponse, odd: Sequence[Odd]) -> str:
-    part: Real = np.zeros(frf.values[0].size, bool)
-    part[[one.entry for one in odd]] = True
-    return _entries(frf, part)
+    entries = np.arange(len(frf.outputs) * len(frf.inputs))
+    return _entries(frf, np.isin(entries, [one.entry for one in odd]))
 
 
 def _entries(frf: FrequencyResponse, part: NDArray[np.bool_]) -> str:

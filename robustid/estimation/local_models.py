@@ -47,21 +47,30 @@ def said_at_zero(x: Real, values: Complex, deviation: Real, poles: int, power: i
     Least squares of B(x) - (A(x) - 1) G(x) = G(x), weighted by 1/|A| of the solution before (Sanathanan and Koerner). The last
     unknown, B(0), is that of the last row of the triangular factor alone.
     """
-    weight, powers = 1 / deviation, x[..., None] ** np.arange(max(poles, power), -1, -1)
-    columns = np.concatenate([-powers[..., -1 - poles : -1] * values[..., None], powers[..., -1 - power :]], axis=-1)
+    weight: Real = 1 / deviation
+    powers: Real = x[..., None] ** np.arange(max(poles, power), -1, -1)
+    low: Real = powers[..., -1 - poles : -1]
+    parts = [-low * values[..., None], powers[..., -1 - power :]]
+    columns: Complex = np.asarray(np.concatenate(parts, axis=-1), dtype=complex)
+    unknowns, scatter, variance = _solved(columns, values, weight)
+    for _ in range(turns - 1):
+        below: Real = np.abs(1 + np.sum(low * unknowns[..., None, :poles], axis=-1))
+        weight = 1 / (deviation * np.maximum(below, _NEAR * below.max(axis=-1, keepdims=True)))
+        unknowns, scatter, variance = _solved(columns, values, weight)
     dof = values.shape[-1] - columns.shape[-1]
-    for turn in range(turns):
-        scaled: Complex = columns * weight[..., None]
-        sizes: Real = np.maximum(np.linalg.norm(scaled, axis=-2), np.finfo(float).tiny)
-        q, r = np.linalg.qr(scaled / sizes[..., None, :])
-        right: Complex = (q.conj().swapaxes(-1, -2) @ (values * weight)[..., None])[..., 0]
-        diagonal = np.einsum("...ii->...i", r)
-        diagonal[...] += np.where(np.abs(diagonal) < _SMALL, _SMALL, 0)
-        unknowns: Complex = np.linalg.solve(r, right[..., None])[..., 0] / sizes
-        below = np.abs(1 + np.sum(powers[..., -1 - poles : -1] * unknowns[..., None, :poles], axis=-1))
-        if turn + 1 < turns:
-            weight = 1 / (deviation * np.maximum(below, _NEAR * below.max(axis=-1, keepdims=True)))
-    whole = np.sum(np.abs(values * weight) ** 2, axis=-1)
-    left = np.maximum(whole - np.sum(np.abs(right) ** 2, axis=-1), _SMALL**2 * whole)
-    variance = 1 / np.abs(diagonal[..., -1] * sizes[..., -1]) ** 2
-    return Said(unknowns[..., -1], variance, left / dof, dof, unknowns[..., :poles])
+    return Said(unknowns[..., -1], variance, scatter / max(dof, 1), dof, unknowns[..., :poles])
+
+
+def _solved(columns: Complex, values: Complex, weight: Real) -> tuple[Complex, Real, Real]:
+    """Weighted least squares: the unknowns, the sum of squares that is left, and the variance of the last unknown."""
+    scaled = columns * weight[..., None]
+    sizes: Real = np.maximum(np.linalg.norm(scaled, axis=-2), np.finfo(float).tiny)
+    q, r = (np.asarray(part, dtype=complex) for part in np.linalg.qr(scaled / sizes[..., None, :]))
+    right = (q.conj().swapaxes(-1, -2) @ (values * weight)[..., None])[..., 0]
+    places: NDArray[np.intp] = np.arange(r.shape[-1], dtype=np.intp)
+    diagonal = r[..., places, places]
+    r[..., places, places] = diagonal + np.where(np.abs(diagonal) < _SMALL, _SMALL, 0)
+    unknowns: Complex = np.asarray(np.linalg.solve(r, right[..., None])[..., 0] / sizes, dtype=complex)
+    whole: Real = np.sum(np.abs(values * weight) ** 2, axis=-1)
+    left: Real = np.maximum(whole - np.sum(np.abs(right) ** 2, axis=-1), _SMALL**2 * whole)
+    return unknowns, left, 1 / np.abs(r[..., -1, -1] * sizes[..., -1]) ** 2

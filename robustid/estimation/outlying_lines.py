@@ -19,8 +19,12 @@ _ALIKE = (
 )
 NARROW = 0.25  # of the line spacing: half-width below which a mode shows on one line only
 # Poles in line spacings from the line (frequency, half-width), of modes that neighbours may see, and of narrower ones.
-_WIDE: Complex = np.add.outer(NARROW * 1j * np.geomspace(1, 20, 7), np.linspace(-1, 1, 17)).ravel()
-_NEEDLES: Complex = np.outer([0.003, 0.01, 0.03, 0.1, 0.2], np.exp(1j * np.pi * np.linspace(0.1, 0.9, 5))).ravel()
+_WIDE: Complex = np.asarray(
+    (NARROW * 1j * np.geomspace(1, 20, 7)[:, None] + np.linspace(-1, 1, 17)).ravel(), dtype=complex
+)
+_NEEDLES: Complex = np.asarray(
+    np.outer([0.003, 0.01, 0.03, 0.1, 0.2], np.exp(1j * np.pi * np.linspace(0.1, 0.9, 5))).ravel(), dtype=complex
+)
 _SURE = 2.0  # standard deviations of what the neighbours say, beyond the bound
 _ROUNDS = 6
 _APART = 4  # lines: of several so near, which disturb each other's neighbourhood, the oddest is taken out first
@@ -180,7 +184,7 @@ def _mode_explains(one: Entry, line: int, at: NDArray[np.intp], a: Complex, powe
     rows = np.append(at, line)
     x = one.omega[rows] - one.omega[line]
     x = x / np.abs(x).max()
-    below = np.polyval(np.append(a, 1), x)
+    below = np.asarray(np.polyval(np.append(a, 1), x), dtype=complex)
     smooth = x[:, None] ** np.arange(power + 1) / np.where(np.abs(below) < _ZERO, _ZERO, below)[:, None]
     weight = 1 / one.deviation[rows]
     q, _ = np.linalg.qr(smooth * weight[:, None])
