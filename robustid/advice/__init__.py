@@ -14,6 +14,7 @@ from robustid.advice.prior_weight import prior_weight, suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 from robustid.advice.smallest_gain import entry_sizes, response_sizes
+from robustid.advice.suspect_modes import suspect_modes
 
 __all__ = [
     "SLIGHTLY",
@@ -44,5 +45,6 @@ __all__ = [
     "suggest_prior",
     "suggest_roll_off",
     "suggest_scaling",
+    "suspect_modes",
     "useful_prior",
 ]

@@ -6,7 +6,7 @@ from robustid.data.bound_checks import as_probability
 from robustid.data.error_sets import bound_ratio, joint_radius, stacked, tilted, variances
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.faults import Fault, FaultKind
-from robustid.data.frequency_points import NYQUIST_SLACK, signal_index
+from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, points_at, signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time, uniform_step
@@ -21,6 +21,7 @@ __all__ = [
     "NONLINEAR",
     "NYQUIST_SLACK",
     "PAST",
+    "SAME_FREQUENCY",
     "Bound",
     "Caveat",
     "Excitation",
@@ -40,6 +41,7 @@ __all__ = [
     "joint_radius",
     "multisine",
     "nonlinear_records",
+    "points_at",
     "sample_time",
     "save",
     "signal_index",

@@ -95,9 +95,13 @@ class Fault(NamedTuple):
 
     def said(self, by: str = "") -> str:
         """Return the sentence, with what takes the correction before it, such as ", --frequency-correct"."""
+        return self.said_alone + (f'{by} "{self.correction}"' if self.correction else "")
+
+    @property
+    def said_alone(self) -> str:
+        """The sentence without the correction."""
         of = f"record {self.record}: " if self.record else ""
-        evidence = f": {self.evidence}" if self.evidence else ""
-        return f"{of}{self.words}{evidence}" + (f'{by} "{self.correction}"' if self.correction else "")
+        return f"{of}{self.words}" + (f": {self.evidence}" if self.evidence else "")
 
     @property
     def undone(self) -> bool:

@@ -17,6 +17,7 @@ from robustid.errors import InputError, InputTypeError, Remedy
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
 NYQUIST_SLACK = 1 + 1e-12
+SAME_FREQUENCY = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
 
 
 class FrequencyPoints(Frozen, Savable):
@@ -107,6 +108,14 @@ class FrequencyPoints(Frozen, Savable):
             f" the first at {self.freq_hz[k]:.6g} Hz in entry ({i}, {j}). Pick one entry by .entry(output, input), or the {whole}"
             " complete frequency points by .select(~data.missing.any(axis=(1, 2)))"
         )
+
+
+def points_at(omega: NDArray[np.float64], wanted: float) -> NDArray[np.intp]:
+    """The frequency point nearest to a frequency as people write it, and those at the very same; none where none is there."""
+    nearest = omega[int(np.argmin(np.abs(omega - wanted)))]
+    if abs(nearest - wanted) > SAME_FREQUENCY * abs(wanted):
+        return np.zeros(0, np.intp)
+    return np.flatnonzero(omega == nearest)
 
 
 def _moved(values: np.ndarray, points: int) -> str:

@@ -1,13 +1,13 @@
 """From records to responses, delays, noise levels and bounds; faults of data and their corrections."""
 
-from robustid.estimation.corrections import MISTAKES, correct
+from robustid.estimation.corrections import MISTAKES, correct, leaving_out
 from robustid.estimation.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.estimation.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.estimation.frf import estimate_frf, first_response
 from robustid.estimation.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.record_faults import record_faults
-from robustid.estimation.response_faults import response_faults
+from robustid.estimation.response_faults import all_faults, response_faults
 
 __all__ = [
     "BOUND_SOURCES",
@@ -16,6 +16,7 @@ __all__ = [
     "DelayedModel",
     "NoiseFloor",
     "PoleFit",
+    "all_faults",
     "bounds_from_noise_floor",
     "correct",
     "default_bound",
@@ -23,6 +24,7 @@ __all__ = [
     "estimate_delay",
     "estimate_frf",
     "first_response",
+    "leaving_out",
     "record_faults",
     "response_faults",
     "with_delay",

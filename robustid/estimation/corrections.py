@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import as_float, as_kind
-from robustid.data import Bound, FrequencyResponse, TimeRecord
+from robustid.data import SAME_FREQUENCY, Bound, FrequencyResponse, TimeRecord, points_at
 from robustid.errors import InputError
 
 _DEGREE = math.pi / 180
 _MOST_DECIBELS = 400.0
+_SEVERAL = "X ..."  # of a correction that takes one number or more
 _Data = TypeVar("_Data", FrequencyResponse, TimeRecord)
 
 # Mistakes in a response that corrections undo, in words.
@@ -54,9 +56,9 @@ def correct(data: _Data, *corrections: str) -> _Data:
     (the input was taken for the output: one over G), ``"times X"``, ``"differentiate"`` and ``"integrate"`` (times and over
     ``j omega``), ``"frequency in Hz"`` (numbers in Hz were taken as rad/s), ``"frequency in rad/s"``, ``"frequency times X"``,
     ``"phase in radians"`` (taken as degrees), ``"magnitude linear"`` (taken as decibels), ``"magnitude in dB"`` (taken as linear,
-    all above 1), ``"advance X"`` and ``"delay X"`` (by X samples), ``"bound times X"``. Of a record: ``"negate"``, ``"times X"``
-    (outputs), ``"exchange"``, ``"time times X"``, ``"advance X"`` (outputs are X samples late), ``"delay X"``,
-    ``"bound times X"``.
+    all above 1), ``"advance X"`` and ``"delay X"`` (by X samples), ``"bound times X"``, ``"leave out X ..."`` (the frequency points
+    at so many Hz), ``"leave out above X"``, ``"leave out below X"`` (Hz). Of a record: ``"negate"``, ``"times X"`` (outputs),
+    ``"exchange"``, ``"time times X"``, ``"advance X"`` (outputs are X samples late), ``"delay X"``, ``"bound times X"``.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def correct(data: _Data, *corrections: str) -> _Data:
     ------
     InputError
         Words that are none of these, or none for such data; frequencies that would pass pi/dt; a response that is not 1x1, or has
-        no sample time, where that is needed.
+        no sample time, where that is needed; a frequency point to leave out that isn't there.
 
     Examples
     --------
@@ -91,19 +93,19 @@ def correct(data: _Data, *corrections: str) -> _Data:
     return data
 
 
-def _parsed(words: str, known: dict[str, tuple[Callable[..., Any], bool]]) -> tuple[str, tuple[float, ...]]:
-    """Name of a correction, and its number if it has one."""
-    words = " ".join(str(words).split())
-    name, _, last = words.rpartition(" ")
-    if words in known and not known[words][1]:
-        return words, ()
-    if name in known and known[name][1]:
-        try:
-            return name, (as_float("number", float(last)),)
-        except ValueError:
-            pass
-    spelled = ", ".join(f'"{word}{" X" * numbered}"' for word, (_, numbered) in known.items())
-    raise InputError(f"a correction of such data must be one of {spelled}; got {words!r}")
+def _parsed(words: str, known: dict[str, tuple[Callable[..., Any], str]]) -> tuple[str, tuple[float, ...]]:
+    """Name of a correction, and its numbers if it has any."""
+    parts = str(words).split()
+    for count in range(len(parts), 0, -1):
+        name, rest = " ".join(parts[:count]), parts[count:]
+        if name not in known:
+            continue
+        wanted = known[name][1]
+        if len(rest) == len(wanted.split()) or (wanted == _SEVERAL and rest):
+            with contextlib.suppress(ValueError):
+                return name, tuple(as_float("number", float(number)) for number in rest)
+    spelled = ", ".join(f'"{name} {numbers}"' if numbers else f'"{name}"' for name, (_, numbers) in known.items())
+    raise InputError(f"a correction of such data must be one of {spelled}; got {' '.join(parts)!r}")
 
 
 # --- of responses ---------------------------------------------------------------------------------------------------------------
@@ -169,6 +171,8 @@ def _inverted(frf: FrequencyResponse) -> FrequencyResponse:
     if frf.values[0].size > 1:
         raise InputError(f'"exchange" needs one input and one output; the response is {frf.values.shape[1:]}')
     v, bound = frf.values, frf.bound
+    if bound is None and not np.all(v):
+        raise InputError('"exchange" takes one over values that are 0 at one frequency point; leave it out')
     changes: dict[str, Any] = {"inputs": frf.outputs, "outputs": frf.inputs}
     if bound is None:
         return dataclasses.replace(_bare(frf), values=1 / v, **changes)
@@ -228,6 +232,48 @@ def _delayed(frf: FrequencyResponse, samples: float) -> FrequencyResponse:
     return _advanced(frf, -samples)
 
 
+def leaving_out(frf: FrequencyResponse, lines: Sequence[int]) -> str:
+    """The correction that leaves out these frequency points, by their number."""
+    return "leave out " + " ".join(written_hz(frf, line) for line in lines)
+
+
+def written_hz(frf: FrequencyResponse, line: int) -> str:
+    """Frequency in Hz with as many digits as tell the point from its neighbours, five at least."""
+    hz, text = frf.freq_hz, ""
+    for digits in range(5, 18):
+        text = f"{hz[line]:.{digits}g}"
+        if hz[int(np.argmin(np.abs(hz - float(text))))] == hz[line]:
+            break
+    return text
+
+
+def _left_out(frf: FrequencyResponse, *left_out_hz: float) -> FrequencyResponse:
+    kept = np.ones(frf.omega.size, bool)
+    for hz in left_out_hz:
+        at = points_at(frf.omega, 2 * np.pi * hz)
+        if not at.size:
+            nearest = frf.freq_hz[int(np.argmin(np.abs(frf.freq_hz - hz)))]
+            raise InputError(
+                f'"leave out {hz:.6g}": no frequency point is there; the nearest one is at {nearest:.6g} Hz'
+            )
+        kept[at] = False
+    return _kept(frf, kept)
+
+
+def _left_out_above(frf: FrequencyResponse, hz: float) -> FrequencyResponse:
+    return _kept(frf, frf.freq_hz <= hz * (1 + SAME_FREQUENCY))
+
+
+def _left_out_below(frf: FrequencyResponse, hz: float) -> FrequencyResponse:
+    return _kept(frf, frf.freq_hz >= hz * (1 - SAME_FREQUENCY))
+
+
+def _kept(frf: FrequencyResponse, kept: NDArray[np.bool_]) -> FrequencyResponse:
+    if not kept.any():
+        raise InputError('"leave out" leaves no frequency point of the response; leave one in')
+    return frf.select(kept)
+
+
 # --- of records -----------------------------------------------------------------------------------------------------------------
 
 
@@ -276,30 +322,33 @@ def _outputs_delayed(record: TimeRecord, samples: float) -> TimeRecord:
     return _outputs_advanced(record, -samples)
 
 
-_OF_RESPONSES: dict[str, tuple[Callable[..., FrequencyResponse], bool]] = {
-    "conjugate": (_conjugated, False),
-    "negate": (functools.partial(_scaled, factor=-1.0), False),
-    "transpose": (_transposed, False),
-    "exchange": (_inverted, False),
-    "times": (_scaled, True),
-    "differentiate": (_differentiated, False),
-    "integrate": (_integrated, False),
-    "frequency in Hz": (functools.partial(_stretched, factor=2 * math.pi), False),
-    "frequency in rad/s": (functools.partial(_stretched, factor=1 / (2 * math.pi)), False),
-    "frequency times": (_stretched, True),
-    "phase in radians": (_radians, False),
-    "magnitude linear": (_linear, False),
-    "magnitude in dB": (_from_decibels, False),
-    "advance": (_advanced, True),
-    "delay": (_delayed, True),
-    "bound times": (_bound_times, True),
+_OF_RESPONSES: dict[str, tuple[Callable[..., FrequencyResponse], str]] = {
+    "conjugate": (_conjugated, ""),
+    "negate": (functools.partial(_scaled, factor=-1.0), ""),
+    "transpose": (_transposed, ""),
+    "exchange": (_inverted, ""),
+    "times": (_scaled, "X"),
+    "differentiate": (_differentiated, ""),
+    "integrate": (_integrated, ""),
+    "frequency in Hz": (functools.partial(_stretched, factor=2 * math.pi), ""),
+    "frequency in rad/s": (functools.partial(_stretched, factor=1 / (2 * math.pi)), ""),
+    "frequency times": (_stretched, "X"),
+    "phase in radians": (_radians, ""),
+    "magnitude linear": (_linear, ""),
+    "magnitude in dB": (_from_decibels, ""),
+    "advance": (_advanced, "X"),
+    "delay": (_delayed, "X"),
+    "bound times": (_bound_times, "X"),
+    "leave out": (_left_out, _SEVERAL),
+    "leave out above": (_left_out_above, "X"),
+    "leave out below": (_left_out_below, "X"),
 }
-_OF_RECORDS: dict[str, tuple[Callable[..., TimeRecord], bool]] = {
-    "negate": (functools.partial(_outputs_times, factor=-1.0), False),
-    "times": (_outputs_times, True),
-    "exchange": (_exchanged, False),
-    "time times": (_slower, True),
-    "advance": (_outputs_advanced, True),
-    "delay": (_outputs_delayed, True),
-    "bound times": (_bound_times, True),
+_OF_RECORDS: dict[str, tuple[Callable[..., TimeRecord], str]] = {
+    "negate": (functools.partial(_outputs_times, factor=-1.0), ""),
+    "times": (_outputs_times, "X"),
+    "exchange": (_exchanged, ""),
+    "time times": (_slower, "X"),
+    "advance": (_outputs_advanced, "X"),
+    "delay": (_outputs_delayed, "X"),
+    "bound times": (_bound_times, "X"),
 }

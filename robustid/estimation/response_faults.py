@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import weakref
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from robustid.core import Complex, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
 from robustid.estimation.corrections import MISTAKES, correct
+from robustid.estimation.line_faults import line_faults
+from robustid.estimation.outlying_lines import noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.roughness import roughness
 
@@ -28,6 +31,7 @@ _SMALL = 1e-9  # part of the largest value, below which no part of it makes sens
 _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
 _OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
 _DECIBELS = 6.0  # by which a magnitude in decibels varies at least
+_FOUND: weakref.WeakKeyDictionary[FrequencyResponse, tuple[Fault, ...]] = weakref.WeakKeyDictionary()
 _OF_STABLE = {
     "conjugate": FaultKind.PHASE_SIGN,
     "phase in radians": FaultKind.PHASE_UNIT,
@@ -71,7 +75,24 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
     ('the phase has the wrong sign (the response is conjugated)', 'conjugate')
     """
     frf = as_frequency_response("frf", frf)
-    return tuple([*_axis(frf), *_stable(frf)] or _scattered(frf))
+    if (known := _FOUND.get(frf)) is None:
+        known = _FOUND[frf] = _found(frf)
+    return known
+
+
+def all_faults(frf: FrequencyResponse) -> list[Fault]:
+    """Faults that a response brings with it, and those that it shows, of kinds that it doesn't bring: each fault once."""
+    known = {fault.kind for fault in frf.faults}
+    return [*frf.faults, *(fault for fault in response_faults(frf) if fault.kind not in known)]
+
+
+def _found(frf: FrequencyResponse) -> tuple[Fault, ...]:
+    axis = _axis(frf)
+    lines, rest, joined = line_faults(frf)
+    whole = _stable(rest)
+    if whole:  # what is in another unit is off its neighbours too
+        return (*axis, *whole)
+    return (*axis, *lines, *([] if axis else _scattered(joined)))
 
 
 def _axis(frf: FrequencyResponse) -> list[Fault]:
@@ -156,7 +177,8 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
     if frf.bound is None or len(frf.omega) < 2 * _FEWEST or np.any(frf.missing):
         return []
     worst, times = 0.0, 0.0
-    for one in _entries(_representative(frf, bounded=True)):
+    noisy = [one for one in _entries(_representative(frf, bounded=True)) if noise_in_bounds(one) > 1]
+    for one in noisy:
         found = roughness(one)
         bound: Real = one.bound.outer_radius
         left = np.abs(found.residual) / bound.reshape(-1)

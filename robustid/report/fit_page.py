@@ -7,6 +7,7 @@ import numpy as np
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
+from robustid.report.data_faults import fault_verdict, faults_of_response
 from robustid.report.document import (
     Block,
     Column,
@@ -54,7 +55,7 @@ def fit_page(fit: MatrixFraction, title: str | None, parts: Parts) -> Document:
     entries = response_charts(view)
     return Document(
         title or _title(view),
-        head=[fit_verdict(view)],
+        head=[*_data_faults(view), fit_verdict(view)],
         body=[
             Heading("Fit"),
             Facts(summary_rows(view)),
@@ -95,7 +96,21 @@ def _glance(view: FitView, entry: Chart) -> Glance:
 def fit_summary(view: FitView) -> list[Block]:
     """Build the summary of a fit at the terminal."""
     sure = [Text(SIGMA, "soft")] if view.covariance is not None else []
-    return [fit_verdict(view), Facts(summary_rows(view)), checks_table(view.checks), modes_table(view), *sure]
+    return [
+        *_data_faults(view),
+        fit_verdict(view),
+        Facts(summary_rows(view)),
+        checks_table(view.checks),
+        modes_table(view),
+        *sure,
+    ]
+
+
+def _data_faults(view: FitView) -> list[Verdict]:
+    """The verdict on faults of the response that was fitted, where it is at hand."""
+    if view.data is None:
+        return []
+    return fault_verdict(faults_of_response(view.data), estimated=view.data.dof is not None)
 
 
 def _title(view: FitView) -> str:

@@ -13,6 +13,7 @@ from robustid.guarantees import Band
 from robustid.identification import Identification
 from robustid.report import words
 from robustid.report.assumptions import CAUTION, assumptions, assumptions_section, chosen, experiments, shared_words
+from robustid.report.data_faults import problem_verdict, problem_warnings
 from robustid.report.document import (
     Block,
     Code,
@@ -117,7 +118,8 @@ def _matrices(identification: Identification, reduction: Reduction | None) -> li
 
 
 def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
-    """The verdict on the class, after those that deprive it of its worth: contradicted by withheld data, nothing between points.
+    """The verdict on the class, after those that deprive it of its worth: a fault of the data, contradicted by withheld data,
+    nothing between points.
 
     The others follow.
     """
@@ -126,7 +128,8 @@ def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     others = [withheld_verdict(withheld)] if withheld is not None else []
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
-    first = others if withheld is not None and withheld.contradicted else []
+    first = problem_verdict(identification.problem)
+    first = first + others if withheld is not None and withheld.contradicted else first
     first = first + said if content is not None and content.empty else first
     return [*first, own, *(verdict for verdict in others + said + model if verdict not in first)]
 
@@ -140,6 +143,7 @@ def identification_summary(
     modes = modes_table(identification)
     return [
         *([] if notice is None else [notice]),
+        *problem_verdict(identification.problem),
         identification_verdict(identification),
         *_warnings(identification),
         Facts(_overview(identification, reduction)),
@@ -173,7 +177,7 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
 def _warnings(identification: Identification) -> list[Text]:
     problem = identification.problem
     about = [Text(sentence, "warning") for sentence in problem.about]
-    about += [Text(f"Fault of the data: {fault}.", "warning") for fault in problem.data_faults]
+    about += problem_warnings(problem)
     return about + [Text(f"{sentence}.", "warning", head="Warning") for sentence in identification.warnings]
 
 

@@ -13,6 +13,7 @@ from robustid.errors import Status
 from robustid.guarantees import Band, Sample, SampleCheck, WorstCaseError
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, NOMINAL, Layer, Panel
+from robustid.report.data_faults import problem_verdict
 from robustid.report.frequency import Curve, entry_chart, frequency_charts
 from robustid.report.guarantee import guarantee_sentence, worst_case_charts
 from robustid.report.identification_page import identification_verdict, margin_interval
@@ -99,6 +100,9 @@ def live_words(
     """Key of the verdict, the verdict with its margin, and what is guaranteed or what contradicts the class."""
     said = identification_verdict(identification)
     words = f"{said.word}, margin {margin_interval(identification)} (proved). {said.sentence}"
+    for before in problem_verdict(identification.problem):
+        words = f"{before.word}. {before.sentence} {words}"
+        said = replace(said, key=said.key if said.key in ("inconsistent", "failed") else before.key)
     if identification.status is Status.INCONSISTENT:
         parts = [
             f"{sample_words(identification, Sample(*one[:3]))} ({percent(one[3])})"

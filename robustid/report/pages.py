@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Unpack
 
 from robustid.core import Unfinished, as_flag, as_kind, atomic_write
@@ -14,6 +14,7 @@ from robustid.fitting import MatrixFraction
 from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.report import html, with_rich
+from robustid.report.data_faults import problem_verdict
 from robustid.report.document import Code, Document, Glance, Text, Verdict, unfinished_notice
 from robustid.report.family_page import family_page
 from robustid.report.first_screen import glance
@@ -27,7 +28,7 @@ from robustid.report.identification_page import (
 )
 from robustid.report.identified import Parts
 from robustid.report.response_charts import ResponseView
-from robustid.report.response_page import response_page, response_summary, response_verdict
+from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
 from robustid.report.stability import stability_summary, weights_summary
 
 if TYPE_CHECKING:
@@ -267,15 +268,16 @@ def _head(result: object) -> Document | None:
     if isinstance(result, FrequencyResponse):
         low, high = result.freq_hz[[0, -1]]
         size = ("frequency points", f"{result.omega.size}"), ("range", f"{low:.5g} to {high:.5g} Hz")
-        return _first_screen(verdict(result), Glance([*size, _signals(result), _sample_time(result.dt)]))
+        before = response_fault_verdict(ResponseView(result))
+        return _first_screen(verdict(result), Glance([*size, _signals(result), _sample_time(result.dt)]), before)
     if isinstance(result, TimeRecord):
         return _record(result)
     summary = getattr(result, "summary", None)
     return _listed(type(result).__name__, str(summary())) if callable(summary) else None
 
 
-def _first_screen(said: Verdict, glance: Glance) -> Document:
-    return Document("", head=[said], body=[], glance=glance)
+def _first_screen(said: Verdict, glance: Glance, before: Sequence[Verdict] = ()) -> Document:
+    return Document("", head=[*before, said], body=[], glance=glance)
 
 
 def _identified(identification: Identification, **parts: Unpack[Parts]) -> Document:
@@ -283,7 +285,7 @@ def _identified(identification: Identification, **parts: Unpack[Parts]) -> Docum
     shown = glance(identification, margin, parts, drawn=False, bounding="rid.worst_case_error(result)")
     steps = [Text(step.text) for step in shown.next]
     said = identification_verdict(identification, parts.get("reduction"))
-    found = _first_screen(said, Glance(shown.numbers, shown.words, next=steps))
+    found = _first_screen(said, Glance(shown.numbers, shown.words, next=steps), problem_verdict(identification.problem))
     return dataclasses.replace(found, notice=unfinished_notice(parts.get("unfinished")))
 
 

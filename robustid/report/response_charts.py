@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Signal, as_kind
-from robustid.data import FrequencyResponse, TimeRecord, as_records, variances
+from robustid.data import Fault, FrequencyResponse, TimeRecord, as_records, variances
 from robustid.errors import InputError
 from robustid.report.charts import (
     ALERT,
@@ -39,6 +39,7 @@ from robustid.report.curves import (
     thinned,
     with_gaps,
 )
+from robustid.report.data_faults import faults_of_response
 from robustid.report.magnitude_phase import MagnitudePhase, Ranged, phase_axis
 from robustid.report.words import HZ, matrix_unit_label, unit_label
 
@@ -72,6 +73,11 @@ class ResponseView:
     def records(self) -> tuple[TimeRecord, ...]:
         """The records that are given, which belong to the response."""
         return _checked(self.given, self.frf)
+
+    @cached_property
+    def faults(self) -> tuple[Fault, ...]:
+        """Faults of the records of the response, and of itself."""
+        return faults_of_response(self.frf)
 
     @property
     def ny(self) -> int:

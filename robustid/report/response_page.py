@@ -8,6 +8,7 @@ from robustid.data import Bound, Caveat, FrequencyResponse, joint_radius
 from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
+from robustid.report.data_faults import fault_verdict, further_faults
 from robustid.report.document import (
     Block,
     Column,
@@ -51,7 +52,7 @@ def response_page(frf: FrequencyResponse, title: str | None, parts: Parts) -> Do
     left_out = drawn_words(points, most_drawn(points, view.ny * view.nu), "level")
     return Document(
         title or _title(view),
-        head=[response_verdict(view), *warnings(view)],
+        head=[*response_fault_verdict(view), response_verdict(view), *warnings(view)],
         body=[
             Heading("Measurement"),
             Facts(summary_rows(view)),
@@ -77,7 +78,8 @@ def _glance(view: ResponseView, entry: Chart) -> Glance:
 
 def response_summary(view: ResponseView) -> list[Block]:
     """Build the summary of a response at the terminal."""
-    return [response_verdict(view), Facts(summary_rows(view)), level_table(view), *warnings(view)]
+    faults = response_fault_verdict(view)
+    return [*faults, response_verdict(view), Facts(summary_rows(view)), level_table(view), *warnings(view)]
 
 
 def _title(view: ResponseView) -> str:
@@ -106,6 +108,11 @@ def _spectra(view: ResponseView, charts: list[Chart]) -> list[Block]:
         " and leakage are left between its spectral lines."
     )
     return [Heading("Spectra of the records"), Text(words, "soft"), Grid(charts, max(view.nu, view.ny))]
+
+
+def response_fault_verdict(view: ResponseView) -> list[Verdict]:
+    """Verdict on faults of the response and of its records, where there are any."""
+    return fault_verdict(view.faults, estimated=view.frf.dof is not None)
 
 
 def response_verdict(view: ResponseView) -> Verdict:
@@ -137,7 +144,8 @@ def response_verdict(view: ResponseView) -> Verdict:
         if frf.bound.caveats:
             sentence += " The warnings say what this leaves out."
     alone = frf.bound is not None and frf.bound.excitations == 1
-    key = "undecided" if frf.bound is None else "weak" if alone or warning_sentences(view) else "consistent"
+    weak = alone or bool(view.faults) or bool(warning_sentences(view))
+    key = "undecided" if frf.bound is None else "weak" if weak else "consistent"
     word = "No bound" if frf.bound is None else frf.bound.heading
     return Verdict(key, word, sentence, tuple(_numbers(view)))
 
@@ -231,7 +239,7 @@ def warnings(view: ResponseView) -> list[Text]:
 
 def warning_sentences(view: ResponseView) -> list[str]:
     """Sentences on what is wrong with the data, or left open by them."""
-    found = [f"Fault of the data: {fault}." for fault in view.frf.faults]
+    found = further_faults(view.faults)
     found += [] if view.frf.bound is None else [_CAVEATS[caveat] for caveat in view.frf.bound.caveats]
     return [*found, *_silent_words(view), *_low_coherence_words(view), *_few_data_words(view)]
 

@@ -66,8 +66,11 @@ def _rad(clean, frf, size, rng):
 
 @fault("one line off", "response", "outlier", (0.5, 0.05, 1e-4), ("leave out",))
 def _outlier(clean, frf, size, rng):
-    """The real part of one line so much too large, in part of the response."""
-    at = int(rng.integers(frf.omega.size // 5, 4 * frf.omega.size // 5))
+    """One line so much too large, in part of the response; where that is more than its bound, if it is so at one in five lines."""
+    inside = np.arange(frf.omega.size // 5, 4 * frf.omega.size // 5)
+    beyond = (size * np.abs(frf.values) / frf.bound.outer_radius).max(axis=(1, 2))[inside] > 2
+    inside = inside[beyond] if beyond.mean() > 0.2 else inside
+    at = int(rng.choice(inside))
     values = frf.values.copy()
     values[at] += size * np.abs(values[at])
     return valued(frf, values)

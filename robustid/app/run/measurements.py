@@ -16,13 +16,12 @@ from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.core import Source, digest
-from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend
+from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend, points_at
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import bounds_from_noise_floor, estimate_delay, estimate_frf, response_faults
 
 S = TypeVar("S", RecordSource, ResponseSource)
 Used = list[tuple[str, list[TimeRecord]]]  # records, with what they are used for
-_SAME_POINT = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
 
 
 class Change(Protocol):
@@ -95,10 +94,10 @@ def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
     def without(frf: FrequencyResponse) -> FrequencyResponse:
         kept = np.ones(frf.omega.size, bool)
         for hz in left_out_hz:
-            nearest = int(np.argmin(np.abs(frf.freq_hz - hz)))
-            if abs(frf.freq_hz[nearest] - hz) <= _SAME_POINT * hz:
+            at = points_at(frf.omega, 2 * np.pi * hz)
+            kept[at] = False
+            if at.size:
                 found.add(hz)
-                kept[nearest] = False
         if not kept.any():
             raise InputError("[frequency_points] leave_out_hz leaves no frequency point of a response; leave one in")
         return frf.select(kept)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.advice import KautzSuggestion, suggest_kautz
+from robustid.advice import KautzSuggestion, suggest_kautz, suspect_modes
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL
 from robustid.app.run.measurements import Measured
@@ -21,6 +21,7 @@ from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, s
 from robustid.core import Budget, Real, Source, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.estimation import response_faults
 from robustid.fitting import (
     MatrixFraction,
     ModeRow,
@@ -80,6 +81,23 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
         damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=modes)
+
+
+def with_faults(run: RunFile, data: Measured, around: Surroundings) -> Measured:
+    """The data with the faults of all their frequency points, used or not, and of modes that rest on one of them."""
+    modes, responses = run.modes, list(data.responses)
+    for k, frf in enumerate(responses):
+        found = [fault for fault in response_faults(frf) if fault not in frf.faults]
+        if k == 0 and modes.hz and modes.damping is not None and modes.source is Source.DATA:
+            known = {point for fault in found for point in fault.correction.split()}
+            seen = suspect_modes(frf, 2 * np.pi * np.array(modes.hz), np.array(modes.damping))
+            for fault in seen:
+                if not known.issuperset(fault.correction.split()):
+                    around.say(str(fault))
+                    found.append(fault)
+        if found:
+            responses[k] = dataclasses.replace(frf, faults=(*frf.faults, *found))
+    return data._replace(responses=tuple(responses))
 
 
 def box_of_modes(modes: Modes) -> Box | None:

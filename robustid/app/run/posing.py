@@ -16,7 +16,7 @@ from robustid.app.run.class_choice import (
 from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.kept_out import split_points
 from robustid.app.run.measurements import Measured
-from robustid.app.run.modes import basis_of, with_fit, with_modes
+from robustid.app.run.modes import basis_of, with_faults, with_fit, with_modes
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
@@ -38,6 +38,7 @@ def posed(
     _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
     folder.responses(data.responses)
     run = with_modes(with_fit(run, data, around), data, around)
+    data = with_faults(run, data, around)
     run, problem, left = without_class(run, data, run.modes)
     run = with_inflation(run, problem, around)
     problem = inflated_problem(problem, run)

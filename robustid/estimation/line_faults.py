@@ -1,0 +1,225 @@
+"""Faults of single lines and of parts of the axis of a response, in words, and the response without them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Real
+from robustid.data import Fault, FaultKind, FrequencyResponse
+from robustid.estimation.axis_parts import Jump, jump, unexcited
+from robustid.estimation.corrections import leaving_out, written_hz
+from robustid.estimation.local_models import FEWEST
+from robustid.estimation.outlying_lines import NARROW, Odd, odd_values
+
+_TWICE = 1.5  # times the sum of their bounds, by which values at the same frequency contradict each other,
+_PART = 0.1  # or so much of their size where no bound is stated
+_SAME = 1e-12  # of a frequency
+_EDGE = 4  # lines beside those that nothing excited, which may be of them
+_NAMED = 8  # lines whose place is said
+_MAINS_HZ = (50.0, 60.0, 400.0, 16.0 + 2 / 3)
+
+
+class Cleaned(NamedTuple):
+    """Faults of lines, the most telling first, the response without those lines, and without their jumps too."""
+
+    faults: list[Fault]
+    rest: FrequencyResponse
+    joined: FrequencyResponse
+
+
+def line_faults(frf: FrequencyResponse) -> Cleaned:
+    """Faults of lines against their neighbours: none of them needs a model of the whole."""
+    if frf.omega.size < FEWEST:
+        return Cleaned([], frf, frf)
+    low, high = _excited(frf)
+    if (low, high) != (0, frf.omega.size):
+        inner = line_faults(frf.select(slice(low, high)))
+        return Cleaned([*_noise_words(frf, low, high), *inner.faults], inner.rest, inner.joined)
+    out, found = _contradicting(frf)
+    rest = frf.select(~out)
+    odd = odd_values(rest)
+    wrong = _mask(rest, odd)
+    joined = rest
+    if (step := jump(rest, wrong)) is not None:
+        joined = _joined(rest, step)
+        odd = odd_values(joined)
+        wrong = _mask(joined, odd)
+        found.append(_jump_words(rest, step))
+    if odd:
+        found.append(_odd_words(rest, odd, np.flatnonzero(wrong).tolist()))
+    return Cleaned(found, rest.select(~wrong), joined.select(~wrong))
+
+
+def _excited(frf: FrequencyResponse) -> tuple[int, int]:
+    """First line that something excited, and line after the last one; lines at their edges that are off are noise too."""
+    low, high = unexcited(frf)
+    if (low, high) == (0, frf.omega.size):
+        return low, high
+    odd = sorted({one.line for one in odd_values(frf.select(slice(low, high)))})
+    first = max([line + 1 for line in odd if low > 0 and line < _EDGE], default=0)
+    last = min([line for line in odd if high < frf.omega.size and line >= high - low - _EDGE], default=high - low)
+    return low + first, low + last
+
+
+def _mask(frf: FrequencyResponse, odd: Sequence[Odd]) -> NDArray[np.bool_]:
+    """The lines that are off; where they are 0, all that are: none was measured."""
+    out = np.zeros(frf.omega.size, bool)
+    out[[one.line for one in odd]] = True
+    empty = ~np.any(frf.values, axis=(1, 2)) & ~frf.missing.all(axis=(1, 2))
+    return out | empty if np.any(out & empty) else out
+
+
+# --- repeated frequencies -------------------------------------------------------------------------------------------------------
+
+
+def _contradicting(frf: FrequencyResponse) -> tuple[NDArray[np.bool_], list[Fault]]:
+    """Lines at the same frequency whose values no single one explains, and the sentence on them."""
+    out = np.zeros(frf.omega.size, bool)
+    worst, places = 0.0, list[int]()
+    start = np.flatnonzero(np.diff(frf.omega, prepend=-1.0) > _SAME * frf.omega[-1])
+    for first, end in zip(start, [*start[1:], frf.omega.size], strict=True):
+        if end - first < 2:
+            continue
+        size = _disagreement(frf, slice(int(first), int(end)))
+        if size > 1:
+            out[first:end] = True
+            worst, places = max(worst, size), [*places, int(first)]
+    if not places:
+        return out, []
+    unit = "times the sum of their bounds" if frf.bound is not None else f"times {100 * _PART:g} % of their size"
+    words = f"repeated frequency points contradict each other: {_places(frf, places)}"
+    size = worst * (_TWICE if frf.bound is not None else 1)
+    evidence = f"values at the same frequency differ by {size:.3g} {unit}"
+    return out, [Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, places), size=size)]
+
+
+def _disagreement(frf: FrequencyResponse, points: slice) -> float:
+    """Largest difference of values at the same frequency, in units of what is allowed."""
+    values, missing = frf.values[points], frf.missing[points]
+    apart = np.abs(values[:, None] - values[None])
+    size = np.abs(values)
+    allowed = size[:, None] + size[None]
+    if frf.bound is not None:
+        radius = frf.bound.outer_radius[points]
+        allowed = _TWICE * (radius[:, None] + radius[None])
+    else:
+        allowed = _PART * allowed / 2
+    usable = ~(missing[:, None] | missing[None]) & (allowed > 0)
+    return float(np.max(np.where(usable, apart, 0) / np.where(usable, allowed, 1)))
+
+
+# --- sentences ------------------------------------------------------------------------------------------------------------------
+
+
+def _odd_words(frf: FrequencyResponse, odd: Sequence[Odd], lines: Sequence[int]) -> Fault:
+    """The sentence on lines that are off."""
+    worst = max(odd, key=lambda one: one.scatter)
+    bounded = [one.bounds for one in odd if np.isfinite(one.bounds)]
+    count = len(lines)
+    words = f"{count} frequency point{'s' * (count > 1)} ({_places(frf, lines)}{_entry_words(frf, odd)})"
+    words += " are off what their neighbours say" if count > 1 else " is off what its neighbours say"
+    at = f" at {frf.freq_hz[worst.line]:.5g} Hz" if count > 1 else ""
+    by_bound = f"{max(bounded):.3g} times the bound and " if bounded else ""
+    evidence = f"by {'up to ' * (len(odd) > 1)}{by_bound}{worst.scatter:.3g} times the scatter of the neighbours{at}"
+    evidence += f"{_cause(frf, lines)}. Suspect: a mode would explain {'each' if count > 1 else 'it'} only with a half-width below"
+    evidence += (
+        f" {NARROW * _spacing(frf, lines):.3g} Hz, a quarter of the line spacing; measure between the lines, or leave"
+    )
+    evidence += " them out" if count > 1 else " it out"
+    size = max(bounded) if bounded else worst.scatter
+    return Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, lines), _where(frf, odd), size=float(size))
+
+
+def _cause(frf: FrequencyResponse, lines: Sequence[int]) -> str:
+    """Words on what such lines have in common: zeros, or a frequency and its odd multiples."""
+    if not np.any(frf.values[list(lines)]):
+        return "; the values are 0, as of lines that were not measured"
+    hz, spacing = np.asarray(frf.freq_hz[list(lines)], dtype=float), _spacing(frf, lines)
+    times: Real = np.asarray(np.rint(hz / hz[0]), dtype=float)
+    if len(lines) > 1 and np.all(times % 2 == 1) and np.all(np.abs(hz - times * hz[0]) <= spacing * (times + 1) / 2):
+        said = ", ".join(f"{n:g}" for n in times.tolist())
+        return f"; they are {said} times {hz[0]:.5g} Hz: a disturbance and its odd multiples{_mains(hz[0], spacing)}"
+    return _mains(hz[0], spacing) if len(lines) == 1 else ""
+
+
+def _mains(hz: float, spacing: float) -> str:
+    """The mains, where the line nearest to their frequency is this one."""
+    near = [mains for mains in _MAINS_HZ if abs(hz - mains) <= spacing / 2]
+    return f"; the mains have {near[0]:.4g} Hz" if near else ""
+
+
+def _jump_words(frf: FrequencyResponse, step: Jump) -> Fault:
+    below, above = frf.freq_hz[step.upper - 1], frf.freq_hz[step.upper]
+    seen = step.factors[np.abs(step.factors - 1) > 0]
+    factor = seen[int(np.argmax(np.abs(seen - 1)))]
+    turn = float(np.degrees(np.angle(factor)))
+    words = f"between {below:.5g} and {above:.5g} Hz the response jumps by a factor of {abs(factor):.3g} and {turn:.3g} degrees"
+    bounds = f", {step.size:.3g} times the bound there," if np.isfinite(step.size) else ""
+    evidence = (
+        f"no model of lines on both sides follows it{bounds} and it goes on beyond: two measurements that were joined. Bring both"
+        " parts to the same gain, unit and delay, or use one of them (--band)"
+    )
+    return Fault(FaultKind.SEAM, words, evidence, where=_entries(frf, step.factors != 1), size=float(abs(factor - 1)))
+
+
+def _joined(frf: FrequencyResponse, step: Jump) -> FrequencyResponse:
+    """The response with its upper part over the factors."""
+    values = frf.values.copy()
+    values[step.upper :] /= step.factors.reshape(values.shape[1:])
+    return dataclasses.replace(frf, values=values)
+
+
+def _noise_words(frf: FrequencyResponse, low: int, high: int) -> list[Fault]:
+    """Sentences on lines that nothing excited, beyond and below the others."""
+    found: list[Fault] = []
+    for side, part, edge in (("above", slice(high, None), high - 1), ("below", slice(0, low), low)):
+        size = np.abs(frf.values[part])
+        if not size.size:
+            continue
+        hz = float(f"{frf.freq_hz[edge]:.6g}")
+        hz = hz if (hz >= frf.freq_hz[edge]) == (side == "above") else float(frf.freq_hz[edge])
+        bound = ""
+        if frf.bound is not None:
+            share = float(np.median(frf.bound.outer_radius[part] / np.maximum(size, np.finfo(float).tiny)))
+            bound = f", while their bounds are {100 * share:.2g} % of their size"
+        words = f"nothing excited the {len(size)} frequency points {side} {hz:.6g} Hz"
+        evidence = f"their values are unrelated from one to the next, as noise is{bound}"
+        found.append(Fault(FaultKind.NOISE_ONLY, words, evidence, f"leave out {side} {hz:.10g}", size=float(len(size))))
+    return found
+
+
+def _places(frf: FrequencyResponse, lines: Sequence[int]) -> str:
+    said = ", ".join(written_hz(frf, line) for line in lines[:_NAMED])
+    return f"{said} Hz" + (f" and {len(lines) - _NAMED} more" if len(lines) > _NAMED else "")
+
+
+def _spacing(frf: FrequencyResponse, lines: Sequence[int]) -> float:
+    """Smallest distance of these lines from a neighbour, in Hz."""
+    steps = np.diff(np.unique(frf.freq_hz))
+    at = np.searchsorted(np.unique(frf.freq_hz), frf.freq_hz[list(lines)])
+    return float(min(steps[max(k - 1, 0) : k + 1].min() for k in at.tolist()))
+
+
+def _where(frf: FrequencyResponse, odd: Sequence[Odd]) -> str:
+    entries = np.arange(len(frf.outputs) * len(frf.inputs))
+    return _entries(frf, np.isin(entries, [one.entry for one in odd]))
+
+
+def _entries(frf: FrequencyResponse, part: NDArray[np.bool_]) -> str:
+    """The entries, where they aren't all."""
+    nu = len(frf.inputs)
+    if part.all() or part.size == 1:
+        return ""
+    return ", ".join(
+        f"{frf.outputs[i].name} / {frf.inputs[j].name}" for i, j in (divmod(int(k), nu) for k in np.flatnonzero(part))
+    )
+
+
+def _entry_words(frf: FrequencyResponse, odd: Sequence[Odd]) -> str:
+    of = _where(frf, odd)
+    return f", {of}" if of else ""

@@ -1,0 +1,180 @@
+"""Lines of a response against their neighbours: which are off, where, by how much, and what undoes it; and clean ones."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.errors import InputError
+from robustid.prepare import correct, response_faults
+
+HZ = 2 * np.pi
+
+
+def plant(omega, *, half_width=0.4):
+    """Three modes, half-widths in line spacings of 1 rad/s, and a slow one."""
+    s = 1j * omega
+    modes = [(37.3, 1.0), (81.6, -0.7), (150.2, 0.5)]
+    return 0.3 / (1 + s / 30) + sum(gain * w / (s**2 + 2 * half_width * s + w**2) for w, gain in modes)
+
+
+def response(seed=0, *, lines=200, noise=1e-3, half_width=0.4, bounds=4.0, unit=1.0):
+    """Noise of a standard deviation, and a bound that is so many times as large."""
+    rng, omega = np.random.default_rng(seed), np.arange(1.0, lines + 1)
+    error = noise * (rng.standard_normal(lines) + 1j * rng.standard_normal(lines)) / np.sqrt(2)
+    return rid.FrequencyResponse(
+        omega, unit * (plant(omega, half_width=half_width) + error), bound=unit * bounds * noise
+    )
+
+
+def changed(frf, lines, by):
+    values = frf.values.copy()
+    values[lines] += by
+    return dataclasses.replace(frf, values=values)
+
+
+def test_a_line_that_is_off_is_named_with_its_place_and_size_and_leaving_it_out_undoes_it():
+    frf = response()
+    (fault,) = response_faults(changed(frf, 120, 0.1))
+    assert fault.kind == "outlier"
+    assert fault.size == pytest.approx(25, rel=0.1)  # 0.1 over the bound of 0.004
+    rest = correct(changed(frf, 120, 0.1), fault.correction)
+    assert response_faults(rest) == ()
+    assert np.array_equal(rest.omega, np.delete(frf.omega, 120))
+
+
+def test_lines_beside_each_other_and_at_the_ends_do_not_hide_each_other():
+    lines = [0, 60, 66, 110, 111, 199]
+    wrong = changed(response(), lines, 0.2 * np.array([1, 1j, -1, -1j, 1, 1])[:, None, None])
+    (fault,) = response_faults(wrong)
+    rest = correct(wrong, fault.correction)
+    assert np.array_equal(rest.omega, np.delete(response().omega, lines))
+
+
+def test_an_entry_of_a_matrix_that_is_off_is_named_by_its_signals():
+    frf = rid.FrequencyResponse(
+        response().omega, np.concatenate([response(k).values for k in range(4)], axis=1).reshape(-1, 2, 2), bound=4e-3
+    )
+    values = frf.values.copy()
+    values[120, 1, 0] += 0.1
+    (fault,) = response_faults(dataclasses.replace(frf, values=values))
+    assert fault.where == f"{frf.outputs[1].name} / {frf.inputs[0].name}"
+
+
+def test_lines_that_were_not_measured_and_filled_with_zeros_are_all_left_out():
+    frf, lines = response(), [3, 50, 77, 130]
+    values = frf.values.copy()
+    values[lines] = 0
+    (fault,) = response_faults(dataclasses.replace(frf, values=values))
+    rest = correct(dataclasses.replace(frf, values=values), fault.correction)
+    assert np.array_equal(rest.omega, np.delete(frf.omega, lines))
+
+
+def test_a_mode_that_two_lines_see_is_no_outlier_and_one_on_a_single_line_is_suspect():
+    wide = [response_faults(response(seed, half_width=0.3)) for seed in range(20)]
+    assert not any(wide)
+    # Half-widths of 1/250 of the spacing: flanks of a fifth of the noise, and of 20 times.
+    frf = response()
+    narrow = 1 / (1j * (frf.omega - 110) + 0.004)
+    assert not response_faults(dataclasses.replace(frf, values=frf.values + 2e-2 * narrow[:, None, None]))
+    (fault,) = response_faults(dataclasses.replace(frf, values=frf.values + 2e-4 * narrow[:, None, None]))
+    assert fault.kind == "outlier"
+    assert fault.correction == f"leave out {110 / HZ:.5g}"
+
+
+def test_a_jump_between_two_parts_of_the_axis_is_named_with_its_factor():
+    for factor in (1.3, np.exp(0.4j)):
+        frf = response()
+        values = frf.values.copy()
+        values[110:] *= factor
+        (fault,) = response_faults(dataclasses.replace(frf, values=values))
+        assert fault.kind == "seam"
+        assert fault.size == pytest.approx(abs(factor - 1), rel=0.1)
+
+
+def test_lines_that_nothing_excited_are_left_out_by_the_correction():
+    frf, rng = response(), np.random.default_rng(1)
+    values = frf.values.copy()
+    values[160:] = 0.05 * (rng.standard_normal((40, 1, 1)) + 1j * rng.standard_normal((40, 1, 1)))
+    (fault,) = response_faults(wrong := dataclasses.replace(frf, values=values))
+    assert fault.kind == "noise only"
+    assert fault.size == pytest.approx(40, abs=1)
+    rest = correct(wrong, fault.correction)
+    assert abs(rest.omega.size - 160) <= 1
+    (fault,) = response_faults(
+        wrong := dataclasses.replace(frf, values=np.concatenate([values[160:], frf.values[40:]]))
+    )
+    assert correct(wrong, fault.correction).omega.size == pytest.approx(160, abs=1)
+    # A bound that is as large as they are says it.
+    honest = dataclasses.replace(frf, values=values, bound=np.where(frf.omega > 160, 0.2, 4e-3))
+    assert response_faults(honest) == ()
+
+
+def test_repeated_frequency_points_contradict_each_other():
+    frf = response()
+    omega, values = (
+        np.insert(frf.omega, 90, frf.omega[90]),
+        np.insert(frf.values.ravel(), 90, frf.values[90, 0, 0] + 0.05),
+    )
+    (fault,) = response_faults(repeated := rid.FrequencyResponse(omega, values, bound=4e-3))
+    assert fault.kind == "outlier"
+    assert fault.size == pytest.approx(0.05 / 8e-3, rel=0.01)
+    assert np.array_equal(correct(repeated, fault.correction).omega, np.delete(frf.omega, 90))
+    same = np.insert(frf.values.ravel(), 90, frf.values[90, 0, 0])
+    assert response_faults(rid.FrequencyResponse(omega, same, bound=4e-3)) == ()
+
+
+def test_units_do_not_matter():
+    for unit in (2.0**-60, 1.0, 2.0**60):
+        frf = changed(response(unit=unit), 120, 0.1 * unit)
+        (fault,) = response_faults(frf)
+        assert str(fault) == str(response_faults(changed(response(), 120, 0.1))[0])
+        faster = rid.FrequencyResponse(2.0**60 * frf.omega, frf.values, bound=frf.bound)
+        assert response_faults(faster)[0].size == fault.size
+
+
+def test_an_error_within_the_bound_is_none_and_without_a_bound_the_scatter_decides():
+    assert response_faults(changed(response(bounds=200), 120, 0.1)) == ()
+    frf = changed(response(), 120, 0.1).with_bound(None)
+    (fault,) = response_faults(frf)
+    assert fault.kind == "outlier"
+
+
+def test_clean_responses_are_told_of_nothing():
+    """Noise that is even or in part of the response, half-widths from a third of the line spacing, few lines and many."""
+    told = 0
+    for seed in range(60):
+        rng = np.random.default_rng([seed, 5])
+        lines = int(rng.choice([20, 60, 160, 200]))
+        frf = response(
+            seed, lines=lines, noise=float(rng.choice([1e-5, 1e-3, 1e-2])), half_width=float(rng.uniform(0.3, 2))
+        )
+        told += bool(response_faults(frf))
+    assert told == 0
+
+
+def test_few_lines_and_what_is_missing_say_nothing():
+    assert response_faults(response().select(slice(0, 12))) == ()
+    bound = np.full(200, 4e-3)
+    bound[120] = np.inf
+    frf = dataclasses.replace(changed(response(), 120, 5.0), bound=bound)
+    assert response_faults(frf) == ()
+
+
+def test_leaving_out_names_the_frequency_points_and_refuses_what_is_not_there():
+    frf = rid.FrequencyResponse(HZ * np.array([16.978, 20.0, 25.0]), [1.0, 2.0, 3.0])
+    assert correct(frf, "leave out 16.978 25").freq_hz == pytest.approx([20.0])
+    assert correct(frf, "leave out 16.9779").freq_hz == pytest.approx([20.0, 25.0])
+    assert correct(frf, "leave out above 20").freq_hz == pytest.approx([16.978, 20.0])
+    assert correct(frf, "leave out below 20").freq_hz == pytest.approx([20.0, 25.0])
+    for words in (
+        "leave out 17",
+        "leave out",
+        "leave out x",
+        "leave out above",
+        "leave out above 1",
+        "leave out below 30",
+    ):
+        with pytest.raises(InputError):
+            correct(frf, words)

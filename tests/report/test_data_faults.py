@@ -1,0 +1,75 @@
+"""A fault of the data stands before every verdict, with what undoes it, until it is undone."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.data import Fault, FaultKind
+from robustid.fitting import fit_mfd
+from robustid.report.data_faults import fault_verdict, undoing
+from robustid.report.fit_page import fit_page, fit_summary
+from robustid.report.fit_view import FitView
+from robustid.report.identification_page import identification_page, identification_summary
+from robustid.report.live import live_words
+from robustid.report.pages import _head
+from robustid.report.response_charts import ResponseView
+from robustid.report.response_page import response_page, response_summary
+
+DT = 0.01
+
+
+def response(off=0.0):
+    """Two real poles, noise of a tenth of the bound, and one value that is off."""
+    rng, hz = np.random.default_rng(0), np.arange(1.0, 41.0)
+    z = np.exp(2j * np.pi * hz * DT)
+    noise = 1e-3 * (rng.standard_normal(40) + 1j * rng.standard_normal(40))
+    values = 0.5 / (z - 0.6) + 0.2 / (z - 0.4) + noise
+    values[22] += off
+    return rid.FrequencyResponse(2 * np.pi * hz, values, bound=1e-2, dt=DT)
+
+
+@pytest.fixture(scope="module", params=[0.3, 0.0], ids=["off", "clean"])
+def identified(request):
+    problem = rid.MixedProblem(frequency=response(request.param), prior=rid.Prior(gain_bound=20.0, decay_rate=1.05))
+    return rid.identify(problem), bool(request.param)
+
+
+def is_first(blocks, faulty):
+    """The first verdict is on the fault, and no other one is."""
+    verdicts = [block for block in blocks if getattr(block, "key", None) is not None]
+    assert [one.id == "data-fault" for one in verdicts] == [faulty] + [False] * (len(verdicts) - 1)
+    assert not faulty or verdicts[0].key == "undecided"
+
+
+def test_it_stands_before_the_verdict_on_the_class(identified):
+    result, faulty = identified
+    is_first(identification_page(result, None, {}).head, faulty)
+    is_first(identification_summary(result), faulty)
+    is_first(_head(result).head, faulty)
+    assert result.consistent
+    assert not faulty or live_words(result)[0] == "undecided"
+
+
+def test_it_stands_before_the_verdict_on_a_response_and_on_a_fit():
+    for off in (0.3, 0.0):
+        frf, faulty = response(off), bool(off)
+        is_first(response_page(frf, None, {}).head, faulty)
+        is_first(response_summary(ResponseView(frf)), faulty)
+        is_first(_head(frf).head, faulty)
+        fit = fit_mfd(frf, order=2)
+        is_first(fit_page(fit, None, {"data": frf}).head, faulty)
+        is_first(fit_summary(FitView(fit, frf)), faulty)
+
+
+def test_what_undoes_it_is_written_as_it_is_pasted():
+    fault = Fault(FaultKind.OUTLIER, "off", correction="leave out 16.978 50")
+    assert '--frequency-correct "leave out 16.978 50"' in undoing(fault, estimated=False)
+    assert "leave_out_hz = [16.978, 50]" in undoing(fault, estimated=True)
+    assert '--time-correct "times 2"' in undoing(fault._replace(correction="times 2"), estimated=True)
+
+
+def test_a_drift_that_is_removed_is_no_verdict_and_further_faults_are_counted():
+    drift, off = Fault(FaultKind.DRIFT, "drifts"), Fault(FaultKind.OUTLIER, "off")
+    assert fault_verdict([drift]) == []
+    assert fault_verdict([drift, off])[0].sentence == "Off."
+    assert fault_verdict([off, drift, off._replace(words="also off")])[0].sentence != "Off."
