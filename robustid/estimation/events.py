@@ -65,10 +65,19 @@ def examined(y: Real, predictors: Predictors, u: Real, period: int | None) -> Ex
         if len(found) > max(_MOST * y.size, 3):
             return Examined((), y, predictor)  # noise of another kind
     events = [Event(at, jump, height, deviations) for (at, jump), (height, deviations) in found.items()]
+    events = _not_of_seams(events, period, predictors.order)
     at = np.array([event.at for event in events])
     if any(np.sum(np.abs(at - one) <= 2 * predictors.order) > _CROWD for one in at):
         return Examined((), y, predictor)  # a burst, which is no single sample
     return Examined(tuple(sorted(events, key=lambda one: -one.deviations)), clean, predictor)
+
+
+def _not_of_seams(events: list[Event], period: int | None, reach: int) -> list[Event]:
+    """Events without those where the mean over the periods begins anew, if these are most: what drifts is no event."""
+    if period is None:
+        return events
+    away = [one for one in events if abs((one.at + period // 2) % period - period // 2) > reach]
+    return events if len(events) - len(away) < max(2, len(events) / 2) else away
 
 
 def _level_over_periods(signal: Real, period: int) -> Real:
@@ -133,9 +142,11 @@ def _level(w: Real, floor: float) -> Real:
 
 
 def _limit(tau: Real) -> float:
-    """Value that exponential tails with the quantiles of `tau` pass in one signal of 10 000."""
+    """Value that exponential tails with the quantiles of `tau` pass in one signal of 10 000, and normal ones at least."""
     lower, upper = np.quantile(tau, (0.9, 0.97))
-    return float(upper + (upper - lower) / math.log(0.1 / 0.03) * math.log(0.03 * tau.size / _FALSE_ALARM))
+    normal = math.sqrt(2 * math.log(tau.size / _FALSE_ALARM))
+    tails = float(upper + (upper - lower) / math.log(0.1 / 0.03) * math.log(0.03 * tau.size / _FALSE_ALARM))
+    return max(tails, normal)
 
 
 def _matched(w: Real, pattern: Real) -> tuple[Real, Real]:

@@ -16,6 +16,7 @@ from robustid.estimation.tone_faults import tone_fault, tones_beside, without_to
 _CERTAIN = 8.0  # standard deviations of a trend
 _DRIFTS = 0.05  # of the rms of the output
 _SLOW = 20  # lines
+_BESIDE = 30  # samples
 _LISTED = 3
 _PERIODS = 3  # at least, of those whose mean is taken out
 _FEWEST = 400  # samples of a record whose output the input has to move
@@ -38,7 +39,8 @@ class Outputs(NamedTuple):
 def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Outputs:
     """Faults of every output that isn't `told` of; with `period`, those that its repetition shows are looked for elsewhere."""
     repeats = period is not None and len(record.u) >= _PERIODS * period
-    u = record.u[:, :0] if repeats else record.u
+    # What drifts makes the mean over the periods jump where it begins anew: as a sawtooth does.
+    u = _sawtooth(len(record.u), period) if repeats and period is not None else record.u
     predictors = Predictors(u)
     found: list[Fault] = _before_input(record, told)
     clean = record.y.copy()
@@ -54,6 +56,10 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
         if period is None and seen.predictor is not None:
             found += _aperiodic(record, i, clean[:, i], seen, where, predictors)
     return Outputs(found, clean)
+
+
+def _sawtooth(samples: int, period: int) -> Real:
+    return (np.arange(samples) % period / period - 0.5)[:, None]
 
 
 def _absorbed(y: Real, u: Real) -> list[float]:
@@ -89,6 +95,9 @@ def _events(seen: Examined, where: str, y: Real, dt: float, period: int | None) 
     found: list[Fault] = []
     for jump in (False, True):
         events = [event for event in seen.events if event.jump == jump]
+        if not jump:  # a jump that takes some samples leaves spikes beside it
+            jumps = [event.at for event in seen.events if event.jump]
+            events = [event for event in events if all(abs(event.at - at) > _BESIDE for at in jumps)]
         if not events:
             continue
         largest, rms = events[0], max(float(seen.signal.std()), np.finfo(float).tiny)

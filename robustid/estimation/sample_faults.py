@@ -12,6 +12,7 @@ from robustid.data import Fault, FaultKind
 # A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
 # has 2.4 times as many in its top step as in the next.
 _CLIPPED_RATIO, _CLIPPED_PART, _CLIPPED_LEAST = 5, 1e-3, 10
+_ALIKE = 1e-3  # part of the other samples that may be as the one before
 _STUCK_LEAST, _STUCK_RATIO = 20, 10  # samples in a row that are the same, and how many times as many as elsewhere
 _FALSE_ALARM = 1e-4  # in one signal
 _RUN = 4  # samples in a row that are the same, at least
@@ -24,6 +25,7 @@ _STEPS_LEAST = 10  # samples a step of a quantiser
 _ON_GRID = 1e-3  # of a step
 _ORDER = 6  # of the predictor that undoes wrapping
 _OFF = 0.15  # of the range: prediction of a sample that wrapped
+_MISSED = 10  # samples that turning back explains, for one that it doesn't
 _POPULATED = 0.8  # of the range, by samples that did not wrap
 
 
@@ -43,9 +45,15 @@ def at_ends(signal: Real, where: str) -> list[Fault]:
 
 
 def _clipped(signal: Real, extreme: float) -> int:
-    """Number of samples exactly at the extreme value; 0 unless many of them come in runs, and few are beside it."""
+    """Number of samples exactly at the extreme value; 0 unless many of them come in runs, and few are beside it.
+
+    Where no other samples are as those before them, three in a row are enough.
+    """
     at = np.concatenate([[False], signal == extreme, [False]])
     count, in_runs = int(at.sum()), int(np.sum(at[1:-1] & (at[:-2] | at[2:])))
+    alike = np.sum((signal[1:] == signal[:-1]) & ~at[2:-1])
+    if alike <= _ALIKE * signal.size and np.any(at[1:-1] & at[:-2] & at[2:]):
+        return count
     if in_runs < max(_CLIPPED_LEAST, _CLIPPED_PART * signal.size) or count == signal.size:
         return 0
     others = signal[signal != extreme]
@@ -95,6 +103,8 @@ def _held(signal: Real, u: Real, where: str, starts: Real, counts: Real) -> list
         others = signal[signal != end]
         far = np.abs(others - end).min() > _FAR * np.ptp(others)
         held &= (signal[starts] != end) | far | ((end == 0) & (np.minimum(into, out_of) > _ENTERED * usual))
+    for k in np.flatnonzero(held):
+        held[k] = np.any(u[starts[k] : starts[k] + counts[k]] != u[starts[k]])
     total = int(counts[held].sum())
     if not np.any(held) or total > samples / 2:
         return []
@@ -141,17 +151,17 @@ def unwrapped(signal: Real, u: Real) -> tuple[Real, int]:
     if predicted is None:
         return signal, 0
     own, given = predicted
+    missed = 0
     found, turns = signal.copy(), np.zeros(signal.size)
     for t in range(_ORDER, signal.size):
         expected = given[t] + float(own @ found[t - _ORDER : t])
         turns[t] = round((expected - signal[t]) / width)
         if turns[t]:
             found[t] += turns[t] * width
-            if abs(expected - found[t]) > _OFF * width:
-                return signal, 0
+            missed += abs(expected - found[t]) > _OFF * width
     wrapped = turns != 0
     count = int(wrapped.sum())
-    if count == 0 or count > signal.size // 2 or np.ptp(signal[~wrapped]) < _POPULATED * width:
+    if count <= _MISSED * missed or count > signal.size // 2 or np.ptp(signal[~wrapped]) < _POPULATED * width:
         return signal, 0
     return found, count
 

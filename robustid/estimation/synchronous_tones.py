@@ -12,7 +12,9 @@ from robustid.estimation.periodic import EXCITED
 from robustid.estimation.tone_faults import tone_fault
 
 _FALSE_ALARM = 1e-4
-_FREE = 1e-3  # of the largest line of an input: nothing drives the line
+_FREE = 0.02  # of the largest line of an input: nothing but noise drives the line
+_GAP = 4  # lines between two that nothing drives, at most
+_USUAL = 5.0  # times the lines around, at most
 _AROUND = 20  # lines on either side
 _FEWEST = 12  # lines
 _CERTAIN = 8.0  # standard deviations of the noise
@@ -35,13 +37,13 @@ def synchronous_tones(u: Real, y: Real, period: int, dt: float, outputs: list[st
     if np.any(largest == 0):
         return []
     excited = np.all(size >= EXCITED * largest, axis=1)
-    free = np.all(size < _FREE * largest, axis=1)
+    free = np.all((size < _FREE * largest) & (size <= _USUAL * np.maximum(_smooth_each(size), 1e-9 * largest)), axis=1)
     if excited.sum() < _FEWEST:
         return []
     found: list[Fault] = []
     for i, where in enumerate(outputs):
         level = _smooth(noise[:, :, i].mean(axis=0)) + _through(U, Y[:, :, i], inputs, excited)
-        off = _at_free_lines(np.mean(np.abs(Y[:, :, i]) ** 2, axis=0), level, free, len(Y))
+        off = _at_free_lines(np.mean(np.abs(Y[:, :, i]) ** 2, axis=0), level, free)
         off |= _at_excited_lines(U, Y[:, :, i], level, excited)
         if off:
             order = sorted(off, key=lambda k: -off[k])
@@ -69,16 +71,22 @@ def _smooth(power: Real) -> Real:
     return np.asarray(median_filter(power, min(2 * _AROUND + 1, power.size), mode="reflect"), dtype=float)
 
 
-def _at_free_lines(power: Real, noise: Real, free: Real, records: int) -> dict[int, float]:
+def _smooth_each(size: Real) -> Real:
+    return np.stack([_smooth(one) for one in size.T], axis=1)
+
+
+def _at_free_lines(power: Real, noise: Real, free: Real) -> dict[int, float]:
     """Amplitudes at lines that nothing drives and that stand out of the other such lines around, and of the noise."""
     lines = np.flatnonzero(free)
-    if lines.size < 2 * _AROUND:
-        return {}
-    level = _smooth(power[lines])
-    level = np.maximum(level / math.log(2), noise[lines])
-    limit = 3 * math.log(lines.size / _FALSE_ALARM)
-    contrast = power[lines] / np.maximum(level, np.finfo(float).tiny)
-    return {int(k): math.sqrt(power[k]) for k in lines[contrast > limit]}
+    found: dict[int, float] = {}
+    for part in np.split(lines, np.flatnonzero(np.diff(lines) > _GAP) + 1):
+        if part.size < _AROUND:
+            continue
+        level = np.maximum(_smooth(power[part]) / math.log(2), noise[part])
+        limit = 3 * math.log(lines.size / _FALSE_ALARM)
+        contrast = power[part] / np.maximum(level, np.finfo(float).tiny)
+        found |= {int(k): math.sqrt(power[k]) for k in part[contrast > limit]}
+    return found
 
 
 def _at_excited_lines(U: Complex, y: Complex, noise: Real, excited: Real) -> dict[int, float]:

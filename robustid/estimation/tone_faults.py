@@ -47,6 +47,8 @@ def tones_beside(w: Real, u: Real) -> list[tuple[float, float, float]]:
         hz = _refined(w, int(k))
         if any(_narrow(drive, int(k)) for drive in drives) or not _goes_on(w, hz):
             continue
+        if any(_follows(power, drive, int(k), limit) for drive in drives):
+            continue
         found.append((hz, 2 * math.sqrt(power[k]), float(ratio[k])))
     return found
 
@@ -62,6 +64,20 @@ def _level(power: Real) -> Real:
     from scipy.ndimage import median_filter
 
     return np.asarray(median_filter(power, 2 * _AROUND + 1, mode="reflect"), dtype=float) / math.log(2)
+
+
+def _follows(power: Real, drive: Real, k: int, limit: float) -> bool:
+    """Return whether a line is no more than others beside it, each in that of the input: what a model of the input leaves."""
+    from scipy.ndimage import maximum_filter
+
+    near = slice(max(k - _AROUND, 0), k + _AROUND + 1)
+    given = maximum_filter(drive[max(k - _AROUND - _LOBE, 0) : k + _AROUND + _LOBE + 1], 2 * _LOBE + 1)
+    given = given[near.start - max(k - _AROUND - _LOBE, 0) :][: power[near].size]
+    own = given[k - near.start]
+    driven = given > _DRIVEN * given.max()
+    if own <= _DRIVEN * given.max() or driven.sum() < _LOBE:
+        return False
+    return bool(power[k] / own < limit / math.log(2) * np.median(power[near][driven] / given[driven]))
 
 
 def _narrow(drive: Real, k: int) -> bool:
