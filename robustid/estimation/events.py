@@ -20,7 +20,6 @@ _ABRUPT = 6.0  # standard deviations by which the samples around a jump show it 
 _ROUNDS = 12
 _TOGETHER = 0.6  # of the largest: found in one round
 _CROWD = 4  # events so near to each other that the predictor spans them
-_SEAM = 8  # samples
 _SMALLEST = 0.01  # of the rms of the signal: a jump below it harms nothing
 
 
@@ -54,6 +53,9 @@ def examined(y: Real, predictors: Predictors, u: Real, period: int | None) -> Ex
         left = clean if period is None else without_period(_level_over_periods(clean, period), period)
         predictor = predictors.of(left)
         new = _largest(predictor.innovations(left, u), predictor, period)
+        if period is not None:  # the mean over the periods took its part of a sample that is off
+            share = 1 - period / y.size
+            new = [one if one.jump else one._replace(height=one.height / share) for one in new]
         new = [one for one in new if not one.jump or abs(one.height) > _SMALLEST * y.std()]
         if not new:
             break
@@ -109,7 +111,7 @@ def _largest(w: Real, predictor: Predictor, period: int | None) -> list[Event]:
     if period is not None:
         # What no repetition explains, a drift or a transient, begins anew where the mean over the periods does.
         near = np.abs((np.arange(w.size) + n + period // 2) % period - period // 2)
-        tau[near <= _SEAM], sure[near <= n] = 0.0, 0.0
+        sure[near <= n] = 0.0
     most = max(float(tau.max()), float(sure.max()))
     if most <= limit:
         return []

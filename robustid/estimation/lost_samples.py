@@ -27,7 +27,7 @@ def lost_samples(y: Real, u: Real, where: str) -> Fault | None:
         return None
     found = predictors.of(y[:third])
     w, v = _sides(found.a, found.b, y, u)
-    return _found(w - w[:third].mean(), v - v[:third].mean(), where)
+    return _found(w - w[:third].mean(), v - v[:third].mean(), where, _LAGS)
 
 
 def lost_in_periods(y: Real, period: int, where: str) -> Fault | None:
@@ -36,7 +36,7 @@ def lost_in_periods(y: Real, period: int, where: str) -> Fault | None:
         return None
     first = y[:period] - y[:period].mean()
     pattern = np.tile(first, y.size // period + 1)[: y.size]
-    return _found(y - y.mean(), pattern, where)
+    return _found(y - y.mean(), pattern, where, min(_LAGS, period // 2 - 1))
 
 
 def _sides(a: Real, b: Real, y: Real, u: Real) -> tuple[Real, Real]:
@@ -48,25 +48,25 @@ def _sides(a: Real, b: Real, y: Real, u: Real) -> tuple[Real, Real]:
     return np.asarray(scipy.signal.lfilter(a, 1.0, y), dtype=float), v
 
 
-def _found(w: Real, v: Real, where: str) -> Fault | None:
+def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
     """Fault where `w` follows `v` at first, and `v` that comes so many samples later at last."""
     samples = w.size
     last = slice(samples - samples // 3, samples)
-    shift, sure = _best_shift(w, v, last)
+    shift, sure = _best_shift(w, v, last, lags)
     if abs(shift) < _LEAST or sure < _CERTAIN:
         return None
     before = (w - v) ** 2
     after = (w - _moved(v, shift)) ** 2
-    usable = slice(_LAGS, samples - _LAGS)
+    usable = slice(lags, samples - lags)
     # Left of the place the first fits, right of it the other.
     gain = np.cumsum((before - after)[usable])
     at = int(np.argmin(gain)) + usable.start + 1
     beside = max(round(_BESIDE * samples), _FEWEST // 2)
     if at - beside < 0 or at + beside > samples:
         return None
-    if _best_shift(w, v, slice(at - beside, at))[0] != 0:
+    if _best_shift(w, v, slice(at - beside, at), lags)[0] != 0:
         return None
-    if _best_shift(w, v, slice(at, at + beside))[0] != shift:
+    if _best_shift(w, v, slice(at, at + beside), lags)[0] != shift:
         return None
     what = f"{shift} samples are missing" if shift > 0 else f"{-shift} samples were put in"
     words = (
@@ -81,9 +81,9 @@ def _moved(v: Real, shift: int) -> Real:
     return np.roll(v, -shift)
 
 
-def _best_shift(w: Real, v: Real, part: slice) -> tuple[int, float]:
+def _best_shift(w: Real, v: Real, part: slice, lags: int) -> tuple[int, float]:
     """Shift of v that fits w best in a part, and by how many standard deviations it fits better than none."""
-    reach = min(_LAGS, (part.stop - part.start) // 2)
+    reach = min(lags, (part.stop - part.start) // 2)
     own = w[part]
     start, stop = part.start - reach, part.stop + reach
     padded = np.concatenate([np.zeros(max(-start, 0)), v[max(start, 0) : stop], np.zeros(max(stop - v.size, 0))])

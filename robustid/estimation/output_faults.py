@@ -16,11 +16,15 @@ from robustid.estimation.tone_faults import tone_fault, tones_beside, without_to
 _CERTAIN = 8.0  # standard deviations of a trend
 _DRIFTS = 0.05  # of the rms of the output
 _SLOW = 20  # lines
+_PASSES = 2
 _BESIDE = 30  # samples
+_ON_CIRCLE = 4.0  # of a line: a mode that doesn't decay in the record, or a tone
 _LISTED = 3
 _PERIODS = 3  # at least, of those whose mean is taken out
 _FEWEST = 400  # samples of a record whose output the input has to move
 _CHANCE = 1e-3
+_LINES = 8  # excited lines, at least
+_SURE = 3.5  # standard deviations
 _CORRELATED = 6.0  # standard deviations of a correlation, over all lags
 _FROM_REST = 12.0  # standard deviations of the innovations of the first samples
 _STANDS_OUT = 10.0  # mean, in the rms of the lowest lines
@@ -49,22 +53,45 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
         if where in told:
             continue
         y = record.y[:, i]
-        tones = [] if period is not None else _absorbed(y, record.u)
-        seen = examined(without_tones(y, tones), predictors, u, period if repeats else None)
-        clean[:, i] = y - (without_tones(y, tones) - seen.signal)
-        found += _events(seen, where, y, record.dt, period)
+        quiet, given, own = y, u, predictors
+        seen = None
+        for _ in range(_PASSES):  # the predictor knows tones better where no spikes are
+            heard = (
+                [] if period is not None else _absorbed(y if seen is None else y - (quiet - seen.signal), u, predictors)
+            )
+            if seen is not None and not heard:
+                break
+            if heard:
+                quiet, given = without_tones(y, heard), np.stack([without_tones(one, heard) for one in u.T], axis=1)
+                own = Predictors(given)
+            seen = examined(quiet, own, given, period if repeats else None)
+            if not seen.events:
+                break
+        if seen is None:
+            continue
+        clean[:, i] = y - (quiet - seen.signal)
+        found += _events(seen, where, y, period)
         if period is None and seen.predictor is not None:
-            found += _aperiodic(record, i, clean[:, i], seen, where, predictors)
+            found += _aperiodic(record, i, clean[:, i], seen, where, own)
     return Outputs(found, clean)
+
+
+def _absorbed(y: Real, u: Real, predictors: Predictors) -> list[float]:
+    """Tones that a predictor would take for modes, in cycles a sample: narrow lines of the output, and poles at the unit circle.
+
+    They are taken out of input and output before the predictor is found: whatever they are, the rest says what the plant is.
+    """
+    if np.ptp(y) == 0 or predictors.order == 0:
+        return []
+    poles = np.roots(predictors.of(y).a)
+    poles = poles[(np.abs(np.abs(poles) - 1) < _ON_CIRCLE / y.size) & (poles.imag > 0)]
+    lines = [cycles for cycles, _, _ in tones_beside(y, u)]
+    own = [float(np.angle(pole)) / (2 * np.pi) for pole in poles]
+    return lines + [one for one in own if all(abs(one - other) * y.size > 1 for other in lines)]
 
 
 def _sawtooth(samples: int, period: int) -> Real:
     return (np.arange(samples) % period / period - 0.5)[:, None]
-
-
-def _absorbed(y: Real, u: Real) -> list[float]:
-    """Lines of an output that a predictor would take for modes, in cycles a sample."""
-    return [cycles for cycles, _, _ in tones_beside(y, u)]
 
 
 def _aperiodic(record: TimeRecord, i: int, y: Real, seen: Examined, where: str, predictors: Predictors) -> list[Fault]:
@@ -90,7 +117,7 @@ def _aperiodic(record: TimeRecord, i: int, y: Real, seen: Examined, where: str, 
     return found
 
 
-def _events(seen: Examined, where: str, y: Real, dt: float, period: int | None) -> list[Fault]:
+def _events(seen: Examined, where: str, y: Real, period: int | None) -> list[Fault]:
     """Sentences of spikes, and of jumps of the level."""
     found: list[Fault] = []
     for jump in (False, True):
@@ -248,9 +275,12 @@ def _repeats(y: Real, u: Real, period: int) -> bool:
     m = len(lines)
     scatter = lines.var(axis=0, ddof=1)[excited]
     power = m * np.abs(lines.mean(axis=0)[excited]) ** 2
-    if not np.any(scatter > 0) or excited.sum() < 8:
+    if not np.any(scatter > 0) or excited.sum() < _LINES:
         return True
-    tiny = np.finfo(float).tiny
-    log = np.log(np.maximum(power, tiny) / np.maximum(scatter, tiny))
+    ratio = power / np.maximum(scatter, np.finfo(float).tiny)
+    # F(2, 2 (m - 1)) by chance: the largest of all, the mean of their logarithms, the power of all.
+    chance = (1 + ratio.max() / (m - 1)) ** (1 - m) * ratio.size
     mean, variance = psi(1) - psi(m - 1) + np.log(m - 1), polygamma(1, 1) + polygamma(1, m - 1)
-    return float(np.sum(log - mean)) > 3.0 * math.sqrt(float(variance) * log.size)
+    together = float(np.sum(np.log(np.maximum(ratio, np.finfo(float).tiny)) - mean)) / math.sqrt(variance * ratio.size)
+    power_of_all = (float(np.sum(power) / np.sum(scatter)) - 1) / math.sqrt((1 + 1 / (m - 1)) / ratio.size)
+    return bool(chance < _CHANCE or together > _SURE or power_of_all > _SURE)

@@ -9,7 +9,7 @@ from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.events import without_period
 from robustid.estimation.periodic import EXCITED, dft, transient_periods, without_drift
 from robustid.estimation.synchronous_tones import synchronous_tones
-from robustid.estimation.tone_faults import tone_fault, tones_beside
+from robustid.estimation.tone_faults import amplitudes, tone_fault, tones_beside
 
 _NOISY = 2.0  # times the median of the records
 _DRIFTS = 0.05  # part of the rms of an output
@@ -126,9 +126,9 @@ def _tones(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -
             k, tones = max(heard, key=lambda pair: max(amplitude for _, amplitude, _ in pair[1]))
             hz = [cycles / dt for cycles, _, _ in tones]
             how = "not the same from period to period" + _in_records(len(heard), len(records), k)
-            largest = max(amplitude for _, amplitude, _ in tones)
+            largest = amplitudes(without_period(y[k, :, i], period), [cycles for cycles, _, _ in tones], period).max()
             remedy = "leave these frequencies out, or average over whole periods of the tone too"
-            fault = tone_fault(hz, largest, float(y[k, :, i].std()), where, how, remedy)
+            fault = tone_fault(hz, float(largest), float(y[k, :, i].std()), where, how, remedy)
             found += [] if fault is None else [fault]
     sound = [k for k in range(len(records)) if all((k, where) not in told for where in names)]
     if len(sound) == len(records):

@@ -20,6 +20,7 @@ _SHORTEST = 8  # samples of a period that is looked for
 _BETTER = 10  # times less, by another period than the one that is stated
 _CLOSELY = 0.01  # share of the power by which periods may differ whose mean is taken out
 _WRONG = 0.3  # share of the input's power by which its periods differ, from which on they are none
+_TAKEN_OUT = (FaultKind.SPIKE, FaultKind.JUMP, FaultKind.WRAPPED)
 _OF_ALL = (
     FaultKind.WRAPPED,
     FaultKind.QUANTISED,
@@ -74,7 +75,7 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
         repeats = _repeated(one, period)
         faults, sound = _alone(one, [r.u for r in records], period, repeats)
         found += [fault._replace(record=k + 1 if len(records) > 1 else 0) for fault in faults]
-        told |= {(k, fault.where) for fault in faults if fault.where}
+        told |= {(k, fault.where) for fault in faults if fault.where and fault.kind not in _TAKEN_OUT}
         clean.append(sound)
     same = all(one.u.shape == records[0].u.shape and one.y.shape == records[0].y.shape for one in records)
     dead = _unmoved(records, period, told) if same else []
@@ -83,7 +84,7 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     if period is not None and same and all(_repeats_with(one, period) for one in records):
         found += period_faults(clean, period, told)
     if len(records) > 1 and same:
-        found += [fault for fault in _levels(records) if (fault.record - 1, fault.where) not in told]
+        found += [fault for fault in _levels(clean) if (fault.record - 1, fault.where) not in told]
     return _joined(found, len(records))
 
 

@@ -49,7 +49,9 @@ def tones_beside(w: Real, u: Real) -> list[tuple[float, float, float]]:
             continue
         if any(_follows(power, drive, int(k), limit) for drive in drives):
             continue
-        found.append((hz, 2 * math.sqrt(power[k]), float(ratio[k])))
+        off = hz * w.size - k
+        lobe = np.sinc(off) / (1 - off**2)  # of the window, between the lines
+        found.append((hz, 2 * math.sqrt(power[k]) / float(lobe), float(ratio[k])))
     return found
 
 
@@ -106,6 +108,16 @@ def _refined(w: Real, k: int) -> float:
     side = 1 if spectrum[2] >= spectrum[0] else -1
     ratio = spectrum[1 + side] / max(spectrum[1], np.finfo(float).tiny)
     return (k + side * (2 * ratio - 1) / (1 + ratio)) / w.size
+
+
+def amplitudes(y: Real, cycles: list[float], period: int) -> Real:
+    """Amplitudes of tones in a signal less its mean over the periods, by least squares of such sines."""
+    angle = 2 * np.pi * np.arange(y.size)[:, None] * np.array(cycles)
+    waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+    cut = waves.reshape(-1, period, waves.shape[1])
+    left = (cut - cut.mean(axis=0)).reshape(waves.shape)
+    found = np.linalg.lstsq(left, y, rcond=1e-6)[0]
+    return np.hypot(found[: len(cycles)], found[len(cycles) :])
 
 
 def without_tones(y: Real, cycles: list[float]) -> Real:
