@@ -48,7 +48,7 @@ def examined(y: Real, predictors: Predictors, u: Real, period: int | None) -> Ex
     if predictors.order == 0 or np.ptp(y) == 0:
         return Examined((), y, None)
     clean, found = y, dict[tuple[int, bool], tuple[float, float]]()
-    predictor = predictors.of(y - y)
+    predictor: Predictor | None = None
     for _ in range(_ROUNDS):
         left = clean if period is None else without_period(_level_over_periods(clean, period), period)
         predictor = predictors.of(left)
@@ -97,7 +97,7 @@ def without_period(signal: Real, period: int) -> Real:
 
 
 def _largest(w: Real, predictor: Predictor, period: int | None) -> list[Event]:
-    """Events of innovations ``w = a(q) y`` that are the largest, or nearly.
+    """Events of innovations ``w = a(q) y`` that are the largest, or close to it.
 
     One sample that is off by h adds ``h a[k]`` to w from there on; a jump adds the running sum of that. Least squares of h at every
     sample, in its standard deviations; tails of these are at most exponential, as their quantiles at 90 and 97 % show.

@@ -30,8 +30,6 @@ class Predictor(NamedTuple):
         The same in standard deviations.
     noise : float
         Standard deviation of w.
-    gain : float
-        Part of the power of w that the inputs take away, times the number of rows: chi-squared of b.size where they do nothing.
     """
 
     a: Real
@@ -39,7 +37,6 @@ class Predictor(NamedTuple):
     trend: Real
     t_values: Real
     noise: float
-    gain: float
 
     def innovations(self, y: Real, u: Real) -> Real:
         """Innovations (T - n,), of the samples that have a whole past."""
@@ -69,9 +66,9 @@ def order_for(samples: int, inputs: int) -> int:
 class Predictors:
     """Predictors of the outputs of one record, by least squares; the part of the inputs is prepared once."""
 
-    def __init__(self, u: Real) -> None:
+    def __init__(self, u: Real, order: int | None = None) -> None:
         samples, nu = u.shape
-        self.order = order_for(samples, nu)
+        self.order = order_for(samples, nu) if order is None else order
         self._rows = np.arange(self.order, samples, max(1, samples // _ROWS))
         parts = [self._lagged(one, 0) for one in u.T] + [trends(samples)[self._rows]]
         given = np.concatenate(parts, axis=1)
@@ -79,6 +76,7 @@ class Predictors:
         self._given = given / self._size
         self._gram = self._given.T @ self._given
         self._inputs = nu * (self.order + 1)
+        self.rows, self.coefficients = given.shape[0], given.shape[1] + self.order
 
     def _lagged(self, signal: Real, first: int) -> Real:
         """Columns signal[t - first], ..., signal[t - n] of the rows t."""
@@ -102,9 +100,6 @@ class Predictors:
         noise = max(float(np.sqrt(left @ left / max(left.size - len(gram), 1))), _FLOOR)
         last = np.eye(len(gram))[:, n + inputs :]
         spread = np.sqrt(np.sum(scipy.linalg.solve_triangular(factor, last, lower=True) ** 2, axis=0))
-        kept = np.r_[:n, n + inputs : len(gram)]
-        alone = np.linalg.solve(gram[np.ix_(kept, kept)], right[kept])
-        without = target - own @ alone[:n] - self._given[:, inputs:] @ alone[n:]
         given = found[n:] * size / self._size
         return Predictor(
             a=np.concatenate([[1.0], -found[:n]]),
@@ -112,8 +107,15 @@ class Predictors:
             trend=given[inputs:],
             t_values=found[n + inputs :] / (noise * spread),
             noise=noise * size,
-            gain=float(without @ without - left @ left) / noise**2,
         )
+
+
+def gain_of_inputs(y: Real, u: Real) -> float:
+    """Power of the innovations that the inputs take away, in that of one: chi-squared of nu (n + 1) where they do nothing."""
+    without, given = (Predictors(one, order=order_for(*u.shape)) for one in (u[:, :0], u))
+    alone, both = without.of(y).noise, given.of(y).noise
+    spare = given.rows - given.coefficients
+    return (alone**2 * (spare + u.shape[1] * (given.order + 1)) - both**2 * spare) / both**2
 
 
 def _rms(columns: Real) -> Real:

@@ -10,13 +10,12 @@ import numpy as np
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.events import Event, Examined, examined
-from robustid.estimation.innovations import Predictor, Predictors, trends
+from robustid.estimation.innovations import Predictor, Predictors, gain_of_inputs, order_for, trends
 from robustid.estimation.tone_faults import tone_fault, tones_beside, without_tones
 
 _CERTAIN = 8.0  # standard deviations of a trend
 _DRIFTS = 0.05  # of the rms of the output
 _SLOW = 20  # lines
-_PASSES = 2
 _BESIDE = 30  # samples
 _ON_CIRCLE = 4.0  # of a line: a mode that doesn't decay in the record, or a tone
 _LISTED = 3
@@ -42,9 +41,9 @@ class Outputs(NamedTuple):
 
 def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Outputs:
     """Faults of every output that isn't `told` of; with `period`, those that its repetition shows are looked for elsewhere."""
-    repeats = period is not None and len(record.u) >= _PERIODS * period
+    repeats = period if period is not None and len(record.u) >= _PERIODS * period else None
     # What drifts makes the mean over the periods jump where it begins anew: as a sawtooth does.
-    u = _sawtooth(len(record.u), period) if repeats and period is not None else record.u
+    u = record.u if repeats is None else _sawtooth(len(record.u), repeats)
     predictors = Predictors(u)
     found: list[Fault] = _before_input(record, told)
     clean = record.y.copy()
@@ -53,27 +52,35 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
         if where in told:
             continue
         y = record.y[:, i]
-        quiet, given, own = y, u, predictors
-        seen = None
-        for _ in range(_PASSES):  # the predictor knows tones better where no spikes are
-            heard = (
-                [] if period is not None else _absorbed(y if seen is None else y - (quiet - seen.signal), u, predictors)
-            )
-            if seen is not None and not heard:
-                break
-            if heard:
-                quiet, given = without_tones(y, heard), np.stack([without_tones(one, heard) for one in u.T], axis=1)
-                own = Predictors(given)
-            seen = examined(quiet, own, given, period if repeats else None)
-            if not seen.events:
-                break
-        if seen is None:
-            continue
-        clean[:, i] = y - (quiet - seen.signal)
+        seen, own = _seen(y, u, predictors, repeats, period is not None)
+        clean[:, i] = seen.signal
         found += _events(seen, where, y, period)
-        if period is None and seen.predictor is not None:
-            found += _aperiodic(record, i, clean[:, i], seen, where, own)
+        if period is None:
+            found += _aperiodic(record, i, seen, where, own)
     return Outputs(found, clean)
+
+
+def _seen(y: Real, u: Real, predictors: Predictors, repeats: int | None, periodic: bool) -> tuple[Examined, Predictors]:
+    """Events of an output, the output without them, and the predictors that found them: without tones, where nothing repeats."""
+    seen, heard = examined(y, predictors, u, repeats), list[float]()
+    if periodic or predictors.order == 0 or np.ptp(y) == 0:
+        return seen, predictors
+    for signal in (y, seen.signal):  # tones show better where no spikes are
+        heard = _absorbed(signal, u, predictors)
+        if heard:
+            break
+    if not heard:
+        return seen, predictors
+    quiet, given = without_tones(y, heard), np.stack([without_tones(one, heard) for one in u.T], axis=1)
+    own = Predictors(given)
+    seen = examined(quiet, own, given, None)
+    # A tone that spikes hid is known better without them.
+    again = _absorbed(y - (quiet - seen.signal), u, predictors) if seen.events else heard
+    if again and again != heard:
+        quiet, given = without_tones(y, again), np.stack([without_tones(one, again) for one in u.T], axis=1)
+        own = Predictors(given)
+        seen = examined(quiet, own, given, None)
+    return seen._replace(signal=y - (quiet - seen.signal)), own
 
 
 def _absorbed(y: Real, u: Real, predictors: Predictors) -> list[float]:
@@ -81,8 +88,6 @@ def _absorbed(y: Real, u: Real, predictors: Predictors) -> list[float]:
 
     They are taken out of input and output before the predictor is found: whatever they are, the rest says what the plant is.
     """
-    if np.ptp(y) == 0 or predictors.order == 0:
-        return []
     poles = np.roots(predictors.of(y).a)
     poles = poles[(np.abs(np.abs(poles) - 1) < _ON_CIRCLE / y.size) & (poles.imag > 0)]
     lines = [cycles for cycles, _, _ in tones_beside(y, u)]
@@ -94,9 +99,9 @@ def _sawtooth(samples: int, period: int) -> Real:
     return (np.arange(samples) % period / period - 0.5)[:, None]
 
 
-def _aperiodic(record: TimeRecord, i: int, y: Real, seen: Examined, where: str, predictors: Predictors) -> list[Fault]:
+def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictors: Predictors) -> list[Fault]:
     """Drift, point of operation and tones, by the predictor of a record that repeats nothing."""
-    predictor, u = seen.predictor, record.u
+    predictor, y, u = seen.predictor, seen.signal, record.u
     if predictor is None:
         return []
     short = len(y) < _FEWEST or any(event.jump for event in seen.events)
@@ -238,13 +243,12 @@ def answers(record: TimeRecord, i: int, period: int | None) -> bool:
         return True
     if period is not None and len(y) >= 2 * period:
         return _repeats(y, u, period)
-    predictors = Predictors(u)
-    if predictors.order < 2:
+    order = order_for(*u.shape)
+    if order < 2:
         return True
-    predictor = predictors.of(y)
     from scipy.special import chdtri
 
-    if predictor.gain > chdtri(predictor.b.size, _CHANCE):
+    if gain_of_inputs(y, u) > chdtri(u.shape[1] * (order + 1), _CHANCE):
         return True
     alone = Predictors(u[:, :0])
     w = _whitened(alone, y)

@@ -13,7 +13,7 @@ from robustid.estimation.feedback import feedback_faults
 from robustid.estimation.lost_samples import lost_in_periods, lost_samples
 from robustid.estimation.output_faults import answers, output_faults
 from robustid.estimation.period_faults import period_faults
-from robustid.estimation.sample_faults import at_ends, in_steps, runs, unwrapped, wrapped_fault
+from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, unwrapped, wrapped_fault
 
 _REPEATS, _DIFFERS = 0.15, 0.5  # share of a signal's power by which periods may differ; by which something else does
 _SHORTEST = 8  # samples of a period that is looked for
@@ -167,6 +167,10 @@ def _of_samples(record: TimeRecord, signal: Real, where: str, period: int | None
     ):
         if found:
             return found, signal
+    if drive is record.reference and drive.shape == record.u.shape:
+        i = [f"input {one.name}" for one in record.inputs].index(where)
+        if cut := cut_off(signal, drive[:, i], where):
+            return cut, signal
     turned, count = unwrapped(signal, drive)
     if count:
         return [wrapped_fault(signal, count, where)], turned

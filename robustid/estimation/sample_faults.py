@@ -61,6 +61,25 @@ def _clipped(signal: Real, extreme: float) -> int:
     return count if count > _CLIPPED_RATIO * np.sum(signal == next_to) else 0
 
 
+def cut_off(signal: Real, played: Real, where: str) -> list[Fault]:
+    """Saturation of a measured input: different values that were played beyond an end came out as one."""
+    if np.sum(signal[1:] == signal[:-1]) > _ALIKE * signal.size:
+        return []
+    at = {word: signal == extreme for word, extreme in (("largest", signal.max()), ("smallest", signal.min()))}
+    beyond = {word: np.unique(played[one & (np.abs(played) > np.abs(signal))]).size for word, one in at.items()}
+    return [
+        Fault(
+            FaultKind.SATURATED,
+            f"{where} is at its {word} value, {signal[at[word]][0]:.6g}, in {at[word].sum()} of {signal.size} samples where"
+            f" {count} different values beyond it were played: it is saturated, and no linear model gives such samples",
+            where=where,
+            size=int(at[word].sum()),
+        )
+        for word, count in beyond.items()
+        if count > 1
+    ]
+
+
 def runs(signal: Real, u: Real, where: str) -> list[Fault]:
     """Stretches in which a signal keeps one value while the input moves: a sensor that was stuck, samples that were lost."""
     starts = np.flatnonzero(np.concatenate([[True], signal[1:] != signal[:-1]]))

@@ -8,7 +8,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.estimation.events import examined
-from robustid.estimation.innovations import Predictors
+from robustid.estimation.innovations import Predictors, gain_of_inputs
 from support import fault_plants
 
 DT, PERIOD, SAMPLES = 0.01, 400, 2400
@@ -275,7 +275,9 @@ def test_the_predictor_is_that_of_the_plant():
     assert np.abs(found.a[:3] - [1, -1.5, 0.9]).max() < 0.02
     assert np.abs(found.b[0, :3] - [0, 1.0, 0]).max() < 0.02
     assert found.noise == pytest.approx(0.1, rel=0.05)
-    assert found.gain > 1e4
+    assert gain_of_inputs(y, u[:, None]) > 1e4
+    gains = [gain_of_inputs(y, rng.standard_normal((8000, 1))) for _ in range(20)]
+    assert np.mean(gains) == pytest.approx(31, abs=4 * np.sqrt(2 * 31 / 20))  # chi-squared of 31 where they do nothing
     w = found.innovations(y, u[:, None])
     assert w.std() == pytest.approx(found.noise, rel=0.02)
     y[4000] += 3.0
