@@ -12,7 +12,8 @@ from robustid.estimation.periodic import EXCITED
 from robustid.estimation.tone_faults import tone_fault
 
 _FALSE_ALARM = 1e-4
-_FREE = 0.02  # of the largest line of an input: nothing but noise drives the line
+_FREE = 0.02  # of the largest line of an input: nothing but noise drives the line, and no resonance shows there
+_ALONE = 100.0  # times the power of its neighbours: a line that something drives, and no resonance of some width
 _GAP = 4  # lines between two that nothing drives, at most
 _USUAL = 5.0  # times the lines around, at most
 _AROUND = 20  # lines on either side
@@ -37,13 +38,17 @@ def synchronous_tones(u: Real, y: Real, period: int, dt: float, outputs: list[st
     if np.any(largest == 0):
         return []
     excited = np.all(size >= EXCITED * largest, axis=1)
-    free = np.all((size < _FREE * largest) & (size <= _USUAL * np.maximum(_smooth_each(size), 1e-9 * largest)), axis=1)
+    free = np.all(
+        (size < EXCITED * largest) & (size <= _USUAL * np.maximum(_smooth_each(size), 1e-9 * largest)), axis=1
+    )
     if excited.sum() < _FEWEST:
         return []
     found: list[Fault] = []
     for i, where in enumerate(outputs):
         level = _smooth(noise[:, :, i].mean(axis=0)) + _through(U, Y[:, :, i], inputs, excited)
-        off = _at_free_lines(np.mean(np.abs(Y[:, :, i]) ** 2, axis=0), level, free)
+        off = _at_free_lines(
+            np.mean(np.abs(Y[:, :, i]) ** 2, axis=0), level, free, np.any(size >= _FREE * largest, axis=1)
+        )
         off |= _at_excited_lines(U, Y[:, :, i], level, excited)
         if off:
             order = sorted(off, key=lambda k: -off[k])
@@ -75,7 +80,7 @@ def _smooth_each(size: Real) -> Real:
     return np.stack([_smooth(one) for one in size.T], axis=1)
 
 
-def _at_free_lines(power: Real, noise: Real, free: Real) -> dict[int, float]:
+def _at_free_lines(power: Real, noise: Real, free: Real, driven: Real) -> dict[int, float]:
     """Amplitudes at lines that nothing drives and that stand out of the other such lines around, and of the noise."""
     lines = np.flatnonzero(free)
     found: dict[int, float] = {}
@@ -85,7 +90,10 @@ def _at_free_lines(power: Real, noise: Real, free: Real) -> dict[int, float]:
         level = np.maximum(_smooth(power[part]) / math.log(2), noise[part])
         limit = 3 * math.log(lines.size / _FALSE_ALARM)
         contrast = power[part] / np.maximum(level, np.finfo(float).tiny)
-        found |= {int(k): math.sqrt(power[k]) for k in part[contrast > limit]}
+        for k in part[contrast > limit]:
+            beside = np.delete(power[max(k - 2, 0) : k + 3], min(k, 2))
+            if not driven[k] or power[k] > _ALONE * beside.max():
+                found[int(k)] = math.sqrt(power[k])
     return found
 
 
