@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import NamedTuple
 
@@ -136,11 +135,12 @@ def _peaks(size: Real, least: float, apart: int) -> list[int]:
 def _level(w: Real, floor: float) -> Real:
     """Standard deviation of every innovation: that of all, or that of the samples around it where it is larger."""
     everywhere = max(float(np.median(np.abs(w))) / _NORMAL, floor)
-    edges = np.linspace(0, w.size, max(w.size // _BLOCK, 1) + 1).astype(int)
-    own = np.array([np.median(np.abs(w[i:j])) for i, j in itertools.pairwise(edges)]) / _NORMAL
+    blocks = max(w.size // _BLOCK, 1)
+    length = w.size // blocks
+    own = np.median(np.abs(w[: blocks * length]).reshape(blocks, length), axis=1) / _NORMAL
     padded = np.concatenate([own[:1], own, own[-1:]])
     around = np.maximum(np.maximum(padded[:-2], padded[2:]), own)
-    return np.maximum(np.repeat(around, np.diff(edges)), everywhere)
+    return np.maximum(around[np.minimum(np.arange(w.size) // length, blocks - 1)], everywhere)
 
 
 def _limit(tau: Real) -> float:

@@ -1,4 +1,4 @@
-"""Faults of records: dead, stuck and clipped signals, periods, noise, drift, records unlike the others."""
+"""Faults of records: the face of what is found in single samples, in outputs, in periods, and between records."""
 
 from __future__ import annotations
 
@@ -35,10 +35,12 @@ _NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
 def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None) -> tuple[Fault, ...]:
     """Faults of records, before anything is estimated from them.
 
-    Of every record: signals that are constant, get stuck, or stay at their extreme value; input that repeats although nothing says
-    with which period, or doesn't although something does; input that follows earlier outputs (a closed loop without reference, or
-    input and output exchanged). Of periodic ones, with `period`: drifts, and noise of the input. Of several: noise or level of
-    one that is unlike the others'.
+    Of every record: signals that are constant, get stuck, or stay at their extreme value, whose samples were lost, wrapped around
+    or came in coarse steps; outputs with spikes, jumps, drifts or tones that the input doesn't explain, that no input moves, or
+    that begin about a point of operation; input that repeats although nothing says with which period, or doesn't although
+    something does; input that follows earlier outputs (a closed loop without reference, or input and output exchanged). Of
+    periodic ones, with `period`: drifts, transients, and noise of the input. Of several: noise or level of one that is unlike
+    the others'.
 
     Parameters
     ----------
