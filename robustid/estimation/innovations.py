@@ -54,7 +54,7 @@ class Predictor(NamedTuple):
 
 def trends(samples: int) -> Real:
     """Legendre polynomials (T, 4) over a record."""
-    return np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), _DEGREE)
+    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), _DEGREE), dtype=float)
 
 
 def order_for(samples: int, inputs: int) -> int:
@@ -69,7 +69,7 @@ class Predictors:
     def __init__(self, u: Real, order: int | None = None) -> None:
         samples, nu = u.shape
         self.order = order_for(samples, nu) if order is None else order
-        self._rows = np.arange(self.order, samples, max(1, samples // _ROWS))
+        self._rows: np.ndarray = np.arange(self.order, samples, max(1, samples // _ROWS))
         parts = [self._lagged(one, 0) for one in u.T] + [trends(samples)[self._rows]]
         given = np.concatenate(parts, axis=1)
         self._size = _rms(given)

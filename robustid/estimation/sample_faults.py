@@ -87,7 +87,7 @@ def runs(signal: Real, u: Real, where: str) -> list[Fault]:
     return _held(signal, u, where, starts, counts) or _stuck(signal, u, where, starts, counts)
 
 
-def _stuck(signal: Real, u: Real, where: str, starts: Real, counts: Real) -> list[Fault]:
+def _stuck(signal: Real, u: Real, where: str, starts: np.ndarray, counts: np.ndarray) -> list[Fault]:
     """One long stretch, between the ends of the signal."""
     longest = int(np.argmax(counts))
     start, count = int(starts[longest]), int(counts[longest])
@@ -102,7 +102,7 @@ def _stuck_at(signal: Real, where: str, start: int, count: int) -> Fault:
     return Fault(FaultKind.STUCK, words, where=where, size=count)
 
 
-def _held(signal: Real, u: Real, where: str, starts: Real, counts: Real) -> list[Fault]:
+def _held(signal: Real, u: Real, where: str, starts: np.ndarray, counts: np.ndarray) -> list[Fault]:
     """Stretches that are longer than chance makes any, in a record the input of which moves all the time."""
     samples = signal.size
     if counts.size < 3 or counts.max() < _RUN or np.mean(np.all(u[1:] == u[:-1], axis=1)) > _STILL:
@@ -185,7 +185,7 @@ def unwrapped(signal: Real, u: Real) -> tuple[Real, int]:
     return found, count
 
 
-def _predictor(signal: Real, u: Real, jumps: Real) -> tuple[Real, Real] | None:
+def _predictor(signal: Real, u: Real, jumps: np.ndarray) -> tuple[Real, Real] | None:
     """Weights of the last samples (n,), oldest first, and what the input and a constant add (T,); by rows without a jump."""
     samples = signal.size
     rows = np.arange(_ORDER, samples)

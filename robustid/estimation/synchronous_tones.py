@@ -60,7 +60,7 @@ def synchronous_tones(u: Real, y: Real, period: int, dt: float, outputs: list[st
     return found
 
 
-def _through(U: Complex, y: Complex, inputs: Real, excited: Real) -> Real:
+def _through(U: Complex, y: Complex, inputs: Real, excited: np.ndarray) -> Real:
     """Noise of measured inputs in the output, (K,), by the response at every excited line."""
     found = np.zeros(U.shape[1])
     if len(U) >= U.shape[2]:
@@ -80,7 +80,7 @@ def _smooth_each(size: Real) -> Real:
     return np.stack([_smooth(one) for one in size.T], axis=1)
 
 
-def _at_free_lines(power: Real, noise: Real, free: Real, driven: Real) -> dict[int, float]:
+def _at_free_lines(power: Real, noise: Real, free: np.ndarray, driven: np.ndarray) -> dict[int, float]:
     """Amplitudes at lines that nothing drives and that stand out of the other such lines around, and of the noise."""
     lines = np.flatnonzero(free)
     found: dict[int, float] = {}
@@ -97,7 +97,7 @@ def _at_free_lines(power: Real, noise: Real, free: Real, driven: Real) -> dict[i
     return found
 
 
-def _at_excited_lines(U: Complex, y: Complex, noise: Real, excited: Real) -> dict[int, float]:
+def _at_excited_lines(U: Complex, y: Complex, noise: Real, excited: np.ndarray) -> dict[int, float]:
     """Amplitudes at excited lines where records contradict each other, or where one line's response is off the others'."""
     records, nu = len(U), U.shape[2]
     lines = np.flatnonzero(excited)
@@ -110,7 +110,7 @@ def _at_excited_lines(U: Complex, y: Complex, noise: Real, excited: Real) -> dic
     return found
 
 
-def _inconsistent(U: Complex, y: Complex, noise: Real, lines: Real) -> dict[int, float]:
+def _inconsistent(U: Complex, y: Complex, noise: Real, lines: np.ndarray) -> dict[int, float]:
     """Lines where records contradict each other that agree at the lines around."""
     stacked, answer = U.transpose(1, 0, 2), y.T[:, :, None]  # (K, R, nu), (K, R, 1)
     values = np.linalg.pinv(stacked) @ answer
@@ -125,7 +125,7 @@ def _inconsistent(U: Complex, y: Complex, noise: Real, lines: Real) -> dict[int,
     return {int(k): math.sqrt(size) for k, size in zip(lines[own], left[own], strict=True)}
 
 
-def _standing_out(U: Complex, y: Complex, noise: Real, lines: Real) -> dict[int, float]:
+def _standing_out(U: Complex, y: Complex, noise: Real, lines: np.ndarray) -> dict[int, float]:
     """Lines whose response is off the curve through its neighbours, which no resonance of some width explains."""
     stacked = U.transpose(1, 0, 2)
     drive = np.sqrt(np.mean(np.abs(stacked) ** 2, axis=(1, 2)))
