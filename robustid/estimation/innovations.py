@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Real
 
@@ -69,7 +70,7 @@ class Predictors:
     def __init__(self, u: Real, order: int | None = None) -> None:
         samples, nu = u.shape
         self.order = order_for(samples, nu) if order is None else order
-        self._rows: np.ndarray = np.arange(self.order, samples, max(1, samples // _ROWS))
+        self._rows: NDArray[np.intp] = np.arange(self.order, samples, max(1, samples // _ROWS))
         parts = [self._lagged(one, 0) for one in u.T] + [trends(samples)[self._rows]]
         given = np.concatenate(parts, axis=1)
         self._size = _rms(given)

@@ -147,7 +147,7 @@ def in_steps(signal: Real, u: Real, where: str) -> list[Fault]:
     if any(np.unique(one).size <= 2 * values.size for one in u.T if np.ptp(one) > 0):
         return []  # an input of a few levels has an answer of a few
     step = float(np.diff(values).min())
-    whole = (values - values[0]) / step
+    whole: Real = (values - values[0]) / step
     if np.abs(whole - np.round(whole)).max() > max(_ON_GRID, 1e-12 * whole[-1]):
         return []
     share = step / math.sqrt(12) / float(signal.std())
@@ -197,7 +197,7 @@ def _predictor(signal: Real, u: Real, jumps: np.ndarray) -> tuple[Real, Real] | 
     if free.size < 4 * whole.shape[1]:
         return None
     size = np.maximum(np.abs(whole).max(axis=0), np.finfo(float).tiny)
-    found = np.linalg.lstsq(whole[free - _ORDER] / size, signal[free], rcond=1e-9)[0] / size
+    found: Real = np.linalg.lstsq(whole[free - _ORDER] / size, signal[free], rcond=1e-9)[0] / size
     given = np.concatenate([np.zeros(_ORDER), whole[:, _ORDER:] @ found[_ORDER:]])
     return found[:_ORDER], given
 

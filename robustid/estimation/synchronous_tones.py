@@ -29,10 +29,10 @@ _REMEDY = "leave these frequencies out, or change the period so that they fall b
 def synchronous_tones(u: Real, y: Real, period: int, dt: float, outputs: list[str]) -> list[Fault]:
     """Tones of whole periods of records (R, T, n) in steady state."""
     cut = [x.reshape(len(x), -1, period, x.shape[2]) for x in (u, y)]
-    U, Y = (np.fft.rfft(x, axis=2)[:, :, 1 : (period + 1) // 2] / period for x in cut)
-    periods = Y.shape[1]
-    noise, inputs = (x.var(axis=1, ddof=1) / periods for x in (Y, U))  # (R, K, n), of the means
-    U, Y = U.mean(axis=1), Y.mean(axis=1)
+    each_u, each_y = (np.fft.rfft(x, axis=2)[:, :, 1 : (period + 1) // 2] / period for x in cut)
+    periods = each_y.shape[1]
+    noise, inputs = (x.var(axis=1, ddof=1) / periods for x in (each_y, each_u))  # (R, K, n), of the means
+    U, Y = each_u.mean(axis=1), each_y.mean(axis=1)
     size = np.abs(U).max(axis=0)
     largest = size.max(axis=0)
     if np.any(largest == 0):

@@ -73,7 +73,7 @@ def _follows(power: Real, drive: Real, k: int, limit: float) -> bool:
     from scipy.ndimage import maximum_filter
 
     near = slice(max(k - _AROUND, 0), k + _AROUND + 1)
-    given = maximum_filter(drive[max(k - _AROUND - _LOBE, 0) : k + _AROUND + _LOBE + 1], 2 * _LOBE + 1)
+    given: Real = maximum_filter(drive[max(k - _AROUND - _LOBE, 0) : k + _AROUND + _LOBE + 1], 2 * _LOBE + 1)
     given = given[near.start - max(k - _AROUND - _LOBE, 0) :][: power[near].size]
     own = given[k - near.start]
     driven = given > _DRIVEN * given.max()
@@ -116,7 +116,7 @@ def amplitudes(y: Real, cycles: list[float], period: int) -> Real:
     waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
     cut = waves.reshape(-1, period, waves.shape[1])
     left = (cut - cut.mean(axis=0)).reshape(waves.shape)
-    found = np.linalg.lstsq(left, y, rcond=1e-6)[0]
+    found: Real = np.linalg.lstsq(left, y, rcond=1e-6)[0]
     return np.hypot(found[: len(cycles)], found[len(cycles) :])
 
 
