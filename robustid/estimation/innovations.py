@@ -70,8 +70,10 @@ class Predictors:
     def __init__(self, u: Real, order: int | None = None) -> None:
         samples, nu = u.shape
         self.order = order_for(samples, nu) if order is None else order
-        self._rows: NDArray[np.intp] = np.arange(self.order, samples, max(1, samples // _ROWS))
-        parts = [self._lagged(one, 0) for one in u.T] + [trends(samples)[self._rows]]
+        self._rows: NDArray[np.intp] = np.asarray(
+            np.arange(self.order, samples, max(1, samples // _ROWS)), dtype=np.intp
+        )
+        parts = [self._lagged(one, 0) for one in u.T] + [np.asarray(trends(samples)[self._rows], dtype=float)]
         given = np.concatenate(parts, axis=1)
         self._size = _rms(given)
         self._given = given / self._size

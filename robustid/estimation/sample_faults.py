@@ -197,7 +197,9 @@ def _predictor(signal: Real, u: Real, jumps: np.ndarray) -> tuple[Real, Real] | 
     if free.size < 4 * whole.shape[1]:
         return None
     size = np.maximum(np.abs(whole).max(axis=0), np.finfo(float).tiny)
-    found: Real = np.linalg.lstsq(whole[free - _ORDER] / size, signal[free], rcond=1e-9)[0] / size
+    found: Real = (
+        np.asarray(np.linalg.lstsq(whole[free - _ORDER] / size, signal[free], rcond=1e-9)[0], dtype=float) / size
+    )
     given = np.concatenate([np.zeros(_ORDER), whole[:, _ORDER:] @ found[_ORDER:]])
     return found[:_ORDER], given
 

@@ -116,7 +116,7 @@ def amplitudes(y: Real, cycles: list[float], period: int) -> Real:
     waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
     cut = waves.reshape(-1, period, waves.shape[1])
     left = (cut - cut.mean(axis=0)).reshape(waves.shape)
-    found: Real = np.linalg.lstsq(left, y, rcond=1e-6)[0]
+    found: Real = np.asarray(np.linalg.lstsq(left, y, rcond=1e-6)[0], dtype=float)
     return np.hypot(found[: len(cycles)], found[len(cycles) :])
 
 
