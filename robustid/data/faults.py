@@ -106,7 +106,7 @@ class Fault(NamedTuple):
     @property
     def undone(self) -> bool:
         """True for what the estimate from the records has removed: it contradicts nothing any more."""
-        return self.kind is FaultKind.DRIFT
+        return self.kind is FaultKind.DRIFT and not self.correction
 
 
 def as_faults(name: str, value: Iterable[Sequence[Any]]) -> tuple[Fault, ...]:

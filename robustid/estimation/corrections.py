@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import as_float, as_kind
-from robustid.data import SAME_FREQUENCY, Bound, FrequencyResponse, TimeRecord, points_at
+from robustid.data import SAME_FREQUENCY, Bound, FrequencyResponse, TimeRecord, detrend, points_at
 from robustid.errors import InputError
 
 _DEGREE = math.pi / 180
 _MOST_DECIBELS = 400.0
 _SEVERAL = "X ..."  # of a correction that takes one number or more
+_STILL = 2  # samples before the input moves
 _Data = TypeVar("_Data", FrequencyResponse, TimeRecord)
 
 # Mistakes in a response that corrections undo, in words.
@@ -58,7 +59,9 @@ def correct(data: _Data, *corrections: str) -> _Data:
     ``"phase in radians"`` (taken as degrees), ``"magnitude linear"`` (taken as decibels), ``"magnitude in dB"`` (taken as linear,
     all above 1), ``"advance X"`` and ``"delay X"`` (by X samples), ``"bound times X"``, ``"leave out X ..."`` (the frequency points
     at so many Hz), ``"leave out above X"``, ``"leave out below X"`` (Hz). Of a record: ``"negate"``, ``"times X"`` (outputs),
-    ``"exchange"``, ``"time times X"``, ``"advance X"`` (outputs are X samples late), ``"delay X"``, ``"bound times X"``.
+    ``"exchange"``, ``"time times X"``, ``"advance X"`` (outputs are X samples late), ``"delay X"``, ``"bound times X"``,
+    ``"detrend"`` (input and output are about a point of operation, from which both are counted then), ``"detrend linear"`` (outputs
+    drift along a straight line).
 
     Parameters
     ----------
@@ -318,6 +321,23 @@ def _outputs_advanced(record: TimeRecord, samples: float) -> TimeRecord:
     return dataclasses.replace(record, y=y, bound=bound)
 
 
+def _detrended(record: TimeRecord) -> TimeRecord:
+    """Record about its point of operation: by what is measured before the input moves, else by its means."""
+    if record.initial != "rest":
+        return detrend(record)
+    moves = np.flatnonzero(np.any(record.u != record.u[0], axis=1))
+    still = int(moves[0]) if moves.size else 0
+    if still < _STILL:
+        return detrend(dataclasses.replace(record, initial="free"))
+    reference = None if record.reference is None else record.reference - record.reference[0]
+    return detrend(dataclasses.replace(record, u=record.u - record.u[0], reference=reference), until=still * record.dt)
+
+
+def _without_line(record: TimeRecord) -> TimeRecord:
+    """Record without the straight lines of its signals, from an unknown state."""
+    return detrend(dataclasses.replace(record, initial="free"), kind="linear")
+
+
 def _outputs_delayed(record: TimeRecord, samples: float) -> TimeRecord:
     return _outputs_advanced(record, -samples)
 
@@ -351,4 +371,6 @@ _OF_RECORDS: dict[str, tuple[Callable[..., TimeRecord], str]] = {
     "advance": (_outputs_advanced, "X"),
     "delay": (_outputs_delayed, "X"),
     "bound times": (_bound_times, "X"),
+    "detrend": (_detrended, ""),
+    "detrend linear": (_without_line, ""),
 }

@@ -1,7 +1,8 @@
-"""Faults of records: dead, stuck and clipped signals, periods, noise, drift, records unlike the others."""
+"""Faults of records: the face of what is found in single samples, in outputs, in periods, and between records."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,28 +10,37 @@ import numpy as np
 from robustid.core import Real, as_count
 from robustid.data import Fault, FaultKind, TimeRecord, as_records
 from robustid.estimation.feedback import feedback_faults
-from robustid.estimation.periodic import without_drift
+from robustid.estimation.lost_samples import lost_in_periods, lost_samples
+from robustid.estimation.output_faults import answers, output_faults
+from robustid.estimation.period_faults import period_faults
+from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, unwrapped, wrapped_fault
 
-# A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
-# has 2.4 times as many in its top step as in the next.
-_CLIPPED_RATIO, _CLIPPED_PART, _CLIPPED_LEAST = 5, 1e-3, 10
-_STUCK_LEAST, _STUCK_RATIO = 20, 10  # samples in a row that are the same, and how many times as many as elsewhere
 _REPEATS, _DIFFERS = 0.15, 0.5  # share of a signal's power by which periods may differ; by which something else does
 _SHORTEST = 8  # samples of a period that is looked for
+_BETTER = 10  # times less, by another period than the one that is stated
+_CLOSELY = 0.01  # share of the power by which periods may differ whose mean is taken out
 _WRONG = 0.3  # share of the input's power by which its periods differ, from which on they are none
+_TAKEN_OUT = (FaultKind.SPIKE, FaultKind.JUMP, FaultKind.WRAPPED)
+_OF_ALL = (
+    FaultKind.WRAPPED,
+    FaultKind.QUANTISED,
+    FaultKind.TONE,
+    FaultKind.DRIFT,
+    FaultKind.TRANSIENT,
+    FaultKind.OFFSET,
+)
 _NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
-_DRIFTS = 0.05  # part of the rms of an output
-_INPUT_NOISE = 0.05  # of the input at the lines that carry it
-_CARRYING = 0.2  # of its largest line
 
 
 def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None) -> tuple[Fault, ...]:
     """Faults of records, before anything is estimated from them.
 
-    Of every record: signals that are constant, get stuck, or stay at their extreme value; input that repeats although nothing says
-    with which period, or doesn't although something does; input that follows earlier outputs (a closed loop without reference, or
-    input and output exchanged). Of periodic ones, with `period`: drifts, and noise of the input. Of several: noise or level of
-    one that is unlike the others'.
+    Of every record: signals that are constant, get stuck, or stay at their extreme value, whose samples were lost, wrapped around
+    or came in coarse steps; outputs with spikes, jumps, drifts or tones that the input doesn't explain, that no input moves, or
+    that begin about a point of operation; input that repeats although nothing says with which period, or doesn't although
+    something does; input that follows earlier outputs (a closed loop without reference, or input and output exchanged). Of
+    periodic ones, with `period`: drifts, transients, and noise of the input. Of several: noise or level of one that is unlike
+    the others'.
 
     Parameters
     ----------
@@ -61,22 +71,84 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     records = as_records("record", record)
     period = None if period is None else as_count("period", period, least=2)
     found: list[Fault] = []
-    for k, one in enumerate(records, start=len(records) > 1):
-        found += [fault._replace(record=k) for fault in _alone(one, [r.u for r in records], period)]
+    told: set[tuple[int, str]] = set()
+    clean: list[TimeRecord] = []
+    for k, one in enumerate(records):
+        repeats = _repeated(one, period)
+        faults, sound = _alone(one, [r.u for r in records], period, repeats)
+        found += [fault._replace(record=k + 1 if len(records) > 1 else 0) for fault in faults]
+        told |= {(k, fault.where) for fault in faults if fault.where and fault.kind not in _TAKEN_OUT}
+        clean.append(sound)
     same = all(one.u.shape == records[0].u.shape and one.y.shape == records[0].y.shape for one in records)
+    dead = _unmoved(records, period, told) if same else []
+    found += dead
+    told |= {(k, fault.where) for fault in dead for k in range(len(records))}
     if period is not None and same and all(_repeats_with(one, period) for one in records):
-        found += _periodic(records, period)
+        found += period_faults(clean, period, told)
     if len(records) > 1 and same:
-        found += _levels(records)
-    return tuple(found)
+        found += [fault for fault in _levels(clean) if (fault.record - 1, fault.where) not in told]
+    return _joined(found, len(records))
 
 
-def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[Fault]:
+def _repeated(record: TimeRecord, period: int | None) -> int | None:
+    """Period with which the input repeats closely, stated or not; None where it doesn't."""
+    right = found_period(record) if period is None else period
+    if right is None or len(record.u) < 2 * right:
+        return None
+    drive = record.u if record.reference is None else record.reference
+    return right if _apart(drive - drive.mean(axis=0), right) < _CLOSELY else None
+
+
+def _joined(found: list[Fault], records: int) -> tuple[Fault, ...]:
+    """One sentence for what all records have: that of the record where it is largest."""
+    kept: list[Fault] = []
+    for fault in found:
+        alike = [one for one in found if (one.kind, one.where) == (fault.kind, fault.where)]
+        if fault.kind not in _OF_ALL or records < 2 or len({one.record for one in alike}) < records:
+            kept.append(fault)
+        elif fault is max(alike, key=lambda one: one.size or 0.0):
+            words = f"all records, of which {fault.record} shows it most: {fault.words}"
+            kept.append(fault._replace(record=0, words=words))
+    return tuple(kept)
+
+
+def _alone(
+    record: TimeRecord, inputs: list[Real], period: int | None, repeats: int | None
+) -> tuple[list[Fault], TimeRecord]:
+    """Faults of one record, and the record without those that could be taken out."""
+    found = _constant(record, inputs)
+    told = {fault.where for fault in found}
+    y = record.y.copy()
+    sides = [("output", record.y, record.outputs)]
+    if record.reference is not None:  # then the input is measured; an input that is played may stay at its ends
+        sides.append(("input", record.u, record.inputs))
+    for side, signals, channels in sides:
+        for i, (signal, channel) in enumerate(zip(signals.T, channels, strict=True)):
+            where = f"{side} {channel.name}"
+            if where in told:
+                continue
+            new, turned = _of_samples(record, signal, where, repeats)
+            found += new
+            told |= {where} if new and turned is signal else set()
+            if side == "output":
+                y[:, i] = turned
+    clean = dataclasses.replace(record, y=y)
+    outputs = output_faults(clean, repeats, told)
+    found += outputs.faults
+    repeating = _repeating(record, period)
+    # A periodic input is like its own past: it is correlated with earlier outputs too.
+    random = period is None and record.initial != "periodic" and not repeating
+    return found + repeating + (feedback_faults(record) if random else []), dataclasses.replace(clean, y=outputs.y)
+
+
+def _constant(record: TimeRecord, inputs: list[Real]) -> list[Fault]:
+    """Signals that never change."""
     found: list[Fault] = []
     for j, channel in enumerate(record.inputs):
         signal = record.u[:, j]
         # One input at a time is an experiment too: others may rest in it.
         step = record.initial == "rest" and signal[0] != 0 and np.all(record.u == record.u[0])
+        step = step or (record.initial == "rest" and record.bound is not None and bool(np.any(record.u)))
         if not step and all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
             words = f"input {channel.name} is constant ({signal[0]:.6g}): it excites nothing"
             found.append(Fault(FaultKind.CONSTANT, words, where=f"input {channel.name}", size=float(signal[0])))
@@ -84,63 +156,52 @@ def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[F
         if np.all(signal == signal[0]):
             words = f"output {channel.name} is constant ({signal[0]:.6g}): a sensor that is not connected, or saturated"
             found.append(Fault(FaultKind.CONSTANT, words, where=f"output {channel.name}", size=float(signal[0])))
-    sides = [("output", record.y, record.outputs)]
-    if record.reference is not None:  # then the input is measured; an input that is played may stay at its ends
-        sides.append(("input", record.u, record.inputs))
-    for side, signals, channels in sides:
-        for signal, channel in zip(signals.T, channels, strict=True):
-            where = f"{side} {channel.name}"
-            found += _at_ends(signal[_first_change(record.u) :], where)  # at rest, a signal is at one value
-            found += _stuck(signal, record.u, where)
-    repeating = _repeating(record, period)
-    # A periodic input is like its own past: it is correlated with earlier outputs too.
-    random = period is None and record.initial != "periodic" and not repeating
-    return found + repeating + (feedback_faults(record) if random else [])
+    return found
+
+
+def _of_samples(record: TimeRecord, signal: Real, where: str, period: int | None) -> tuple[list[Fault], Real]:
+    """Fault that the values of one signal show, the most telling only; and the signal, unwrapped."""
+    drive = record.u if where.startswith("output") or record.reference is None else record.reference
+    for found in (
+        in_steps(signal, drive, where),
+        runs(signal, drive, where),
+        at_ends(signal[_first_change(record.u) :], where),  # at rest, a signal is at one value
+    ):
+        if found:
+            return found, signal
+    if drive is record.reference and drive.shape == record.u.shape:
+        i = [f"input {one.name}" for one in record.inputs].index(where)
+        if cut := cut_off(signal, drive[:, i], where):
+            return cut, signal
+    turned, count = unwrapped(signal, drive)
+    if count:
+        return [wrapped_fault(signal, count, where)], turned
+    if drive is record.u:
+        lost = lost_samples(signal, drive, where) if period is None else lost_in_periods(signal, period, where)
+        return ([] if lost is None else [lost]), signal
+    return [], signal
+
+
+def _unmoved(records: list[TimeRecord], period: int | None, told: set[tuple[int, str]]) -> list[Fault]:
+    """Outputs that no input moves in any record."""
+    found: list[Fault] = []
+    for i, channel in enumerate(records[0].outputs):
+        where = f"output {channel.name}"
+        if any((k, where) in told for k in range(len(records))):
+            continue
+        if any(answers(r, i, _repeated(r, period)) for r in records):
+            continue
+        words = (
+            f"{where} follows the input no more than chance does: a sensor that is not connected, or noise far above the answer;"
+            " check its cable and its range"
+        )
+        found.append(Fault(FaultKind.NO_RESPONSE, words, where=where))
+    return found
 
 
 def _first_change(u: Real) -> int:
     """Number of samples, but one, before an input changes for the first time."""
     return max(int(np.argmax(np.any(u != u[0], axis=1))) - 1, 0)
-
-
-def _at_ends(signal: Real, where: str) -> list[Fault]:
-    return [
-        Fault(
-            FaultKind.SATURATED,
-            f"{where} is at its {word} value, {extreme:.6g}, in {count} of {signal.size} samples: it looks saturated, and no"
-            " linear model gives such samples",
-            where=where,
-            size=count,
-        )
-        for word, extreme in (("largest", signal.max()), ("smallest", signal.min()))
-        if (count := _clipped(signal, extreme)) > 0
-    ]
-
-
-def _clipped(signal: Real, extreme: float) -> int:
-    """Number of samples exactly at the extreme value; 0 unless many of them come in runs, and few are beside it."""
-    at = np.concatenate([[False], signal == extreme, [False]])
-    count, in_runs = int(at.sum()), int(np.sum(at[1:-1] & (at[:-2] | at[2:])))
-    if in_runs < max(_CLIPPED_LEAST, _CLIPPED_PART * signal.size) or count == signal.size:
-        return 0
-    others = signal[signal != extreme]
-    next_to = others[np.argmin(np.abs(others - extreme))]
-    return count if count > _CLIPPED_RATIO * np.sum(signal == next_to) else 0
-
-
-def _stuck(signal: Real, u: Real, where: str) -> list[Fault]:
-    """Stretch in which a signal keeps one value, between its ends, while the input moves."""
-    starts = np.flatnonzero(np.concatenate([[True], signal[1:] != signal[:-1]]))
-    runs = np.diff(np.concatenate([starts, [signal.size]]))
-    longest = int(np.argmax(runs))
-    start, count = int(starts[longest]), int(runs[longest])
-    usual = np.partition(runs, -2)[-2] if runs.size > 1 else count
-    if count < max(_STUCK_LEAST, _STUCK_RATIO * usual) or signal[start] in (signal.min(), signal.max()):
-        return []
-    if np.all(u[start : start + count] == u[start]):
-        return []
-    words = f"{where} keeps the value {signal[start]:.6g} for {count} samples from sample {start} on: it was stuck"
-    return [Fault(FaultKind.STUCK, words, where=where, size=count)]
 
 
 def _repeating(record: TimeRecord, period: int | None) -> list[Fault]:
@@ -151,10 +212,12 @@ def _repeating(record: TimeRecord, period: int | None) -> list[Fault]:
     if power == 0:
         return []
     if period is not None:
-        if len(drive) < 2 * period or _repeats_with(record, period):
+        if len(drive) < 2 * period:
             return []
-        apart = _apart(drive, period)
-        right = found_period(record)
+        apart, right = _apart(drive, period), found_period(record)
+        better = right is not None and period % right != 0 and _BETTER * _apart(drive, right) < apart
+        if apart <= _WRONG and not better:
+            return []
         hint = "" if right is None else f"; it repeats every {right} samples"
         words = f"the input differs by {100 * apart:.2g} % of its power from one period of {period} samples to the next{hint}"
         return [Fault(FaultKind.WRONG_PERIOD, words, where="input", size=apart)]
@@ -208,63 +271,6 @@ def found_period(record: TimeRecord) -> int | None:
     first = int(repeats[0])
     dip = first + np.argmax(np.concatenate([apart[first:] > _DIFFERS, [True]]))
     return first + int(np.argmin(apart[first : max(dip, first + 1)]))
-
-
-def _periodic(records: list[TimeRecord], period: int) -> list[Fault]:
-    """Faults that whole periods show: drifts, noise unlike that of other records, noise of the input."""
-    periods = len(records[0].u) // period
-    # Of the later half, where transients have died out.
-    kept = slice(min(periods // 2, periods - 2) * period, periods * period)
-    y, drift = without_drift(np.stack([r.y[kept] for r in records]), period)
-    u, _ = without_drift(np.stack([r.u[kept] for r in records]), period)
-    several = len(records) > 1
-    found: list[Fault] = []
-    size = drift / np.maximum(y.std(axis=1), np.finfo(float).tiny)
-    for k, i in np.argwhere(size > _DRIFTS):
-        where = f"output {records[0].outputs[i].name}"
-        words = f"{where} drifts by {100 * size[k, i]:.2g} % of its rms; the drift over whole periods is removed"
-        number = int(k) + 1 if several else 0
-        found.append(Fault(FaultKind.DRIFT, words, where=where, record=number, size=float(size[k, i])))
-    noise = _scatter(y, period)
-    if several:
-        usual = np.median(noise, axis=0)
-        for k, i in np.argwhere(noise > _NOISY * np.where(usual > 0, usual, np.inf)):
-            where, times = f"output {records[0].outputs[i].name}", float(noise[k, i] / usual[i])
-            words = (
-                f"{where} differs from period to period {times:.2g} times as much as in the other records: something disturbed"
-                " it; leave the record out, or measure it again"
-            )
-            found.append(Fault(FaultKind.DISTURBED, words, where=where, record=int(k) + 1, size=times))
-    return found + _input_noise(records, u, period)
-
-
-def _scatter(signals: Real, period: int) -> Real:
-    """Standard deviation between the periods, (R, n), of signals (R, T, n)."""
-    cut = signals.reshape(len(signals), -1, period, signals.shape[2])
-    return np.sqrt(cut.var(axis=1, ddof=1).mean(axis=1))
-
-
-def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[Fault]:
-    """Noise of a measured input at the lines that carry it: it makes the response too small."""
-    spectra = np.fft.rfft(u.reshape(len(u), -1, period, u.shape[2]), axis=2)
-    size, noise = np.abs(spectra.mean(axis=1)), spectra.std(axis=1, ddof=1)
-    found: list[Fault] = []
-    for j, channel in enumerate(records[0].inputs):
-        level: Real = size[:, 1:, j]
-        carrying = level >= _CARRYING * level.max()
-        if level.max() == 0:
-            continue
-        own: Real = noise[:, 1:, j]
-        share = float(np.sqrt(np.mean(own[carrying] ** 2) / np.mean(level[carrying] ** 2)))
-        if share > _INPUT_NOISE:
-            one = share**2 / (len(records[0].u) // period)
-            words = (
-                f"input {channel.name} is measured with noise: {100 * share:.2g} % of its amplitude at the lines that carry it, in"
-                f" one period. The mean over the periods leaves a response about {100 * one:.2g} % too small; give a reference,"
-                " which has no noise"
-            )
-            found.append(Fault(FaultKind.NOISY_INPUT, words, where=f"input {channel.name}", size=share))
-    return found
 
 
 def _levels(records: list[TimeRecord]) -> list[Fault]:

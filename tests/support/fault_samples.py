@@ -31,18 +31,23 @@ def _spikes(clean, given, size, rng):
 
 @fault("wrap-around", "periodic random", "wrapped", (0.7, 0.97, 2.0))
 def _wrapped(clean, given, size, rng):
-    """Two's complement: beyond so much of the largest value, the other end of the range."""
+    """Two's complement: beyond so much of the largest value about the mean, the other end of the range."""
 
     def turned(y):
-        range_ = size * np.abs(y).max()
-        return (y + range_) % (2 * range_) - range_
+        centre = y.mean()
+        range_ = size * np.abs(y - centre).max()
+        return (y - centre + range_) % (2 * range_) - range_ + centre
 
     return [output(r, turned) for r in given]
 
 
 @fault("saturated output", "periodic random", "saturated", (0.6, 0.97, 2.0))
 def _saturated(clean, given, size, rng):
-    return [output(r, lambda y: np.clip(y, -size * np.abs(y).max(), size * np.abs(y).max())) for r in given]
+    def clipped(y):
+        centre, range_ = y.mean(), size * np.abs(y - y.mean()).max()
+        return np.clip(y, centre - range_, centre + range_)
+
+    return [output(r, clipped) for r in given]
 
 
 @fault("stuck sensor", "periodic random", "stuck", (120, 22, 2))

@@ -1,0 +1,126 @@
+"""Innovations of an output: what neither its own past nor the inputs predict of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Real
+
+_ORDER = 30  # of the predictor, at most
+_ROWS = 20_000  # of the regression, about
+_SPARE = 5  # rows a coefficient, at least
+_RIDGE = 1e-10  # of the power of a regressor
+_FLOOR = 3e-5  # of the rms of the output: what ridge and rounding leave
+_DEGREE = 3  # of a trend in time
+
+
+class Predictor(NamedTuple):
+    """One-step predictor ``a(q) y = b(q) u + trend + w`` of one output.
+
+    Attributes
+    ----------
+    a : (n + 1,) array
+        With a[0] = 1.
+    b : (nu, n + 1) array
+    trend : (4,) array
+        Coefficients of Legendre polynomials over the record: a constant, a drift.
+    t_values : (4,) array
+        The same in standard deviations.
+    noise : float
+        Standard deviation of w.
+    """
+
+    a: Real
+    b: Real
+    trend: Real
+    t_values: Real
+    noise: float
+
+    def innovations(self, y: Real, u: Real) -> Real:
+        """Innovations (T - n,), of the samples that have a whole past."""
+        return self.from_start(y, u)[self.a.size - 1 :]
+
+    def from_start(self, y: Real, u: Real) -> Real:
+        """Innovations (T,) as if everything had been 0 before the record."""
+        import scipy.signal
+
+        w = scipy.signal.lfilter(self.a, 1.0, y)
+        for b, one in zip(self.b, u.T, strict=True):
+            w -= scipy.signal.lfilter(b, 1.0, one)
+        return np.asarray(w - trends(len(y)) @ self.trend, dtype=float)
+
+
+def trends(samples: int) -> Real:
+    """Legendre polynomials (T, 4) over a record."""
+    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), _DEGREE), dtype=float)
+
+
+def order_for(samples: int, inputs: int) -> int:
+    """Order of the predictor of a record; 0 where it is too short for one."""
+    order = min(_ORDER, (samples // _SPARE - inputs - 1 - _DEGREE) // (1 + inputs))
+    return order if order >= 2 else 0
+
+
+class Predictors:
+    """Predictors of the outputs of one record, by least squares; the part of the inputs is prepared once."""
+
+    def __init__(self, u: Real, order: int | None = None) -> None:
+        samples, nu = u.shape
+        self.order = order_for(samples, nu) if order is None else order
+        self._rows: NDArray[np.intp] = np.asarray(
+            np.arange(self.order, samples, max(1, samples // _ROWS)), dtype=np.intp
+        )
+        parts = [self._lagged(one, 0) for one in u.T] + [np.asarray(trends(samples)[self._rows], dtype=float)]
+        given = np.concatenate(parts, axis=1)
+        self._size = _rms(given)
+        self._given = given / self._size
+        self._gram = self._given.T @ self._given
+        self._inputs = nu * (self.order + 1)
+        self.rows, self.coefficients = given.shape[0], given.shape[1] + self.order
+
+    def _lagged(self, signal: Real, first: int) -> Real:
+        """Columns signal[t - first], ..., signal[t - n] of the rows t."""
+        windows = np.lib.stride_tricks.sliding_window_view(signal, self.order + 1)
+        return windows[self._rows - self.order][:, ::-1][:, first:]
+
+    def of(self, y: Real) -> Predictor:
+        """Predictor of an output (T,)."""
+        import scipy.linalg
+
+        n, inputs = self.order, self._inputs
+        size = float(_rms(y[:, None])[0])
+        own, target = self._lagged(y, 1) / size, y[self._rows] / size
+        cross = own.T @ self._given
+        gram = np.block([[own.T @ own, cross], [cross.T, self._gram]])
+        gram[np.diag_indices_from(gram)] += _RIDGE * len(own)
+        right = np.concatenate([own.T @ target, self._given.T @ target])
+        factor = scipy.linalg.cholesky(gram, lower=True, check_finite=False)
+        found = scipy.linalg.cho_solve((factor, True), right, check_finite=False)
+        left = target - own @ found[:n] - self._given @ found[n:]
+        noise = max(float(np.sqrt(left @ left / max(left.size - len(gram), 1))), _FLOOR)
+        last = np.eye(len(gram))[:, n + inputs :]
+        spread = np.sqrt(np.sum(scipy.linalg.solve_triangular(factor, last, lower=True) ** 2, axis=0))
+        given = found[n:] * size / self._size
+        return Predictor(
+            a=np.concatenate([[1.0], -found[:n]]),
+            b=given[:inputs].reshape(-1, n + 1),
+            trend=given[inputs:],
+            t_values=found[n + inputs :] / (noise * spread),
+            noise=noise * size,
+        )
+
+
+def gain_of_inputs(y: Real, u: Real) -> float:
+    """Power of the innovations that the inputs take away, in that of one: chi-squared of nu (n + 1) where they do nothing."""
+    without, given = (Predictors(one, order=order_for(*u.shape)) for one in (u[:, :0], u))
+    alone, both = without.of(y).noise, given.of(y).noise
+    spare = given.rows - given.coefficients
+    return (alone**2 * (spare + u.shape[1] * (given.order + 1)) - both**2 * spare) / both**2
+
+
+def _rms(columns: Real) -> Real:
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    return np.where(size > 0, size, 1.0)

@@ -1,0 +1,103 @@
+"""Samples that are missing in the middle of a record: from there on, an output comes early."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.data import Fault, FaultKind
+from robustid.estimation.innovations import Predictors
+
+_FEWEST = 300  # samples of a part that is compared
+_LAGS = 500  # samples that may be missing, at most
+_LEAST = 2  # one sample may be the drift of a clock
+_CERTAIN = 8.0  # standard deviations by which another shift fits better
+_BESIDE = 0.12  # of the record, on either side of the place, where the shift has to be what it says
+
+
+def lost_samples(y: Real, u: Real, where: str) -> Fault | None:
+    """Samples that are missing, by the shift between input and output that fits the last third of a record."""
+    third = y.size // 3
+    if third < _FEWEST or np.ptp(y) == 0:
+        return None
+    predictors = Predictors(u[:third])
+    if predictors.order < 2:
+        return None
+    found = predictors.of(y[:third])
+    w, v = _sides(found.a, found.b, y, u)
+    return _found(w - w[:third].mean(), v - v[:third].mean(), where, _LAGS)
+
+
+def lost_in_periods(y: Real, period: int, where: str) -> Fault | None:
+    """Samples that are missing, by the first period where the others follow it, shifted."""
+    if y.size < 2 * period or period < _LEAST * 8 or np.ptp(y) == 0:
+        return None
+    first = y[:period] - y[:period].mean()
+    pattern = np.tile(first, y.size // period + 1)[: y.size]
+    return _found(y - y.mean(), pattern, where, min(_LAGS, period // 2 - 1))
+
+
+def _sides(a: Real, b: Real, y: Real, u: Real) -> tuple[Real, Real]:
+    import scipy.signal
+
+    v = np.zeros(y.size)
+    for taps, one in zip(b, u.T, strict=True):
+        v += scipy.signal.lfilter(taps, 1.0, one)
+    return np.asarray(scipy.signal.lfilter(a, 1.0, y), dtype=float), v
+
+
+def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
+    """Fault where `w` follows `v` at first, and `v` that comes so many samples later at last."""
+    samples = w.size
+    last = slice(samples - samples // 3, samples)
+    shift, sure = _best_shift(w, v, last, lags)
+    if abs(shift) < _LEAST or sure < _CERTAIN:
+        return None
+    before = (w - v) ** 2
+    after = (w - _moved(v, shift)) ** 2
+    usable = slice(lags, samples - lags)
+    # Left of the place the first fits, right of it the other.
+    gain = np.cumsum((before - after)[usable])
+    at = int(np.argmin(gain)) + usable.start + 1
+    beside = max(round(_BESIDE * samples), _FEWEST // 2)
+    if at - beside < 0 or at + beside > samples:
+        return None
+    if _best_shift(w, v, slice(at - beside, at), lags)[0] != 0:
+        return None
+    if _best_shift(w, v, slice(at, at + beside), lags)[0] != shift:
+        return None
+    what = f"{shift} samples are missing" if shift > 0 else f"{-shift} samples were put in"
+    words = (
+        f"{where}: {what} at about sample {at}: from there on it comes {abs(shift)} samples too"
+        f" {'early' if shift > 0 else 'late'}; use the part before it or after it as a record of its own, or measure again"
+    )
+    return Fault(FaultKind.LOST, words, where=where, size=float(shift))
+
+
+def _moved(v: Real, shift: int) -> Real:
+    """Signal `shift` samples earlier."""
+    return np.roll(v, -shift)
+
+
+def _best_shift(w: Real, v: Real, part: slice, lags: int) -> tuple[int, float]:
+    """Shift of v that fits w best in a part, and by how many standard deviations it fits better than none."""
+    reach = min(lags, (part.stop - part.start) // 2)
+    own = w[part]
+    start, stop = part.start - reach, part.stop + reach
+    padded = np.concatenate([np.zeros(max(-start, 0)), v[max(start, 0) : stop], np.zeros(max(stop - v.size, 0))])
+    products = np.correlate(padded, own, mode="valid") if own.size < 64 else _correlated(padded, own)
+    squares = np.concatenate([[0.0], np.cumsum(padded**2)])
+    power = squares[own.size :] - squares[: -own.size]
+    errors = np.maximum(float(own @ own) + power - 2 * products, 0.0)
+    errors += 1e-12 * float(own @ own)
+    best = int(np.argmin(errors))
+    better = math.log(float(errors[reach]) / float(errors[best]))
+    return best - reach, better / math.sqrt(2 / own.size) / 2
+
+
+def _correlated(long: Real, short: Real) -> Real:
+    import scipy.signal
+
+    return np.asarray(scipy.signal.fftconvolve(long, short[::-1], mode="valid"), dtype=float)

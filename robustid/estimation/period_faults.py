@@ -1,0 +1,166 @@
+"""Faults that whole periods show: transients, drifts, noise of one record, noise of the input, tones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.data import Fault, FaultKind, TimeRecord
+from robustid.estimation.events import without_period
+from robustid.estimation.periodic import EXCITED, dft, transient_periods, without_drift
+from robustid.estimation.synchronous_tones import synchronous_tones
+from robustid.estimation.tone_faults import amplitudes, tone_fault, tones_beside
+
+_NOISY = 2.0  # times the median of the records
+_DRIFTS = 0.05  # part of the rms of an output
+_INPUT_NOISE = 0.05  # of the input at the lines that carry it
+_CARRYING = 0.2  # of its largest line
+_DECAYS = 1.4  # times the power by which any later period differs from the late ones
+
+
+def period_faults(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -> list[Fault]:
+    """Faults of whole periods; nothing of the signals of a record of which enough is told, (record from 0, where)."""
+    periods = len(records[0].u) // period
+    # Of the later half, where transients have died out.
+    kept = slice(min(periods // 2, periods - 2) * period, periods * period)
+    y, drift = without_drift(np.stack([r.y[kept] for r in records]), period)
+    u, _ = without_drift(np.stack([r.u[kept] for r in records]), period)
+    several = len(records) > 1
+    names = [f"output {one.name}" for one in records[0].outputs]
+    transient = _transients(records, period, told)
+    found = list(transient)
+    unsteady = {(max(fault.record - 1, 0), fault.where) for fault in transient}
+    size = drift / np.maximum(y.std(axis=1), np.finfo(float).tiny)
+    for k, i in np.argwhere(size > _DRIFTS):
+        if (int(k), names[i]) in told | unsteady:
+            continue
+        words = f"{names[i]} drifts by {100 * size[k, i]:.2g} % of its rms; the drift over whole periods is removed"
+        number = int(k) + 1 if several else 0
+        found.append(Fault(FaultKind.DRIFT, words, where=names[i], record=number, size=float(size[k, i])))
+    tones = _tones(records, period, told | unsteady)
+    found += tones
+    if several:
+        found += _noisy(y, period, names, told | {(k, fault.where) for fault in tones for k in range(len(records))})
+    return found + _input_noise(records, u, period)
+
+
+def _noisy(y: Real, period: int, names: list[str], told: set[tuple[int, str]]) -> list[Fault]:
+    """Noise of one record unlike that of the others."""
+    noise = _scatter(y, period)
+    usual = np.median(noise, axis=0)
+    found: list[Fault] = []
+    for k, i in np.argwhere(noise > _NOISY * np.where(usual > 0, usual, np.inf)):
+        if (int(k), names[i]) in told:
+            continue
+        times = float(noise[k, i] / usual[i])
+        words = (
+            f"{names[i]} differs from period to period {times:.2g} times as much as in the other records: something disturbed"
+            " it; leave the record out, or measure it again"
+        )
+        found.append(Fault(FaultKind.DISTURBED, words, where=names[i], record=int(k) + 1, size=times))
+    return found
+
+
+def _scatter(signals: Real, period: int) -> Real:
+    """Standard deviation between the periods, (R, n), of signals (R, T, n)."""
+    cut = signals.reshape(len(signals), -1, period, signals.shape[2])
+    return np.sqrt(cut.var(axis=1, ddof=1).mean(axis=1))
+
+
+def _transients(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -> list[Fault]:
+    """First periods that differ from later ones, of records that are stated to be in periodic steady state."""
+    found: list[Fault] = []
+    whole = len(records[0].u) // period * period
+    for k, record in enumerate(records):
+        if record.initial != "periodic" or whole < 4 * period:
+            continue
+        y, _ = without_drift(record.y[None, :whole], period)
+        u = record.u[None, :whole]
+        size = np.abs(dft(u, period).mean(axis=(0, 1)))
+        size[0] = 0
+        index = np.flatnonzero(np.all(size >= EXCITED * size.max(axis=0), axis=1) & np.all(size.max(axis=0) > 0))
+        if index.size == 0:
+            continue
+        for i, channel in enumerate(record.outputs):
+            where = f"output {channel.name}"
+            if (k, where) in told:
+                continue
+            late, _ = transient_periods(dft(y[:, :, i : i + 1], period), index)
+            if late == 0:
+                continue
+            cut = y[0, :, i].reshape(-1, period)
+            settled = cut[cut.shape[0] // 2 :].mean(axis=0)
+            away = np.sqrt(np.mean((cut - settled) ** 2, axis=1))
+            # In parts of what noise would give: the mean follows the periods that it is of.
+            count = cut.shape[0] - cut.shape[0] // 2
+            usual = np.where(np.arange(cut.shape[0]) < cut.shape[0] // 2, 1 + 1 / count, 1 - 1 / count)
+            power = away**2 / usual
+            if power[0] < _DECAYS * power[1:].max():
+                continue  # periods that differ, but not because of how the record began
+            part = float(away[0] / max(float(cut.std()), np.finfo(float).tiny))
+            first = "period differs" if late == 1 else f"{late} periods differ"
+            words = (
+                f"{where} is not in steady state from the start: its first {first} from the later ones, the first by"
+                f" {100 * part:.2g} % of the rms; leave {late} periods out, or state another initial state than periodic"
+            )
+            number = k + 1 if len(records) > 1 else 0
+            found.append(Fault(FaultKind.TRANSIENT, words, where=where, record=number, size=part))
+    return found
+
+
+def _tones(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -> list[Fault]:
+    """Tones that do not repeat with the period, and those that do."""
+    periods = len(records[0].u) // period
+    first = 0 if all(r.initial == "periodic" for r in records) else min(periods // 2, periods - 2)
+    kept = slice(first * period, periods * period)
+    y, _ = without_drift(np.stack([r.y[kept] for r in records]), period)
+    dt, samples, found = records[0].dt, y.shape[1], list[Fault]()
+    names = [f"output {one.name}" for one in records[0].outputs]
+    for i, where in enumerate(names):
+        heard = [
+            (k, tones)
+            for k, one in enumerate(y[:, :, i])
+            if (k, where) not in told and (tones := tones_beside(without_period(one, period), np.zeros((samples, 0))))
+        ]
+        if heard:
+            k, tones = max(heard, key=lambda pair: max(amplitude for _, amplitude, _ in pair[1]))
+            hz = [cycles / dt for cycles, _, _ in tones]
+            how = "not the same from period to period" + _in_records(len(heard), len(records), k)
+            largest = amplitudes(without_period(y[k, :, i], period), [cycles for cycles, _, _ in tones], period).max()
+            remedy = "leave these frequencies out, or average over whole periods of the tone too"
+            fault = tone_fault(hz, float(largest), float(y[k, :, i].std()), where, how, remedy)
+            found += [] if fault is None else [fault]
+    sound = [k for k in range(len(records)) if all((k, where) not in told for where in names)]
+    if len(sound) == len(records):
+        u = np.stack([r.u[kept] for r in records])
+        known = {fault.where for fault in found}
+        found += [fault for fault in synchronous_tones(u, y, period, dt, names) if fault.where not in known]
+    return found
+
+
+def _in_records(heard: int, records: int, largest: int) -> str:
+    """Say in how many records, and in which it is largest."""
+    return "" if records == 1 else f" (in {heard} of {records} records, most in record {largest + 1})"
+
+
+def _input_noise(records: list[TimeRecord], u: Real, period: int) -> list[Fault]:
+    """Noise of a measured input at the lines that carry it: it makes the response too small."""
+    spectra = np.fft.rfft(u.reshape(len(u), -1, period, u.shape[2]), axis=2)
+    size, noise = np.abs(spectra.mean(axis=1)), spectra.std(axis=1, ddof=1)
+    found: list[Fault] = []
+    for j, channel in enumerate(records[0].inputs):
+        level: Real = size[:, 1:, j]
+        carrying = level >= _CARRYING * level.max()
+        if level.max() == 0:
+            continue
+        own: Real = noise[:, 1:, j]
+        share = float(np.sqrt(np.mean(own[carrying] ** 2) / np.mean(level[carrying] ** 2)))
+        if share > _INPUT_NOISE:
+            one = share**2 / (len(records[0].u) // period)
+            words = (
+                f"input {channel.name} is measured with noise: {100 * share:.2g} % of its amplitude at the lines that carry it, in"
+                f" one period. The mean over the periods leaves a response about {100 * one:.2g} % too small; give a reference,"
+                " which has no noise"
+            )
+            found.append(Fault(FaultKind.NOISY_INPUT, words, where=f"input {channel.name}", size=share))
+    return found
