@@ -10,6 +10,7 @@ from robustid.core import Real, as_count
 from robustid.data import Fault, FaultKind, TimeRecord, as_records
 from robustid.estimation.feedback import feedback_faults
 from robustid.estimation.periodic import without_drift
+from robustid.estimation.record_relations import with_relations
 
 # A clipped signal has many samples at its extreme value and few beside it; the crest of a sine in a coarse quantiser
 # has 2.4 times as many in its top step as in the next.
@@ -68,7 +69,7 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
         found += _periodic(records, period)
     if len(records) > 1 and same:
         found += _levels(records)
-    return tuple(found)
+    return tuple(with_relations(found, records, period) if same else found)
 
 
 def _alone(record: TimeRecord, inputs: list[Real], period: int | None) -> list[Fault]:
@@ -227,7 +228,7 @@ def _periodic(records: list[TimeRecord], period: int) -> list[Fault]:
         found.append(Fault(FaultKind.DRIFT, words, where=where, record=number, size=float(size[k, i])))
     noise = _scatter(y, period)
     if several:
-        usual = np.median(noise, axis=0)
+        usual = np.sort(noise, axis=0)[(len(noise) - 1) // 2]  # of two records, of the quieter one
         for k, i in np.argwhere(noise > _NOISY * np.where(usual > 0, usual, np.inf)):
             where, times = f"output {records[0].outputs[i].name}", float(noise[k, i] / usual[i])
             words = (
