@@ -169,7 +169,7 @@ def _companion(poles: Complex, c: Real) -> Real:
 
 
 def _functions(z: Complex, poles: Complex) -> Complex:
-    return np.hstack([fractions(z, poles), np.ones((z.size, 1))])
+    return np.hstack([fractions(z, poles), np.ones((z.size, 1))]).astype(complex)
 
 
 def _scaled(rows: Real) -> Real:

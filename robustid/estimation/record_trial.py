@@ -267,7 +267,7 @@ class RecordTrial:
 
     def _slower(self) -> list[Remedy]:
         """Sample time that is so many times the stated one."""
-        usual = dict.fromkeys((*_TIMES, *([] if self.model.fit.dt is None else [self.model.fit.dt / self.dt])))
+        usual: list[float] = [*_TIMES, *([] if self.model.fit.dt is None else [self.model.fit.dt / self.dt])]
         lefts = {ratio: self._at_ratio(ratio) for ratio in usual if abs(ratio - 1) > _SAME}
         some = self._blocks and self.initial != "periodic"  # periods would be others, too
         if some and not any(self._believed(left) for left in lefts.values()):

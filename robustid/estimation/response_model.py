@@ -159,7 +159,7 @@ def _known(fit: PoleFit, places: Complex, ny: int, misfit: float) -> ResponseMod
     poles = np.append(places, complex(slow))
     functions = np.hstack([fractions(fit.x, poles), np.ones((fit.x.size, 1))])
     order, nu = functions.shape[1] - 2, fit.values.shape[1] // ny
-    used = np.delete(np.arange(order + 2), order)
+    used = [k for k in range(order + 2) if k != order]
     coefficients = np.zeros((order + 2, nu, ny))
     known: list[tuple[Real, Real]] = []
     for i in range(ny):
