@@ -17,7 +17,7 @@ from robustid.app.run.toml import is_array, is_table
 from robustid.core import Frozen, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import estimate_bound, record_faults, response_faults
+from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
 from robustid.formats import Item, contents, read_table
 
 _EVEN = 1e-6  # part of a step
@@ -137,8 +137,17 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     records = [one for one in several if isinstance(one, TimeRecord)]
     if len(records) == len(several):
         odd += record_faults(records)
+    for one in several:
+        if isinstance(one, FrequencyResponse) and (
+            same := [r for r in records if _shape_of(r) == one.values.shape[1:]]
+        ):
+            odd += experiment_faults(one, same)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
     return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), data=data, arguments=options, bound=own)
+
+
+def _shape_of(record: TimeRecord) -> tuple[int, int]:
+    return len(record.outputs), len(record.inputs)
 
 
 def _own_bound(frf: FrequencyResponse) -> str:

@@ -3,6 +3,7 @@
 from robustid.estimation.corrections import MISTAKES, correct, leaving_out
 from robustid.estimation.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.estimation.delay import Delay, DelayedModel, estimate_delay, with_delay
+from robustid.estimation.experiment_faults import experiment_faults
 from robustid.estimation.frf import estimate_frf, first_response
 from robustid.estimation.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.estimation.pole_fit import PoleFit
@@ -23,6 +24,7 @@ __all__ = [
     "estimate_bound",
     "estimate_delay",
     "estimate_frf",
+    "experiment_faults",
     "first_response",
     "leaving_out",
     "record_faults",

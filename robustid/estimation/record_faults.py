@@ -13,6 +13,7 @@ from robustid.estimation.feedback import feedback_faults
 from robustid.estimation.lost_samples import lost_in_periods, lost_samples
 from robustid.estimation.output_faults import answers, output_faults
 from robustid.estimation.period_faults import period_faults
+from robustid.estimation.record_relations import with_relations
 from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, unwrapped, wrapped_fault
 
 _REPEATS, _DIFFERS = 0.15, 0.5  # share of a signal's power by which periods may differ; by which something else does
@@ -87,7 +88,8 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
         found += period_faults(clean, period, told)
     if len(records) > 1 and same:
         found += [fault for fault in _levels(clean) if (fault.record - 1, fault.where) not in told]
-    return _joined(found, len(records))
+    kept = _joined(found, len(records))
+    return tuple(with_relations(list(kept), clean, period)) if same else kept
 
 
 def _repeated(record: TimeRecord, period: int | None) -> int | None:

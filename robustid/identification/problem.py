@@ -14,7 +14,7 @@ from robustid.bases import as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
 from robustid.data import Fault, FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.estimation import all_faults
+from robustid.estimation import all_faults, experiment_faults
 from robustid.identification.entries import Entries
 from robustid.identification.passive import centred, check_passive
 from robustid.identification.prior import Prior, any_prior
@@ -161,9 +161,14 @@ class MixedProblem(Frozen):
 
     @functools.cached_property
     def data_faults(self) -> tuple[Fault, ...]:
-        """Faults of the records from which the responses were estimated, and of the responses (`response_faults`), each once."""
+        """Faults of records from which responses were estimated, of responses, and of records beside them, each once.
+
+        See `response_faults` and `experiment_faults`.
+        """
         responses = [item for item in self.frequency if isinstance(item, FrequencyResponse)]
         found = [fault for item in responses for fault in all_faults(item)]
+        if self.time:
+            found += [fault for item in responses for fault in experiment_faults(item, self.time)]
         return tuple({str(fault): fault for fault in found}.values())
 
     @property

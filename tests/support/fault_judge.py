@@ -34,8 +34,8 @@ def of_faulty(faulty: Faulty):
     if faulty.response is not None and faulty.step is None:
         found += rid.prepare.response_faults(faulty.response)
     if faulty.step is not None:
-        found += rid.prepare.record_faults(faulty.step)
         found += rid.prepare.experiment_faults(faulty.response, faulty.step)
+        found += rid.prepare.record_faults(faulty.step)
     return found
 
 

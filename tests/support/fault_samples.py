@@ -257,7 +257,7 @@ def _jitter(clean, given, size, rng):
     return [output(r, shaken) for r in given]
 
 
-@fault("feedback without reference", "periodic random", "feedback", (1.0, 0.2, 0.0), ("reference",))
+@fault("feedback without reference", "periodic random", "feedback", (1.0, 0.2, 0.0))
 def _feedback(clean, given, size, rng):
     """The loop is closed by a gain, noise in it, and the input is what was measured."""
     if clean.plant is None or clean.plant.ninputs > 1:

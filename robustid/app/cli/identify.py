@@ -96,6 +96,7 @@ def identify(
     asked_lines = Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True)
     asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
     lines, samples = asked_lines.read(console), asked_samples.read(console)
+    _warn_of_faults(console, lines, samples)
     modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
     changed: list[Step] = [lambda work: _apply(console, work)] if apply else []
     smaller: list[Step] = [reduced] if reduce else []
@@ -106,6 +107,16 @@ def identify(
             carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
     conclude(console, work, output, report, static=static)
     raise typer.Exit(screen.EXIT[work.identification.status])
+
+
+def _warn_of_faults(console: Console, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> None:
+    """Warn of records that the responses beside them do not explain."""
+    from robustid.estimation import experiment_faults
+
+    for response in lines:
+        same = [one for one in samples if (len(one.outputs), len(one.inputs)) == response.values.shape[1:]]
+        for fault in experiment_faults(response, same) if same else ():
+            screen.warn(console, str(fault))
 
 
 def _apply(console: Console, work: Work) -> None:

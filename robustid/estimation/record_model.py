@@ -1,0 +1,187 @@
+"""Rational model of one output of records, with the transient of each: spectra of whole records, no windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.core import Complex, Real
+from robustid.estimation.pole_fit import fractions
+
+_ORDERS = (4, 8, 14, 20)
+_RELOCATIONS, _A_POLE = 6, 6  # of the poles; spectral lines for each
+_INSIDE, _SETTLED = 1 - 1e-9, 0.99
+_CARRIES = 1e-2  # part of the largest amplitude of the inputs, over neighbours, from which on a line is used
+_NEIGHBOURS = 9
+
+
+class Piece(NamedTuple):
+    """Spectra of a part of a record: z (F,), inputs (F, nu), one output (F,)."""
+
+    z: Complex
+    inputs: Complex
+    output: Complex
+
+
+class Fitted(NamedTuple):
+    """Poles, and the squares that a model leaves of all pieces; their number less the unknowns; the part of the outputs."""
+
+    poles: Complex
+    cost: float
+    spare: float
+    part: float
+    criterion: float
+
+    @property
+    def noise(self) -> float:
+        """Mean square of what is left."""
+        return self.cost / self.spare
+
+
+def carrying_lines(u: Real, most: int) -> np.ndarray:
+    """Spectral lines, at most so many, that inputs (T, nu) carry; without that of zero frequency."""
+    size = np.sum(np.abs(np.fft.rfft(u - u.mean(axis=0), axis=0)) ** 2, axis=1)
+    size[0] = 0
+    if len(u) % 2 == 0:
+        size[-1] = 0
+    near = np.convolve(size, np.ones(_NEIGHBOURS) / _NEIGHBOURS, mode="same")
+    lines = np.flatnonzero((near >= _CARRIES**2 * near.max()) & (size > _CARRIES**2 * near.max()))
+    lines = lines[lines > 0]
+    return lines[np.unique(np.linspace(0, lines.size - 1, most).astype(int))] if lines.size > most else lines
+
+
+def piece(u: Real, y: Real, lines: np.ndarray) -> Piece:
+    """Spectra of inputs (T, nu) and an output (T,) at spectral lines."""
+    z = np.exp(2j * np.pi * lines / len(u))
+    return Piece(z, np.fft.rfft(u, axis=0)[lines], np.fft.rfft(y)[lines])
+
+
+def fitted(
+    pieces: Sequence[Piece], *, starts: Sequence[Complex] = (), orders: Sequence[int] = _ORDERS
+) -> Fitted | None:
+    """Model of all pieces, of the order with the smallest Bayesian information criterion; None where lines are too few."""
+    count = sum(one.z.size for one in pieces)
+    best, least = None, np.inf
+    for order in orders:
+        if order * _A_POLE > count or (found := _of_order(pieces, order, ())) is None:
+            break
+        if found.criterion >= least:
+            break
+        best, least = found, found.criterion
+    for start in starts:
+        found = _of_order(pieces, 0, (start,))
+        if found is not None and found.criterion < least:
+            best, least = found, found.criterion
+    return best
+
+
+def left_by(pieces: Sequence[Piece], poles: Complex) -> tuple[float, list[Complex]]:
+    """Squares that the best model with these poles leaves, and the predictions of the pieces without their transients."""
+    functions = [_functions(one.z, poles) for one in pieces]
+    blocks = [
+        np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
+        for f, one in zip(functions, pieces, strict=True)
+    ]
+    rows: list[Real] = []
+    rights: list[Real] = []
+    for f, block, one in zip(functions, blocks, pieces, strict=True):
+        q = np.linalg.qr(_real(f))[0]
+        a, b = _real(block), _real(one.output)
+        rows.append(a - q @ (q.T @ a))
+        rights.append(b - q @ (q.T @ b))
+    c = _solved(np.concatenate(rows), np.concatenate(rights))
+    cost = sum(float(np.sum((b - a @ c) ** 2)) for a, b in zip(rows, rights, strict=True))
+    return cost, [block @ c for block in blocks]
+
+
+def without_transient(z: Complex, poles: Complex, values: Complex) -> Real:
+    """Values, real then imaginary, less their best fit by a transient."""
+    q = np.linalg.qr(_real(_functions(z, poles)))[0]
+    real = _real(values)
+    return real - q @ (q.T @ real)
+
+
+def _of_order(pieces: Sequence[Piece], order: int, starts: Sequence[Complex]) -> Fitted | None:
+    """Poles relocated from pairs over the band, or from others."""
+    angles = np.concatenate([np.angle(one.z) for one in pieces])
+    low, high = float(angles.min()), float(angles.max())
+    middle = np.linspace(low, high, order // 2 + 2)[1:-1]
+    poles = starts[0] if starts else np.exp(middle * (1j - 0.02))
+    nu, power = pieces[0].inputs.shape[1], sum(float(np.sum(np.abs(one.output) ** 2)) for one in pieces)
+    best: tuple[float, Complex] = (np.inf, poles)
+    for _ in range(_RELOCATIONS):
+        cost, _ = left_by(pieces, poles)
+        settled = cost > _SETTLED * best[0]
+        if cost < best[0]:
+            best = (cost, poles)
+        if settled:
+            break
+        poles = _relocated(pieces, poles)
+    degree = best[1].size + int(np.sum(np.imag(best[1]) != 0))
+    unknowns = degree + (nu + len(pieces)) * (degree + 1)
+    spare = 2 * sum(one.z.size for one in pieces) - unknowns
+    if spare <= unknowns / 2 or not np.isfinite(best[0]) or power == 0:
+        return None
+    count = 2 * sum(one.z.size for one in pieces)
+    criterion = count * float(np.log(max(best[0], 1e-300) / count)) + unknowns * float(np.log(count))
+    return Fitted(best[1], best[0], float(spare), best[0] / power, criterion)
+
+
+def _relocated(pieces: Sequence[Piece], poles: Complex) -> Complex:
+    """Zeros of sigma in sigma Y = N U + T of the same poles (`gustavsen2006`), inside the unit circle."""
+    shared: list[Real] = []
+    moving: list[Real] = []
+    rights: list[Real] = []
+    for one in pieces:
+        f = _functions(one.z, poles)
+        q = np.linalg.qr(_real(f))[0]
+        n = np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
+        parts = [_real(n), _real(f[:, :-1] * one.output[:, None]), _real(one.output[:, None])]
+        n, m, b = (part - q @ (q.T @ part) for part in parts)
+        shared.append(n)
+        moving.append(m)
+        rights.append(b[:, 0])
+    q = np.linalg.qr(_scaled(np.concatenate(shared)))[0]
+    m, b = np.concatenate(moving), np.concatenate(rights)
+    c = -_solved(m - q @ (q.T @ m), b - q @ (q.T @ b))
+    zeros = np.linalg.eigvals(_companion(poles, -c))
+    out = np.abs(zeros) > 1
+    zeros[out] = 1 / np.conj(zeros[out])
+    zeros *= np.minimum(1, _INSIDE / np.maximum(np.abs(zeros), 1e-300))
+    return np.asarray(zeros[np.imag(zeros) >= 0], complex)
+
+
+def _companion(poles: Complex, c: Real) -> Real:
+    """Real matrix whose eigenvalues are the zeros of 1 - sum c_i phi_i."""
+    size, i = c.size, 0
+    matrix, push = np.zeros((size, size)), np.zeros(size)
+    for pole in poles:
+        if pole.imag == 0:
+            matrix[i, i], push[i] = pole.real, 1.0
+            i += 1
+        else:
+            matrix[i : i + 2, i : i + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+            push[i] = 2.0
+            i += 2
+    return matrix + np.outer(push, c)
+
+
+def _functions(z: Complex, poles: Complex) -> Complex:
+    return np.hstack([fractions(z, poles), np.ones((z.size, 1))]).astype(complex)
+
+
+def _scaled(rows: Real) -> Real:
+    size = np.linalg.norm(rows, axis=0)
+    return rows / np.where(size > 0, size, 1)
+
+
+def _solved(rows: Real, right: Real) -> Real:
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1
+    return np.asarray(np.linalg.lstsq(rows / size, right, rcond=None)[0], float) / size
+
+
+def _real(values: np.ndarray) -> Real:
+    return np.concatenate([np.real(values), np.imag(values)])

@@ -1,0 +1,392 @@
+"""Relations within records: between records, halves of a record, output and input; by a rational model of the records."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.core import Complex, Real
+from robustid.data import Fault, FaultKind, TimeRecord
+from robustid.estimation.record_model import Fitted, Piece, carrying_lines, fitted, left_by, piece, without_transient
+
+_LINES, _FEW, _LOOKED = (
+    500,
+    24,
+    3,
+)  # spectral lines that are used, and needed; records and outputs of which the halves are looked at
+# A model of two parts together leaves so many times what models of each leave, and at least so much of the output; each alone
+# leaves little.
+_RATIO, _LEAST, _GOOD = 6.0, 1e-4, 0.05
+_SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
+_LATE, _LONGEST, _AHEAD, _EARLY = (
+    8,
+    960,
+    (3, 10, 30),
+    10.0,
+)  # samples; how many times less an output that comes earlier must leave
+_ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
+_EXCHANGED = 100.0  # times less that is left from the output to the input: noise of the input leaves less there, too
+_UNITS = (1e-6, 1e-3, 0.01, np.pi / 180, 0.5, 1.0, 2.0, 180 / np.pi, 100.0, 1e3, 1e6)
+_SAME, _NOTHING = 0.02, 1e-9
+# With these no model of the records can be judged.
+_BROKEN = {
+    FaultKind.CONSTANT,
+    FaultKind.SATURATED,
+    FaultKind.STUCK,
+    FaultKind.WRONG_PERIOD,
+    FaultKind.SPIKE,
+    FaultKind.WRAPPED,
+    FaultKind.LOST,
+    FaultKind.QUANTISED,
+    FaultKind.NO_RESPONSE,
+    FaultKind.JUMP,
+}
+
+
+class _Signals(NamedTuple):
+    """Inputs (T, nu) and one output (T,)."""
+
+    u: Real
+    y: Real
+
+
+class _Compared(NamedTuple):
+    """Models of parts together and of each: their ratio, what they leave of the outputs, and the models."""
+
+    ratio: float
+    together: float
+    alone: float
+    models: list[Fitted]
+    pieces: list[Piece]
+
+    @property
+    def different(self) -> bool:
+        return self.ratio > _RATIO and self.alone < _GOOD and self.together - self.alone > _LEAST
+
+
+def with_relations(found: list[Fault], records: Sequence[TimeRecord], period: int | None) -> list[Fault]:
+    """Faults of relations, then those found before that they don't explain."""
+    computed = any(fault.kind is FaultKind.FEEDBACK and (fault.size or 0) < 1 for fault in found)
+    if computed or any(fault.kind in _BROKEN for fault in found):
+        return found
+    more = relation_faults(records, period)
+    kinds = {fault.kind for fault in more}
+    explained = {FaultKind.FEEDBACK} if kinds & {FaultKind.EXCHANGED, FaultKind.LATE} else set[FaultKind]()
+    if kinds & {
+        FaultKind.UNIT,
+        FaultKind.SIGN,
+        FaultKind.OTHER_PLANT,
+        FaultKind.CLOCK,
+        FaultKind.VARYING,
+        FaultKind.LOST,
+    }:
+        explained |= {FaultKind.DISTURBED}
+    if FaultKind.EXCHANGED in kinds:
+        explained |= {FaultKind.NOISY_INPUT, FaultKind.DISTURBED, FaultKind.OTHER_LEVEL}
+    units = {(fault.record, fault.where) for fault in more if fault.kind is FaultKind.UNIT}
+    levels = [fault for fault in found if fault.kind is FaultKind.OTHER_LEVEL]
+    if units:  # of two records the level of either is unlike that of the other
+        explained |= (
+            {FaultKind.OTHER_LEVEL}
+            if all(one.where in {where for _, where in units} for one in levels)
+            else set[FaultKind]()
+        )
+    return more + [fault for fault in found if fault.kind not in explained]
+
+
+def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[Fault]:
+    """Faults that a rational model of the records shows: records, or halves of them, unlike; late, early and exchanged signals.
+
+    With a transient of each, spectra of whole records need no windows. Records of the same length only.
+    """
+    given = [_whole(one, period) for one in records]
+    found: list[Fault] = []
+    for i, channel in enumerate(records[0].outputs):
+        where = f"output {channel.name}"
+        signals = [
+            _Signals(one.u, one.y[:, i])
+            for one in given
+            if np.ptp(one.y[:, i]) > 0 and np.any(np.ptp(one.u, axis=0) > 0)
+        ]
+        if len(signals) < len(given) or len(given[0].u) < 4 * _FEW:
+            continue
+        base = _fit(signals[:1], ())
+        if base is None:
+            continue
+        own = _unlike(signals, base, where)
+        if not own and records[0].reference is None:
+            own = _placed(signals, _fit(signals[:2], (base.poles,)) or base, records, where)
+        if not own:
+            step = max(1, len(signals) * len(records[0].outputs) // _LOOKED)
+            for k in range(0, len(signals), step):
+                own = _varying(signals[k], base, where, period)
+                if own:
+                    own = [fault._replace(record=k + 1 if len(signals) > 1 else 0) for fault in own]
+                    break
+        found += own
+    return found
+
+
+def _whole(record: TimeRecord, period: int | None) -> TimeRecord:
+    """Whole periods."""
+    if period is None or len(record.u) < 2 * period or len(record.u) % period == 0:
+        return record
+    samples = len(record.u) // period * period
+    return TimeRecord(record.u[:samples], record.y[:samples], dt=record.dt, initial="free")
+
+
+def _fit(signals: Sequence[_Signals], starts: Sequence[Complex], *, shift: int = 0) -> Fitted | None:
+    """Model of parts, the output that many samples earlier."""
+    pieces = _pieces([_shifted(one, shift) for one in signals])
+    return None if pieces is None else fitted(pieces, starts=starts)
+
+
+def _shifted(one: _Signals, shift: int) -> _Signals:
+    if shift > 0:
+        return _Signals(one.u[:-shift], one.y[shift:])
+    return _Signals(one.u[-shift:], one.y[:shift]) if shift < 0 else one
+
+
+def _pieces(signals: Sequence[_Signals]) -> list[Piece] | None:
+    """Spectra at the lines that the inputs of all parts carry."""
+    if len({len(one.u) for one in signals}) > 1:
+        return None
+    each = [carrying_lines(one.u, len(one.u)) for one in signals]
+    lines = functools.reduce(np.intersect1d, each)
+    if lines.size < _FEW or lines.size < max(one.size for one in each) / 2:
+        return None
+    most = max(_LINES // len(signals), 2 * _FEW)
+    lines = lines[np.unique(np.linspace(0, lines.size - 1, most).astype(int))] if lines.size > most else lines
+    return [piece(one.u, one.y, lines) for one in signals]
+
+
+def _compared(signals: Sequence[_Signals], base: Fitted) -> _Compared | None:
+    """Parts together, and each."""
+    pieces = _pieces(signals)
+    if pieces is None:
+        return None
+    alone = [fitted([one], starts=[base.poles], orders=()) for one in pieces]
+    models = [one for one in alone if one is not None]
+    if len(models) < len(pieces):
+        return None
+    together = fitted(pieces, starts=[base.poles, models[0].poles], orders=())
+    if together is None:
+        return None
+    noise = sum(one.cost for one in models) / sum(one.spare for one in models)
+    power = sum(float(np.sum(np.abs(one.output) ** 2)) for one in pieces)
+    ratio = together.noise / max(noise, 1e-24 * power)
+    return _Compared(ratio, together.part, max(one.part for one in models), models, pieces)
+
+
+# --- records against each other -------------------------------------------------------------------------------------------------
+
+
+def _unlike(signals: list[_Signals], base: Fitted, where: str) -> list[Fault]:
+    """Record of another sign, unit, or plant than the others."""
+    if len(signals) < 2:
+        return []
+    compared = _compared(signals, base)
+    if compared is None or not compared.different:
+        return []
+    count = len(signals)
+    rests = [_by_others(compared, k) for k in range(count)]
+    # The odd one is the worst by the others' model, though they fit together without it; of two, the first.
+    odd = 0
+    if count > 2:
+        without = [_compared(signals[:k] + signals[k + 1 :], base) for k in range(count)]
+        odd = int(np.argmin([one.ratio if one is not None else np.inf for one in without]))
+    gain, plain, rest = rests[odd]
+    against = f"record {2 - odd}" if count == 2 else "the other records"
+    evidence = f"one model of the records leaves {_percent(compared.together)} of it, models of each {_percent(compared.alone)}"
+    limit = max(_RATIO * compared.alone, min(_LEAST, plain / _RATIO))
+    if rest < limit and gain != 0:
+        usual = [one for one in _UNITS if abs(abs(gain) * one - 1) < _SAME]
+        factor = float(np.copysign(usual[0] if usual else float(f"{1 / abs(gain):.4g}"), gain))
+        if factor == -1:
+            words = f"{where} has the opposite sign of that of {against}"
+            return [Fault(FaultKind.SIGN, words, evidence, "negate", where, odd + 1, -1.0)]
+        words = (
+            f"{where} answers its input {gain:.4g} times as much as that of {against}: another unit, or another range"
+        )
+        return [Fault(FaultKind.UNIT, words, evidence, f"times {factor:.8g}", where, odd + 1, gain)]
+    words = (
+        f"{where} answers the input in another way than that of {against}: of another plant, or the same one at another point of"
+        " operation; estimate the response of each record alone"
+    )
+    return [Fault(FaultKind.OTHER_PLANT, words, evidence, "", where, odd + 1, float(np.sqrt(compared.together)))]
+
+
+def _by_others(compared: _Compared, k: int) -> tuple[float, float, float]:
+    """Gain of a record by the model of the others, and what that leaves of it without the gain and with it."""
+    one, others = compared.pieces[k], [of for number, of in enumerate(compared.pieces) if number != k]
+    poles = compared.models[k - 1].poles
+    predicted = without_transient(one.z, poles, _predicted(others, one, poles))
+    output = without_transient(one.z, poles, one.output)
+    gain = float(predicted @ output / max(float(predicted @ predicted), 1e-300))
+    power = float(np.sum(np.abs(one.output) ** 2))
+    plain, rest = (float(np.sum((output - g * predicted) ** 2)) / power for g in (1.0, gain))
+    return gain, plain, rest
+
+
+def _predicted(others: Sequence[Piece], one: Piece, poles: Complex) -> Complex:
+    """Output of a piece by the model of others."""
+    weightless = Piece(one.z, _NOTHING * one.inputs, np.zeros_like(one.output))
+    return left_by([*others, weightless], poles)[1][-1] / _NOTHING
+
+
+# --- output and input ------------------------------------------------------------------------------------------------------------
+
+
+def _placed(signals: list[_Signals], base: Fitted, records: Sequence[TimeRecord], where: str) -> list[Fault]:
+    """Output that comes before its input, or long after it; input and output exchanged."""
+    used = signals[:2]
+    part: Callable[[int], float] = functools.cache(lambda shift: _part(_fit(used, (), shift=shift)))
+    ahead = part(-_AHEAD[1]) if base.part > _LEAST / 10 else np.inf
+    if ahead < base.part / _ALIKE:
+        ahead = min(part(-shift) for shift in _AHEAD)
+    swapped = np.inf
+    if base.part > _LEAST / 10 and len(records[0].outputs) == len(records[0].inputs) == 1:
+        swapped = _part(_fit([_Signals(one.y[:, None], one.u[:, 0]) for one in used], ()))
+    if swapped < base.part / _EXCHANGED and swapped < ahead / _ALIKE and swapped < _GOOD:
+        names = f"input {records[0].inputs[0].name} and {where}"
+        words = f"{names} are exchanged: a stable model from the output to the input leaves {_percent(swapped)} of it"
+        evidence = f"from the input to the output {_percent(base.part)}"
+        return [Fault(FaultKind.EXCHANGED, words, evidence, "exchange", names, 0, float(np.sqrt(base.part / swapped)))]
+    if ahead < base.part / _EARLY and ahead < _GOOD:
+        first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
+        count = -_largest(part, -first, _ALIKE * part(-first))
+        words = f"{where} comes {count} sample{'s' * (count > 1)} before what its input can cause: no plant does that"
+        evidence = f"a stable model leaves {_percent(base.part)} of it, {_percent(ahead)} after the correction"
+        return [Fault(FaultKind.LATE, words, evidence, f"delay {count}", where, 0, -float(count))]
+    if min(base.part, part(20), part(40)) > _GOOD / 5:
+        return []
+    limit = _CLOSE * max(min(base.part, part(_LATE + 1), part(20), part(40)), 1e-12)
+    reach = max((s for s in (_LATE + 1, 20, 40, 80) if part(s) <= limit), default=0)
+    if not reach:
+        return []
+    count = _largest(part, reach, limit) - 1  # one is that of the hold
+    without, with_ = _fit(used, ()), _fit(used, (), shift=count)
+    if (
+        without is None
+        or with_ is None
+        or count < _LATE
+        or with_.part > without.part / _EARLY
+        or without.part < _LEAST / 10
+    ):
+        return []
+    words = f"{where} comes at least {count} samples after its input: a delay, which costs a model an order for every sample"
+    evidence = f"with it a model leaves {_percent(with_.part)}, without it {_percent(without.part)}"
+    return [Fault(FaultKind.LATE, words, evidence, f"advance {count}", where, 0, float(count))]
+
+
+def _percent(part: float) -> str:
+    """Root of a part of the power, in words."""
+    return f"{100 * float(np.sqrt(part)):.2g} %"
+
+
+def _part(model: Fitted | None) -> float:
+    return np.inf if model is None else model.part
+
+
+def _largest(part: Callable[[int], float], good: int, limit: float) -> int:
+    """Largest shift at which no more than the limit is left, from one at which that is so."""
+    step = 1
+    while part(good + step) <= limit and step < _LONGEST:
+        good, step = good + step, 2 * step
+    while step > 1:
+        step //= 2
+        if part(good + step) <= limit:
+            good += step
+    return good
+
+
+# --- halves of a record ----------------------------------------------------------------------------------------------------------
+
+
+def _varying(one: _Signals, base: Fitted, where: str, period: int | None) -> list[Fault]:
+    """Halves of a record that are of two plants; or of one, with a clock, or with samples that were lost."""
+    halves = _halves(one, period)
+    compared = None if halves is None else _compared(halves, base)
+    if (
+        halves is None
+        or compared is None
+        or compared.ratio < _SUSPECT
+        or compared.together - compared.alone < _LEAST / 10
+    ):
+        return []
+    evidence = f"a model of both halves leaves {_percent(compared.together)} of it"
+    shift = _delay_between(compared)
+    length = len(halves[0].u)
+    lost = round(shift)
+    moved = None
+    if lost and abs(lost) < length // 4:
+        late = _shifted(halves[1], lost)
+        moved = _compared([_Signals(halves[0].u[: len(late.u)], halves[0].y[: len(late.u)]), late], base)
+    clock, ticking = _clock(one, base, period, shift / length) if shift else (0.0, None)
+    left = np.inf if ticking is None else ticking.together
+    if left < min(compared.together / _BETTER, np.inf if moved is None else moved.together / _ALIKE):
+        words = (
+            f"{where} has another clock than the input: it is {abs(clock):.3g} {'slower' if clock > 0 else 'faster'}, so that the"
+            f" delay changes by {abs(clock) * len(one.y):.2g} samples over the record; resample it, or take one clock"
+        )
+        after = f"{evidence}, {_percent(left)} with one clock"
+        return [Fault(FaultKind.CLOCK, words, after, where=where, size=clock)]
+    if moved is not None and moved.together < compared.together / _BETTER:
+        word = "earlier" if lost < 0 else "later"
+        words = f"{where} comes {abs(lost)} sample{'s' * (abs(lost) > 1)} {word} in the second half of the record than in the first"
+        words += ": samples were lost; use the two parts as two records"
+        after = f"{evidence}, {_percent(moved.together)} without that"
+        return [Fault(FaultKind.LOST, words, after, where=where, size=float(lost))]
+    if not compared.different:
+        return []
+    words = f"{where} answers the input in the second half of the record in another way than in the first: the plant changes"
+    words += "; use shorter records"
+    after = f"{evidence}, models of each {_percent(compared.alone)}"
+    return [Fault(FaultKind.VARYING, words, after, where=where, size=float(np.sqrt(compared.together)))]
+
+
+def _halves(one: _Signals, period: int | None) -> list[_Signals] | None:
+    """First and second half, of whole periods."""
+    half = len(one.u) // 2
+    if period is not None:
+        half = half // period * period
+    return [_Signals(one.u[:half], one.y[:half]), _Signals(one.u[-half:], one.y[-half:])] if half >= 4 * _FEW else None
+
+
+def _delay_between(compared: _Compared) -> float:
+    """Delay in samples of the second half against the first, by the phase of what the model of the first predicts."""
+    first, second = compared.pieces
+    predicted = _predicted([first], second, compared.models[0].poles)
+    cross, angle = second.output * predicted.conj(), np.angle(second.z)
+    most = min(60.0, 0.5 * np.pi / float(np.median(np.diff(np.sort(angle)))))
+    delays = np.arange(-most, most, 0.1 * np.pi / float(angle.max()))
+    fit = np.real(np.exp(1j * delays[:, None] * angle) @ cross)
+    best = float(delays[np.argmax(fit)])
+    fine = best + np.linspace(-1, 1, 201) * 0.1 * np.pi / float(angle.max())
+    return float(fine[np.argmax(np.real(np.exp(1j * fine[:, None] * angle) @ cross))])
+
+
+def _clock(one: _Signals, base: Fitted, period: int | None, start: float) -> tuple[float, _Compared | None]:
+    """Clock of the output, in part of that of the input, with which the halves are alike."""
+    import scipy.interpolate
+
+    n = np.arange(len(one.y), dtype=float)
+    spline = scipy.interpolate.CubicSpline(n, one.y)
+
+    def tried(slow: float) -> _Compared | None:
+        halves = _halves(_Signals(one.u, np.asarray(spline(np.clip(n * (1 + slow), 0, n[-1])))), period)
+        return None if halves is None else _compared(halves, base)
+
+    best, found, width = start, tried(start), 0.3
+    for _ in range(4):
+        for way in (-1, 1):
+            slow = best * (1 + way * width)
+            one_ = tried(slow)
+            if one_ is not None and (found is None or one_.together < found.together):
+                best, found = slow, one_
+                break
+        width /= 2.5
+    return best, found

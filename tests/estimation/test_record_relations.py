@@ -1,0 +1,112 @@
+"""Relations within records: which are named, with their size, and that clean, scaled or short records are told nothing."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from support.fault_catalogue import CATALOGUE, changed
+from support.fault_judge import found_faults
+from support.fault_plants import SIMULATED, recipes, record, records, simulated
+
+ARM = simulated("arm")
+RELATIONS = {"other plant", "varying", "sign", "unit", "late", "exchanged", "clock", "lost samples"}
+
+
+def told(given, period=None):
+    return [fault for fault in rid.prepare.record_faults(given, period=period) if fault.kind in RELATIONS]
+
+
+def of(name, clean=ARM):
+    fault = CATALOGUE[name]
+    found = fault.of(clean, "clear", np.random.default_rng(5))
+    return told(found.records, found.period)
+
+
+@pytest.mark.parametrize("kind", ["periodic", "random"])
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("another plant", "other plant"),
+        ("varying plant", "varying"),
+        ("one record with the sign turned", "sign"),
+        ("one record in another unit", "unit"),
+        ("exchanged columns", "exchanged"),
+        ("early channel", "late"),
+        ("clocks apart", "clock"),
+    ],
+)
+def test_a_clear_fault_has_one_finding_of_its_kind(kind, name, expected):
+    (fault,) = of(f"{name} ({kind})")
+    assert fault.kind == expected
+    if expected in ("sign", "unit", "exchanged", "late"):
+        assert fault.correction
+
+
+def test_the_size_of_a_clock_and_of_a_delay_are_those_that_were_made():
+    (fault,) = of("clocks apart (periodic)")
+    assert fault.size == pytest.approx(1e-3, rel=0.05)
+    (fault,) = of("late channel (periodic)")
+    assert fault.kind == "late"
+    assert fault.size in (40, 41)
+    (fault,) = of("early channel (periodic)")
+    assert fault.size in (-10, -9)  # one sample is the hold's
+
+
+def test_a_unit_is_undone_by_its_correction():
+    given = [changed(ARM.random[0], y=1e3 * ARM.random[0].y), ARM.random[1]]
+    (fault,) = told(given)
+    assert (fault.record, fault.correction) == (1, "times 0.001")
+    assert told([rid.prepare.correct(given[0], fault.correction), given[1]]) == []
+
+
+def test_the_odd_one_of_three_records_is_the_one_that_is_named():
+    three = records(recipes()["arm"], np.random.default_rng(7), kind="random", count=3)
+    for odd in range(3):
+        given = [changed(one, y=-one.y) if k == odd else one for k, one in enumerate(three)]
+        (fault,) = told(given)
+        assert (fault.kind, fault.record) == ("sign", odd + 1)
+
+
+def test_a_record_that_goes_on_two_samples_earlier_in_its_second_half_has_lost_samples():
+    found = CATALOGUE["lost packet (random)"].of(ARM, "limit", np.random.default_rng(1))
+    (fault,) = told(found.records)
+    assert (fault.kind, fault.record, fault.size) == ("lost samples", 1, -2)
+
+
+@pytest.mark.parametrize("power", [-60, 60])
+def test_units_change_nothing(power):
+    scale = 2.0**power
+    plain = [changed(ARM.random[0], y=-ARM.random[0].y), ARM.random[1]]
+    large = [changed(one, u=one.u / scale, y=scale * one.y, dt=scale * one.dt) for one in plain]
+    assert [fault.words for fault in told(large)] == [fault.words for fault in told(plain)]
+
+
+def test_short_records_and_records_of_several_lengths_are_told_nothing():
+    one = ARM.random[0]
+    assert told(changed(one, u=one.u[:60], y=one.y[:60])) == []
+    assert told([one, changed(ARM.random[1], u=ARM.random[1].u[:3000], y=ARM.random[1].y[:3000])]) == []
+    assert told(record(recipes()["stage"], np.random.default_rng(1), kind="random", periods=1)) == []
+
+
+def test_a_noisier_record_of_two_is_named():
+    rng = np.random.default_rng(3)
+    first = ARM.periodic[0]
+    noisy = changed(first, y=first.y + 20 * ARM.noise * rng.standard_normal(first.y.shape))
+    found = rid.prepare.record_faults([noisy, ARM.periodic[1]], period=ARM.period)
+    assert [(fault.kind, fault.record) for fault in found] == [("disturbed", 1)]
+
+
+def clean_and_told(seeds):
+    found = [
+        (name, seed, fault) for name in SIMULATED for seed in seeds for fault in found_faults(simulated(name, seed))
+    ]
+    return [(name, seed, str(fault)) for name, seed, fault in found if fault.kind in RELATIONS]
+
+
+def test_clean_records_are_told_nothing():
+    assert clean_and_told(range(700, 701)) == []
+
+
+@pytest.mark.slow
+def test_clean_records_of_many_seeds_are_told_nothing():
+    assert clean_and_told(range(800, 850)) == []
