@@ -10,8 +10,6 @@ import time
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
-
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent / "tests")]
 
@@ -64,5 +62,4 @@ def main():
 
 
 if __name__ == "__main__":
-    np.seterr(all="warn")
     main()

@@ -21,6 +21,7 @@ _ON_CIRCLE = 4.0  # of a line: a mode that doesn't decay in the record, or a ton
 _LISTED = 3
 _PERIODS = 3  # at least, of those whose mean is taken out
 _FEWEST = 400  # samples of a record whose output the input has to move
+_ROUNDING = 1e-30  # part of a power
 _CHANCE = 1e-3
 _LINES = 8  # excited lines, at least
 _SURE = 3.5  # standard deviations
@@ -281,7 +282,7 @@ def _repeats(y: Real, u: Real, period: int) -> bool:
     power = m * np.abs(lines.mean(axis=0)[excited]) ** 2
     if not np.any(scatter > 0) or excited.sum() < _LINES:
         return True
-    ratio = power / np.maximum(scatter, np.finfo(float).tiny)
+    ratio = power / np.maximum(scatter, _ROUNDING * max(float(power.max()), np.finfo(float).tiny))
     # F(2, 2 (m - 1)) by chance: the largest of all, the mean of their logarithms, the power of all.
     chance = (1 + ratio.max() / (m - 1)) ** (1 - m) * ratio.size
     mean, variance = psi(1) - psi(m - 1) + np.log(m - 1), polygamma(1, 1) + polygamma(1, m - 1)

@@ -272,7 +272,9 @@ def found_period(record: TimeRecord) -> int | None:
     # The best lag of the first dip.
     first = int(repeats[0])
     dip = first + np.argmax(np.concatenate([apart[first:] > _DIFFERS, [True]]))
-    return first + int(np.argmin(apart[first : max(dip, first + 1)]))
+    best = first + int(np.argmin(apart[first : max(dip, first + 1)]))
+    # Of noise in a narrow band only the first cycles are alike.
+    return None if np.any(apart[best::best] > _DIFFERS) else best
 
 
 def _levels(records: list[TimeRecord]) -> list[Fault]:

@@ -12,21 +12,14 @@ from robustid.core import Complex, Real
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.record_model import Fitted, Piece, carrying_lines, fitted, left_by, piece, without_transient
 
-_LINES, _FEW, _LOOKED = (
-    500,
-    24,
-    3,
-)  # spectral lines that are used, and needed; records and outputs of which the halves are looked at
+_LINES, _FEW = 500, 24  # spectral lines that are used, and needed
+_LOOKED = 3  # records and outputs of which the halves are looked at
 # A model of two parts together leaves so many times what models of each leave, and at least so much of the output; each alone
 # leaves little.
 _RATIO, _LEAST, _GOOD = 6.0, 1e-4, 0.05
 _SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
-_LATE, _LONGEST, _AHEAD, _EARLY = (
-    8,
-    960,
-    (3, 10, 30),
-    10.0,
-)  # samples; how many times less an output that comes earlier must leave
+_LATE, _LONGEST, _AHEAD = 8, 960, (3, 10, 30)  # samples
+_EARLY = 10.0  # how many times less an output that comes earlier must leave
 _ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
 _EXCHANGED = 100.0  # times less that is left from the output to the input: noise of the input leaves less there, too
 _UNITS = (1e-6, 1e-3, 0.01, np.pi / 180, 0.5, 1.0, 2.0, 180 / np.pi, 100.0, 1e3, 1e6)
@@ -37,12 +30,9 @@ _BROKEN = {
     FaultKind.SATURATED,
     FaultKind.STUCK,
     FaultKind.WRONG_PERIOD,
-    FaultKind.SPIKE,
-    FaultKind.WRAPPED,
     FaultKind.LOST,
     FaultKind.QUANTISED,
     FaultKind.NO_RESPONSE,
-    FaultKind.JUMP,
 }
 
 

@@ -1,9 +1,10 @@
 """Faults of the catalogue in one record against the others, or in one part of it against the rest."""
 
+import control
 import numpy as np
 
 from support.fault_catalogue import changed, fault, first
-from support.fault_plants import answer, recipes, record
+from support.fault_plants import recipes, record
 
 # --- records against each other -------------------------------------------------------------------------------------------------
 
@@ -25,8 +26,15 @@ def _varying(clean, given, size, rng):
     other, found = recipes()[clean.name].faster(size), []
     for one in given:
         half = len(one.u) // 2
-        late = answer(other, np.tile(one.u, (2, 1)))[len(one.u) :]
-        found.append(changed(one, y=np.concatenate([one.y[:half], late[half:]])))
+        settled = control.forced_response(
+            clean.plant, inputs=np.concatenate([one.u, one.u[: half + 1]]).T, return_x=True
+        )
+        late = control.forced_response(
+            other, inputs=one.u[half:].T, initial_state=settled.states[:, -1], return_x=False
+        )
+        y = np.atleast_2d(late.outputs).T
+        y = y + clean.noise * rng.standard_normal(y.shape)
+        found.append(changed(one, y=np.concatenate([one.y[:half], y])))
     return found
 
 

@@ -226,13 +226,22 @@ def _columns(clean, given, size, rng):
 @fault("late channel", "periodic random", "late", (40, 3, None), ("advance", "delay"))
 def _late(clean, given, size, rng):
     """One output comes late by so many samples."""
-    return [output(r, lambda y: np.roll(y, size)) for r in given]
+    return [_shifted(r, size) for r in given]
 
 
 @fault("early channel", "periodic random", "late", (10, 2, None), ("delay", "advance"))
 def _early(clean, given, size, rng):
     """One output comes before its input: no causal plant does."""
-    return [output(r, lambda y: np.roll(y, -size)) for r in given]
+    return [_shifted(r, -size) for r in given]
+
+
+def _shifted(one, late):
+    """The first output later than the others: round the ends of a periodic record, else of a part of the record."""
+    moved = output(one, lambda y: np.roll(y, late))
+    if one.initial == "periodic":
+        return moved
+    kept = slice(max(late, 0), len(one.u) + min(late, 0))
+    return changed(moved, u=moved.u[kept], y=moved.y[kept])
 
 
 @fault("clocks apart", "periodic random", "clock, varying", (1e-3, 1e-4, 1e-7))
