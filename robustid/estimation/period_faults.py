@@ -7,6 +7,7 @@ import numpy as np
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.events import without_period
+from robustid.estimation.period_scatter import jitter_faults, loop_faults
 from robustid.estimation.periodic import EXCITED, dft, transient_periods, without_drift
 from robustid.estimation.synchronous_tones import synchronous_tones
 from robustid.estimation.tone_faults import amplitudes, tone_fault, tones_beside
@@ -40,16 +41,23 @@ def period_faults(records: list[TimeRecord], period: int, told: set[tuple[int, s
     tones = _tones(records, period, told | unsteady)
     found += tones
     if several:
-        found += _noisy(y, period, names, told | {(k, fault.where) for fault in tones for k in range(len(records))})
-    return found + _input_noise(records, u, period)
+        found += _noisy(u, y, period, names, told | {(k, fault.where) for fault in tones for k in range(len(records))})
+    known = told | {(k, fault.where) for fault in found for k in range(len(records))}
+    jitter = jitter_faults(records, y, period, known)
+    return found + jitter + (loop_faults(records, u, y, period) or _input_noise(records, u, period))
 
 
-def _noisy(y: Real, period: int, names: list[str], told: set[tuple[int, str]]) -> list[Fault]:
-    """Noise of one record unlike that of the others."""
+def _noisy(u: Real, y: Real, period: int, names: list[str], told: set[tuple[int, str]]) -> list[Fault]:
+    """Noise of one record unlike that of the others, and not because its input is larger too."""
     noise = _scatter(y, period)
-    usual = np.sort(noise, axis=0)[(len(noise) - 1) // 2]  # of two records, of the quieter one
+    level: Real = np.sqrt(np.mean(np.var(u, axis=1), axis=1))[:, None]
+    usual, usual_part = (
+        np.sort(one, axis=0)[(len(noise) - 1) // 2]  # of two records, of the quieter one
+        for one in (noise, noise / np.maximum(level, np.finfo(float).tiny))
+    )
+    noisy = (noise > _NOISY * np.where(usual > 0, usual, np.inf)) & (noise > _NOISY * usual_part * level)
     found: list[Fault] = []
-    for k, i in np.argwhere(noise > _NOISY * np.where(usual > 0, usual, np.inf)):
+    for k, i in np.argwhere(noisy):
         if (int(k), names[i]) in told:
             continue
         times = float(noise[k, i] / usual[i])
