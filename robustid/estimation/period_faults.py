@@ -43,8 +43,19 @@ def period_faults(records: list[TimeRecord], period: int, told: set[tuple[int, s
     if several:
         found += _noisy(u, y, period, names, told | {(k, fault.where) for fault in tones for k in range(len(records))})
     known = told | {(k, fault.where) for fault in found for k in range(len(records))}
-    jitter = jitter_faults(records, y, period, known)
-    return found + jitter + (loop_faults(records, u, y, period) or _input_noise(records, u, period))
+    steady = [
+        without_drift(np.stack([getattr(r, name)[_steady(records, period)] for r in records]), period)[0]
+        for name in "uy"
+    ]
+    jitter = jitter_faults(records, steady[1], period, known)
+    return found + jitter + (loop_faults(records, *steady, period) or _input_noise(records, u, period))
+
+
+def _steady(records: list[TimeRecord], period: int) -> slice:
+    """Samples of whole periods: all of records in steady state, else the later half of them."""
+    periods = len(records[0].u) // period
+    first = 0 if all(r.initial == "periodic" for r in records) else min(periods // 2, periods - 2)
+    return slice(first * period, periods * period)
 
 
 def _noisy(u: Real, y: Real, period: int, names: list[str], told: set[tuple[int, str]]) -> list[Fault]:
@@ -118,9 +129,7 @@ def _transients(records: list[TimeRecord], period: int, told: set[tuple[int, str
 
 def _tones(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -> list[Fault]:
     """Tones that do not repeat with the period, and those that do."""
-    periods = len(records[0].u) // period
-    first = 0 if all(r.initial == "periodic" for r in records) else min(periods // 2, periods - 2)
-    kept = slice(first * period, periods * period)
+    kept = _steady(records, period)
     y, _ = without_drift(np.stack([r.y[kept] for r in records]), period)
     dt, samples, found = records[0].dt, y.shape[1], list[Fault]()
     names = [f"output {one.name}" for one in records[0].outputs]
