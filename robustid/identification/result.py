@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Choice, Frozen, Model, Numbers, Real, Savable, freeze
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
-from robustid.errors import InconsistentDataError, InputError, Status
+from robustid.errors import InconsistentDataError, InputError, SolverError, Status
 from robustid.figures import Drawable
 from robustid.identification.certificate import MarginCertificate
 from robustid.identification.formulation.base import Family, Formulation
@@ -82,6 +82,11 @@ class Identification(Frozen, Drawable, Savable):
     def status(self) -> Status:
         """The finding; its value is a sentence."""
         return self.claim.status
+
+    @property
+    def verified_status(self) -> Status:
+        """The status; failed where a check of the `verification` doesn't hold."""
+        return self.status if self.verification.passed else Status.FAILED
 
     @property
     def margin(self) -> float:
@@ -283,7 +288,7 @@ class Identification(Frozen, Drawable, Savable):
             raise InconsistentDataError(f"{self.status.value} (margin {self.margin:.6g} > 1)")
         if not self.verification.passed:
             failed = ", ".join(c.name for c in self.verification.checks if not c.holds)
-            raise InconsistentDataError(f"the model failed its verification: {failed}")
+            raise SolverError(f"the model failed its verification: {failed}")
         return self
 
     def __repr__(self) -> str:
