@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.data import expected_feedthrough
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
@@ -163,6 +164,12 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
         rows.append(("Structure", f"{fit.modal.words[0].upper()}{fit.modal.words[1:]}"))
     if fit.fraction.rigid_count:
         rows.append(("Rigid body", _rigid_words(view)))
+    if fit.problem.feedthrough:
+        why = None if view.data is None else expected_feedthrough(view.data)
+        words = "The response may differ from 0 at infinite frequency"
+        rows.append(
+            ("Feed-through", words if why is None else f"{words}: {why.value} (--no-feedthrough, feedthrough=False)")
+        )
     rows += [
         ("Weight", f"{fit.weight_choice[0].upper()}{fit.weight_choice[1:]}"),
         ("Cost", f"{number(fit.cost, 5)} = Σ |W (data − model)|²; the start had {number(fit.start_cost, 5)}"),
