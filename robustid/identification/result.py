@@ -23,6 +23,7 @@ from robustid.identification.residuals import Residual, entry_name
 from robustid.identification.verification import Claim, Verification
 
 _MODES = 12  # listed in a summary
+_ZERO = 1e-3  # a margin that is 0, to the digits that are shown
 _AT_END = 1e-6  # of an interval, or of what the samples tell apart
 
 
@@ -157,7 +158,8 @@ class Identification(Frozen, Drawable, Savable):
                 " contradict any class"
             )
         if self.consistent and self.margin_lower <= 0:
-            found.append("the margin is 0: these data could not have contradicted this class, whatever the bounds")
+            known = "the margin is 0:" if self.margin < _ZERO else "no margin above 0 is proved: it may be that"
+            found.append(f"{known} these data could not have contradicted this class, whatever the bounds")
         return tuple(found)
 
     @property
