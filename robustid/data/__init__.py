@@ -6,6 +6,7 @@ from robustid.data.bound_checks import as_probability
 from robustid.data.error_sets import bound_ratio, joint_radius, stacked, tilted, variances
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.faults import Fault, FaultKind
+from robustid.data.feedthrough import FeedThrough, expected_feedthrough
 from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, points_at, signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
@@ -27,6 +28,7 @@ __all__ = [
     "Excitation",
     "Fault",
     "FaultKind",
+    "FeedThrough",
     "FrequencyResponse",
     "SimulatedExperiment",
     "TangentialResponse",
@@ -37,6 +39,7 @@ __all__ = [
     "bound_ratio",
     "decimate",
     "detrend",
+    "expected_feedthrough",
     "flexible_structure",
     "joint_radius",
     "multisine",

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustid.core import Budget, Frozen, Interruptible, Progress, Savable, StateMatrices, as_flag, one_thread
-from robustid.data import FrequencyResponse
+from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.fitting.fraction.constraints import Constraint, StaticGain, as_constraints
+from robustid.fitting.fraction.constraints import Constraint, RollOff, StaticGain, as_constraints
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.first_models import EXTRA, first_model, strongest
 from robustid.fitting.fraction.fit_search import FitEnd, fit_from, unstable_poles
-from robustid.fitting.fraction.fit_statement import stated
+from robustid.fitting.fraction.fit_statement import stated, takes_feedthrough
 from robustid.fitting.fraction.fraction_forms import constraint_of
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep, counted_steps, phases_of
 from robustid.fitting.fraction.fraction_model import FractionModel
@@ -162,7 +162,7 @@ def fit_mfd(
     rigid_body: RigidBody | int | None = None,
     modal: Modal | bool = False,
     start: control.StateSpace | ArrayLike | None = None,
-    feedthrough: bool = False,
+    feedthrough: bool | None = None,
     constraints: Iterable[Constraint] = (),
     stable: bool = True,
     restart: bool = True,
@@ -209,8 +209,9 @@ def fit_mfd(
     start : control.StateSpace or (n,) array of poles, optional
         Where to start in place of the subspace estimate: a model of any order, or poles (s in rad/s, or z), which SK
         takes as ``D = prod (s - pole) I``; not with `rigid_body`.
-    feedthrough : bool
-        Whether P(infinity) may differ from 0.
+    feedthrough : bool, optional
+        Whether P(infinity) may differ from 0. Default: for accelerations under forces, by their units, and for scattering
+        parameters, by the names of their waves, unless a roll-off, rigid-body modes or a structure of the modes are asked for.
     constraints : iterable of StaticGain, Zero, RollOff, ZeroEntries
         What else must hold exactly.
     stable : bool
@@ -249,13 +250,16 @@ def fit_mfd(
     budget = Budget(time_limit).share(_SEARCHING)
     stable, restart = as_flag("stable", stable), as_flag("restart", restart)
     structure, rigid_body = as_modal(modal), as_rigid_body(rigid_body)
-    through = as_flag("feedthrough", feedthrough) or (structure is not None and structure.power == 2)
+    frf, constraints = as_frequency_response("frf", frf), as_constraints(constraints)
+    falls = any(isinstance(constraint, RollOff) for constraint in constraints)
+    through = takes_feedthrough(frf, feedthrough, excluded=falls or rigid_body is not None or structure is not None)
+    through = through or (structure is not None and structure.power == 2)
     problem, data, form, shape, relative, others = stated(frf, order, domain, form, weight, through, rigid_body)
     rounds = _ROUNDS if restart else 0
     settings = Settings(phases_of(method), rigid_body, form, stable, counted_steps(progress), rounds, budget)
     if structure is not None:
         _check_modal(structure, problem, settings, constraints)
-    for constraint in as_constraints(constraints):
+    for constraint in constraints:
         if rigid_body is not None and isinstance(constraint, StaticGain):
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         held = constraint_of(constraint, form, shape)

@@ -17,7 +17,7 @@ from robustid.errors import InputError, InputTypeError, RobustIdError
 from robustid.fitting.fraction.constraints import RollOff, as_constraints
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.default_weight import exact_covariance
-from robustid.fitting.fraction.fit_statement import one_weight, stated
+from robustid.fitting.fraction.fit_statement import one_weight, stated, takes_feedthrough
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction, fit_mfd
 from robustid.fitting.modal.modal_structure import as_modal
@@ -138,11 +138,14 @@ def suggest_order(
     if "constraints" in options:
         options["constraints"] = as_constraints(options["constraints"])  # an iterator would serve one order only
     options.setdefault("restart", False)
+    falls = any(isinstance(constraint, RollOff) for constraint in options.get("constraints", ()))
+    excluded = falls or as_modal(options.get("modal")) is not None or options.get("rigid_body") is not None
+    options["feedthrough"] = takes_feedthrough(frf, options.get("feedthrough"), excluded=excluded)
     noise_known = weight is None and exact_covariance(frf)
     if weight is None and not noise_known:
         weight = one_weight(frf, options.get("form"))
     singular_values, edge = subspace_singular_values(
-        frf, weight, domain, noise_known, options.get("feedthrough", False), options.get("form")
+        frf, weight, domain, noise_known, options["feedthrough"], options.get("form")
     )
     step = 2 if as_modal(options.get("modal")) is not None else 1  # states of a mode
     tried = _orders(orders, int(np.sum(singular_values > edge)), frf, step)

@@ -211,7 +211,7 @@ class Coverage(Frozen):
         if self.contradicted:
             said = [
                 f"Needed: a band at least {self.largest:.4g} times as wide; or poles in a pole-uncertainty box, where the excess"
-                " is at a resonance; or another record with an excitation of its own, so that what changes from record to"
+                " is near one of them; or another record with an excitation of its own, so that what changes from record to"
                 " record is measured and not assumed."
             ]
         else:

@@ -207,8 +207,8 @@ class Family(WorstCase):
         gap = max(b - a for a, b in itertools.pairwise([min(low, values[0]), *values, max(high, values[-1])]))
         return (
             f"Measured at {name} {', '.join(f'{v:g}' for v in values)}; asked about {low:g} to {high:g}.",
-            f"Nothing is proved {', nor '.join([*gaps, *ends])}: a resonance that moves passes frequencies there that the"
-            " band of no member holds.",
+            f"Nothing is proved {', nor '.join([*gaps, *ends])}: the response there may leave the bands of all"
+            " members.",
             f"The widest gap is {gap:g}: a member in it tests what the band says there.",
         )
 

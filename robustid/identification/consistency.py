@@ -135,14 +135,22 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
         model=nominal.model,
         verification=checks,
         timing=clock.laps,
-        choices=_proof(claim) | choices,
+        choices=_proof(claim, accuracy) | choices,
     )
 
 
-def _proof(claim: Claim) -> dict[str, Choice]:
+def _proof(claim: Claim, asked: float) -> dict[str, Choice]:
     """The interval of the margin, where it is wider than was asked for."""
     ends = claim.certificate.value, claim.margin
-    return {"margin": Choice(ends, Source.STOPPED, claim.stopped)} if claim.stopped else {}
+    if claim.stopped:
+        return {"margin": Choice(ends, Source.STOPPED, claim.stopped)}
+    if claim.accuracy <= asked:
+        return {}
+    words = (
+        f"the margin is known to {claim.width:.2g} only, as far as the digits of the solver go ({asked:g} was asked for): it is"
+        f" proved to lie between {ends[0]:.6g} and {ends[1]:.6g}"
+    )
+    return {"margin": Choice(ends, Source.PROGRAM, words)}
 
 
 def _check_arguments(problem: object, objective: str, form: str) -> None:

@@ -22,6 +22,7 @@ _log = logging.getLogger("robustid")
 # A general semidefinite solver needs n^4 memory and n^6 work: "auto" asks it while it is quick, and never above the last.
 QUICK_CONIC, LARGEST_CONIC = 24, 100
 _SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
+_NEAR_ENOUGH = 10.0  # times the accuracy: a margin that is known as well as that is known, if it decides nothing
 _STEPS = 100  # of the progress
 
 
@@ -67,9 +68,13 @@ def prove_margin(
     if best is None or point is None:
         raise SolverError("no solver returned usable numbers; rescale the problem or loosen the bounds")
     claim = Claim(reached, accuracy, point.x, point.p, best, point.solver)
-    if stopped and claim.width > accuracy:
+    if claim.width <= accuracy or not np.isfinite(claim.width):
+        return claim, passed
+    if stopped:
         words = f"{stopped}: the margin is proved to lie between {best.value:.6g} and {reached:.6g} only"
-        claim = dataclasses.replace(claim, accuracy=claim.width, stopped=words)
+        return dataclasses.replace(claim, accuracy=claim.width, stopped=words), passed
+    if claim.decided or claim.width <= _NEAR_ENOUGH * accuracy:  # the digits end there
+        return dataclasses.replace(claim, accuracy=claim.width), passed
     return claim, passed
 
 
@@ -83,17 +88,18 @@ def _candidates(data: ConvexData, solver: str, accuracy: float) -> Iterator[tupl
             yield solve_conic(data, "margin", solver=solver), True, _STEPS
         except SolverError as problem:
             _log.warning("%s; using the structured solver", problem)
-    nearest, least, first = None, np.inf, 0.0
+    late, least, first = list[Candidate](), np.inf, 0.0
     for candidate, margin, gap in margin_path(data):
         aim = accuracy * max(1.0, margin)
         near, first = gap <= aim, first or gap
         if gap < least:
-            nearest, least = None if near else candidate, gap
+            late, least = [], gap
+        late += [] if near else [candidate]
         left = np.log(max(least / aim, 1.0)) / max(np.log(first / aim), 1.0)
         yield candidate, near, round(_STEPS * (1 - min(left, 1.0)))
-    # At the limit of precision multipliers get worse again.
-    if nearest is not None:
-        yield nearest, True, _STEPS
+    # At the limit of precision the estimate of the gap says little, and multipliers get worse again: the best are among the last.
+    for candidate in late:
+        yield candidate, True, _STEPS
 
 
 def _into_ball(x: Real, sarason: SarasonMap) -> Real:

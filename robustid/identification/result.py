@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Choice, Frozen, Model, Numbers, Real, Savable, freeze
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
-from robustid.errors import InconsistentDataError, InputError, Status
+from robustid.errors import InconsistentDataError, InputError, SolverError, Status
 from robustid.figures import Drawable
 from robustid.identification.certificate import MarginCertificate
 from robustid.identification.formulation.base import Family, Formulation
@@ -23,6 +23,7 @@ from robustid.identification.residuals import Residual, entry_name
 from robustid.identification.verification import Claim, Verification
 
 _MODES = 12  # listed in a summary
+_ZERO = 1e-3  # a margin that is 0, to the digits that are shown
 _AT_END = 1e-6  # of an interval, or of what the samples tell apart
 
 
@@ -82,6 +83,11 @@ class Identification(Frozen, Drawable, Savable):
     def status(self) -> Status:
         """The finding; its value is a sentence."""
         return self.claim.status
+
+    @property
+    def verified_status(self) -> Status:
+        """The status; failed where a check of the `verification` doesn't hold."""
+        return self.status if self.verification.passed else Status.FAILED
 
     @property
     def margin(self) -> float:
@@ -152,7 +158,8 @@ class Identification(Frozen, Drawable, Savable):
                 " contradict any class"
             )
         if self.consistent and self.margin_lower <= 0:
-            found.append("the margin is 0: these data could not have contradicted this class, whatever the bounds")
+            known = "the margin is 0:" if self.margin < _ZERO else "no margin above 0 is proved: it may be that"
+            found.append(f"{known} these data could not have contradicted this class, whatever the bounds")
         return tuple(found)
 
     @property
@@ -283,7 +290,7 @@ class Identification(Frozen, Drawable, Savable):
             raise InconsistentDataError(f"{self.status.value} (margin {self.margin:.6g} > 1)")
         if not self.verification.passed:
             failed = ", ".join(c.name for c in self.verification.checks if not c.holds)
-            raise InconsistentDataError(f"the model failed its verification: {failed}")
+            raise SolverError(f"the model failed its verification: {failed}")
         return self
 
     def __repr__(self) -> str:

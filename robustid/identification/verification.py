@@ -40,6 +40,11 @@ class Claim:
         return difference / max(1.0, self.margin) if difference >= 0 else np.inf
 
     @property
+    def decided(self) -> bool:
+        """Say whether the interval decides, however wide it is: it does not contain a margin at most 1 and one above."""
+        return bool(np.isfinite(self.width) and (self.margin <= 1 or self.certificate.value > 1))
+
+    @property
     def status(self) -> Status:
         """The finding that the interval means."""
         if self.margin <= 1:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 AS_WELL = 1.05  # of the root mean square error: differences that don't matter
 _FIRST = 0.7  # of a record, to which fits are judged by the rest of it
 _PREDICTS = 1.1  # of the smallest error there: what the fit of the right order may have
+_AT_REST = 0.1  # of the deviation of an output, below which its first sample may be that of a machine at rest
 _MOST = 20000  # samples in all: longer records are for spectra
 
 
@@ -114,9 +115,9 @@ class Simulations:
 
     def _fit_of(self, model: control.StateSpace, records: Sequence[TimeRecord]) -> Real:
         """1 - rms error/rms output of every record and output; with the constant that fits best where none is bounded."""
-        if self.offset:
-            model = _with_constants(model)
-        return np.array([validate(model, record).fit for record in records])
+        if not self.offset:
+            return np.array([validate(model, record).fit for record in records])
+        return np.array([_fit_with_constant(model, record) for record in records])
 
     def error(self, model: control.StateSpace, records: Sequence[TimeRecord] | None = None) -> float:
         """Root mean square over outputs and records of the error relative to the output; infinite where it can't be simulated."""
@@ -172,6 +173,16 @@ def _part(record: TimeRecord, samples: slice) -> TimeRecord:
     return dataclasses.replace(record, u=record.u[samples], y=record.y[samples], reference=None)
 
 
+def _fit_with_constant(model: control.StateSpace, record: TimeRecord) -> Real:
+    """The fit of every output but for a constant, and for a free response where the initial state is unknown."""
+    if record.initial == "free":
+        return validate(_with_constants(model), record).fit
+    found = validate(model, record)
+    left = np.linalg.norm(found.residuals - found.residuals.mean(axis=0), axis=0)
+    size = np.linalg.norm(record.y - record.y.mean(axis=0), axis=0)
+    return 1 - left / np.maximum(size, np.finfo(float).tiny)
+
+
 def _with_constants(model: control.StateSpace) -> control.StateSpace:
     """The model with states that keep their value, one added to every output: offsets, where the initial state is fitted."""
     import control
@@ -182,7 +193,19 @@ def _with_constants(model: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(A, B, C, model.D, model.dt, remove_useless_states=False)
 
 
+def in_operation(record: TimeRecord) -> TimeRecord:
+    """The record from an unknown state, if what it says of its beginning, rest, can't be: an output that is not near 0 there.
+
+    A machine at rest has an output of 0 but for its feed-through; one in operation, as most processes are, its operating point.
+    A bound would be about a record from rest: such a record is left as it is.
+    """
+    if record.initial != "rest" or record.bound is not None:
+        return record
+    away = np.abs(record.y[0]) > _AT_REST * np.std(record.y, axis=0)
+    return dataclasses.replace(record, initial="free") if np.any(away) and np.any(record.u[0] != 0) else record
+
+
 def with_transients(records: Sequence[TimeRecord]) -> list[TimeRecord]:
-    """Keep the records that say more than their spectrum, with transients; none where they are too long."""
-    found = [record for record in records if record.initial != "periodic"]
+    """Keep the records (`in_operation`) that say more than their spectrum, with transients; none where they are too long."""
+    found = [in_operation(record) for record in records if record.initial != "periodic"]
     return found if sum(len(record.u) for record in found) <= _MOST else []

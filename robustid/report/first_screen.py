@@ -1,4 +1,4 @@
-"""The first screen of an identification: order, guaranteed error, error at the resonance, fit, one plot, what to do next."""
+"""The first screen of an identification: order, guaranteed error, the same at the largest response, fit, one plot, next steps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
-from robustid.report.guarantee import at_resonance, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
+from robustid.report.guarantee import at_largest, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
 from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, scope, siso
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
@@ -88,7 +88,7 @@ def _numbers(
     if bound is not None:
         known = bound.bounded if isinstance(bound, Band) else np.isfinite(bound.sigma_upper)
         largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
-        where, share = at_resonance(bound)
+        where, share = at_largest(identification, bound)
         found += [
             (
                 f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}{scope(identification)}",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.data import expected_feedthrough
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
@@ -45,6 +46,7 @@ _PARTICIPATION = (
     " peak of that entry, relative to that of the largest mode."
 )
 _COMMANDS = ("robustid identify --frequency FILE --report report.html", "--time-limit", "--order auto", "--band")
+_WORTH = 50.0  # per cent of fit, below which a model leaves more than half of what the data do
 _MOST_MODES = 40  # at the terminal
 
 
@@ -85,9 +87,11 @@ def _glance(view: FitView, entry: Chart) -> Glance:
     worst = ", worst entry" if view.ny * view.nu > 1 else ""
     numbers = [said.numbers[0], (f"fit of the response{worst}", f"{number(view.fit_percent, 3)} %"), *said.numbers[1:]]
     steps = ["A model with a proof, and a bound of its error: robustid identify --frequency FILE --report report.html"]
-    if said.key in ("undecided", "failed"):
+    if view.output_fit_percent < _WORTH:
+        steps = ["Fit a higher order (--order auto compares them), another weight, or a narrower band (--band)."]
+    elif said.key in ("undecided", "failed"):
         steps = ["Let it run longer (--time-limit), or fit a lower order: --order auto compares them."]
-    if said.key == "weak" and view.fit.status is FitStatus.BOUNDARY:
+    elif said.key == "weak" and view.fit.status is FitStatus.BOUNDARY:
         steps = ["A lower order, or a narrower band (--band), often leaves the stability boundary."]
     steps.append("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
     return Glance(numbers=numbers, chart=first_panel(entry), next=[Text(step, code=_COMMANDS) for step in steps])
@@ -133,7 +137,9 @@ def _response_words(view: FitView, sure: bool) -> str:
 
 
 def fit_verdict(view: FitView) -> Verdict:
-    """The outcome in one word and one sentence; a model that failed a check is never called converged."""
+    """The outcome in one word and one sentence; a model that failed a check is never called converged, nor is one good that
+    misses the data.
+    """
     status, failed = view.fit.status, [claim for claim, check in view.claims if not check.holds]
     if failed:
         key, word = "failed", "Not verified"
@@ -141,6 +147,13 @@ def fit_verdict(view: FitView) -> Verdict:
     else:
         key, word = _KEYS.get(status, "consistent"), f"{status.head[0].upper()}{status.head[1:]}"
         sentence = f"{status.reason[0].upper()}{status.reason[1:]}."
+        fit = f"fit {number(view.output_fit_percent, 3)} %{', worst output' * (view.ny > 1)}"
+        if view.output_fit_percent < 0:
+            key, word = "failed", f"{word}, but worth nothing"
+            sentence += f" The model is farther from the data than their mean value ({fit})."
+        elif view.output_fit_percent < _WORTH:
+            key, word = ("weak" if key == "consistent" else key), f"{word}, but the model misses much of the response"
+            sentence += f" 100 % would be every sample, 0 % their mean value: {fit}."
     order = f"{view.fit.fraction.A.shape[0]}"
     return Verdict(key, word, sentence, (("order", order), ("weighted residual, rms", number(_rms(view), 3))))
 
@@ -166,6 +179,12 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
         rows.append(("Structure", f"{fit.modal.words[0].upper()}{fit.modal.words[1:]}"))
     if fit.fraction.rigid_count:
         rows.append(("Rigid body", _rigid_words(view)))
+    if fit.problem.feedthrough:
+        why = None if view.data is None else expected_feedthrough(view.data)
+        words = "The response may differ from 0 at infinite frequency"
+        rows.append(
+            ("Feed-through", words if why is None else f"{words}: {why.value} (--no-feedthrough, feedthrough=False)")
+        )
     rows += [
         ("Weight", f"{fit.weight_choice[0].upper()}{fit.weight_choice[1:]}"),
         ("Cost", f"{number(fit.cost, 5)} = Σ |W (data − model)|²; the start had {number(fit.start_cost, 5)}"),

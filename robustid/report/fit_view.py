@@ -141,13 +141,23 @@ class FitView:
     @cached_property
     def fit_percent(self) -> float:
         """``100 (1 - |P_o - P|/|P_o - mean(P_o)|)`` of the worst entry, over the samples that have a weight; NaN without any."""
-        found: list[float] = []
-        for i, j in np.ndindex(self.ny, self.nu):
-            here = (self.used[:, i, j], i, j)
-            data, left = self.values[here], self.values[here] - self.fitted[here]
-            size = np.linalg.norm(data - data.mean()) if data.size else 0.0
-            found += [float(100 * (1 - np.linalg.norm(left) / size))] if size else []
-        return min(found, default=np.nan)
+        left, size = self._left
+        return float(np.min(100 * (1 - left[size > 0] / size[size > 0]), initial=np.inf)) if np.any(size) else np.nan
+
+    @cached_property
+    def output_fit_percent(self) -> float:
+        """The same of the worst output, all its entries together: one that is all but 0 says nothing of a fit."""
+        left, size = (np.linalg.norm(part, axis=1) for part in self._left)
+        return float(np.min(100 * (1 - left[size > 0] / size[size > 0]), initial=np.inf)) if np.any(size) else np.nan
+
+    @cached_property
+    def _left(self) -> tuple[np.ndarray, np.ndarray]:
+        """Norms of what the fit leaves and of the data less their mean, of every entry, (ny, nu)."""
+        count = np.maximum(self.used.sum(axis=0), 1)
+        data = np.where(self.used, self.values, 0)
+        mean = np.where(self.used, data.sum(axis=0) / count, 0)
+        left = np.where(self.used, self.values - self.fitted, 0)
+        return np.linalg.norm(left, axis=0), np.linalg.norm(data - mean, axis=0)
 
     @property
     def equations(self) -> int:

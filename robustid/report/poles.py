@@ -29,9 +29,9 @@ _LIGHT = 0.05  # damping, below which a pole stands out
 _SAME = 1e-5  # relative distance of a pole of the model from the one that was asked for
 _MOST = 10  # poles or modes at the terminal
 _RANKS = (
-    "A mode adds R/(z − a) and its conjugate to the response, R its residue matrix. Peak: σmax(R)/(1 − |a|), about the height of"
-    " its resonance. Rank ratio: the second singular value of R over the first; near 0 where the mode has one shape, as that of"
-    " a structure has, larger where two modes share the poles, or where the data leave it open."
+    "A mode adds R/(z − a) and its conjugate to the response, R its residue matrix. Peak: σmax(R)/(1 − |a|), about its largest"
+    " size. Rank ratio: the second singular value of R over the first; near 0 where the mode has one shape, as that of a"
+    " structure has, larger where two modes share the poles, or where the data leave it open."
 )
 
 

@@ -171,6 +171,17 @@ def test_what_does_not_hold_is_named(files, run):
     assert out.splitlines()[-1] == "not verified"
 
 
+def test_no_command_ends_with_0_where_the_identification_is_not_verified(files, run):
+    """Neither what reads one whose certificate is forged, nor `verify`."""
+    forge(files / "good", text=lambda record: record["claim"]["certificate"].update(value=record["claim"]["margin"]))
+    assert rid.load("good").status is rid.Status.CONSISTENT
+    assert rid.load("good").verified_status is rid.Status.FAILED
+    for command in (["bounds", "good", *GRID], ["reduce", "good"], ["report", "good"], ["verify", "good"]):
+        code, out, err = run(*command)
+        assert code == 1, command
+        assert "erif" in out + err, command
+
+
 def test_a_forged_bound_is_named(files, run):
     assert run("bounds", "good", *GRID)[0] == 0
     forge(files / "bounds", lower("values/support"))

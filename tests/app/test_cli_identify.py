@@ -1,5 +1,6 @@
 """robustid identify as a user meets it: real files, exit codes, sentences."""
 
+import dataclasses
 import os
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 import scipy.io
 
 import robustid as rid
+from robustid.identification.verification import Check
+from robustid.identification.verification import verify as consistency_verify
 from support.command_line import CLASS, COMMAND, SHORT, nothing_written, refused
 
 
@@ -38,6 +41,29 @@ def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, run):
     assert "nconsistent" in out
     assert "margin" in out.lower()
     assert not rid.load(files / "result").consistent
+
+
+@pytest.mark.parametrize("command", ["identify", "run"])
+def test_a_model_that_fails_a_check_ends_with_1_and_its_page(files, run, monkeypatch, command):
+    def failing(*arguments):
+        found = consistency_verify(*arguments)
+        return dataclasses.replace(found, checks=(*found.checks, Check("a number of the model", 2.0, 1.0)))
+
+    monkeypatch.setattr("robustid.identification.consistency.verify", failing)
+    if command == "identify":
+        code, out, _ = run([*COMMAND, *CLASS, "--report", "page.html"])
+        page = files / "page.html"
+    else:
+        bounded = "dt = 0.01\nbound = 0.03\n"
+        text = f'[[frequency]]\nfile = "frf.csv"\n{bounded}[modes]\nhz = [9.0, 17.67]\ndamping = [0.1, 0.004]\n'
+        (files / "asked.toml").write_text(
+            text + "[prior]\ngain_bound = 0.2\ndecay_rate = 1.1\n[worst_case]\ncompute = false\n", encoding="utf-8"
+        )
+        code, out, _ = run(["run", "asked.toml", "-o", "out"])
+        page = files / "out" / "report.html"
+    assert code == 1
+    assert "Not verified" in out
+    assert "Not verified" in page.read_text(encoding="utf-8")
 
 
 def test_column_names_and_units_are_given_by_options(files, run):

@@ -11,7 +11,7 @@ from robustid.core import Budget, points_of
 from robustid.identification import largest_ratio
 from robustid.reduction import model_worth_having, reduce_within_bounds, why_not_compared, without_doubtful_modes
 from robustid.reduction.drawn_inside import Bounds, drawn_fits
-from robustid.reduction.record_simulations import with_transients
+from robustid.reduction.record_simulations import Simulations, with_transients
 from support.two_mode_models import rigid_body
 
 
@@ -145,6 +145,43 @@ def test_records_in_steady_state_or_too_long_say_no_more_than_their_spectrum():
     long = rid.TimeRecord(np.zeros(30000), np.zeros(30000), dt=0.01)
     assert with_transients([record, steady]) == [record]
     assert with_transients([record, long]) == []
+
+
+def heating(start, ambient=22.0, samples=600, seed=0):
+    """A record of a heating plate, said to begin at rest, its plant, and the fit that noise leaves to the plant in per cent."""
+    rng = np.random.default_rng(seed)
+    plant = control.ss([[0.98, 0.0], [0.2, 0.8]], [[0.016], [0.0]], [[0.0, 1.0]], 0, 5.0)
+    u = np.repeat(rng.choice([30.0, 60.0], samples // 60), 60)
+    clean = ambient + control.forced_response(plant, U=u, X0=start * np.array([0.8, 0.8])).outputs
+    y = clean + 0.3 * rng.standard_normal(samples)
+    left = 100 * (1 - np.linalg.norm(y - clean) / np.linalg.norm(y - y.mean()))
+    return rid.TimeRecord(u, y, dt=5.0), plant, left
+
+
+@pytest.mark.parametrize(("start", "ambient"), [(45.0, 22.0), (45.0, 0.0), (0.0, 22.0)])
+def test_a_process_is_judged_around_its_operating_point(start, ambient):
+    """From its state there, and but for a constant: the plant itself fits all but the noise, and so does the fit of its order."""
+    record, plant, noise = heating(start, ambient)
+    assert rid.validate(plant, record).fit[0] < 0.5
+    records = with_transients([record])
+    assert [one.initial for one in records] == ["free"]
+    found = Simulations(records, None, range(1, 4), feedthrough=False, budget=Budget(None))
+    assert found.quality(plant)[0] == pytest.approx(noise, abs=1.0)
+    assert found.quality(found.fits[2].model)[0] == pytest.approx(noise, abs=1.0)
+    assert found.carried() == 2
+    wrong = control.ss(plant.A, plant.B * 0.2, plant.C, 0, plant.dt)
+    assert found.quality(wrong)[0] < 60
+
+
+def test_a_record_that_begins_at_rest_stays_one_and_a_bound_too():
+    record, plant, noise = heating(0.0, 0.0)
+    assert with_transients([record]) == [record]
+    bounded = dataclasses.replace(heating(45.0)[0], bound=1.0)
+    assert with_transients([bounded]) == [bounded]
+    late = dataclasses.replace(record, y=record.y + np.where(np.arange(600) > 0, 5.0, 0.0)[:, None])
+    found = Simulations([late], None, range(1, 2), feedthrough=False, budget=Budget(None))
+    assert late.initial == "rest"
+    assert found.quality(plant)[0] == pytest.approx(noise, abs=3.0)  # the sensor's constant is no error of the model
 
 
 # --- modes that the data hardly show

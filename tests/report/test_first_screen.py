@@ -3,12 +3,14 @@
 import re
 
 import control
+import numpy as np
 import pytest
 
 import robustid as rid
 from robustid.identification import fit_percent
 from robustid.report import Verdict, render_report
 from robustid.report.document import Document, Heading, Text
+from robustid.report.guarantee import is_resonance
 from robustid.report.html import MOST_WARNINGS, render
 from support.report_pages import Page, problem
 
@@ -32,6 +34,50 @@ def test_parts_of_the_first_screen_stand_in_their_order(error):
     assert body.count("<figure") == 1
     assert rest.count("<details") == rest.count("<h2>") > 8
     assert re.findall("<h[23]", body)[0] == "<h2"
+
+
+def plant(kind, damping):
+    """Responses with one pole, two real ones, a mode, and a pole beside a light mode that it all but hides."""
+    s = control.tf("s")
+    return {
+        "first order": 1 / (1 + s),
+        "lag that rises": (1 + 3 * s) / (1 + s) / (1 + 0.2 * s),
+        "mode": 1 / (1 + 2 * damping * s + s**2),
+        "hidden mode": 1 / (1 + s) * (s**2 + 0.02 * s + 0.0101) / (s**2 + 0.02 * s + 0.01),
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    ("kind", "damping", "expected"),
+    [
+        ("first order", 1.0, False),
+        ("lag that rises", 1.0, False),
+        ("hidden mode", 1.0, False),
+        *(("mode", damping, damping < 0.5) for damping in (0.001, 0.03, 0.3, 0.48, 0.6, 0.8)),
+    ],
+)
+def test_only_the_peak_of_a_light_mode_is_a_resonance(kind, damping, expected):
+    """In continuous and discrete time, on dense and on coarse grids, with an error of a per mille of the response."""
+    rng, dt = np.random.default_rng(0), 0.05
+    continuous = control.ss(plant(kind, damping))
+    for model in (continuous, control.sample_system(continuous, dt, "zoh")):
+        for count in (40, 400):
+            omega = np.geomspace(0.005, 20.0, count)
+            values = np.abs(control.frequency_response(model, omega).frdata.ravel())
+            assert is_resonance(model, omega, values * (1 + 1e-3 * rng.standard_normal(count))) == expected
+            assert not is_resonance(model, omega, values.min() * (1 + 1e-3 * rng.standard_normal(count)))
+
+
+def test_the_page_of_a_process_does_not_speak_of_a_resonance():
+    """A heating: 300 W heat it by 30 K, time constant 400 s; the largest response need not be at the lowest frequency."""
+    dt, omega = 10.0, 2 * np.pi * np.array([1e-5, 1.3e-5, 1.6e-5, 4e-4, 1e-3, 3e-3, 1e-2])
+    values = 0.1 / (1 + 400j * omega) * (1 + 1e-2 * np.array([-1, 1, -1, 1, -1, 1, -1]))
+    frf = rid.FrequencyResponse(omega, values, bound=0.005, dt=dt)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.3, decay_rate=1.02)))
+    for at in (omega, np.append(0.0, omega)):
+        page = render_report(result, worst_case=rid.worst_case_error(result, omega=at, directions=4))
+        assert "resonance" not in Page(page).text
+        assert "at the largest response, " in page or "at 0 Hz: the static gain" in page
 
 
 @pytest.mark.parametrize("count", [0, 2, 3, 5])

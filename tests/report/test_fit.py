@@ -56,6 +56,27 @@ def test_checks_hold_and_find_what_is_wrong(fit, left, body):
     assert FitView(dataclasses.replace(fit, fraction=fraction)).checks[1].measured == 8
 
 
+def test_a_fit_that_converged_is_as_good_as_what_it_says_of_the_data():
+    """Four modes by models of one, two and four; the fit of an output by its definition, and an entry of noise decides nothing."""
+    omega = np.linspace(1, 9, 60)
+    s = 1j * omega
+    values = sum(f / (s**2 + 0.02 * f * s + f**2) for f in (2.0, 4.0, 5.5, 7.0))
+    for order, key in ((2, "failed"), (4, "weak"), (8, "consistent")):
+        fit = fit_mfd(rid.FrequencyResponse(omega, values), order=order)
+        view, verdict = FitView(fit), fit_verdict(FitView(fit))
+        assert fit.status.converged
+        assert verdict.key == key
+        model = control.frequency_response(fit.model, omega).frdata.ravel()
+        left = np.linalg.norm(values - model) / np.linalg.norm(values - values.mean())
+        assert view.fit_percent == view.output_fit_percent == pytest.approx(100 * (1 - left), abs=1e-6)
+    noise = 1e-6 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=60))
+    both = rid.FrequencyResponse(omega, np.stack([values, noise], axis=1)[:, None])
+    view = FitView(fit_mfd(both, order=8, weight=np.ones((60, 1, 2))))
+    assert view.fit_percent < 50
+    assert view.output_fit_percent > 99
+    assert fit_verdict(view).key == "consistent"
+
+
 def test_modal_structure_is_told():
     system = mechanical(0, 2, 2, 2, symmetric=True)
     data = frequency_response(system, 0, 0.02)

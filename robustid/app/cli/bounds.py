@@ -70,8 +70,8 @@ def bounds(
 
     [bold]Example[/bold]: robustid bounds result --circle --resume unfinished -o bounds --report bounds.html
 
-    Exit codes: 0 every certificate holds, 1 not, 2 misuse (inconsistent data too: there is nothing to bound), 70 an error of the
-    program, 130 interrupted.
+    Exit codes: 0 every certificate holds, 1 not (or the identification is not verified), 2 misuse (inconsistent data too: there is
+    nothing to bound), 70 an error of the program, 130 interrupted.
     """
     from robustid.app.load_save import load_result
     from robustid.app.run.run_file import RunFile
@@ -89,6 +89,8 @@ def bounds(
     written_files.check_outputs([*found.files(how.over_poles), report], read, force)
     found.loops = {path.stem: _controller(path) for path in controller or []}
     identification = load_result(source, "identification")
+    if not identification.verification.passed:
+        identification.require()
     at, suggested = _frequencies(identification, omega, points), _suggested(identification.problem)
     executor = _processes(identification, at, how.directions, workers)
     over_box: list[Step] = [lambda work: _over_box(work, suggested), found.say_over_box]

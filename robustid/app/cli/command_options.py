@@ -106,8 +106,9 @@ def _parameter(title: str, option: Option, kind: Any, default: Any) -> inspect.P
     """One option of the command line."""
     if option.text is not None:  # several texts where the value is a table
         kind = str | None if "Mapping" not in str(kind) else list[str] | None
+    states_both = kind == bool | None
     shown = typer.Option(
-        option.flag,
+        f"{option.flag}/--no-{str(option.flag)[2:]}" if states_both else option.flag,
         help=option.sentence.replace("[", "\\["),  # no markup of rich
         metavar=option.metavar or _METAVARS.get(option.unit),
     )

@@ -70,7 +70,8 @@ def fit(
 
     [bold]Example[/bold]: robustid fit frf.npz --order 20 --rigid-body 3 --band 10:2000 --report fit.html
 
-    Exit codes: 0 converged and verified, 1 not, 2 misuse, 70 an error of the program, 130 interrupted.
+    Exit codes: 0 converged, verified, and a fit of 50 % or more of every output; 1 not, 2 misuse, 70 an error of the program,
+    130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
     from robustid.fitting import RollOff

@@ -106,7 +106,7 @@ def identify(
             work = work_on(lines, samples, around, modes=modes, prior=prior, identify=how)
             carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
     conclude(console, work, output, report, static=static)
-    raise typer.Exit(screen.EXIT[work.identification.status])
+    raise typer.Exit(screen.EXIT[work.identification.verified_status])
 
 
 def _warn_of_faults(console: Console, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> None:

@@ -62,8 +62,8 @@ def reduce(
 
     [bold]Example[/bold]: robustid reduce plant.mat --order 12 --band 5:200 --static-gain -o small.mat
 
-    Exit codes: 0 reduced, or nothing to reduce; 1 the smaller model is unstable (it is written all the same); 2 misuse, 70 an
-    error of the program, 130 interrupted.
+    Exit codes: 0 reduced, or nothing to reduce; 1 the smaller model is unstable, or the identification is not verified (it is
+    written all the same); 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.load_save import save
     from robustid.formats import load_model
@@ -89,7 +89,10 @@ def reduce(
             _say_margin(console, identification, reduction)
     save(output, reduction.model)
     screen.say_written(console, output)
-    raise typer.Exit(1 if reduction.status is ReductionStatus.UNSTABLE else 0)
+    unverified = identification is not None and not identification.verification.passed
+    if unverified:
+        screen.warn(console, "the identification is not verified: robustid verify names what does not hold")
+    raise typer.Exit(1 if unverified or reduction.status is ReductionStatus.UNSTABLE else 0)
 
 
 def _within_bounds(console: Console, identification: Identification, time_limit: float | None) -> Reduction:

@@ -67,7 +67,7 @@ def report(
     console.print(render_summary(result, work.reduction))
     screen.say_written(console, output)
     screen.repeat_warnings(console, result)
-    raise typer.Exit(screen.EXIT[result.status])
+    raise typer.Exit(screen.EXIT[result.verified_status])
 
 
 def _take_bounds(work: Work, paths: list[Path]) -> None:

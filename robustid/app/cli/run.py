@@ -123,7 +123,7 @@ def run(
         console.print(render_summary(result.identification, result.reduction, unfinished=result.unfinished))
         if result.diagnosis is not None:
             screen.say(console, "\n" + result.diagnosis.summary())
-        status, identifications = result.identification.status, [result.identification]
+        status, identifications = result.identification.verified_status, [result.identification]
     else:
         status, identifications = result.status, list(result.identifications.values())
         for line in unfinished_words(result.unfinished):

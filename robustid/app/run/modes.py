@@ -228,7 +228,7 @@ def with_fit(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
         damping=tuple(row.damping for row in modes),
         repeat=chosen.repeat,
         integrators=chosen.integrators + rigid,
-        delay=chosen.delay if chosen.delay is not None else int(not run.fit.feedthrough and frf.dt is not None),
+        delay=chosen.delay if chosen.delay is not None else int(not fit.problem.feedthrough and frf.dt is not None),
         source=Source.DATA,
         note="\n".join([MODES_NOTE + words, *lines]),
         hz_interval=hz_interval,

@@ -185,7 +185,7 @@ class FamilyRun(Frozen):
     def status(self) -> Status:
         """The worst finding about a member."""
         order = Status.CONSISTENT, Status.UNDECIDED, Status.INCONSISTENT, Status.FAILED
-        return max((i.status for i in self.identifications.values()), key=order.index)
+        return max((i.verified_status for i in self.identifications.values()), key=order.index)
 
     @property
     def model(self) -> control.StateSpace | None:

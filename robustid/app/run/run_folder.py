@@ -119,7 +119,7 @@ class RunFolder:
     def identified(self, result: Identification, *, member: int | None = None) -> None:
         """Keep it, if it came to its end."""
         place = self._identification(member)
-        ended = result.status in (Status.CONSISTENT, Status.INCONSISTENT)
+        ended = result.verified_status in (Status.CONSISTENT, Status.INCONSISTENT)
         stopped = any(choice.source is Source.STOPPED for choice in result.choices.values())
         if place is not None and ended and not stopped:
             place.parent.mkdir(parents=True, exist_ok=True)

@@ -137,7 +137,7 @@ def identified(
 def proved(work: Work) -> None:
     """The band that is proved at every frequency, kept as soon as it is there; at the poles as they stand where there is no box."""
     result = work.identification
-    if not result.consistent:
+    if result.verified_status is not Status.CONSISTENT:
         return
     if result.prior.positive_real:  # a class without a gain has none
         return

@@ -140,8 +140,11 @@ class Fit:
         " acceleration.",
         flag="--quantity",
     )
-    feedthrough: bool = key(
-        flag, False, help="The response may differ from 0 at infinity: accelerometers, no delay.", flag="--feedthrough"
+    feedthrough: bool | None = key(
+        flag,
+        help="The response may differ from 0 at infinity: no delay. Default: of accelerations under forces, by their units, and of"
+        " scattering parameters.",
+        flag="--feedthrough",
     )
     time_limit: float | None = key(
         _positive,

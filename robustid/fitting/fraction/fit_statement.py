@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import as_array, as_count
-from robustid.data import FrequencyResponse, as_frequency_response, stacked
+from robustid.core import as_array, as_count, as_flag
+from robustid.data import FrequencyResponse, as_frequency_response, expected_feedthrough, stacked
 from robustid.errors import InputError
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.default_weight import default_weight, exact_covariance, other_weights
@@ -16,6 +16,13 @@ from robustid.fitting.fraction.fraction_forms import checked, fitted, problem_of
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.rigid_body import RigidBody
 from robustid.fitting.state_space.given_poles import Samples
+
+
+def takes_feedthrough(frf: FrequencyResponse, stated: object, *, excluded: bool) -> bool:
+    """Say whether a fit has a feed-through: as it is stated, else where the response is expected to have one."""
+    if stated is not None:
+        return as_flag("feedthrough", stated)
+    return not excluded and expected_feedthrough(frf) is not None
 
 
 class Statement(NamedTuple):

@@ -175,7 +175,7 @@ class Formulation(Frozen, Functions):
                 Remedy(
                     {},
                     "Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin the data:"
-                    " frf.select(slice(None, None, step)), a shorter record, or fewer points off resonance",
+                    " frf.select(slice(None, None, step)), a shorter record, or fewer points where the response is smooth",
                 ),
             )
 

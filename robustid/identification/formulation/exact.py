@@ -126,7 +126,7 @@ class ExactFormulation(Formulation):
                 Remedy(
                     {},
                     'Use form="auto" or "taylor", or thin the data: frf.select(slice(None, None, step)), a shorter record, or'
-                    " fewer points off resonance",
+                    " fewer points where the response is smooth",
                 ),
             )
 
