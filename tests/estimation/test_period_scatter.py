@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from support.fault_catalogue import CATALOGUE, changed
+from support.fault_catalogue import changed
+from support.fault_judge import CATALOGUE
 from support.fault_plants import answer, recipes, record, simulated
 
 ARM = simulated("arm")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from support.fault_catalogue import CATALOGUE, changed
-from support.fault_judge import found_faults
+from support.fault_catalogue import changed
+from support.fault_judge import CATALOGUE, found_faults
 from support.fault_plants import SIMULATED, recipes, record, records, simulated
 
 ARM = simulated("arm")

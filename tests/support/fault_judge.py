@@ -10,7 +10,7 @@ import support.fault_responses
 import support.fault_samples  # noqa: F401  # they enter theirs in the catalogue
 from support.fault_catalogue import CATALOGUE, STRENGTHS, Faulty
 
-__all__ = ["STRENGTHS", "Judged", "catalogue", "found_faults", "judged", "of_faulty"]
+__all__ = ["CATALOGUE", "STRENGTHS", "Judged", "catalogue", "found_faults", "judged", "of_faulty"]
 AMONG = 2
 
 
