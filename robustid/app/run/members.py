@@ -16,7 +16,7 @@ from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.member_poles import modes_of, with_poles
 from robustid.app.run.modes import Box
 from robustid.app.run.posing import without_class
-from robustid.app.run.reading import Tables
+from robustid.app.run.reading import D, Tables
 from robustid.app.run.results import FamilyRun
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
@@ -79,7 +79,11 @@ def _named_alike(name: str, mine: Measured, first: Measured, around: Surrounding
         around.say(
             f"{side} of {name}: {', '.join(s.name for s, _ in pairs)} stand for {', '.join(n for _, n in pairs)}"
         )
-    return mine.each(lambda item: dataclasses.replace(item, **names)) if names else mine
+
+    def named(item: D) -> D:
+        return dataclasses.replace(item, **names)
+
+    return mine.each(named) if names else mine
 
 
 def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:
