@@ -242,7 +242,7 @@ def _seen(samples: SampleMap, U: Real, ways: Moves) -> Moves:
     the numerators nowhere.
     """
     J = samples.real(ways.columns) * ways.size
-    R: Real = np.linalg.qr(J - U @ (U.T @ J), mode="r")
+    R = np.asarray(np.linalg.qr(J - U @ (U.T @ J), mode="r"), dtype=float)
     _, values, right = singular_parts(R)
     kept = right[: values.size][values > _UNSEEN * values.max(initial=0.0)].T
     turn = ways.size[:, None] * kept
