@@ -5,7 +5,7 @@ from robustid.core.choice import Choice, Source
 from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
-from robustid.core.least_squares import DampedSteps, Projection, lengths, projected
+from robustid.core.least_squares import DampedSteps, Projection, lengths, projected, singular_parts
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import Budget, Interruptible, Pace, Progress, Stops, Unfinished, pass_on, show_progress
 from robustid.core.rounding import rounded_down, rounded_up
@@ -113,6 +113,7 @@ __all__ = [
     "series_at",
     "show_progress",
     "simulate",
+    "singular_parts",
     "stored",
     "threads_for",
     "time_words",

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core.state_space import Real
@@ -57,6 +58,17 @@ def lengths(matrix: NDArray[np.inexact], axis: int = 0, *, keepdims: bool = Fals
     return size
 
 
+def singular_parts(matrix: Real) -> tuple[Real, Real, Real]:
+    """U, the singular values and V' of a matrix of finite entries, of the smaller size; by the QR iteration where the faster
+    method does not converge.
+    """
+    try:
+        left, sizes, directions = np.linalg.svd(matrix, full_matrices=False)
+    except np.linalg.LinAlgError:
+        left, sizes, directions = scipy.linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
+    return left, sizes, directions
+
+
 class DampedSteps(NamedTuple):
     """Steps d of the least ``|J d - r|^2 + damping |d|^2``, for every damping from one singular value decomposition of J.
 
@@ -77,7 +89,7 @@ class DampedSteps(NamedTuple):
     @classmethod
     def of(cls, J: Real, r: Real, seen: float = 0.0) -> DampedSteps:
         """The steps along directions of which J sees more than this part of what it sees of the first."""
-        left, sizes, directions = np.linalg.svd(J, full_matrices=False)
+        left, sizes, directions = singular_parts(J)
         if seen:
             kept = sizes > seen * sizes[:1]
             left, sizes, directions = left[:, kept], sizes[kept], directions[kept]

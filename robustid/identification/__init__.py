@@ -11,7 +11,7 @@ from robustid.identification.certificate import (
 )
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
-from robustid.identification.formulation import FORMS
+from robustid.identification.formulation import FORMS, told_apart_functions
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.passive import check_gain, class_size, class_value, contradictions
@@ -74,6 +74,7 @@ __all__ = [
     "prior_fields",
     "prior_from",
     "prove_margin",
+    "told_apart_functions",
     "validate",
     "verify_margin_exactly",
     "verify_support_exactly",

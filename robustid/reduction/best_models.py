@@ -43,6 +43,7 @@ _STEPS, _FEW = 40, 4  # convex steps of the minimax search; where least squares 
 _ALIKE = 1e-3  # relative difference of least squares that are the same, size and largest residual
 _FROM_ABOVE = 4  # orders above from which a model is truncated as a start
 _CLOSER = 100  # times nearer the circle than any pole of the identified model: what a pole may be
+_WITHIN = 1 - 4 * np.finfo(float).eps  # at most: functions of a pole on the circle or beyond have no norm
 _ROUNDING = 1e-5  # of the margin of inconsistent data, which the identified model keeps to so much
 
 
@@ -70,7 +71,7 @@ class BestModels:
         basis = identification.problem.parametric
         self._held = pole_starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
         poles = pole_starts.without_integrators(identification.model.poles(), self.chains)
-        self.radius = 1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER
+        self.radius = min(1 - (1 - float(np.abs(poles).max(initial=0.0))) / _CLOSER, _WITHIN)
         self.limit = 1.0
         self.fits: dict[int, Fit] = {}
         self.found: dict[int, Found] = {}
@@ -213,19 +214,20 @@ class BestModels:
 
     def _starts(self, n: int) -> Iterator[Pair | None]:
         """Functions to start from, n of them."""
+        samples = self.samples
         yield from (family(n) for family in self._families)
         if n > REFINED:
             return
-        yield pole_starts.from_lines(self.identification, self.samples, n)
-        yield pole_starts.sanathanan_koerner(self.samples, self._target, n)
+        yield pole_starts.from_lines(self.identification, samples, n)
+        yield _usable(lambda: pole_starts.sanathanan_koerner(samples, self._target, n))
         for step in (1, 2):
             below = self.fits.get(n + self.chains - step)
             if below is not None:
-                yield from pole_starts.grown(self.samples, below, n)
-        for step in range(1, _FROM_ABOVE + 1) if self.samples.heads > 1 else ():
+                yield from pole_starts.grown(samples, below, n)
+        for step in range(1, _FROM_ABOVE + 1) if samples.heads > 1 else ():
             above = self.fits.get(n + self.chains + step)
             if above is not None:
-                yield pole_starts.truncated(self.samples, above, n)
+                yield _usable(lambda f=above: pole_starts.truncated(samples, f, n))
 
     def _best(self, pairs: Iterable[Pair | None], n: int) -> Fit | None:
         """The best fit from these starts: all are looked at, the best followed; where it comes near the limit, the others too."""
@@ -284,6 +286,16 @@ class BestModels:
                 yield found
             if not hopeful or (found is not None and found.worst <= self.limit):
                 return
+
+
+def _usable(attempt: Callable[[], Pair]) -> Pair | None:
+    """The functions, None where numbers overflow on the way or a factorisation fails: the other starts remain."""
+    try:
+        with np.errstate(all="ignore"):
+            pair = attempt()
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return pair if np.isfinite(pair.A).all() and np.isfinite(pair.C).all() else None
 
 
 def _quiet(attempt: Callable[[], Fit]) -> Fit | None:

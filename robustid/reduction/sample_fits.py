@@ -20,7 +20,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import Sections
-from robustid.core import Budget, Complex, DampedSteps, Real
+from robustid.core import Budget, Complex, DampedSteps, Real, singular_parts
 from robustid.reduction.gramians import Parts, gramian_factors
 from robustid.reduction.sample_map import SampleMap, Samples, Signals
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
@@ -242,7 +242,8 @@ def _seen(samples: SampleMap, U: Real, ways: Moves) -> Moves:
     the numerators nowhere.
     """
     J = samples.real(ways.columns) * ways.size
-    _, values, right = np.linalg.svd(np.linalg.qr(J - U @ (U.T @ J), mode="r"))
+    R = np.asarray(np.linalg.qr(J - U @ (U.T @ J), mode="r"), dtype=float)
+    _, values, right = singular_parts(R)
     kept = right[: values.size][values > _UNSEEN * values.max(initial=0.0)].T
     turn = ways.size[:, None] * kept
 

@@ -5,20 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, lengths
+from robustid.core import Complex, Real, lengths, singular_parts
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
 from robustid.identification.solver import Cones, Limits, Program, path, start
 
 _RANK = 1e-12  # directions that the samples see less than this, relatively, are left alone
+_LEAST = 1e-280  # largest entry of a column, below which its inverse overflows
 _GAP = 1e-4  # relative, of the maximum
 
 
 def orthonormal_columns(stacked: Real) -> tuple[Real, Real]:
-    """U with orthonormal columns and V such that U = stacked V; columns of any size, of any rank."""
-    norms = lengths(stacked)
-    U, s, Vt = np.linalg.svd(stacked / norms, full_matrices=False)
+    """U with orthonormal columns and V such that U = stacked V; columns of any size, of any rank. Columns that are not finite, of
+    functions that overflow, and those too small to be divided by, have no part in U.
+    """
+    largest = np.abs(stacked).max(axis=0, initial=0.0)
+    usable = np.isfinite(largest) & (largest > _LEAST)
+    scale = np.ldexp(1.0, np.frexp(np.where(usable, largest, 1.0))[1] - 1)  # powers of two: nothing is rounded
+    scaled = np.where(usable, stacked, 0.0) / scale
+    norms = lengths(scaled)
+    U, s, Vt = singular_parts(scaled / norms)
     kept = s > _RANK * s.max(initial=0.0)
-    return U[:, kept], Vt[kept].T / s[kept] / norms[:, None]
+    V = Vt[kept].T / s[kept] / norms[:, None] / scale[:, None]
+    return U[:, kept], np.where(usable[:, None], V, 0.0)
 
 
 def smallest_maximum(

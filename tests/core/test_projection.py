@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from robustid.core import DampedSteps, balancing, lengths
+from robustid.core import DampedSteps, balancing, lengths, singular_parts
 
 pytestmark = pytest.mark.quick
 
@@ -76,3 +76,18 @@ def test_factors_without_columns_have_no_state():
     found = balancing(np.zeros((3, 0)), np.zeros((3, 0)))
     assert found.hankel.size == 0
     assert found.truncated(np.eye(3), np.ones((3, 1)), np.ones((1, 3)), 0)[0].shape == (0, 0)
+
+
+def test_a_decomposition_that_the_faster_method_cannot_find_is_found(monkeypatch):
+    """The driver by divide and conquer fails on rare matrices of finite numbers; the parts are the same up to signs."""
+    A = np.random.default_rng(0).standard_normal((7, 4))
+
+    def fails(*_, **__):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    wanted = np.linalg.svd(A, compute_uv=False)
+    with monkeypatch.context() as patch:
+        patch.setattr(np.linalg, "svd", fails)
+        left, sizes, directions = singular_parts(A)
+    np.testing.assert_allclose(sizes, wanted, rtol=1e-12)
+    np.testing.assert_allclose(left * sizes @ directions, A, atol=1e-12)

@@ -10,7 +10,7 @@ import pytest
 import robustid as rid
 from robustid.core import response
 from robustid.identification import model_residuals
-from robustid.reduction import sample_fits
+from robustid.reduction import best_models, sample_fits
 from robustid.reduction.pole_starts import sanathanan_koerner, statespace
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
@@ -135,3 +135,35 @@ def test_response_of_a_model_is_that_of_its_states():
     (frf,) = structure(0).frequency
     mine = samples.tracks[0].states(A, C[0], samples.tracks[0].signal)[:, 0] @ np.ones(4)
     np.testing.assert_allclose(mine, response(model, frf.omega * 0.01), rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-200, 1.0, 1e200, 1e307])
+def test_columns_of_any_size_are_orthonormalised(size):
+    """Norms of such columns overflow or vanish, one by one; what is too small to be divided by has no part."""
+    G = np.random.default_rng(0).standard_normal((40, 5)) * np.array([1, 1, size, 1, 1])
+    U, V = orthonormal_columns(G)
+    assert U.shape == (40, 5 if size > 1e-280 else 4)
+    np.testing.assert_allclose(U.T @ U, np.eye(U.shape[1]), atol=1e-13)
+    np.testing.assert_allclose(G @ V, U, atol=1e-13)
+
+
+@pytest.mark.parametrize("bad", [np.inf, -np.inf, np.nan])
+def test_columns_that_overflow_have_no_part(bad):
+    G = np.random.default_rng(0).standard_normal((40, 5))
+    wanted, _ = orthonormal_columns(G[:, [0, 1, 3, 4]])
+    G[7, 2] = bad
+    U, V = orthonormal_columns(G)
+    np.testing.assert_allclose(U @ U.T, wanted @ wanted.T, atol=1e-13)
+    assert not V[2].any()
+
+
+def test_a_start_whose_factorisation_fails_leaves_the_others(monkeypatch):
+    """The smallest order is found as without it."""
+    identification = rid.identify(mixed("rest"))
+    wanted = rid.reduce_within_bounds(identification).order
+
+    def fails(*_):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(best_models.pole_starts, "sanathanan_koerner", fails)
+    assert rid.reduce_within_bounds(identification).order == wanted

@@ -13,17 +13,16 @@ from robustid.app.run.class_choice import inflated_problem, with_inflation, with
 from robustid.app.run.class_settings import prior_keys
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured, measured
-from robustid.app.run.modes import Box, with_fit, with_modes
+from robustid.app.run.member_poles import modes_of, with_poles
+from robustid.app.run.modes import Box
 from robustid.app.run.posing import without_class
-from robustid.app.run.reading import Tables
+from robustid.app.run.reading import D, Tables
 from robustid.app.run.results import FamilyRun
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sequence import diagnosis_of, identified
-from robustid.app.run.settings import Modes
 from robustid.app.run.sources import MemberChoice
 from robustid.app.run.work import Untouched
-from robustid.core import Source
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import Member, family, frequencies_of
 from robustid.identification import Identification, MixedProblem, Prior
@@ -32,26 +31,26 @@ _AS_STATED = (
     "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
     " be covered"
 )
-_NO_BOX = {"damping": None, "hz_interval": None, "damping_interval": None}
-POLES = ("hz", *_NO_BOX)  # keys that say which poles a plant has
 
 
 def run_members(run: RunFile, place: Path, around: Surroundings) -> FamilyRun:
-    """The family that a run file with [[members]] describes: modes of the first member, or with ``over_poles = true`` as many
-    of every member with the box that its data leave them; the largest gain bound and the smallest decay rate that any member
-    asks for.
+    """The family that a run file with [[members]] describes: as many modes of every member, from its own data where they aren't
+    stated, with ``over_poles = true`` in any case and with the box that its data leave them; the largest gain bound and the
+    smallest decay rate that any member asks for.
     """
     data: dict[str, Measured] = {}
     tables = Tables()  # a record of the noise floor may be of all
     for member in run.members:
         around.say(f"member {member.name}")
         stated, data[member.name] = measured(run.of_member(member.name), place, around, tables)
+        first = next(iter(data.values()))
+        data[member.name] = _named_alike(member.name, data[member.name], first, around)
         run = run.with_member(member.name, stated)
-    run = _with_own_poles(_with_modes(run, data, around), data, around)
+    run = with_poles(run, data, around)
     problems: dict[str, MixedProblem] = {}
     left: dict[str, Untouched] = {}
     for name, mine in data.items():
-        run, problems[name], left[name] = without_class(run, mine, _modes_of(run, name))
+        run, problems[name], left[name] = without_class(run, mine, modes_of(run, name))
     run = _one_inflation(run, problems, around)
     problems = {name: inflated_problem(problem, run) for name, problem in problems.items()}
     run, prior = _one_prior(run, problems, around)
@@ -63,51 +62,28 @@ def run_members(run: RunFile, place: Path, around: Surroundings) -> FamilyRun:
     return _united(run, found, left, around)
 
 
-def _with_modes(run: RunFile, data: dict[str, Measured], around: Surroundings) -> RunFile:
-    """The poles of the parametric part, from the first member where they aren't stated, which their note says then."""
-    name, first = next(iter(data.items()))
-    found = with_modes(with_fit(run, first, around), first, around)
-    if run.modes.hz is not None or not found.modes.hz:
-        return found
-    return found.changed("modes", note=f"{found.modes.note}\nOf {name}, the first of the members.")
+def _named_alike(name: str, mine: Measured, first: Measured, around: Surroundings) -> Measured:
+    """The data of a member with the signal names of the first member: the arrays of its files may be called otherwise.
 
+    Not where a name stands at another place there: such signals are in another order. Units of their own stay.
+    """
+    one, own = (next(iter((*data.responses, *data.records))) for data in (first, mine))
+    names: dict[str, Any] = {}
+    for side in ("outputs", "inputs"):
+        theirs, ours = getattr(one, side), getattr(own, side)
+        there = [signal.name for signal in theirs]
+        pairs = [(s, n) for s, n in zip(ours, there, strict=False) if s.name != n]
+        if not pairs or len(ours) != len(theirs) or any(s.name in there for s, _ in pairs):
+            continue
+        names[side] = [(n, s.unit) for s, n in zip(ours, there, strict=True)]
+        around.say(
+            f"{side} of {name}: {', '.join(s.name for s, _ in pairs)} stand for {', '.join(n for _, n in pairs)}"
+        )
 
-def _with_own_poles(run: RunFile, data: dict[str, Measured], around: Surroundings) -> RunFile:
-    """The poles of every member with the box that its own data leave them, where the band is to cover it."""
-    if not run.worst_case.over_poles or not run.modes.hz:
-        return run
-    found: list[MemberChoice] = []
-    one_box = run.modes.hz_interval is not None and run.modes.source is not Source.DATA
-    for member in run.members:
-        own = member
-        if own.hz is None and one_box:
-            own = dataclasses.replace(member, **{name: getattr(run.modes, name) for name in POLES})
-        elif own.hz is None:
-            around.say(f"looking for the modes of {member.name}")
-            open_modes = dataclasses.replace(
-                run.modes, hz=None, count=len(run.modes.hz), source=None, note=None, **_NO_BOX
-            )
-            try:
-                modes = with_modes(run.changed("modes", **vars(open_modes)), data[member.name], around).modes
-            except InputError as error:
-                raise InputError(f"modes of member {member.name!r}: {error}") from None
-            own = dataclasses.replace(member, **{name: getattr(modes, name) for name in POLES})
-        if own.hz_interval is None or len(own.hz or ()) != len(run.modes.hz):
-            raise InputError(
-                f"over_poles = true needs the poles of member {member.name!r} and their box, and its data show"
-                f" {len(own.hz or ())} of the {len(run.modes.hz)} modes of [modes]: give hz, damping, hz_interval and"
-                " damping_interval in its [[members]], or leave over_poles out"
-            )
-        found.append(own)
-    return dataclasses.replace(run, members=tuple(found))
+    def named(item: D) -> D:
+        return dataclasses.replace(item, **names)
 
-
-def _modes_of(run: RunFile, name: str) -> Modes:
-    """The poles of a member: its own, or those of all."""
-    own = next(member for member in run.members if member.name == name)
-    if own.hz is None:
-        return run.modes
-    return dataclasses.replace(run.modes, **{pole: getattr(own, pole) for pole in POLES})
+    return mine.each(named) if names else mine
 
 
 def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:

@@ -14,6 +14,7 @@ from robustid.app.run.class_choice import (
     with_prior,
 )
 from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.fewer_modes import without_dependent
 from robustid.app.run.kept_out import split_points
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of, with_faults, with_fit, with_modes
@@ -37,15 +38,25 @@ def posed(
     folder = around.folder
     _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
     folder.responses(data.responses)
+    asked = run.modes
     run = with_modes(with_fit(run, data, around), data, around)
     data = with_faults(run, data, around)
-    run, problem, left = without_class(run, data, run.modes)
+    run, problem, left = told_apart(run, data, asked)
     run = with_inflation(run, problem, around)
     problem = inflated_problem(problem, run)
     folder.choices(run)
     run, problem = with_prior(run, problem, around, reference=reference)
     folder.choices(run)
     return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
+
+
+def told_apart(run: RunFile, data: Measured, asked: Modes) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The same as `without_class`, without modes that the program chose, not `asked`, and that the data cannot tell apart."""
+    found, problem, left = without_class(run, data, run.modes)
+    while (modes := without_dependent(run.modes, asked, problem)) is not None:
+        run = dataclasses.replace(run, modes=modes)
+        found, problem, left = without_class(run, data, modes)
+    return found, problem, left
 
 
 def without_class(run: RunFile, data: Measured, modes: Modes) -> tuple[RunFile, MixedProblem, Untouched]:

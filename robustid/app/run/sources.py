@@ -228,7 +228,7 @@ class MemberChoice:
     date: str | None = key(text(), help="When it was measured.")
     hz: tuple[float, ...] | None = key(
         several(_positive),
-        help="Frequencies of its own poles, as many as [modes] has; default: those of [modes].",
+        help="Frequencies of its own poles, as many as [modes] has; default: those that [modes] states, else from its data.",
         unit="Hz",
     )
     damping: tuple[float, ...] | None = key(several(_positive), help="Damping ratios of its own poles.")

@@ -9,6 +9,7 @@ from robustid.identification.formulation.classical import ClassicalFormulation
 from robustid.identification.formulation.columns import DenseDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.exact import QUICK_EXACT, ExactFormulation
+from robustid.identification.formulation.parametric_rows import ToldApart, told_apart_functions
 from robustid.identification.formulation.parts import Part, parts_of
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
@@ -33,6 +34,7 @@ __all__ = [
     "SectionsFormulation",
     "SymmetricBall",
     "TaylorFormulation",
+    "ToldApart",
     "formulate",
     "formulate_in",
     "formulate_over",
@@ -40,4 +42,5 @@ __all__ = [
     "lightest",
     "measured_entries",
     "parts_of",
+    "told_apart_functions",
 ]

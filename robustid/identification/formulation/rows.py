@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Numbers, Real, freeze
+from robustid.core import Frozen, Numbers, Real, freeze, singular_parts
 from robustid.errors import InputError
 from robustid.identification.formulation.assembly import Assembly, Block
 from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
@@ -87,6 +87,11 @@ class Rows(Frozen):
 
 def measurement_rows(functions: Functions) -> Rows:
     """All samples of the problem as `Rows`, seen through the functions of a formulation."""
+    return _stacked(functions.problem, experiment_blocks(functions), functions)
+
+
+def experiment_blocks(functions: Functions) -> list[Block]:
+    """The rows of all experiments of the problem, responses first."""
     problem = functions.problem
     assembly = Assembly(problem, functions)
     blocks = [block for frf in problem.frequency for block in assembly.lines(frf)]
@@ -95,7 +100,7 @@ def measurement_rows(functions: Functions) -> Rows:
         for output in range(record.y.shape[1]):
             if np.any(record.bound.used[:, output]):
                 blocks.append(make(record, output))
-    return _stacked(problem, blocks, functions)
+    return blocks
 
 
 def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -> Rows:
@@ -173,7 +178,7 @@ def _check_independent(problem: MixedProblem, P: Numbers, free: NDArray[np.intp]
     if not P.shape[1]:
         return
     stacked = np.vstack([np.real(P), np.imag(P)])
-    _, singular, directions = np.linalg.svd(stacked / np.linalg.norm(stacked, axis=0), full_matrices=False)
+    _, singular, directions = singular_parts(stacked / np.linalg.norm(stacked, axis=0))
     rank = int(np.sum(singular > 1e-10 * singular[0])) if singular.size else 0
     if rank < P.shape[1]:
         involved = free[np.abs(directions[-1]) > 0.1]

@@ -1,0 +1,100 @@
+"""Modes that a run chooses never end it: those that the data cannot tell apart are left out, the least important first."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.run.fewer_modes import INTEGRATOR, superfluous, without_mode
+from robustid.app.run.measurements import Measured
+from robustid.app.run.modes import basis_of
+from robustid.app.run.posing import posed
+from robustid.app.run.run_file import read_run_file
+from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.settings import Modes
+from robustid.identification import any_prior
+
+DT = 0.005
+
+
+def record_of(seed):
+    """A plant of two pairs of close modes, from an unknown state, moved by a step."""
+    rng = np.random.default_rng([seed, 5])
+    hz = rng.uniform(5, 60, 2)
+    basis = rid.kautz(
+        2 * np.pi * np.concatenate([hz, hz * rng.uniform(1.0005, 1.02)]), rng.uniform(0.001, 0.05, 4), dt=DT
+    )
+    u = np.ones(80)
+    y = np.convolve(u, basis.impulse(80) @ rng.standard_normal(basis.size))[:80]
+    noise = 1e-3 * y.std()
+    return rid.TimeRecord(u, y + noise * rng.uniform(-1, 1, 80), dt=DT, initial="free", bound=2 * noise)
+
+
+def of_data(data, **sections):
+    return posed(read_run_file(sections, "a test", sources=False), data, Surroundings(), reference=False)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_steps_from_an_unknown_state_never_end_a_run(seed):
+    """What a step adds to free responses is one constant, whatever the modes: no mode can be told from its transient."""
+    data = Measured((), (record_of(seed),))
+    run, problem, _ = of_data(data, modes={"count": 1}, prior={"gain_bound": 10.0, "decay_rate": 1.05})
+    assert "\nLeft out, because the data cannot tell it apart from the others: " in run.modes.note
+    assert rid.identify(problem).margin < np.inf
+
+
+def test_modes_that_are_stated_are_refused():
+    data = Measured((), (record_of(0),))
+    with pytest.raises(rid.InputError, match="the data cannot tell its 4 functions"):
+        of_data(data, modes={"hz": [20.0], "damping": [0.01], "delay": 0})
+
+
+def test_few_points_never_end_a_run_that_looks_for_its_modes():
+    """Twelve real numbers for 14 functions: what was stated of repeats and integrators is kept."""
+    asked = {"count": 2, "repeat": 3, "integrators": 2}
+    omega = np.linspace(20.0, 300.0, 6)
+    frf = rid.FrequencyResponse(omega, 1 / (100.0**2 - omega**2 + 2j * omega), bound=1e-6, dt=DT)
+    run, problem, _ = of_data(Measured((frf,), ()), modes=asked)
+    assert (run.modes.repeat, run.modes.integrators) == (3, 2)
+    assert len(run.modes.hz) < 2
+    assert rid.identify(problem).margin < np.inf
+
+
+def problem_of(modes, y_of):
+    """Exact lines of a sum of the functions of the modes."""
+    basis = basis_of(modes, DT)
+    omega = np.linspace(10.0, 500.0, 40)
+    frf = rid.FrequencyResponse(omega, basis.response(omega * DT) @ np.asarray(y_of), bound=1e-3, dt=DT)
+    return rid.MixedProblem(frequency=frf, prior=any_prior(DT), parametric=basis)
+
+
+OPEN = Modes()
+
+
+def test_the_least_important_of_those_that_depend_on_each_other_is_left_out():
+    """Neither the smallest of all, which the data tell from the others, nor the larger of the two that are one."""
+    near = 20.0 * (1 + 1e-13)
+    modes = Modes(hz=(5.0, 20.0, near), damping=(0.1, 0.01, 0.01), delay=0, note="Modes.")
+    problem = problem_of(modes, [1e-3, 0, 1, 0, 1, 0])
+    number = superfluous(modes, OPEN, problem)
+    assert number in (1, 2)
+    fewer = without_mode(modes, number)
+    assert len(fewer.hz) == 2
+    assert fewer.hz[0] == 5.0
+    assert (
+        fewer.note
+        == f"{modes.note}\nLeft out, because the data cannot tell it apart from the others: 20 Hz, damping 0.01."
+    )
+    assert superfluous(fewer, OPEN, problem_of(fewer, [1e-3, 0, 1, 0])) is None
+
+
+def test_integrators_that_the_program_chose_go_too_and_stated_ones_stay():
+    """At few points of a rigid body alone, beside one mode that is most of the response."""
+    modes = Modes(hz=(20.0,), damping=(0.01,), integrators=2, delay=0, note="")
+    basis = basis_of(modes, DT)
+    omega = np.array([90.0])
+    frf = rid.FrequencyResponse(omega, basis.response(omega * DT) @ [1e-9, 1e-9, 1, 1], bound=1e-3, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=any_prior(DT), parametric=basis)
+    assert superfluous(modes, OPEN, problem) == INTEGRATOR
+    assert without_mode(modes, INTEGRATOR).integrators == 1
+    assert superfluous(modes, Modes(integrators=2), problem) == 0
+    assert superfluous(modes, Modes(hz=(20.0,), damping=(0.01,)), problem) is None
