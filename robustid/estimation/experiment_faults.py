@@ -104,7 +104,7 @@ def _of_record(model: ResponseModel, record: TimeRecord, count: int) -> list[Fau
         trial = RecordTrial(model, record, i, simulated)
         if not _sound(trial, count * len(record.outputs)):
             best = trial.best()
-            if best is not None or trial.before.count:
+            if best is not None or trial.before.samples:
                 found.append((trial, best))
     sizes = [best.size for _, best in found if best is not None]
     kinds = {None if best is None else best.kind for _, best in found}
@@ -124,11 +124,11 @@ def _sound(trial: RecordTrial, tests: int) -> bool:
     before = trial.before
     if not np.isfinite(trial.sigma) or not np.isfinite(before.cost):
         return True
-    if before.count == 0:  # its frequencies are all other than those of the response
+    if before.samples == 0:  # its frequencies are all other than those of the response
         return False
     if np.isfinite(trial.spare):
-        return before.cost <= before.count * float(scipy.stats.f.isf(_FALSE / tests, before.count, trial.spare))
-    return before.cost <= float(scipy.stats.chi2.isf(_FALSE / tests, before.count))
+        return before.cost <= before.samples * float(scipy.stats.f.isf(_FALSE / tests, before.samples, trial.spare))
+    return before.cost <= float(scipy.stats.chi2.isf(_FALSE / tests, before.samples))
 
 
 def _fault(trial: RecordTrial, best: Remedy | None, where: str) -> Fault:
@@ -136,7 +136,7 @@ def _fault(trial: RecordTrial, best: Remedy | None, where: str) -> Fault:
     missed = f"a model of the response misses it by {before.times:.3g} times {bound} (rms)"
     if best is not None:
         after = f"{best.left.times:.2g} times"
-        if not before.count:
+        if not before.samples:
             missed = (
                 f"as it stands the record has none of the frequencies of the response, and is missed by {after} {bound}"
             )

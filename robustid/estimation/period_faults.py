@@ -43,12 +43,13 @@ def period_faults(records: list[TimeRecord], period: int, told: set[tuple[int, s
     if several:
         found += _noisy(u, y, period, names, told | {(k, fault.where) for fault in tones for k in range(len(records))})
     known = told | {(k, fault.where) for fault in found for k in range(len(records))}
-    steady = [
-        without_drift(np.stack([getattr(r, name)[_steady(records, period)] for r in records]), period)[0]
-        for name in "uy"
-    ]
-    jitter = jitter_faults(records, steady[1], period, known)
-    return found + jitter + (loop_faults(records, *steady, period) or _input_noise(records, u, period))
+    part = _steady(records, period)
+    all_u, all_y = (
+        without_drift(np.stack([one[part] for one in signals]), period)[0]
+        for signals in ([r.u for r in records], [r.y for r in records])
+    )
+    jitter = jitter_faults(records, all_y, period, known)
+    return found + jitter + (loop_faults(records, all_u, all_y, period) or _input_noise(records, u, period))
 
 
 def _steady(records: list[TimeRecord], period: int) -> slice:

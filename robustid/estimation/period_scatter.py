@@ -34,12 +34,12 @@ def jitter_faults(records: list[TimeRecord], y: Real, period: int, told: set[tup
             continue
         cut = y[:, :, i].reshape(len(y), -1, period)
         periods = cut.shape[1]
-        mean = cut.mean(axis=1, keepdims=True)
+        mean: Real = np.asarray(cut.mean(axis=1, keepdims=True), dtype=float)
         left = (cut - mean) * np.sqrt(periods / (periods - 1))
         slope: Real = np.broadcast_to((np.roll(mean, -1, axis=2) - np.roll(mean, 1, axis=2)) / 2, left.shape)
-        power = float(np.mean(left**2))
+        power = float(np.mean(np.asarray(left, dtype=float) ** 2))
         square = slope**2 - np.mean(slope**2, axis=2, keepdims=True)
-        steep = np.sum(square**2, axis=2)
+        steep: Real = np.sum(square**2, axis=2)
         if left[..., 0].size < _FEWEST or power == 0 or not np.all(steep > 0):
             continue
         each = (np.sum(square * left**2, axis=2) / steep).ravel()

@@ -233,7 +233,11 @@ def _predicted(others: Sequence[Piece], one: Piece, poles: Complex) -> Complex:
 def _placed(signals: list[_Signals], base: Fitted, records: Sequence[TimeRecord], where: str) -> list[Fault]:
     """Output that comes before its input, or long after it; input and output exchanged."""
     used = signals[:2]
-    part: Callable[[int], float] = functools.cache(lambda shift: _part(_fit(used, (), shift=shift)))
+
+    @functools.cache
+    def part(shift: int) -> float:
+        return _part(_fit(used, (), shift=shift))
+
     ahead = part(-_AHEAD[1]) if base.part > _LEAST / 10 else np.inf
     if ahead < base.part / _ALIKE:
         ahead = min(part(-shift) for shift in _AHEAD)

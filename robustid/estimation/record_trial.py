@@ -37,13 +37,13 @@ class Left(NamedTuple):
     """Rest that a prediction leaves of an output: squares in units of the bound, their number, and the residual (T,)."""
 
     cost: float
-    count: int
+    samples: int
     residual: Real
 
     @property
     def times(self) -> float:
         """Rms in units of the bound; infinite where nothing is looked at."""
-        return float(np.sqrt(self.cost / self.count)) if self.count else np.inf
+        return float(np.sqrt(self.cost / self.samples)) if self.samples else np.inf
 
 
 class Remedy(NamedTuple):
@@ -122,8 +122,8 @@ class RecordTrial:
 
     def _score(self, one: Remedy) -> float:
         """Bayesian information criterion of the means of what is left, and the unknowns that it took."""
-        return max(self.before.count, 1) * float(np.log(max(one.left.times**2, 1e-300))) + one.unknowns * float(
-            np.log(max(self.before.count, 2))
+        return max(self.before.samples, 1) * float(np.log(max(one.left.times**2, 1e-300))) + one.unknowns * float(
+            np.log(max(self.before.samples, 2))
         )
 
     # --- what is left ---
@@ -160,7 +160,7 @@ class RecordTrial:
             parts += [(int(k), int(k + each)) for k in range(start, stop - each + 1, each) if each >= _SHORTEST]
         chosen = np.unique(np.linspace(0, max(len(parts) - 1, 0), _BLOCKS).astype(int))
         found: list[_Block] = []
-        for a, b in (parts[k] for k in chosen if parts):
+        for a, b in [parts[int(k)] for k in chosen] if parts else []:
             # Before a record from rest there was nothing: that is known too.
             before = b - a if a == 0 and self.initial == "rest" else 0
             found.append(_Block(slice(a, b), band_sequences(b - a + before, low, high)[before:]))
@@ -322,7 +322,7 @@ class RecordTrial:
         if self.initial != "free" and np.any(begins > _SEEN * self.sigma):
             free = self._free
             left = self._left(self.y, self.predicted, extra=free)
-            if left.count >= _SPARE_OF_START:
+            if left.samples >= _SPARE_OF_START:
                 words = 'the record does not start at rest: a free response explains what is left of {where}. Give initial="free"'
                 found.append(Remedy(FaultKind.NOT_AT_REST, words, "", self.before.times, free.shape[1], left))
         return found
