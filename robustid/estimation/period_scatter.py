@@ -1,4 +1,4 @@
-"""What periods that differ say: sample instants that are off, and inputs that follow outputs."""
+"""Scatter of periods: sample instants that are off, and inputs that follow outputs."""
 
 from __future__ import annotations
 
