@@ -1,10 +1,11 @@
 """Catalogue of faults: which are named, with which correction, and what clean data are told; a table for the documentation.
 
 Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/faults.py [--plants stage arm ...] [--only "spike (random)" ...]
-     [--clean 200]
+     [--clean 200] [--csv docs/recorded/faults.csv]
 """
 
 import argparse
+import csv
 import sys
 import time
 from collections import Counter
@@ -22,11 +23,12 @@ def main():
     parser.add_argument("--plants", nargs="*", default=[*SIMULATED, *MEASURED])
     parser.add_argument("--only", nargs="*")
     parser.add_argument("--clean", type=int, default=5, help="seeds of clean data")
+    parser.add_argument("--csv", type=Path, help="the table as the documentation shows it")
     parser.add_argument("-v", action="store_true", help="what was found of every case")
     arguments = parser.parse_args()
     plants = {name: simulated(name) if name in SIMULATED else measured(name) for name in arguments.plants}
     known = catalogue()
-    said = {strength: Counter() for strength in STRENGTHS}
+    said, table = {strength: Counter() for strength in STRENGTHS}, [["Fault", *STRENGTHS]]
     for name in arguments.only or known:
         row = []
         for strength in STRENGTHS:
@@ -43,10 +45,14 @@ def main():
                     for words in found.said:
                         print(f"        {words}")
             row.append(" ".join(f"{count} {outcome}" for outcome, count in Counter(outcomes).items()))
+        table.append([name, *(cell.replace("other", "otherwise") or "–" for cell in row)])
         print(f"{name:42} " + " | ".join(f"{cell:34}" for cell in row), flush=True)
     for strength, counts in said.items():
         total = sum(counts.values())
         print(f"{strength}: {total} cases, " + ", ".join(f"{count} {outcome}" for outcome, count in counts.items()))
+    if arguments.csv is not None:
+        with arguments.csv.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(table)
     told = Counter()
     for seed in range(arguments.clean):
         for plant in (p for p in arguments.plants if p in SIMULATED):
