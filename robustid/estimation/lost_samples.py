@@ -51,6 +51,7 @@ def _sides(a: Real, b: Real, y: Real, u: Real) -> tuple[Real, Real]:
 def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
     """Fault where `w` follows `v` at first, and `v` that comes so many samples later at last."""
     samples = w.size
+    lags = min(lags, samples // 4)
     last = slice(samples - samples // 3, samples)
     shift, sure = _best_shift(w, v, last, lags)
     if abs(shift) < _LEAST or sure < _CERTAIN:
@@ -93,6 +94,8 @@ def _best_shift(w: Real, v: Real, part: slice, lags: int) -> tuple[int, float]:
     errors = np.maximum(float(own @ own) + power - 2 * products, 0.0)
     errors += 1e-12 * float(own @ own)
     best = int(np.argmin(errors))
+    if errors[best] <= 0:
+        return 0, 0.0
     better = math.log(float(errors[reach]) / float(errors[best]))
     return best - reach, better / math.sqrt(2 / own.size) / 2
 

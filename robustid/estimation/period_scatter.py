@@ -16,7 +16,7 @@ _SHIFTED = 0.5  # of the scatter that the slope itself explains: another clock
 _GROUP, _GROUPS = 10, 4  # neighbouring lines that are taken together, and groups at least
 _COHERENT = 0.3  # of the groups
 _WORSE = 2.0  # times what is left where the response is taken for the relation of the scatter
-_ROUNDING = 1e-20  # of the power of an input
+_ROUNDING = 1e-20  # of the power of a signal
 
 
 def jitter_faults(records: list[TimeRecord], y: Real, period: int, told: set[tuple[int, str]]) -> list[Fault]:
@@ -40,7 +40,7 @@ def jitter_faults(records: list[TimeRecord], y: Real, period: int, told: set[tup
         power = float(np.mean(np.asarray(left, dtype=float) ** 2))
         square = slope**2 - np.mean(slope**2, axis=2, keepdims=True)
         steep: Real = np.sum(square**2, axis=2)
-        if left[..., 0].size < _FEWEST or power == 0 or not np.all(steep > 0):
+        if left[..., 0].size < _FEWEST or power <= _ROUNDING * float(np.mean(mean**2)) or not np.all(steep > 0):
             continue
         each = (np.sum(square * left**2, axis=2) / steep).ravel()
         sure = float(stdtrit(each.size - 1, 1 - _CHANCE)) * float(each.std(ddof=1)) / np.sqrt(each.size)

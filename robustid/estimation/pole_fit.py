@@ -83,6 +83,8 @@ class PoleFit:
             for poles in self._firsts(order)[: None if decades else 1]:
                 for _ in range(_RELOCATIONS * (1 + self.wide)):
                     poles = self._relocated(ahead, poles)
+                    if np.any(self.x[:, None] == poles):
+                        break  # on a frequency point: its functions are infinite there
                     best = min(best, (self._cost(ahead, poles), poles), key=lambda item: item[0])
             costs.append(best[0])
             found.append(best[1])

@@ -142,7 +142,7 @@ def _shifted(one: _Signals, shift: int) -> _Signals:
 
 def _pieces(signals: Sequence[_Signals]) -> list[Piece] | None:
     """Spectra at the lines that the inputs of all parts carry."""
-    if len({len(one.u) for one in signals}) > 1:
+    if len({len(one.u) for one in signals}) > 1 or len(signals[0].u) < 2 * _FEW:
         return None
     each = [carrying_lines(one.u, len(one.u)) for one in signals]
     lines = functools.reduce(np.intersect1d, each)

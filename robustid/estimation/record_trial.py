@@ -195,7 +195,10 @@ class RecordTrial:
     def _own_noise(self) -> float:
         """Noise that a model of the record alone leaves: its poles are those of the response, and any short delay."""
         slopes = self.predicted.slopes
-        late = [np.concatenate([np.zeros((k, self.u.shape[1])), self.u[: len(self.u) - k]]) for k in range(_TAPS)]
+        late = [
+            np.concatenate([np.zeros((k, self.u.shape[1])), self.u[: len(self.u) - k]])
+            for k in range(min(_TAPS, len(self.u)))
+        ]
         columns = np.hstack([slopes, *late, self._free])
         rows = np.vstack(
             [np.zeros((0, columns.shape[1])), *(one.sequences.T @ columns[one.rows] for one in self._blocks)]

@@ -150,7 +150,8 @@ def in_steps(signal: Real, u: Real, where: str) -> list[Fault]:
     whole: Real = (values - values[0]) / step
     if np.abs(whole - np.round(whole)).max() > max(_ON_GRID, 1e-12 * whole[-1]):
         return []
-    share = step / math.sqrt(12) / float(signal.std())
+    deviation = float(signal.std())
+    share = step / math.sqrt(12) / deviation if deviation else 0.0
     if share <= _COARSE:
         return []
     words = (

@@ -28,6 +28,8 @@ _REMEDY = "leave these frequencies out, or change the period so that they fall b
 
 def synchronous_tones(u: Real, y: Real, period: int, dt: float, outputs: list[str]) -> list[Fault]:
     """Tones of whole periods of records (R, T, n) in steady state."""
+    if period < 2 * _FEWEST:
+        return []
     cut = [x.reshape(len(x), -1, period, x.shape[2]) for x in (u, y)]
     each_u, each_y = (np.fft.rfft(x, axis=2)[:, :, 1 : (period + 1) // 2] / period for x in cut)
     periods = each_y.shape[1]

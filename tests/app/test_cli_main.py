@@ -15,7 +15,7 @@ from support.command_line import COMMAND, SHORT, nothing_written
 
 pytestmark = pytest.mark.quick
 TAUGHT = {
-    "fit": ("--rigid-body", "--roll-off", "auto", "0 converged and verified", "Example"),
+    "fit": ("--rigid-body", "--roll-off", "auto", "0 converged, verified", "Example"),
     "frf": ("RECORD...", "--period", "Period of the excitation", "robustid excite", "0 written", "Example"),
     "identify": ("freq_hz", "phase_deg", "dt, Ts or T", "smallest K", "Hankel", "3 inconsistent", "--band", "--first"),
 }

@@ -49,6 +49,8 @@ def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> D
     open_arcs = np.arange(angles.size - 1)
     for _ in range(_HALVINGS):
         open_arcs = open_arcs[np.diff(band.angles)[open_arcs] > least]
+        if not open_arcs.size:
+            break
         middle = (band.angles[open_arcs] + band.angles[open_arcs + 1]) / 2
         radius, between = band.radius, band.at(middle)[1]
         wide = between > _WIDE * (radius[open_arcs] + radius[open_arcs + 1]) / 2
