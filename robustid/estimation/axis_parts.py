@@ -35,7 +35,7 @@ def unexcited(frf: FrequencyResponse) -> tuple[int, int]:
     """First line and line after the last one between which the response is no noise; beyond them it is, and the bounds deny it."""
     lines = frf.omega.size
     inside = (0, lines)
-    entries = [one for one in entries_of(frf) if one.omega.size == lines]
+    entries = [one for one in entries_of(frf) if one.omega.size == lines and np.all(one.near > 0)]
     if not entries or frf.bound is None:  # a bound that is taken from the scatter says it
         return inside
     size = np.array([np.linalg.norm(one.values / one.near.max()) for one in entries])

@@ -59,7 +59,7 @@ class Entry:
     def near(self) -> Real:
         """Size of the response nearby: the median of the neighbours, or more."""
         size = np.abs(self.values)
-        near: Real = np.median(sliding_window_view(np.pad(size, _DIP // 2, mode="edge"), _DIP), axis=1)
+        near: Real = np.median(sliding_window_view(np.pad(size, _DIP // 2, mode="reflect"), _DIP), axis=1)
         return np.maximum(np.maximum(near, size), np.finfo(float).tiny)
 
 

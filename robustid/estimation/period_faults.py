@@ -63,10 +63,10 @@ def _noisy(u: Real, y: Real, period: int, names: list[str], told: set[tuple[int,
     """Noise of one record unlike that of the others, and not because its input is larger too."""
     noise = _scatter(y, period)
     level: Real = np.sqrt(np.mean(np.var(u, axis=1), axis=1))[:, None]
+    part = noise / np.where(level > 0, level, np.inf)
     usual, usual_part = (
-        np.sort(one, axis=0)[(len(noise) - 1) // 2]  # of two records, of the quieter one
-        for one in (noise, noise / np.maximum(level, np.finfo(float).tiny))
-    )
+        np.sort(one, axis=0)[(len(noise) - 1) // 2] for one in (noise, part)
+    )  # of two, the quieter one's
     noisy = (noise > _NOISY * np.where(usual > 0, usual, np.inf)) & (noise > _NOISY * usual_part * level)
     found: list[Fault] = []
     for k, i in np.argwhere(noisy):
