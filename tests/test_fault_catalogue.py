@@ -14,20 +14,21 @@ NAMED = 0.95  # of all clear faults
 TOLD = 0.02  # of clean measurements
 
 
-def outcomes(plants, strengths=STRENGTHS):
+def outcomes(plants, strengths=STRENGTHS, every=1):
     return {
         (name, plant, strength): found.outcome
         for plant, clean in plants.items()
-        for name, fault in catalogue().items()
+        for name, fault in list(catalogue().items())[::every]
         for strength in strengths
         if (found := judged(fault, clean, strength)) is not None
     }
 
 
-def test_clear_faults_are_named_with_what_undoes_them():
-    found = outcomes({"arm": simulated("arm")}, ("clear",))
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.slow)])
+def test_clear_faults_are_named_with_what_undoes_them(every):
+    found = outcomes({"arm": simulated("arm")}, ("clear",), every)
     missed = {name for (name, _, _), outcome in found.items() if outcome != "named"}
-    assert len(found) > 80
+    assert len(found) > 80 // every
     assert missed <= SILENT
 
 
@@ -41,7 +42,7 @@ def test_on_all_plants_nearly_all_clear_faults_are_named(plants):
     }
 
 
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(1000, 1200), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1000, 1200), marks=pytest.mark.slow)])
 def test_clean_measurements_are_told_nothing(seeds):
     told = [
         (name, seed, found) for seed in seeds for name in SIMULATED if (found := found_faults(simulated(name, seed)))
