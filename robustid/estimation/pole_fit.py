@@ -205,7 +205,7 @@ class PoleFit:
         stacked = np.vstack(rows)
         scale = lengths(stacked)
         c = np.asarray(np.linalg.lstsq(stacked / scale, np.concatenate(rights), rcond=None)[0], dtype=float) / scale
-        zeros = np.linalg.eigvals(_companion(poles, c))
+        zeros = np.linalg.eigvals(companion(poles, c))
         if self.dt is None:
             zeros = -np.abs(np.real(zeros)) + 1j * np.imag(zeros)
         else:
@@ -288,7 +288,7 @@ def _ahead_of_hold(poles: np.ndarray, f: float) -> np.ndarray:
     return ahead
 
 
-def _companion(poles: np.ndarray, c: np.ndarray) -> np.ndarray:
+def companion(poles: np.ndarray, c: np.ndarray) -> np.ndarray:
     """A real matrix whose eigenvalues are the zeros of 1 + sum c_i phi_i."""
     matrix, push, i = np.zeros((c.size, c.size)), np.zeros(c.size), 0
     for pole in poles:

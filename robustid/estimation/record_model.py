@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Complex, Real
-from robustid.estimation.pole_fit import fractions
+from robustid.estimation.pole_fit import companion, fractions
 
 _ORDERS = (4, 8, 14, 20)
 _RELOCATIONS, _A_POLE = 6, 6  # of the poles; spectral lines for each
@@ -79,21 +79,34 @@ def fitted(
 
 def left_by(pieces: Sequence[Piece], poles: Complex) -> tuple[float, list[Complex]]:
     """Squares that the best model with these poles leaves, and the predictions of the pieces without their transients."""
-    functions = [_functions(one.z, poles) for one in pieces]
-    blocks = [
-        np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
-        for f, one in zip(functions, pieces, strict=True)
-    ]
-    rows: list[Real] = []
-    rights: list[Real] = []
-    for f, block, one in zip(functions, blocks, pieces, strict=True):
-        q = np.linalg.qr(_real(f))[0]
-        a, b = _real(block), _real(one.output)
-        rows.append(a - q @ (q.T @ a))
-        rights.append(b - q @ (q.T @ b))
-    c = _solved(np.concatenate(rows), np.concatenate(rights))
-    cost = sum(float(np.sum((b - a @ c) ** 2)) for a, b in zip(rows, rights, strict=True))
-    return cost, [block @ c for block in blocks]
+    reduced = [_reduced(one, poles) for one in pieces]
+    rows, rights = np.concatenate([one.rows for one in reduced]), np.concatenate([one.right for one in reduced])
+    c = _solved(rows, rights)
+    return float(np.sum((rights - rows @ c) ** 2)), [one.block @ c for one in reduced]
+
+
+class _Reduced(NamedTuple):
+    """A piece with poles: functions (F, n + 1), those times the inputs; an orthonormal basis of transients, and what is beside it:
+    of the block (2F, nu (n + 1)), and of the output (2F,).
+    """
+
+    functions: Complex
+    block: Complex
+    transients: Real
+    rows: Real
+    right: Real
+
+    def beside(self, rows: Real) -> Real:
+        """Rows less their best fit by a transient."""
+        return rows - self.transients @ (self.transients.T @ rows)
+
+
+def _reduced(one: Piece, poles: Complex) -> _Reduced:
+    f = _functions(one.z, poles)
+    block = np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
+    q = np.linalg.qr(_real(f))[0]
+    a, b = _real(block), _real(one.output)
+    return _Reduced(f, block, q, a - q @ (q.T @ a), b - q @ (q.T @ b))
 
 
 def without_transient(z: Complex, poles: Complex, values: Complex) -> Real:
@@ -112,13 +125,17 @@ def _of_order(pieces: Sequence[Piece], order: int, starts: Sequence[Complex]) ->
     nu, power = pieces[0].inputs.shape[1], sum(float(np.sum(np.abs(one.output) ** 2)) for one in pieces)
     best: tuple[float, Complex] = (np.inf, poles)
     for _ in range(_RELOCATIONS):
-        cost, _ = left_by(pieces, poles)
+        reduced = [_reduced(one, poles) for one in pieces]
+        own = np.linalg.qr(_scaled(np.concatenate([one.rows for one in reduced])))[0]
+        left = np.concatenate([one.right for one in reduced])
+        left -= own @ (own.T @ left)
+        cost = float(left @ left)
         settled = cost > _SETTLED * best[0]
         if cost < best[0]:
             best = (cost, poles)
         if settled:
             break
-        poles = _relocated(pieces, poles)
+        poles = _relocated(pieces, reduced, own, left, poles)
     degree = best[1].size + int(np.sum(np.imag(best[1]) != 0))
     unknowns = degree + (nu + len(pieces)) * (degree + 1)
     spare = 2 * sum(one.z.size for one in pieces) - unknowns
@@ -129,43 +146,25 @@ def _of_order(pieces: Sequence[Piece], order: int, starts: Sequence[Complex]) ->
     return Fitted(best[1], best[0], float(spare), best[0] / power, criterion)
 
 
-def _relocated(pieces: Sequence[Piece], poles: Complex) -> Complex:
-    """Zeros of sigma in sigma Y = N U + T of the same poles (`gustavsen2006`), inside the unit circle."""
-    shared: list[Real] = []
-    moving: list[Real] = []
-    rights: list[Real] = []
-    for one in pieces:
-        f = _functions(one.z, poles)
-        q = np.linalg.qr(_real(f))[0]
-        n = np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
-        parts = [_real(n), _real(f[:, :-1] * one.output[:, None]), _real(one.output[:, None])]
-        n, m, b = (part - q @ (q.T @ part) for part in parts)
-        shared.append(n)
-        moving.append(m)
-        rights.append(b[:, 0])
-    q = np.linalg.qr(_scaled(np.concatenate(shared)))[0]
-    m, b = np.concatenate(moving), np.concatenate(rights)
-    c = -_solved(m - q @ (q.T @ m), b - q @ (q.T @ b))
-    zeros = np.linalg.eigvals(_companion(poles, -c))
+def _relocated(
+    pieces: Sequence[Piece], reduced: Sequence[_Reduced], own: Real, left: Real, poles: Complex
+) -> Complex:
+    """Zeros of sigma in sigma Y = N U + T of the same poles (`gustavsen2006`), inside the unit circle.
+
+    With an orthonormal basis of N U beside the transients, and what it leaves of the outputs.
+    """
+    moving = np.concatenate(
+        [
+            part.beside(_real(part.functions[:, :-1] * one.output[:, None]))
+            for one, part in zip(pieces, reduced, strict=True)
+        ]
+    )
+    c = -_solved(moving - own @ (own.T @ moving), left)
+    zeros = np.linalg.eigvals(companion(poles, c))
     out = np.abs(zeros) > 1
     zeros[out] = 1 / np.conj(zeros[out])
     zeros *= np.minimum(1, _INSIDE / np.maximum(np.abs(zeros), 1e-300))
     return np.asarray(zeros[np.imag(zeros) >= 0], complex)
-
-
-def _companion(poles: Complex, c: Real) -> Real:
-    """Real matrix whose eigenvalues are the zeros of 1 - sum c_i phi_i."""
-    size, i = c.size, 0
-    matrix, push = np.zeros((size, size)), np.zeros(size)
-    for pole in poles:
-        if pole.imag == 0:
-            matrix[i, i], push[i] = pole.real, 1.0
-            i += 1
-        else:
-            matrix[i : i + 2, i : i + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
-            push[i] = 2.0
-            i += 2
-    return matrix + np.outer(push, c)
 
 
 def _functions(z: Complex, poles: Complex) -> Complex:

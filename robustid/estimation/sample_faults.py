@@ -171,6 +171,9 @@ def unwrapped(signal: Real, u: Real) -> tuple[Real, int]:
     if predicted is None:
         return signal, 0
     own, given = predicted
+    windows = np.lib.stride_tricks.sliding_window_view(signal[:-1], _ORDER)
+    if not np.any(np.round((given[_ORDER:] + windows @ own - signal[_ORDER:]) / width)):
+        return signal, 0
     missed = 0
     found, turns = signal.copy(), np.zeros(signal.size)
     for t in range(_ORDER, signal.size):
