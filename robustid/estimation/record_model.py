@@ -146,9 +146,7 @@ def _of_order(pieces: Sequence[Piece], order: int, starts: Sequence[Complex]) ->
     return Fitted(best[1], best[0], float(spare), best[0] / power, criterion)
 
 
-def _relocated(
-    pieces: Sequence[Piece], reduced: Sequence[_Reduced], own: Real, left: Real, poles: Complex
-) -> Complex:
+def _relocated(pieces: Sequence[Piece], reduced: Sequence[_Reduced], own: Real, left: Real, poles: Complex) -> Complex:
     """Zeros of sigma in sigma Y = N U + T of the same poles (`gustavsen2006`), inside the unit circle.
 
     With an orthonormal basis of N U beside the transients, and what it leaves of the outputs.
