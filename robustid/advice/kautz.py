@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +23,11 @@ from robustid.advice.pole_fit import (
     wanted_in_basis,
 )
 from robustid.advice.pole_interval import bounded_by_shown, damped_outside, pole_interval, shown_in, with_shown
+from robustid.advice.real_poles import RealPoles, explain_more, over_decades, slow_poles
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.estimation import PoleFit
 from robustid.guarantees import told_apart_of
 
 _log = logging.getLogger("robustid")
@@ -37,10 +36,7 @@ _FASTER, _FASTEST = (
     30.0,
     300.0,
 )  # times the highest frequency point: where a real pole over decades may lie, and a further one
-_FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
-_POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
-# Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
-_WORTH, _WORTH_LEFT = 1e-4, 0.75
+_TWICE = 2  # a real pole of a process: errors of its place do not matter to first order
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,6 +55,9 @@ class KautzSuggestion(Frozen):
         The set reaches an end of the range that was searched, or the damping interval spans a factor of two or more.
     basis : ParametricBasis or None
         ``kautz(omega, damping, dt=..., repeat=..., delay=...)``; None where no mode was found.
+    repeat : int
+        Multiplicity of each pole in `basis`: that which was asked, and 2 at least of the real poles of a sampled plant without
+        modes, so that errors of their places do not matter to first order.
     delay : int, samples
     reason : str
         What was done and why it stopped, in words.
@@ -71,6 +70,7 @@ class KautzSuggestion(Frozen):
     level: Real
     undetermined: NDArray[np.bool_]
     basis: ParametricBasis | None
+    repeat: int
     delay: int
     reason: str
 
@@ -123,7 +123,8 @@ def suggest_kautz(
         How many. Default: until the residuals are within the bounds, or the next mode removes less than 0.3 % of the
         sum of squares (relative to the bounds) that there was without modes, of which it removes less than 75 % of what is left,
         and less than 90 % of what is left around it; 20 at most. Of these, modes that fit as well with heavy damping, and the
-        heavier one of two that the points do not tell apart, are left to the gain bound.
+        heavier one of two that the points do not tell apart, are left to the gain bound. Where none remains, a sampled plant is
+        one without modes, a process: the slow real poles of partial fractions that keep to the bounds.
     delay : int, samples
         Of the pairs; default: the one of 0 to 3 that leaves the smallest remainder beside the modes.
     repeat : int
@@ -176,7 +177,7 @@ def suggest_kautz(
     if wanted is None and not fit.plane.dt:
         decades = over_decades(frf)
         left = residual_rows(poles, fit)
-        if decades is not None and ratios(left).max() > 1 and _relaxes(decades, left, len(poles)):
+        if decades is not None and ratios(left).max() > 1 and explain_more(decades, left, len(poles)):
             return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     poles, kept, words = _kept(fit, poles, shown, wanted is not None)
@@ -200,6 +201,8 @@ def suggest_kautz(
             )
         boxes = [box for k, box in enumerate(boxes) if k in apart]
         kept, edges = kept[apart], edges[apart]
+        if len(poles) and not len(kept) and (slow := slow_poles(frf)) is not None:
+            return _of_process(fit, slow, repeat, 0 if fixed_delay is None else fixed_delay)
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     if step and np.any(omega < frf.omega[0]):
         reason += (
@@ -217,6 +220,7 @@ def suggest_kautz(
         level=np.array([level for _, level, _ in boxes]),
         undetermined=np.array([reached for _, _, reached in boxes], bool) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
         basis=kautz(omega, damping, dt=step, repeat=repeat, delay=chosen) if len(kept) else None,
+        repeat=repeat,
         delay=chosen,
         reason=reason,
     )
@@ -241,15 +245,7 @@ def _kept(fit: LineData, poles: Real, shown: Real, every: bool) -> tuple[Real, N
     return poles, kept, words
 
 
-def _relaxes(found: _Relaxations, left: Real, pairs: int) -> bool:
-    """Return whether poles over decades explain most of what pairs leave; or all of it, by fewer, mostly real."""
-    simpler = (
-        found.largest <= 1 and found.omega.size < 2 * pairs and 2 * int(np.sum(found.damping == 1)) > found.omega.size
-    )
-    return bool(found.left < _FEWER * (left @ left) or simpler)
-
-
-def _of_decades(fit: LineData, found: _Relaxations, lowest: float, repeat: int) -> KautzSuggestion:
+def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> KautzSuggestion:
     """Pairs with the intervals that the points leave, real poles with all that was searched: their places are a choice."""
     top = float(fit.plane.omega(fit.angle[-1:])[0])
     # The fastest one stands for the constant, which no other pole has; one that is faster than the last for a straight line.
@@ -278,7 +274,31 @@ def _of_decades(fit: LineData, found: _Relaxations, lowest: float, repeat: int) 
         level=level,
         undetermined=reached | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
         basis=kautz(omega, damping, dt=0, repeat=repeat),
+        repeat=repeat,
         delay=0,
+        reason=reason,
+    )
+
+
+def _of_process(fit: LineData, found: RealPoles, repeat: int, delay: int) -> KautzSuggestion:
+    """Real poles of a sampled plant without modes: what decays faster is left to the gain bound."""
+    count, repeat, one = found.omega.size, max(repeat, _TWICE), np.ones(found.omega.size)
+    step, lowest = fit.plane.dt, float(fit.plane.omega(fit.angle[fit.angle > 0][:1])[0])
+    poles = f"{count} real pole{'s' * (count > 1)}"
+    reason = (
+        f"no mode; {poles} and what decays faster leave at most {found.largest:.3g} times the bound. Each is taken"
+        f" {repeat} times, which absorbs small errors of its place; others nearby follow the frequency points as well"
+    )
+    return KautzSuggestion(
+        omega=found.omega,
+        damping=one,
+        omega_interval=np.tile([min(lowest, float(found.omega[0])) / BELOW, np.pi / step], (count, 1)),
+        damping_interval=np.ones((count, 2)),
+        level=one,
+        undetermined=np.ones(count, bool),
+        basis=kautz(found.omega, one, dt=step, repeat=repeat, delay=delay),
+        repeat=repeat,
+        delay=delay,
         reason=reason,
     )
 
@@ -345,51 +365,3 @@ def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
     if size.shape[1] == 1:
         return LineData(angle[order], value[:, 0], bound[:, 0], plane)
     return LineData(angle[order], value[:, seen], bound[:, seen], plane)
-
-
-# --- poles over decades -----------------------------------------------------------------------------------------------------------
-
-
-class _Relaxations(NamedTuple):
-    """Natural frequencies in rad/s and damping ratios (1 of a real pole), and what they leave, in units of the bounds."""
-
-    omega: Real
-    damping: Real
-    left: float  # sum of squares
-    largest: float
-
-
-def over_decades(frf: FrequencyResponse) -> _Relaxations | None:
-    """Poles of partial fractions that keep a continuous response inside its bounds, or of the order beyond which little is won.
-
-    None for less than two decades, or without a real pole among them. A battery, a cable, a viscoelastic mount has no few poles:
-    real ones over the decades follow it all the same, and their places are a choice.
-    """
-    fit = PoleFit(frf, feedthrough=True)
-    if frf.dt or frf.omega.size < 2 * _POINTS_A_POLE or not fit.wide:
-        return None
-    size = np.abs(np.where(frf.missing, 0, frf.values))
-    radius = 0.05 * np.maximum(size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.bound.outer_radius
-    fit.weight = 1 / np.where(frf.missing, np.inf, radius).swapaxes(1, 2).reshape(frf.omega.size, -1)
-    fit.values = np.where(fit.weight > 0, fit.values, 0)
-    best = _left(fit, np.zeros(0, complex))
-    whole = best.left
-    for order in range(_ORDERS, min(_MOST_POLES, frf.omega.size // _POINTS_A_POLE) + 1, _ORDERS):
-        _, (poles,) = fit.search(order, np.zeros(1))
-        found = _left(fit, poles)
-        gain = best.left - found.left
-        _log.debug("%d poles over decades: largest |residual|/bound %.3g", order, found.largest)
-        if gain <= 0 or (gain < _WORTH * whole and gain < _WORTH_LEFT * best.left):
-            break
-        best = found
-        if best.largest <= 1:
-            break
-    return best if np.any(best.damping == 1) else None
-
-
-def _left(fit: PoleFit, poles: np.ndarray) -> _Relaxations:
-    left = np.abs(fit.residuals(poles))
-    s = poles * fit.omega[-1]
-    return _Relaxations(
-        np.abs(s), np.where(s.imag == 0, 1.0, -s.real / np.abs(s)), float(np.sum(left**2)), float(left.max())
-    )

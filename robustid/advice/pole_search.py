@@ -390,6 +390,7 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: Real) -> KautzSuggest
         level=np.array(levels),
         undetermined=np.array(reached) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
         basis=problem.parametric,
+        repeat=pairs.pairs[0].repeat,
         delay=pairs.pairs[0].delay,
         reason="the intervals of poles with which a local fit keeps all frequency points within their bounds",
     )

@@ -7,7 +7,7 @@ from robustid.estimation.experiment_faults import experiment_faults
 from robustid.estimation.frf import estimate_frf, first_response
 from robustid.estimation.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.estimation.pole_fit import PoleFit
-from robustid.estimation.record_faults import record_faults
+from robustid.estimation.record_faults import operating_point, record_faults
 from robustid.estimation.response_faults import all_faults, response_faults
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "experiment_faults",
     "first_response",
     "leaving_out",
+    "operating_point",
     "record_faults",
     "response_faults",
     "with_delay",

@@ -20,6 +20,10 @@ _DEGREE = math.pi / 180
 _MOST_DECIBELS = 400.0
 _SEVERAL = "X ..."  # of a correction that takes one number or more
 _STILL = 2  # samples before the input moves
+_MOVED, _ROUNDED = (
+    4.0,
+    1e-12,
+)  # standard deviations, and part of the values, that means of an output at rest may be apart
 _Data = TypeVar("_Data", FrequencyResponse, TimeRecord)
 
 # Mistakes in a response that corrections undo, in words.
@@ -327,10 +331,21 @@ def _detrended(record: TimeRecord) -> TimeRecord:
         return detrend(record)
     moves = np.flatnonzero(np.any(record.u != record.u[0], axis=1))
     still = int(moves[0]) if moves.size else 0
-    if still < _STILL:
+    if still < _STILL or not _stands_still(record, still):
         return detrend(dataclasses.replace(record, initial="free"))
     reference = None if record.reference is None else record.reference - record.reference[0]
     return detrend(dataclasses.replace(record, u=record.u - record.u[0], reference=reference), until=still * record.dt)
+
+
+def _stands_still(record: TimeRecord, still: int) -> bool:
+    """Return whether the first outputs stay within their bounds of one level; or both halves, to what neighbours scatter."""
+    y = record.y[:still]
+    if record.bound is not None:
+        return bool(np.all(np.ptp(y, axis=0) <= 2 * record.bound.radius[:still].max(axis=0)))
+    half, size = still // 2, np.abs(y).max(axis=0)
+    noise = np.diff(y, axis=0).std(axis=0) / np.sqrt(2)
+    apart = np.abs(y[:half].mean(axis=0) - y[-half:].mean(axis=0))
+    return bool(np.all(apart <= _MOVED * noise * np.sqrt(2 / half) + _ROUNDED * size))
 
 
 def _without_line(record: TimeRecord) -> TimeRecord:

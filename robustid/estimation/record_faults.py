@@ -92,6 +92,14 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     return tuple(with_relations(list(kept), clean, period)) if same else kept
 
 
+def operating_point(record: TimeRecord) -> Fault | None:
+    """The point of operation about which a record begins, though zero initial conditions are taken; None where it shows none."""
+    if record.initial != "rest":
+        return None
+    found = output_faults(record, _repeated(record, None), set()).faults
+    return next((fault for fault in found if fault.kind is FaultKind.OFFSET and fault.correction), None)
+
+
 def _repeated(record: TimeRecord, period: int | None) -> int | None:
     """Period with which the input repeats closely, stated or not; None where it doesn't."""
     right = found_period(record) if period is None else period

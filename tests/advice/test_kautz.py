@@ -6,9 +6,9 @@ import pytest
 
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
-from robustid.advice.kautz import over_decades
 from robustid.advice.pole_fit import LineData, told_apart, wanted_in_basis
 from robustid.advice.pole_interval import damped_outside
+from robustid.advice.real_poles import over_decades
 from robustid.errors import InputTypeError
 from robustid.formats import datasets
 from support.measured import needs

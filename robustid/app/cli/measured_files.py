@@ -92,6 +92,8 @@ class Files(Generic[S]):
         if source.bound != how.bound:
             taken = f"it is taken from the data: {source.data[-1].bound.words(source.data[-1].note)}; --{self.kind}-bound states it"
             warn(out, f"{path.name} states no error bound, so {taken}")
+        if source.level is not None:
+            warn(out, f"{path.name}: {source.level_words('--initial rest')}")
         for fault in self._faults([data for _, data in read]):
             warn(out, f"{path.name}: {fault}")
         if found.unit_known and unit is not None and getattr(how, "step", None) is None:

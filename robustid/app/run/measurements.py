@@ -125,8 +125,10 @@ def _records(run: RunFile, folder: Path, around: Surroundings, tables: Tables) -
         around.say(
             f"read {name}: {len(raw)} record{'s' * (len(raw) > 1)}, {made[0].u.shape[0]} samples used as {source.use}; {found.how}"
         )
+        if found.level is not None:
+            around.say(found.level_words('initial = "rest"'))
         _say_bound(around, name, source.bound, found.bound, made[0])
-        stated = dataclasses.replace(source, bound=found.bound)
+        stated = dataclasses.replace(source, bound=found.bound, correct=found.correct)
         sources.append(_with_digest(_with_past(stated, raw[0]), raw, place))
         records.append((source.use, made))
     return dataclasses.replace(run, record=tuple(sources)), records

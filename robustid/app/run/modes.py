@@ -72,7 +72,7 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     modes = Modes(
         hz=tuple((found.omega / (2 * np.pi)).tolist()),
         damping=tuple(found.damping.tolist()),
-        repeat=chosen.repeat,
+        repeat=found.repeat,
         integrators=chosen.integrators,
         delay=found.delay,
         source=Source.DATA,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar, overload
 
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.app.run.toml import is_array, write_toml
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import Fault, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, Remedy
-from robustid.estimation import BOUND_SOURCES, correct, default_bound
+from robustid.estimation import BOUND_SOURCES, correct, default_bound, operating_point
 from robustid.formats import NAMES, Table, datasets, read_said, read_table
 
 Data = FrequencyResponse | TimeRecord
@@ -33,13 +34,24 @@ class Tables:
 
 
 class Read(NamedTuple, Generic[D]):
-    """Data as a file has them, without its mistakes, and with bounds; what these are or are taken from, and how it was read."""
+    """Data as a file has them, without its mistakes, and with bounds; what these are or are taken from, and how it was read.
+
+    `level` is the point of operation from which records are counted that nobody said how they begin, undone by `correct`.
+    """
 
     raw: list[D]
     corrected: list[D]
     data: list[D]
     bound: float | str | None
     how: str
+    correct: tuple[str, ...] | None = None
+    level: Fault | None = None
+
+    def level_words(self, rest: str) -> str:
+        """Sentence on the point of operation, and on the option that leaves it in; empty where there is none."""
+        if self.level is None:
+            return ""
+        return f"{self.level.said_alone}: this is done, since nothing says how the record begins; {rest} leaves it in"
 
 
 @overload
@@ -70,11 +82,24 @@ def _read(kind: type[D], source: RecordSource | ResponseSource, folder: Path, ta
     raw = [one for one in several if isinstance(one, kind)]
     if len(raw) < len(several):
         raise InputError("this data set is a model, not a record")
-    corrected = [correct(one, *(source.correct or ())) for one in raw]
+    level = _level(raw, source)
+    corrections = source.correct if level is None else (level.correction,)
+    corrected = [correct(one, *(corrections or ())) for one in raw]
     if not bounded:
-        return Read(raw, corrected, corrected, source.bound, how)
+        return Read(raw, corrected, corrected, source.bound, how, corrections, level)
     data = [_with_bound(one, source) for one in corrected]
-    return Read(raw, corrected, [one for one, _ in data], data[0][1], how)
+    return Read(raw, corrected, [one for one, _ in data], data[0][1], how, corrections, level)
+
+
+def _level(records: Sequence[Data], source: RecordSource | ResponseSource) -> Fault | None:
+    """The point of operation of records of which nothing says how they begin, where it can be taken out."""
+    if not isinstance(source, RecordSource) or (source.initial, source.correct, source.detrend) != (None, None, None):
+        return None
+    found = [operating_point(one) for one in records if isinstance(one, TimeRecord)]
+    first = next((fault for fault in found if fault is not None), None)
+    if first is None or any(one.bound is not None for one in records):
+        return None
+    return first
 
 
 def _with_bound(data: D, source: RecordSource | ResponseSource) -> tuple[D, float | str | None]:

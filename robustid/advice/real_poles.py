@@ -1,0 +1,97 @@
+"""Real poles of plants with few modes or none: over the decades of a response in continuous time, or slow ones of a process."""
+
+from __future__ import annotations
+
+import logging
+from typing import NamedTuple
+
+import numpy as np
+
+from robustid.core import Complex, Real
+from robustid.data import FrequencyResponse
+from robustid.estimation import PoleFit
+
+_log = logging.getLogger("robustid")
+
+_FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
+_FAST = 0.7  # decay of a real pole per sample that the gain bound holds as well
+_HEAVY = 0.5
+_SLOWEST = 0.1  # part of the lowest frequency point: a slower pole is a drift, or a machine that is free to move
+_POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
+# Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
+_WORTH, _WORTH_LEFT = 1e-4, 0.75
+
+
+class RealPoles(NamedTuple):
+    """Natural frequencies in rad/s and damping ratios (1 of a real pole), and what they leave, in units of the bounds."""
+
+    omega: Real
+    damping: Real
+    left: float  # sum of squares
+    largest: float
+
+
+def explain_more(found: RealPoles, left: Real, pairs: int) -> bool:
+    """Return whether poles over decades explain most of what pairs leave; or all of it, by fewer, mostly real."""
+    simpler = (
+        found.largest <= 1 and found.omega.size < 2 * pairs and 2 * int(np.sum(found.damping == 1)) > found.omega.size
+    )
+    return bool(found.left < _FEWER * (left @ left) or simpler)
+
+
+def over_decades(frf: FrequencyResponse) -> RealPoles | None:
+    """Poles of partial fractions that keep a continuous response inside its bounds, or of the order beyond which little is won.
+
+    None for less than two decades, or without a real pole among them. A battery, a cable, a viscoelastic mount has no few poles:
+    real ones over the decades follow it all the same, and their places are a choice.
+    """
+    fit = PoleFit(frf, feedthrough=True)
+    if frf.dt or frf.omega.size < 2 * _POINTS_A_POLE or not fit.wide:
+        return None
+    best = _fractions(frf, fit, _ORDERS)
+    return best if np.any(best.damping == 1) else None
+
+
+def slow_poles(frf: FrequencyResponse) -> RealPoles | None:
+    """Real poles of partial fractions that keep a sampled response inside its bounds, those that decay slowly, by rising frequency.
+
+    None of a response in continuous time, of too few points, or without such a pole.
+    """
+    if not frf.dt or frf.omega.size < 2 * _POINTS_A_POLE:
+        return None
+    best = _fractions(frf, PoleFit(frf, feedthrough=True), 1)
+    lowest = float(frf.omega[frf.omega > 0].min())
+    slow = (best.damping > _HEAVY) & (best.omega * frf.dt < _FAST) & (best.omega > _SLOWEST * lowest)
+    if not slow.any():
+        return None
+    omega = np.sort(best.omega[slow])
+    return RealPoles(omega, np.ones(omega.size), best.left, best.largest)
+
+
+def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
+    """Partial fractions of the order, a multiple of the step, that keeps all inside its bounds, or beyond which little is won."""
+    size = np.abs(np.where(frf.missing, 0, frf.values))
+    radius = 0.05 * np.maximum(size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.bound.outer_radius
+    fit.weight = 1 / np.where(frf.missing, np.inf, radius).swapaxes(1, 2).reshape(frf.omega.size, -1)
+    fit.values = np.where(fit.weight > 0, fit.values, 0)
+    best = _left(fit, np.zeros(0, complex))
+    whole = best.left
+    for order in range(step, min(_MOST_POLES, frf.omega.size // _POINTS_A_POLE) + 1, step):
+        if best.largest <= 1:
+            break
+        _, (poles,) = fit.search(order, np.zeros(1))
+        found = _left(fit, poles)
+        gain = best.left - found.left
+        _log.debug("%d poles: largest |residual|/bound %.3g", order, found.largest)
+        if gain <= 0 or (gain < _WORTH * whole and gain < _WORTH_LEFT * best.left):
+            break
+        best = found
+    return best
+
+
+def _left(fit: PoleFit, poles: Complex) -> RealPoles:
+    left = np.abs(fit.residuals(poles))
+    s: Complex = np.asarray(poles * fit.omega[-1] if fit.dt is None else np.log(poles + 0j) / fit.dt, dtype=complex)
+    return RealPoles(
+        np.abs(s), np.where(np.imag(poles) == 0, 1.0, -s.real / np.abs(s)), float(np.sum(left**2)), float(left.max())
+    )

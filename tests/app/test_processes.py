@@ -1,0 +1,89 @@
+"""Processes, which have no modes: real poles beside a small rest, by default; and the point of operation of their records."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.advice import suggest_kautz
+from robustid.advice.real_poles import slow_poles
+from robustid.app.run.measurements import measured
+from robustid.app.run.run_file import read_run_file
+from robustid.app.run.run_folder import Surroundings
+from support.processes import Process, process_of
+from support.short_records import judged_response
+
+OMEGA = np.linspace(0.004, 1.0, 250)
+
+
+def counted(seeds):
+    """Seeds with a band; of these, all hold the truth where the bound of the response does."""
+    bands = held = 0
+    for seed in seeds:
+        plant, record = process_of(seed)
+        found = judged_response(plant, rid.estimate_frf(record), compare=False)
+        bands += found.band is not None
+        held += found.lines <= 1
+        if found.band is not None and found.lines <= 1:
+            assert found.band <= 1, seed
+    return bands, held
+
+
+def test_band_of_a_process_holds_the_truth():
+    """Before, none of these had a class that the program chose and the data did not contradict."""
+    bands, held = counted(range(10, 13))
+    assert bands == 3
+    assert held >= 2
+
+
+@pytest.mark.slow
+def test_band_of_a_process_holds_the_truth_in_a_hundred_seeds():
+    bands, held = counted(range(100))
+    assert bands >= 95
+    assert held >= 90
+
+
+@pytest.mark.parametrize("constants", [[20.0], [60.0, 15.0], [90.0, 30.0, 8.0]])
+def test_real_poles_of_exact_data_are_exact(constants):
+    plant = Process(np.array(constants), np.array([1.0, -0.4, 0.3])[: len(constants)], False, 0)
+    frf = rid.FrequencyResponse(OMEGA, plant.response(OMEGA), bound=1e-6, dt=1.0)
+    found = suggest_kautz(frf)
+    np.testing.assert_allclose(1 / found.omega[: len(constants)], constants, rtol=1e-4)
+    assert np.all(found.damping == 1)
+    assert found.repeat == 2
+    assert found.basis.size == 2 * found.omega.size
+
+
+def test_constant_and_light_mode_are_no_process():
+    constant = rid.FrequencyResponse(OMEGA, np.full(OMEGA.size, 0.3), bound=0.01, dt=1.0)
+    assert slow_poles(constant) is None
+    basis = rid.kautz(np.array([0.4]), np.array([0.01]), dt=1.0)
+    mode = rid.FrequencyResponse(OMEGA, basis.response(OMEGA) @ np.array([1.0, 0.2]), bound=0.01, dt=1.0)
+    assert suggest_kautz(mode).damping == pytest.approx([0.01], rel=0.1)
+
+
+def run_of(record, tmp_path, **stated):
+    np.savetxt(tmp_path / "r.csv", np.c_[record.u, record.y], delimiter=",", header="u,y", comments="", fmt="%.10g")
+    said = []
+    source = {"file": "r.csv", "dt": 1.0, "use": "response", **stated}
+    run = read_run_file({"record": [source]}, str(tmp_path / "run.toml"))
+    run, data = measured(run, tmp_path, Surroundings(lambda text, done, count: said.append(text)))
+    return run.record[0], data, " ".join(said)
+
+
+def test_point_of_operation_is_taken_out_where_nothing_says_how_a_record_begins(tmp_path):
+    _, record = process_of(4)
+    source, data, said = run_of(record, tmp_path)
+    assert source.correct == ("detrend",)
+    assert "leaves it in" in said
+    assert data.excited[0].initial == "free"
+    assert abs(data.excited[0].y.mean()) < 1e-9
+    assert not data.responses[0].faults
+
+
+@pytest.mark.parametrize("stated", [{"initial": "rest"}, {"correct": []}, {"initial": "free"}])
+def test_point_of_operation_stays_where_something_is_stated(stated, tmp_path):
+    _, record = process_of(4)
+    source, data, said = run_of(record, tmp_path, **stated)
+    assert "leaves it in" not in said
+    assert not source.correct
+    assert data.excited[0].y.mean() == pytest.approx(record.y.mean())

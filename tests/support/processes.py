@@ -1,0 +1,62 @@
+"""Records of processes: one to three real poles, side by side or in series, behind a dead time, about a point of operation."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.signal
+
+import robustid as rid
+
+CONSTANTS, DEAD = (8.0, 80.0), 6  # samples
+NOISE = (0.01, 0.05)
+
+
+@dataclasses.dataclass(frozen=True)
+class Process:
+    """Lags (1 - p)/(z - p) of time constants in samples, with gains or in series, and a dead time in samples."""
+
+    constants: np.ndarray
+    gains: np.ndarray
+    series: bool
+    dead: int
+    omega: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))  # of modes, which it has not
+    damping: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def poles(self) -> np.ndarray:
+        return np.exp(-1 / self.constants)
+
+    def response(self, omega: np.ndarray) -> np.ndarray:
+        z = np.exp(1j * np.asarray(omega))
+        lags = (1 - self.poles) / (z[:, None] - self.poles)
+        return (np.prod(lags, axis=1) if self.series else lags @ self.gains) * z**-self.dead
+
+    def output(self, u: np.ndarray) -> np.ndarray:
+        def lagged(x, pole):
+            return scipy.signal.lfilter([0, 1 - pole], [1, -pole], x)
+
+        late = np.concatenate([np.zeros(self.dead), u[: u.size - self.dead]])
+        if not self.series:
+            return np.sum([g * lagged(late, p) for g, p in zip(self.gains, self.poles, strict=True)], axis=0)
+        for pole in self.poles:
+            late = lagged(late, pole)
+        return late
+
+
+def process_of(seed: int) -> tuple[Process, rid.TimeRecord]:
+    """A random process and a record of 10 to 40 of its longest time constants, cut out of a longer one."""
+    rng = np.random.default_rng([seed, 99])
+    count = rng.integers(1, 4)
+    constants = np.sort(np.exp(rng.uniform(*np.log(CONSTANTS), count)))[::-1]
+    gains = np.concatenate([[1.0], rng.uniform(0.3, 1, count - 1) * rng.choice([-1, 1], count - 1)])
+    plant = Process(constants, gains, bool(rng.random() < 0.5), int(rng.integers(0, DEAD)))
+    samples, before = max(int(constants[0] * np.exp(rng.uniform(*np.log([10, 40])))), 300), int(5 * constants[0])
+    hold = max(int(constants[0] * rng.uniform(0.1, 1)), 1)
+    size = (samples + before) // hold + 1
+    levels = rng.choice([-1.0, 1.0], size) if seed % 2 else rng.standard_normal(size)
+    u = np.repeat(levels, hold)[: samples + before]
+    y = plant.output(u)[before:]
+    y = y + np.exp(rng.uniform(*np.log(NOISE))) * y.std() * rng.standard_normal(samples)
+    return plant, rid.TimeRecord(u[before:] + 5, y + 3, dt=1.0, initial="free")
