@@ -14,6 +14,7 @@ import numpy as np
 
 from robustid.app.load_save import load
 from robustid.app.run.toml import is_array, is_table
+from robustid.app.run.undoing import command_line, with_option
 from robustid.core import Frozen, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -21,6 +22,7 @@ from robustid.estimation import estimate_bound, experiment_faults, record_faults
 from robustid.formats import Item, contents, read_table
 
 _EVEN = 1e-6  # part of a step
+_CORRECT = "--frequency-correct"
 _FEW = 8  # rows of a spectrum
 _MANY = 12  # things that are listed
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
@@ -67,10 +69,23 @@ class Look(Frozen):
             return ()
         given = "".join(f", {key}={json.dumps(value)}" for key, value in self.arguments.items())
         python = f"rid.load({json.dumps(name)}{given})"
+        if self.correction:
+            python = f"rid.prepare.correct({python}, {json.dumps(self.correction)})"
         if isinstance(self.data, FrequencyResponse):
-            bound = "" if self.data.bound is not None or self.bound else " --frequency-bound RADIUS"
-            return python, f"robustid identify --frequency {name}{bound} --report report.html"
-        return python, f"robustid new {name} -o run.toml   # a run file, ready to edit"
+            bound = [] if self.data.bound is not None or self.bound else ["--frequency-bound", "RADIUS"]
+            called = ["identify", "--frequency", name, *bound, "--report", "report.html"]
+            return python, command_line(with_option(called, _CORRECT, self.correction) if self.correction else called)
+        ready = "a run file, ready to edit" + ", with what undoes the fault" * bool(self.correction)
+        return python, f"{command_line(['new', name, '-o', 'run.toml'])}   # {ready}"
+
+    @property
+    def correction(self) -> str:
+        """The first correction that undoes something odd of all that the file holds; "" where there is none."""
+        if not isinstance(self.data, FrequencyResponse | TimeRecord):
+            return ""
+        of_records = isinstance(self.data, TimeRecord)
+        fitting = (f for f in self.faults if not f.undone and (of_records or not f.of_records))
+        return next((fault.correction for fault in fitting if fault.correction), "")
 
     def summary(self) -> str:
         """Plain text: contents, faults, what to do."""
@@ -185,6 +200,11 @@ def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
         lines.append("[[frequency]]" if response else "[[record]]")
         lines.append(f"file = {json.dumps(name)}")
         lines += [f"{key} = {_toml(value)}" for key, value in one.arguments.items()]
+        if one.correction:
+            checks.append(
+                f"# correct = [{json.dumps(one.correction)}]  # undoes what looks odd; without the # it is done"
+            )
+            lines.append(checks[-1])
         if one.data is None:
             checks.append(f"# Check these lines: {' '.join(one.refusal.split())}")
             lines.append(checks[-1])

@@ -11,6 +11,7 @@ from robustid.errors import Status
 from robustid.guarantees import Band, WorstCaseError
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
+from robustid.report.data_faults import undoing_steps
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import at_largest, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
@@ -66,7 +67,10 @@ def glance(
         ],
         words=words,
         chart=_chart(identification, parts),
-        next=_next(identification, worst_case, band, contradicted, advice, bounding),
+        next=[
+            *undoing_steps(identification.problem.placed_faults, parts.get("undoing")),
+            *_next(identification, worst_case, band, contradicted, advice, bounding),
+        ],
     )
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data import expected_feedthrough
+from robustid.data import Undoing, expected_feedthrough
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
-from robustid.report.data_faults import fault_verdict, faults_of_response
+from robustid.report.data_faults import fault_verdict, faults_of_response, placed, undoing_steps
 from robustid.report.document import (
     Block,
     Column,
@@ -77,11 +77,11 @@ def fit_page(fit: MatrixFraction, title: str | None, parts: Parts) -> Document:
             *([] if order_sweep is None else order_sweep_section(order_sweep)),
             *matrices_section(f"model, order {view.model.nstates}", view.model, view.dt or 0.0),
         ],
-        glance=_glance(view, entries[0]),
+        glance=_glance(view, entries[0], parts.get("undoing")),
     )
 
 
-def _glance(view: FitView, entry: Chart) -> Glance:
+def _glance(view: FitView, entry: Chart, undoing: Undoing | None) -> Glance:
     """The first screen: order, fit, residual, the first entry, what to do next."""
     said = fit_verdict(view)
     worst = ", worst entry" if view.ny * view.nu > 1 else ""
@@ -94,7 +94,9 @@ def _glance(view: FitView, entry: Chart) -> Glance:
     elif said.key == "weak" and view.fit.status is FitStatus.BOUNDARY:
         steps = ["A lower order, or a narrower band (--band), often leaves the stability boundary."]
     steps.append("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
-    return Glance(numbers=numbers, chart=first_panel(entry), next=[Text(step, code=_COMMANDS) for step in steps])
+    first = [] if view.data is None else undoing_steps(placed(view.data), undoing)
+    after = [*first, *(Text(step, code=_COMMANDS) for step in steps)]
+    return Glance(numbers=numbers, chart=first_panel(entry), next=after)
 
 
 def fit_summary(view: FitView) -> list[Block]:
@@ -114,7 +116,7 @@ def _data_faults(view: FitView) -> list[Verdict]:
     """The verdict on faults of the response that was fitted, where it is at hand."""
     if view.data is None:
         return []
-    return fault_verdict(faults_of_response(view.data), estimated=view.data.dof is not None)
+    return fault_verdict(faults_of_response(view.data))
 
 
 def _title(view: FitView) -> str:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Content, Diagnosis, Sensitivity
-    from robustid.data import TimeRecord
+    from robustid.data import TimeRecord, Undoing
     from robustid.fitting import OrderSweep
     from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
     from robustid.reduction import ModelWorth, Reduction
@@ -55,6 +55,7 @@ class Parts(TypedDict, total=False):
     run_file: str | None
     band: Band | None
     unfinished: Unfinished | None
+    undoing: Undoing | None
 
 
 class Posed(Protocol):

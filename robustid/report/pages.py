@@ -115,6 +115,8 @@ def write_report(
         From `band(identification, model=...)`: the guarantee that is proved at every frequency, shown first.
     unfinished : Unfinished, optional
         What Ctrl-C or the time limit of a run has left out: the first line.
+    undoing : Undoing, optional
+        What undoes a fault of the data, as it is pasted: the first of the next steps.
 
     Raises
     ------
@@ -156,8 +158,8 @@ def render_report(
 _OF_DATA = ("data", "order_sweep", "records")
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
-    MatrixFraction: (fit_page, _OF_DATA[:2]),
-    FrequencyResponse: (response_page, _OF_DATA[2:]),
+    MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
+    FrequencyResponse: (response_page, (*_OF_DATA[2:], "undoing")),
     Family: (family_page, ("findings", "withheld", "run_file", "unfinished")),
 }
 

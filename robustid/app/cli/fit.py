@@ -31,6 +31,7 @@ _STRONGER = ".+o"  # of two marks in one place the later one stays
 
 def fit(
     *,
+    context: typer.Context,
     source: Annotated[Path, typer.Argument(help="Frequency response, SISO or MIMO: .csv, .npz or .mat.")],
     order: Annotated[
         str,
@@ -56,7 +57,9 @@ def fit(
     limits: Annotated[Fit, only("feedthrough", "time_limit")],
     points: FrequencyPoints,
     method: Annotated[str, typer.Option(help="Iterations after the start: lm, gn, sk, iv, joined by + .")] = "lm",
-    response: Annotated[ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step")],
+    response: Annotated[
+        ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step", "correct")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
     report: Report = None,
     static: Static = False,
@@ -74,6 +77,7 @@ def fit(
     130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
+    from robustid.app.run.undoing import again, in_command, placed_faults
     from robustid.fitting import RollOff
     from robustid.formats import save_model
     from robustid.report import render_report, render_summary, verdict
@@ -93,16 +97,17 @@ def fit(
         asked |= both.arguments | _weight(source, frf, relative)
         sweep = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
-    page = None
+    undoing, page = in_command(again(screen.called(context)), placed_faults(frf), [source], []), None
     if report is not None:
         with step(console, "drawing the report"):
-            page = render_report(result, static=static, data=frf, order_sweep=sweep)
+            page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
     save_model(result.model, model_file)
     written_files.write_page(report, page)
     if sweep is not None:
         screen.say(console, sweep.summary())
     console.print(render_summary(result, data=frf))
     screen.say_written(console, model_file, report)
+    screen.say_next(console, undoing)
     raise typer.Exit(0 if verdict(result).key == "consistent" else 1)
 
 

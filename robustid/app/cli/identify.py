@@ -37,6 +37,7 @@ class Stated(TypedDict, total=False):
 
 def identify(
     *,
+    context: typer.Context,
     frequency: Annotated[
         list[Path] | None, typer.Option("--frequency", help="Frequency response: .csv, .npz or .mat. Repeatable.")
     ] = None,
@@ -82,6 +83,7 @@ def identify(
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, proved, reduced, refined
+    from robustid.app.run.undoing import again, in_command
     from robustid.app.run.work import carry_out
     from robustid.core import Budget
 
@@ -105,6 +107,8 @@ def identify(
         with around.stops.listening():
             work = work_on(lines, samples, around, modes=modes, prior=prior, identify=how)
             carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
+    origins = asked_lines.origins, asked_samples.origins
+    work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
     conclude(console, work, output, report, static=static)
     raise typer.Exit(screen.EXIT[work.identification.verified_status])
 
@@ -205,3 +209,4 @@ def conclude(
         console.print("\n" + screen.plain(work.diagnosis.summary()), highlight=False)  # wrapped at words
     screen.say_written(console, *written_files.result_files(output), report)
     screen.repeat_warnings(console, result)
+    screen.say_next(console, work.undoing)

@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from robustid._version import __version__
+from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
 from robustid.app.cli.screen import console, plain
 from robustid.errors import RobustIdError, SolverError
@@ -48,6 +49,7 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is called, with its options."""
+        screen.called(ctx).extend(args)
         name, command, rest = super().resolve_command(ctx, args)
         if name is None or command is None:
             return name, command, rest

@@ -124,8 +124,9 @@ def run(
         if result.diagnosis is not None:
             screen.say(console, "\n" + result.diagnosis.summary())
         status, identifications = result.identification.verified_status, [result.identification]
+        undoing = result.undoing
     else:
-        status, identifications = result.status, list(result.identifications.values())
+        status, identifications, undoing = result.status, list(result.identifications.values()), None
         for line in unfinished_words(result.unfinished):
             screen.warn(console, line)
         if result.family is not None:
@@ -135,4 +136,5 @@ def run(
     screen.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
     for one in identifications:
         screen.repeat_warnings(console, one)
+    screen.say_next(console, undoing)
     raise typer.Exit(screen.EXIT[Status.INCONSISTENT if result.contradicted else status])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
@@ -13,6 +13,21 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robustid.core import Progress
+    from robustid.data import Undoing
+
+
+class Context(Protocol):
+    """Context of a command, as far as it is needed here."""
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """Values that commands and their parents share."""
+        ...
+
+
+def called(context: Context) -> list[str]:
+    """Command and arguments as they were called."""
+    return context.meta.setdefault("robustid.called", [])
 
 
 class Warned(Protocol):
@@ -62,6 +77,16 @@ def repeat_warnings(out: Console, result: Warned) -> None:
     """Print at the end what must not scroll away."""
     for sentence in result.warnings:
         warn(out, sentence)
+
+
+def say_next(out: Console, undoing: Undoing | None) -> None:
+    """Print at the end what undoes a fault of the data, each line of it as it is pasted."""
+    if undoing is None:
+        return
+    if undoing.place:
+        say(out, f"next: undo the fault of the data, in {undoing.place}:", undoing.paste, "then:", undoing.then)
+    else:
+        say(out, "next: undo the fault of the data:", undoing.paste)
 
 
 @contextlib.contextmanager
