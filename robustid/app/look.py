@@ -79,6 +79,12 @@ class Look(Frozen):
         return python, f"{command_line(['new', name, '-o', 'run.toml'])}   # {ready}"
 
     @property
+    def faulty(self) -> bool:
+        """True where data that could be read have a fault; a period that nothing states is found, and is none."""
+        odd = [fault for fault in self.faults if not fault.undone and fault.kind is not FaultKind.UNSTATED_PERIOD]
+        return self.data is not None and bool(odd)
+
+    @property
     def correction(self) -> str:
         """The first correction that undoes something odd of all that the file holds; "" where there is none."""
         if not isinstance(self.data, FrequencyResponse | TimeRecord):

@@ -223,11 +223,19 @@ class Family(WorstCase):
             f" nominal of order {self.model.nstates}>"
         )
 
+    @property
+    def scope(self) -> str:
+        """Words that follow a claim about the family, ", for these excitations, from data with faults"; empty if none is due."""
+        problems = [m.identification.problem for m in self.members]
+        alone, faulty = any(one.of_one_excitation for one in problems), any(one.open_faults for one in problems)
+        return ", for these excitations" * alone + ", from data with faults" * faulty
+
     def summary(self) -> str:
         """The result in plain text."""
         lines = [
             f"guarantee  every system consistent with the data of any of {len(self.members)} members is within"
-            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies (median {self.relative.words})",
+            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies{self.scope}"
+            f" (median {self.relative.words})",
             f"nominal    order {self.model.nstates}; its band is at most {(self.upper / self.centres.radius).max():.3g} times the"
             " smallest disc that holds all members",
         ]

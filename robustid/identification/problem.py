@@ -167,6 +167,16 @@ class MixedProblem(Frozen):
         """
         return tuple(placed.fault for placed in self.placed_faults)
 
+    @property
+    def open_faults(self) -> tuple[Fault, ...]:
+        """The faults that nothing has undone."""
+        return tuple(fault for fault in self.data_faults if not fault.undone)
+
+    @property
+    def scope(self) -> str:
+        """Words that follow a claim about these data, ", for this excitation, from data with a fault"; empty where none is due."""
+        return ", for this excitation" * self.of_one_excitation + ", from data with a fault" * bool(self.open_faults)
+
     @functools.cached_property
     def placed_faults(self) -> tuple[PlacedFault, ...]:
         """The faults, each with the response or the record that it is of, the first where several show it."""

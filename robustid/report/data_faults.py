@@ -9,6 +9,8 @@ from robustid.estimation import all_faults
 from robustid.identification import MixedProblem
 from robustid.report.document import Text, Verdict
 
+_SETTLE = "Settle the fault of the data first: all that follows from data with a fault is no better than they are."
+
 
 def fault_verdict(faults: Sequence[Fault]) -> list[Verdict]:
     """The verdict on data with a fault that nothing has undone, with where it is and what undoes it; none without such a fault."""
@@ -21,13 +23,20 @@ def fault_verdict(faults: Sequence[Fault]) -> list[Verdict]:
     numbers = [("where", place)] if place else []
     numbers += [("undone by", f'"{first.correction}"')] if first.correction else []
     numbers += [("further faults", f"{len(open_) - 1}, see the warnings")] if len(open_) > 1 else []
-    said = f"{first.words[0].upper()}{first.words[1:]}."
-    more = f"{first.evidence[0].upper()}{first.evidence[1:]}." if first.evidence else ""
+    said = f"{first.words[0].upper()}{first.words[1:]}{':' if first.evidence else '.'}"
+    more = f"{first.evidence}." if first.evidence else ""
     return [Verdict("undecided", "Fault of the data", said, tuple(numbers), id="data-fault", ahead=True, more=more)]
 
 
+def steps_with_faults(faults: Sequence[PlacedFault], undoing: Undoing | None, others: Sequence[Text]) -> list[Text]:
+    """The next steps: with a fault of the data what undoes it, before which no other step makes sense; the others without."""
+    if all(one.fault.undone for one in faults):
+        return list(others)
+    return undoing_steps(faults, undoing) or [Text(_SETTLE), *others]
+
+
 def undoing_steps(faults: Sequence[PlacedFault], undoing: Undoing | None) -> list[Text]:
-    """The next step with a fault of the data: what undoes it, as it is pasted, or else the correction and what takes it."""
+    """The step that undoes a fault of the data, as it is pasted, or else the correction and what takes it; none without one."""
     if undoing is not None:
         return [Text(undoing.said, code=(undoing.paste, undoing.then) if undoing.then else (undoing.paste,))]
     first = next((one for one in faults if one.fault.correction and not one.fault.undone), None)

@@ -105,7 +105,7 @@ def _glance(family: Family, entry: Chart, withheld: Coverage | None) -> Glance:
     numbers = [
         ("members", f"{len(family.members)}"),
         ("model order", f"{family.model.nstates}"),
-        *([] if contradicted else [(f"guaranteed error{_scope(family)}", f"≤ {at_most(family.sigma_upper.max(), 3)}")]),
+        *([] if contradicted else [(f"guaranteed error{family.scope}", f"≤ {at_most(family.sigma_upper.max(), 3)}")]),
     ]
     steps = [
         f"The error is largest {reach}, where {worst.member} drives the band: more data of this member narrow it first."
@@ -137,15 +137,10 @@ def family_verdict(family: Family) -> Verdict:
     )
     return Verdict(
         "consistent",
-        f"One class{_scope(family)}",
+        f"One class{family.scope}",
         sentence,
         (("largest margin", number(worst)), ("order", f"{family.model.nstates}")),
     )
-
-
-def _scope(family: Family) -> str:
-    """Words that a headline ends with where the data of a member are of one excitation."""
-    return ", for these excitations" * any(m.identification.problem.of_one_excitation for m in family.members)
 
 
 def guarantee_words(family: Family) -> str:

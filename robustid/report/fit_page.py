@@ -8,7 +8,7 @@ from robustid.data import Undoing, expected_feedthrough
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
-from robustid.report.data_faults import fault_verdict, faults_of_response, placed, undoing_steps
+from robustid.report.data_faults import fault_verdict, faults_of_response, placed, steps_with_faults
 from robustid.report.document import (
     Block,
     Column,
@@ -94,8 +94,8 @@ def _glance(view: FitView, entry: Chart, undoing: Undoing | None) -> Glance:
     elif said.key == "weak" and view.fit.status is FitStatus.BOUNDARY:
         steps = ["A lower order, or a narrower band (--band), often leaves the stability boundary."]
     steps.append("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
-    first = [] if view.data is None else undoing_steps(placed(view.data), undoing)
-    after = [*first, *(Text(step, code=_COMMANDS) for step in steps)]
+    faults = [] if view.data is None else placed(view.data)
+    after = steps_with_faults(faults, undoing, [Text(step, code=_COMMANDS) for step in steps])
     return Glance(numbers=numbers, chart=first_panel(entry), next=after)
 
 

@@ -8,7 +8,7 @@ from robustid.data import Bound, Caveat, FrequencyResponse, Undoing, joint_radiu
 from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
-from robustid.report.data_faults import fault_verdict, further_faults, placed, undoing_steps
+from robustid.report.data_faults import fault_verdict, further_faults, placed, steps_with_faults
 from robustid.report.document import (
     Block,
     Column,
@@ -73,8 +73,8 @@ def _glance(view: ResponseView, entry: Chart, undoing: Undoing | None) -> Glance
     steps = [Text(f"A model with a proof: {_COMMAND}", code=(_COMMAND,))]
     if view.frf.bound is None:
         steps = [Text("Give a bound of the errors (--frequency-bound), or estimate it from records: robustid frf.")]
-    first = undoing_steps(placed(view.frf), undoing)
-    return Glance(numbers=_numbers(view), chart=first_panel(entry), next=[*first, *steps])
+    after = steps_with_faults(placed(view.frf), undoing, steps)
+    return Glance(numbers=_numbers(view), chart=first_panel(entry), next=after)
 
 
 def response_summary(view: ResponseView) -> list[Block]:

@@ -7,9 +7,10 @@ import robustid as rid
 from robustid.data import Fault, FaultKind, PlacedFault, Undoing
 from robustid.fitting import fit_mfd
 from robustid.report.data_faults import fault_verdict, undoing_steps
+from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary
 from robustid.report.fit_view import FitView
-from robustid.report.identification_page import identification_page, identification_summary
+from robustid.report.identification_page import identification_page, identification_summary, identification_verdict
 from robustid.report.live import live_words
 from robustid.report.pages import _head
 from robustid.report.response_charts import ResponseView
@@ -75,6 +76,27 @@ def test_where_no_command_is_known_the_correction_is_offered_with_what_takes_it(
     assert f'correct = ["{fault.correction}"]' in step.code
     told = Undoing(fault, "robustid identify")
     assert undoing_steps([PlacedFault(fault, kind, 0)], told)[0].code == ("robustid identify",)
+
+
+def test_what_is_guaranteed_of_them_says_so_where_its_number_stands(identified, monkeypatch):
+    """On the page and at the terminal; with what the band leaves out."""
+    result, faulty = identified
+    said = ", from data with a fault"
+    small = rid.band(result, omega=2 * np.pi * np.array([2.0, 30.0])).with_model(result.model)
+    sweep = rid.worst_case_error(result, omega=2 * np.pi * np.array([2.0, 30.0]), directions=4)
+    for name, part, beside in (("band", small, ""), ("worst_case", sweep, ", at 2 frequencies")):
+        numbers = glance(result, "", {name: part}).numbers
+        labels = [label for label, value in numbers if value.startswith("≤")]
+        assert labels[0] == f"guaranteed error, order {result.order}{beside}{said * faulty}"
+        assert [label.endswith(said) for label in labels] == [faulty] * 2
+        assert (said in part.summary().splitlines()[0]) == faulty
+    assert (said in result.summary().splitlines()[0]) == faulty
+    monkeypatch.setattr(rid.guarantee.Band, "open_ranges", ((2 * np.pi * 11.0, 2 * np.pi * 12.0),))
+    small = small.with_model(result.model)
+    label = glance(result, "", {"band": small}).numbers[1][0]
+    assert label == f"guaranteed error, order {result.order}, but from 11 to 12 Hz{said * faulty}"
+    assert "at every frequency but from 11 to 12 Hz" in small.summary().splitlines()[0]
+    assert (f"Consistent{said}" in identification_verdict(result).word) == faulty
 
 
 def test_a_drift_that_is_removed_is_no_verdict_and_further_faults_are_counted():

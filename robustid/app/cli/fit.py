@@ -15,7 +15,7 @@ from robustid.app.cli.command_options import Force, Report, Static, only, words_
 from robustid.app.cli.screen import in_words, shown, step, warn
 from robustid.app.run.settings import Fit, FrequencyPoints
 from robustid.app.run.sources import ResponseSource
-from robustid.errors import InputError
+from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -73,8 +73,8 @@ def fit(
 
     [bold]Example[/bold]: robustid fit frf.npz --order 20 --rigid-body 3 --band 10:2000 --report fit.html
 
-    Exit codes: 0 converged, verified, and a fit of 50 % or more of every output; 1 not, 2 misuse, 70 an error of the program,
-    130 interrupted.
+    Exit codes: 0 converged, verified, and a fit of 50 % or more of every output; 4 that, but of data with a fault that nothing
+    has undone; 1 not, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.undoing import again, in_command, placed_faults
@@ -97,7 +97,8 @@ def fit(
         asked |= both.arguments | _weight(source, frf, relative)
         sweep = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
-    undoing, page = in_command(again(screen.called(context)), placed_faults(frf), [source], []), None
+    faults, page = placed_faults(frf), None
+    undoing = in_command(again(screen.called(context)), faults, [source], [])
     if report is not None:
         with step(console, "drawing the report"):
             page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
@@ -108,7 +109,8 @@ def fit(
     console.print(render_summary(result, data=frf))
     screen.say_written(console, model_file, report)
     screen.say_next(console, undoing)
-    raise typer.Exit(0 if verdict(result).key == "consistent" else 1)
+    good = Status.CONSISTENT if verdict(result).key == "consistent" else Status.UNDECIDED
+    raise typer.Exit(screen.exit_code(good, any(not one.fault.undone for one in faults)))
 
 
 def _weight(source: Path, frf: FrequencyResponse, relative: bool | None) -> dict[str, Weight]:

@@ -77,8 +77,8 @@ def identify(
     [bold]Example[/bold]: robustid identify --frequency frf.csv --time step.csv --dt 0.01 --frequency-bound 0.03
     --time-bound 0.03 --mode 9:0.1 --mode 17.67:0.004 --gain 0.2 --decay-rate 1.1 --report report.html
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
-    70 an error of the program, 130 interrupted.
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 4 either, but of data with a fault that nothing has
+    undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_folder import Surroundings
@@ -110,7 +110,8 @@ def identify(
     origins = asked_lines.origins, asked_samples.origins
     work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
     conclude(console, work, output, report, static=static)
-    raise typer.Exit(screen.EXIT[work.identification.verified_status])
+    found = work.identification
+    raise typer.Exit(screen.exit_code(found.verified_status, bool(found.problem.open_faults)))
 
 
 def _warn_of_faults(console: Console, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> None:

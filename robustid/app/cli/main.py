@@ -70,8 +70,8 @@ app = typer.Typer(
     --dt 0.01 --frequency-bound 0.03 --time-bound 0.03[/bold]. From recorded signals: [bold]robustid frf[/bold] makes the
     frequency response and its bound; [bold]robustid excite[/bold] designs what to play.
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
-    70 an error of the program, 130 interrupted.""",
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 4 either, but of data with a fault that nothing has
+    undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.""",
 )
 
 

@@ -40,7 +40,13 @@ class Warned(Protocol):
 
 
 _WORTH_SAYING = 2.0  # seconds that a step has taken
-EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
+FAULTY = 4
+_EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
+
+
+def exit_code(status: Status, faulty: bool) -> int:
+    """Exit code of a verdict on the class; of data with a fault that nothing has undone no proof is a success or a finding."""
+    return FAULTY if faulty and status in (Status.CONSISTENT, Status.INCONSISTENT) else _EXIT[status]
 
 
 def console(*, stderr: bool = False) -> Console:

@@ -1,4 +1,4 @@
-"""What undoes a fault of the data, as it is pasted: a command as it was called, or a line of the run file that was read."""
+"""Text that undoes a fault of the data where it is pasted: the command as it was called, or a line of the run file that was read."""
 
 from __future__ import annotations
 
