@@ -1,4 +1,4 @@
-"""Text that undoes a fault of the data where it is pasted: the command as it was called, or a line of the run file that was read."""
+"""Text that undoes a fault of the data where it is pasted: the command as it was called, or a line of the run file."""
 
 from __future__ import annotations
 
