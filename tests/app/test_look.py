@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import robustid as rid
 from robustid.app.cli.main import app
-from robustid.app.look import drafted_run_file
+from robustid.app.draft import drafted_run_file
 from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.formats import readers

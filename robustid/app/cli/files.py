@@ -39,7 +39,8 @@ def new(
 
     [bold]Example[/bold]: robustid new bench.mat -o bench.toml
     """
-    from robustid.app.look import drafted_run_file, look
+    from robustid.app.draft import drafted_run_file
+    from robustid.app.look import look
     from robustid.core import atomic_write
 
     written_files.check_outputs([output], files, False)
