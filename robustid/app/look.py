@@ -186,7 +186,8 @@ def _tried(error: RobustIdError, given: dict[str, Any]) -> tuple[dict[str, Any],
     unknown = ("dt",) if "dt" in remedy or error.argument == "dt" else ()
     if not remedy and not unknown:
         return {}, ()
-    return {**given, **dict.fromkeys(unknown, 1.0), **remedy}, unknown
+    tried = {**given, **remedy}
+    return tried | {name: 1.0 for name in unknown if name not in tried}, unknown
 
 
 def _shape_of(record: TimeRecord) -> tuple[int, int]:
