@@ -160,7 +160,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
     MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
     FrequencyResponse: (response_page, (*_OF_DATA[2:], "undoing")),
-    Family: (family_page, ("findings", "withheld", "run_file", "unfinished")),
+    Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing")),
 }
 
 

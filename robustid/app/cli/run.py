@@ -124,9 +124,8 @@ def run(
         if result.diagnosis is not None:
             screen.say(console, "\n" + result.diagnosis.summary())
         status, identifications = result.identification.verified_status, [result.identification]
-        undoing = result.undoing
     else:
-        status, identifications, undoing = result.status, list(result.identifications.values()), None
+        status, identifications = result.status, list(result.identifications.values())
         for line in unfinished_words(result.unfinished):
             screen.warn(console, line)
         if result.family is not None:
@@ -137,6 +136,6 @@ def run(
     screen.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
     for one in identifications:
         screen.repeat_warnings(console, one)
-    screen.say_next(console, undoing)
+    screen.say_next(console, result.undoing)
     faulty = any(one.problem.open_faults for one in identifications)
     raise typer.Exit(screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty))

@@ -162,6 +162,8 @@ class FamilyRun(Frozen):
     run_file : RunFile
     unfinished : Unfinished or None
         What Ctrl-C or the time limit has left out.
+    undoing : Undoing or None
+        The line of the run file that undoes a fault of the data of a member; None where there is none.
     """
 
     identifications: dict[str, Identification]
@@ -170,6 +172,7 @@ class FamilyRun(Frozen):
     findings: tuple[str, ...]
     run_file: RunFile
     unfinished: Unfinished | None = None
+    undoing: Undoing | None = None
 
     @property
     def numbers(self) -> dict[str, Savable | None]:
@@ -229,6 +232,7 @@ class FamilyRun(Frozen):
             withheld=worst,
             run_file=self.run_file.text(),
             unfinished=self.unfinished,
+            undoing=self.undoing,
         )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from robustid.app.run.measurements import Measured, Place
+from robustid.app.run.measurements import Measured, Origins, Place
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.toml import write_toml
 from robustid.data import Fault, FaultKind, FrequencyResponse, PlacedFault, Undoing
@@ -76,6 +76,24 @@ def in_run_file(
         if line is not None:
             return Undoing(fault, line.text, f"{name}, {line.place}", command)
     return None
+
+
+def in_run_file_of_member(
+    asked: RunFile, name: str, command: str, member: str, data: Measured, faults: Sequence[PlacedFault]
+) -> Undoing | None:
+    """The same of a member, whose data came from the sources that are its own or of all."""
+
+    def whole(place: Place) -> Place:
+        own = [k for k, source in enumerate(getattr(asked, place.section)) if source.member in (member, None)]
+        return place._replace(number=own[place.number])
+
+    responses, records, excited = data.origins
+    origins = Origins(
+        tuple(None if one is None else whole(one) for one in responses),
+        tuple(map(whole, records)),
+        tuple(map(whole, excited)),
+    )
+    return in_run_file(asked, name, command, data._replace(origins=origins), faults)
 
 
 def _undoable(fault: Fault) -> bool:
