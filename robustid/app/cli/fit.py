@@ -106,10 +106,10 @@ def fit(
     written_files.write_page(report, page)
     if sweep is not None:
         screen.say(console, sweep.summary())
-    console.print(render_summary(result, data=frf))
+    console.print(render_summary(result, data=frf, order_sweep=sweep))
     screen.say_written(console, model_file, report)
     screen.say_next(console, undoing)
-    good = Status.CONSISTENT if verdict(result).key == "consistent" else Status.UNDECIDED
+    good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
     raise typer.Exit(screen.exit_code(good, any(not one.fault.undone for one in faults)))
 
 
