@@ -1,4 +1,4 @@
-"""look(): what is in a file, what it looks like, and the lines to go on with; and a run file written from such looks."""
+"""look(): what is in a file, what it looks like, and the lines to go on with."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ import json
 import os
 import re
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
 from robustid.app.load_save import load
-from robustid.app.run.toml import is_array, is_table
+from robustid.app.run.toml import is_array
+from robustid.app.run.undoing import command_line, with_option
 from robustid.core import Frozen, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
-from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
-from robustid.formats import Item, contents, read_table
+from robustid.formats import Item, contents, read_table, record_pairs
 
 _EVEN = 1e-6  # part of a step
+_CORRECT = "--frequency-correct"
 _FEW = 8  # rows of a spectrum
 _MANY = 12  # things that are listed
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
@@ -48,6 +49,12 @@ class Look(Frozen):
         Arguments of `load` to try, as the refusal names them.
     bound : str
         What a response without a bound says of its errors itself; "" where it says nothing.
+    unknown : tuple of str
+        Those of the `arguments` that stand for a number that nobody has said.
+    records : tuple of dict
+        The `fields` of each record, where pairs of arrays are of several.
+    joined : dict
+        The same as the `fields` of one record of several inputs and outputs; {} where their lengths differ.
     """
 
     path: str
@@ -58,6 +65,9 @@ class Look(Frozen):
     refusal: str = ""
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict[str, Any])
     bound: str = ""
+    unknown: tuple[str, ...] = ()
+    records: tuple[dict[str, str], ...] = ()
+    joined: dict[str, list[str]] = dataclasses.field(default_factory=dict[str, list[str]])
 
     @property
     def next(self) -> tuple[str, ...]:
@@ -67,10 +77,29 @@ class Look(Frozen):
             return ()
         given = "".join(f", {key}={json.dumps(value)}" for key, value in self.arguments.items())
         python = f"rid.load({json.dumps(name)}{given})"
+        if self.correction:
+            python = f"rid.prepare.correct({python}, {json.dumps(self.correction)})"
         if isinstance(self.data, FrequencyResponse):
-            bound = "" if self.data.bound is not None or self.bound else " --frequency-bound RADIUS"
-            return python, f"robustid identify --frequency {name}{bound} --report report.html"
-        return python, f"robustid new {name} -o run.toml   # a run file, ready to edit"
+            bound = [] if self.data.bound is not None or self.bound else ["--frequency-bound", "RADIUS"]
+            called = ["identify", "--frequency", name, *bound, "--report", "report.html"]
+            return python, command_line(with_option(called, _CORRECT, self.correction) if self.correction else called)
+        ready = "a run file, ready to edit" + ", with what undoes the fault" * bool(self.correction)
+        return python, f"{command_line(['new', name, '-o', 'run.toml'])}   # {ready}"
+
+    @property
+    def faulty(self) -> bool:
+        """True where data that could be read have a fault; a period that nothing states is found, and is none."""
+        odd = [fault for fault in self.faults if not fault.undone and fault.kind is not FaultKind.UNSTATED_PERIOD]
+        return self.data is not None and bool(odd)
+
+    @property
+    def correction(self) -> str:
+        """The first correction that undoes something odd of all that the file holds; "" where there is none."""
+        if not isinstance(self.data, FrequencyResponse | TimeRecord):
+            return ""
+        of_records = isinstance(self.data, TimeRecord)
+        fitting = (f for f in self.faults if not f.undone and (of_records or not f.of_records))
+        return next((fault.correction for fault in fitting if fault.correction), "")
 
     def summary(self) -> str:
         """Plain text: contents, faults, what to do."""
@@ -123,14 +152,18 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     gain has negative values: a magnitude in decibels
     """
     table = read_table(path, options.get("decimal"))
+    pairs = record_pairs(table)
+    apart = [dict(one) for one in pairs.fields] if pairs.apart and not options else []
+    joined = pairs.joined if apart else {}
     found = contents(table)
     rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
     odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
     try:
-        data = cast("object", load(table, **options))
+        data = cast("object", [load(table, fields=one) for one in apart] if apart else load(table, **options))
     except (InputError, InputTypeError, FileFormatError) as error:
-        tried = error.remedy if "fields" in error.remedy else {}
-        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), arguments=tried)
+        tried, unknown = _tried(error, {"fields": apart[0]} if apart else options)
+        told: dict[str, Any] = {"arguments": tried, "unknown": unknown, "records": tuple(apart), "joined": joined}
+        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), **told)
     several: Sequence[object] = data if is_array(data) else [data]
     for one in several:
         odd += response_faults(one) if isinstance(one, FrequencyResponse) else []
@@ -143,7 +176,18 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         ):
             odd += experiment_faults(one, same)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
-    return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), data=data, arguments=options, bound=own)
+    told = {"arguments": {"fields": apart[0]} if apart else options, "records": tuple(apart), "joined": joined}
+    return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), data=data, bound=own, **told)
+
+
+def _tried(error: RobustIdError, given: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Arguments of `load` to try after a refusal, and those of them that stand for what nobody has said."""
+    remedy = error.remedy if "fields" in error.remedy else {}
+    unknown = ("dt",) if "dt" in remedy or error.argument == "dt" else ()
+    if not remedy and not unknown:
+        return {}, ()
+    tried = {**given, **remedy}
+    return tried | {name: 1.0 for name in unknown if name not in tried}, unknown
 
 
 def _shape_of(record: TimeRecord) -> tuple[int, int]:
@@ -157,70 +201,6 @@ def _own_bound(frf: FrequencyResponse) -> str:
         return found.bound.words(found.note)
     except InputError:
         return ""
-
-
-class Draft(NamedTuple):
-    """Text of a run file, and the lines of it that somebody has to edit or check first."""
-
-    text: str
-    edits: tuple[str, ...]
-
-
-def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
-    """Draft a commented run file for files that were looked into; names are seen from `folder`."""
-    lines = [
-        "# A run file for `robustid run`: what isn't stated here is chosen from the data, and written back with its reason.",
-        "# `robustid run --keys` lists all keys. Lines that begin with # do nothing.",
-        'title = "Untitled"',
-        "",
-    ]
-    periods: list[int] = []
-    edits: list[str] = []
-    checks: list[str] = []
-    for one in looks:
-        name = os.path.relpath(one.path, folder)
-        response = isinstance(one.data, FrequencyResponse) or "values" in one.arguments.get("fields", {})
-        lines += [f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not is_array(one.data) else "")]
-        lines += [f"# Looks odd: {fault}" for fault in one.faults]
-        lines.append("[[frequency]]" if response else "[[record]]")
-        lines.append(f"file = {json.dumps(name)}")
-        lines += [f"{key} = {_toml(value)}" for key, value in one.arguments.items()]
-        if one.data is None:
-            checks.append(f"# Check these lines: {' '.join(one.refusal.split())}")
-            lines.append(checks[-1])
-        if response and getattr(one.data, "bound", None) is None:
-            words = "the radius of the error disc of every frequency point, or a part of the response"
-            own = one.bound or ("one is taken from the data" if one.data is None else "")
-            edits += [] if own else [f'bound = "5%"  # EDIT: {words}']
-            lines.append(f'# bound = "5%"  # {words}; without it: {own}' if own else edits[-1])
-        if not response:
-            bounded = getattr(one.data, "bound", None) is not None
-            use, other = ("samples", "response") if bounded else ("response", "samples")
-            lines.append(f'use = "{use}"  # or "{other}", or "noise_floor" (samples need bound = ...)')
-        periods += [int(f.size) for f in one.faults if f.kind is FaultKind.UNSTATED_PERIOD and f.size is not None]
-        lines.append("")
-    if periods:
-        lines += ["[estimate]", f"period = {periods[0]}  # samples; found in the input", ""]
-    lines += [
-        "[frequency_points]",
-        "# band_hz = [5.0, 200.0]  # use only these; EDIT",
-        "",
-        "[modes]  # without hz they are taken from the response",
-        "# hz = [17.67]",
-        "# damping = [0.004]  # ratios, not per cent",
-        "",
-        "[prior]  # without it: from the curve of the smallest gain bound",
-        "# gain_bound = 0.2",
-        "# decay_rate = 1.1",
-        "",
-    ]
-    return Draft("\n".join(lines), (*edits, *checks))
-
-
-def _toml(value: object) -> str:
-    if is_table(value):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(one)}" for key, one in value.items()) + " }"
-    return json.dumps(value)
 
 
 def _shape(item: Item) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from robustid.errors import InputTypeError
 
@@ -51,6 +51,21 @@ class FaultKind(enum.StrEnum):
     OUTLIER = "outlier"  # a frequency point, or a sample, against all others
     SEAM = "seam"  # between two parts of the frequency axis
     NOISE_ONLY = "noise only"  # frequency points that nothing excited
+
+
+# Kinds that a response shows by itself.
+_OF_RESPONSES = frozenset(
+    {
+        FaultKind.FREQUENCY_UNIT,
+        FaultKind.PHASE_SIGN,
+        FaultKind.PHASE_UNIT,
+        FaultKind.MAGNITUDE_UNIT,
+        FaultKind.SMALL_BOUND,
+        FaultKind.OUTLIER,
+        FaultKind.SEAM,
+        FaultKind.NOISE_ONLY,
+    }
+)
 
 
 class Fault(NamedTuple):
@@ -104,9 +119,41 @@ class Fault(NamedTuple):
         return f"{of}{self.words}" + (f": {self.evidence}" if self.evidence else "")
 
     @property
+    def of_records(self) -> bool:
+        """True for what records show, also where a response brings it: their correction is theirs, not that of the response."""
+        return self.record > 0 or (bool(self.where) and self.kind not in _OF_RESPONSES)
+
+    @property
     def undone(self) -> bool:
         """True for what the estimate from the records has removed: it contradicts nothing any more."""
         return self.kind is FaultKind.DRIFT and not self.correction
+
+
+class PlacedFault(NamedTuple):
+    """Fault with the experiment of a problem that it is of: of its responses or of its records, by number from 0.
+
+    `number` is None where a fault is of several records together.
+    """
+
+    fault: Fault
+    kind: Literal["frequency", "time"]
+    number: int | None
+
+
+class Undoing(NamedTuple):
+    """Text that undoes a fault where it is pasted: a command; or a line, its place in a file, and the command that follows."""
+
+    fault: Fault
+    paste: str
+    place: str = ""
+    then: str = ""
+
+    @property
+    def said(self) -> str:
+        """One sentence with all of it."""
+        if not self.place:
+            return f"Undo the fault of the data: {self.paste}"
+        return f"Undo the fault of the data: {self.paste} in {self.place}; then {self.then}"
 
 
 def as_faults(name: str, value: Iterable[Sequence[Any]]) -> tuple[Fault, ...]:

@@ -7,6 +7,7 @@ from robustid.formats.measurement_files import Origin, origin, read_file, read_s
 from robustid.formats.model_files import load_model, save_model
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 from robustid.formats.readers import read_table
+from robustid.formats.record_pairs import record_pairs
 from robustid.formats.role_names import FREQUENCY, NAMES, TIME
 from robustid.formats.saved import WRITERS
 from robustid.formats.table import Table
@@ -30,6 +31,7 @@ __all__ = [
     "read_file",
     "read_said",
     "read_table",
+    "record_pairs",
     "save_model",
     "scattering_model",
     "scattering_of",

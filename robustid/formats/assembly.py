@@ -257,5 +257,6 @@ def time_step(lookup: Lookup, samples: int) -> float:
     if time is None and "dt" not in lookup.fields and (unsure := lookup.unsure("time")) is not None:
         seconds(lookup, unsure)
     if (step := lookup.sample_time()) is None:
-        raise InputError(f"no 'time' found; give `dt` or name it by `fields`. {lookup.inventory()}")
+        words = f"no 'time' found; give `dt` or name it by `fields`. {lookup.inventory()}"
+        raise InputError(words, argument="dt")
     return step

@@ -11,12 +11,14 @@ import numpy as np
 from robustid.errors import Remedy
 from robustid.formats import units
 from robustid.formats.addresses import written
+from robustid.formats.record_pairs import record_pairs
 from robustid.formats.role_names import NAMES, UNSURE, axis_role
 from robustid.formats.table import NAMELESS, Table
 
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
 _STEADY = 1e-6
 _CARTESIAN = ("real", "imag")
+_RECORD = "As a time record, if these are its inputs and outputs: "
 _SIDES = {"u": "its input", "y": "its output"}
 _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "output"), ("output", "input"),
           ("inputs", "outputs"), ("outputs", "inputs"))  # fmt: skip
@@ -24,6 +26,8 @@ _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "outpu
 
 def example(table: Table, *, dt: bool) -> list[str | Remedy]:
     """Sentences with arguments that `load` takes, as far as the arrays can be signals; else none. `dt`: it must be given."""
+    if pairs := record_pairs(table).fields:
+        return [_RECORD, *_given(dict(pairs[0]), dt and not {"time", "dt", "rate"} & set(pairs[0])), "."]
     array = table.columns.get(NAMELESS)
     if isinstance(array, np.ndarray) and array.ndim > 2:
         return _axes(table, array, dt)
@@ -40,7 +44,9 @@ def example(table: Table, *, dt: bool) -> list[str | Remedy]:
     rest = [address for address, _ in columns if axis is None or address != axis[0]]
     words: list[str | Remedy] = []
     if _kind(first[0]) != "frequency" and not _complex(columns):
-        words += _time(table, axis, rest, dt)
+        signals = [address for address, values in columns if address in rest and not _counts(address, values)]
+        time = None if axis is not None and _counts(*axis) else axis
+        words += _time(table, time, signals, dt) if len(signals) > 1 else _time(table, axis, rest, dt)
     if _kind(first[0]) != "time" and (parts := _parts([column for column in columns if column[0] in rest], axis)):
         words += [*[" "] * bool(words), *_frequency(axis, parts)]
     return words
@@ -52,6 +58,11 @@ def _kind(address: str) -> str | None:
     if role in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
         return "frequency"
     return "time" if role == "time" or (unit and units.factor(units.TIME, unit)) else None
+
+
+def _counts(address: str, values: np.ndarray) -> bool:
+    """Return whether a column numbers the rows: it is no signal, and no time."""
+    return _kind(address) is None and np.isrealobj(values) and bool(np.all(np.diff(values.astype(float)) == 1))
 
 
 def _complex(columns: list[tuple[str, np.ndarray]]) -> bool:
@@ -119,7 +130,7 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
         return _alone(table, rest[0], fields, dt)
     half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name or ",:]" in name for name in rest) else 1
     fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
-    return ["As a time record, if these are its inputs and outputs: ", *_given(fields, dt), "."]
+    return [_RECORD, *_given(fields, dt), "."]
 
 
 def _alone(table: Table, name: str, fields: dict[str, object], dt: bool) -> list[str | Remedy]:

@@ -15,7 +15,7 @@ from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
-from robustid.guarantees.member import Member
+from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.outputs import output_errors
@@ -73,6 +73,7 @@ __all__ = [
     "band_of_others",
     "bounds_of_entries",
     "box_of",
+    "called_otherwise",
     "chance_of_order",
     "check_samples",
     "checked_box",
@@ -88,6 +89,7 @@ __all__ = [
     "has_box",
     "magnitude_weight",
     "norm_of_bounds",
+    "otherwise_words",
     "output_errors",
     "ranked",
     "refute",

@@ -382,7 +382,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         if known.any():
             k = int(np.argmax(np.where(known, upper, -1.0)))
             lines = [
-                f"every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}",
+                f"every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}{self.problem.scope}",
                 f"           (median {self.relative.words}; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
             ]
         if known.any() and self.open_ranges:

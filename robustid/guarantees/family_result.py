@@ -13,7 +13,7 @@ import numpy as np
 from robustid.core import Plane, Real, freeze
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
-from robustid.guarantees.member import Member
+from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.pole_proofs import Cell
@@ -195,6 +195,17 @@ class Family(WorstCase):
         return rows
 
     @property
+    def matched(self) -> tuple[str, ...]:
+        """Sentences on members whose signals are called otherwise than those of the first, whose names hold."""
+        found: list[str] = []
+        for m in self.members[1:]:
+            for side in ("inputs", "outputs"):
+                own, first = (getattr(one, side) for one in (m.identification.problem, self.problem))
+                if pairs := called_otherwise(own, first):
+                    found.append(otherwise_words(m.name, side, pairs))
+        return tuple(found)
+
+    @property
     def not_known(self) -> tuple[str, ...]:
         """Sentences on what is not known between the members, and beyond them."""
         if self.schedule is None or self.interval is None:
@@ -223,11 +234,19 @@ class Family(WorstCase):
             f" nominal of order {self.model.nstates}>"
         )
 
+    @property
+    def scope(self) -> str:
+        """Words that follow a claim about the family, ", for these excitations, from data with faults"; empty if none is due."""
+        problems = [m.identification.problem for m in self.members]
+        alone, faulty = any(one.of_one_excitation for one in problems), any(one.open_faults for one in problems)
+        return ", for these excitations" * alone + ", from data with faults" * faulty
+
     def summary(self) -> str:
         """The result in plain text."""
         lines = [
             f"guarantee  every system consistent with the data of any of {len(self.members)} members is within"
-            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies (median {self.relative.words})",
+            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies{self.scope}"
+            f" (median {self.relative.words})",
             f"nominal    order {self.model.nstates}; its band is at most {(self.upper / self.centres.radius).max():.3g} times the"
             " smallest disc that holds all members",
         ]
@@ -245,6 +264,7 @@ class Family(WorstCase):
             )
         if len(rows) > _DRIVERS:
             lines.append(f"           and {len(rows) - _DRIVERS} more ranges, where the band is smaller")
+        lines += [f"matched    {sentence}" for sentence in self.matched]
         lines += [f"not known  {sentence}" for sentence in self.not_known]
         lines.append(
             "assumed    one class for all members, its poles, and the bounds of the samples: data can refute them, never prove them"

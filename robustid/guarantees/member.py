@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from robustid.core import Frozen, as_count, as_float, digest, time_words
+from robustid.core import Frozen, Signal, as_count, as_float, digest, time_words
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.worst_case_result import WorstCaseError
@@ -143,8 +143,9 @@ def _check_alike(first: Member, other: Member) -> None:
     if abs(dts[0] - dts[1]) > 1e-9 * max(dts):
         raise _unlike(first, other, "sample times", time_words(dts[0]), time_words(dts[1]), "resample to one")
     for side in ("outputs", "inputs"):
-        names = [", ".join(f"{s.name} [{s.unit}]" if s.unit else str(s.name) for s in getattr(p, side)) for p in pair]
-        if names[0] != names[1]:
+        one, own = (getattr(problem, side) for problem in pair)
+        names = [", ".join(f"{s.name} [{s.unit}]" if s.unit else str(s.name) for s in group) for group in (one, own)]
+        if called_otherwise(own, one) is None or [s.unit for s in one] != [s.unit for s in own]:
             raise _unlike(
                 first, other, side, names[0], names[1], "a family has the same signals in the same order and units"
             )
@@ -161,6 +162,24 @@ def _check_alike(first: Member, other: Member) -> None:
         raise _unlike(
             first, other, "parametric parts", one, two, "the poles may differ between members, their number may not"
         )
+
+
+def called_otherwise(own: Sequence[Signal], first: Sequence[Signal]) -> list[tuple[str, str]] | None:
+    """Names of signals that are called otherwise than those at the same place in the first member, each with the name there.
+
+    None where their number is another one, or one of the names stands at another place there: such signals are in another order.
+    """
+    there = [signal.name for signal in first]
+    if len(own) != len(there):
+        return None
+    pairs = [(signal.name, name) for signal, name in zip(own, there, strict=True) if signal.name != name]
+    return None if any(name in there for name, _ in pairs) else pairs
+
+
+def otherwise_words(name: str, side: str, pairs: Sequence[tuple[str, str]]) -> str:
+    """Sentence on signals of a member that are matched by their place."""
+    said = ", ".join(f"{own} is taken for {there}" for own, there in pairs)
+    return f"The {side} of {name} are called otherwise than those of the first member, and are matched by their place: {said}."
 
 
 def _unlike(first: Member, other: Member, what: str, one: str, two: str, advice: str) -> InputError:

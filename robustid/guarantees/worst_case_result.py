@@ -217,7 +217,8 @@ class WorstCaseError(WorstCase):
         gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
         lines = [f"unfinished {self.unfinished}"] * bool(self.missing.size)
         lines += [
-            f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size} frequencies",
+            f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size}"
+            f" frequencies{self.problem.scope}",
             f"           (median {self.relative.words}; attained: {lower.max():.4g})",
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",
         ]

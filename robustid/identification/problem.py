@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
-from robustid.data import Fault, FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.data import Fault, FrequencyResponse, PlacedFault, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation import all_faults, experiment_faults
 from robustid.identification.entries import Entries
@@ -165,11 +165,30 @@ class MixedProblem(Frozen):
 
         See `response_faults` and `experiment_faults`.
         """
-        responses = [item for item in self.frequency if isinstance(item, FrequencyResponse)]
-        found = [fault for item in responses for fault in all_faults(item)]
-        if self.time:
-            found += [fault for item in responses for fault in experiment_faults(item, self.time)]
-        return tuple({str(fault): fault for fault in found}.values())
+        return tuple(placed.fault for placed in self.placed_faults)
+
+    @property
+    def open_faults(self) -> tuple[Fault, ...]:
+        """The faults that nothing has undone."""
+        return tuple(fault for fault in self.data_faults if not fault.undone)
+
+    @property
+    def scope(self) -> str:
+        """Words that follow a claim about these data, ", for this excitation, from data with a fault"; empty where none is due."""
+        return ", for this excitation" * self.of_one_excitation + ", from data with a fault" * bool(self.open_faults)
+
+    @functools.cached_property
+    def placed_faults(self) -> tuple[PlacedFault, ...]:
+        """The faults, each with the response or the record that it is of, the first where several show it."""
+        responses = [(k, one) for k, one in enumerate(self.frequency) if isinstance(one, FrequencyResponse)]
+        found = [PlacedFault(fault, "frequency", k) for k, one in responses for fault in all_faults(one)]
+        beside = [fault for _, one in responses for fault in experiment_faults(one, self.time)] if self.time else []
+        alone = 0 if len(self.time) == 1 else None
+        found += [PlacedFault(fault, "time", fault.record - 1 if fault.record else alone) for fault in beside]
+        kept: dict[str, PlacedFault] = {}
+        for one in found:
+            kept.setdefault(str(one.fault), one)
+        return tuple(kept.values())
 
     @property
     def unknown_bounds(self) -> Real:

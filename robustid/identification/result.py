@@ -301,7 +301,7 @@ class Identification(Frozen, Drawable, Savable):
         problem, prior = self.problem, self.problem.prior
         frequency = sum(int(f.bound.used.sum()) for f in problem.frequency)
         lines = [
-            f"status     {self.status.value}" + ", for this excitation" * problem.of_one_excitation,
+            f"status     {self.status.value}{problem.scope}",
             f"margin     {self.margin:.6g}, proved not below {self.margin_lower:.6g}",
             *(f"bounds     {sentence}" for sentence in problem.about),
             f"data       {frequency} frequency samples, {problem.samples - frequency} time samples, "

@@ -1,50 +1,54 @@
-"""Faults of the data before anything that was made of them: the verdict on the first one, and the others."""
+"""Faults of the data before anything that was made of them: the verdict on the first one, what undoes it, and the others."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robustid.data import Fault, FaultKind, FrequencyResponse
+from robustid.data import Fault, FrequencyResponse, PlacedFault, Undoing
 from robustid.estimation import all_faults
 from robustid.identification import MixedProblem
 from robustid.report.document import Text, Verdict
 
-_LEAVE_OUT = "leave out "
-# Kinds that only responses have, whether or not they were estimated from records.
-_OF_RESPONSES = (
-    FaultKind.FREQUENCY_UNIT,
-    FaultKind.PHASE_SIGN,
-    FaultKind.PHASE_UNIT,
-    FaultKind.MAGNITUDE_UNIT,
-    FaultKind.SMALL_BOUND,
-)
+_SETTLE = "Settle the fault of the data first: all that follows from data with a fault is no better than they are."
 
 
-def fault_verdict(faults: Sequence[Fault], *, estimated: bool = False) -> list[Verdict]:
-    """The verdict on data with a fault that nothing has undone, with what undoes it; none where there is no such fault.
-
-    `estimated`: the response was estimated from records.
-    """
+def fault_verdict(faults: Sequence[Fault]) -> list[Verdict]:
+    """The verdict on data with a fault that nothing has undone, with where it is and what undoes it; none without such a fault."""
     open_ = [fault for fault in faults if not fault.undone]
     if not open_:
         return []
     first = open_[0]
-    said = f"{first.said_alone[0].upper()}{first.said_alone[1:]}."
-    said += f" {undoing(first, estimated)}" if first.correction else ""
-    said += f" And {len(open_) - 1} more: see below." if len(open_) > 1 else ""
-    return [Verdict("undecided", "Fault of the data", said, id="data-fault")]
+    record = [f"record {first.record}"] if first.record else []
+    place = ", ".join([*([first.where] if first.where else []), *record])
+    numbers = [("where", place)] if place else []
+    numbers += [("undone by", f'"{first.correction}"')] if first.correction else []
+    numbers += [("further faults", f"{len(open_) - 1}, see the warnings")] if len(open_) > 1 else []
+    said = f"{first.words[0].upper()}{first.words[1:]}{':' if first.evidence else '.'}"
+    more = f"{first.evidence}." if first.evidence else ""
+    return [Verdict("undecided", "Fault of the data", said, tuple(numbers), id="data-fault", ahead=True, more=more)]
 
 
-def undoing(fault: Fault, estimated: bool) -> str:
-    """Say what undoes a fault, as it is pasted into a command or a run file."""
-    words, points = fault.correction, fault.correction.startswith(_LEAVE_OUT)
-    hz = words.removeprefix(_LEAVE_OUT).split()
-    if estimated and points and not {"above", "below"} & set(hz):
-        return f"To undo it: leave_out_hz = [{', '.join(hz)}] of [frequency_points] in a run file."
-    if estimated and (points or fault.kind in _OF_RESPONSES):
-        return f'To undo it: rid.prepare.correct(frf, "{words}") of the response.'
-    name = "time" if estimated else "frequency"
-    return f'To undo it: --{name}-correct "{words}" on the command line, correct = ["{words}"] in a run file.'
+def steps_with_faults(faults: Sequence[PlacedFault], undoing: Undoing | None, others: Sequence[Text]) -> list[Text]:
+    """The next steps: with a fault of the data what undoes it, before which no other step makes sense; the others without."""
+    if all(one.fault.undone for one in faults):
+        return list(others)
+    return undoing_steps(faults, undoing) or [Text(_SETTLE), *others]
+
+
+def undoing_steps(faults: Sequence[PlacedFault], undoing: Undoing | None) -> list[Text]:
+    """The step that undoes a fault of the data, as it is pasted, or else the correction and what takes it; none without one."""
+    if undoing is not None:
+        return [Text(undoing.said, code=(undoing.paste, undoing.then) if undoing.then else (undoing.paste,))]
+    first = next((one for one in faults if one.fault.correction and not one.fault.undone), None)
+    if first is None:
+        return []
+    fault, of_record = first.fault, first.kind == "time" or first.fault.of_records
+    data, flag = ("record", "--time-correct") if of_record else ("response", "--frequency-correct")
+    words = f'rid.prepare.correct({data}, "{fault.correction}")'
+    option, line = f'{flag} "{fault.correction}"', f'correct = ["{fault.correction}"]'
+    return [
+        Text(f"Undo the fault of the data: {words}; {option}; or {line} in a run file.", code=(words, option, line))
+    ]
 
 
 def further_faults(faults: Sequence[Fault]) -> list[str]:
@@ -55,13 +59,17 @@ def further_faults(faults: Sequence[Fault]) -> list[str]:
 
 def problem_verdict(problem: MixedProblem) -> list[Verdict]:
     """The verdict on faults of the data of a problem."""
-    responses = [one for one in problem.frequency if isinstance(one, FrequencyResponse)]
-    return fault_verdict(problem.data_faults, estimated=any(one.dof is not None for one in responses))
+    return fault_verdict(problem.data_faults)
 
 
 def problem_warnings(problem: MixedProblem) -> list[Text]:
     """Warnings of the other faults."""
     return [Text(sentence, "warning") for sentence in further_faults(problem.data_faults)]
+
+
+def placed(frf: FrequencyResponse) -> list[PlacedFault]:
+    """Faults of a response alone, as those of a problem are placed."""
+    return [PlacedFault(fault, "frequency", 0) for fault in faults_of_response(frf)]
 
 
 def faults_of_response(frf: FrequencyResponse) -> tuple[Fault, ...]:

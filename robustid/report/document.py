@@ -40,19 +40,29 @@ class Text:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """The outcome in one word and one sentence, with the numbers beside it; `key` chooses the colour."""
+    """The outcome in one word and one sentence, with the numbers beside it; `key` chooses the colour.
+
+    One that is `ahead` stands above the first of the others, which it qualifies; `more` are further words on it.
+    """
 
     key: str
     word: str
     sentence: str
     numbers: tuple[tuple[str, str], ...] = ()
     id: str = "verdict"
+    ahead: bool = False
+    more: str = ""
 
     @property
     def words(self) -> str:
         """Word, sentence and numbers as text."""
         numbers = "; ".join(f"{name} {value}" for name, value in self.numbers)
-        return f"{self.word}: {self.sentence}{f' ({numbers})' if numbers else ''}"
+        return f"{self.word}: {self.said}{f' ({numbers})' if numbers else ''}"
+
+    @property
+    def said(self) -> str:
+        """The sentence with the further words."""
+        return f"{self.sentence} {self.more}".rstrip()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,9 +178,14 @@ class Document:
     notice: Text | None = None
 
     @property
+    def ahead(self) -> list[Verdict]:
+        """Verdicts that stand above the first of the others."""
+        return [block for block in self.head if isinstance(block, Verdict) and block.ahead]
+
+    @property
     def verdict(self) -> Verdict | None:
-        """The verdict that comes first."""
-        return next((block for block in self.head if isinstance(block, Verdict)), None)
+        """The verdict that comes first, but for those ahead of it."""
+        return next((block for block in self.head if isinstance(block, Verdict) and not block.ahead), None)
 
     @property
     def warnings(self) -> list[str]:
@@ -180,13 +195,15 @@ class Document:
     def _warning(self, block: Block) -> str:
         """Words of a block that warns; none of another one."""
         if isinstance(block, Verdict):
-            return block.words if block is not self.verdict and block.key != "consistent" else ""
+            first = block.ahead or block is self.verdict
+            return block.words if not first and block.key != "consistent" else ""
         return block.text if isinstance(block, Text) and block.role == "warning" else ""
 
     @property
     def beside(self) -> list[Block]:
-        """Everything at the head that doesn't warn, but for the verdict."""
-        return [block for block in self.head if block is not self.verdict and not self._warning(block)]
+        """Everything at the head that doesn't warn, but for the verdict and those ahead of it."""
+        first = [*self.ahead, self.verdict]
+        return [block for block in self.head if block not in first and not self._warning(block)]
 
     @property
     def parts(self) -> list[Part]:

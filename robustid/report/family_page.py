@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import partial
 
 import numpy as np
 
 from robustid.core import Complex, Real
+from robustid.data import PlacedFault
 from robustid.errors import InputError
 from robustid.guarantees import Coverage, Family, WorstCaseOverPoles
 from robustid.report.charts import (
@@ -26,6 +28,7 @@ from robustid.report.charts import (
     side_by_side,
 )
 from robustid.report.curves import magnitude_range, spread
+from robustid.report.data_faults import problem_verdict, steps_with_faults
 from robustid.report.document import (
     Block,
     Column,
@@ -67,13 +70,14 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
         ]
     return Document(
         title or heading("Family", problem.outputs, problem.inputs),
-        head=_verdicts(family, withheld),
+        head=[*_fault_verdict(family), *_verdicts(family, withheld), *_fault_warnings(family)],
         notice=unfinished_notice(parts.get("unfinished")),
         body=not_guaranteed(
             [
                 *findings_section(parts.get("findings", ())),
                 Heading("Members"),
                 member_table(family),
+                *(Text(sentence) for sentence in family.matched),
                 Heading("What is guaranteed", guarantee=True),
                 Text(guarantee_words(family), id="guarantee-sentence"),
                 certificates(count, family.certified, "certificates"),
@@ -91,12 +95,32 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
             ],
             withheld,
         ),
-        glance=_glance(family, charts[0], withheld),
+        glance=_glance(family, charts[0], parts),
     )
 
 
-def _glance(family: Family, entry: Chart, withheld: Coverage | None) -> Glance:
+def _fault_verdict(family: Family) -> list[Verdict]:
+    """The verdict on the data of the first member that have a fault which nothing has undone, with its name."""
+    for m in family.members:
+        for said in problem_verdict(m.identification.problem):
+            return [dataclasses.replace(said, numbers=(("member", m.name), *said.numbers))]
+    return []
+
+
+def _fault_warnings(family: Family) -> list[Text]:
+    """Warnings of the further faults, each with the name of its member."""
+    faults = [(m.name, fault) for m in family.members for fault in m.identification.problem.data_faults]
+    first = next((k for k, (_, fault) in enumerate(faults) if not fault.undone), None)
+    return [
+        Text(f"Fault of the data of {name}: {fault}.", "warning")
+        for k, (name, fault) in enumerate(faults)
+        if k != first
+    ]
+
+
+def _glance(family: Family, entry: Chart, parts: Parts) -> Glance:
     """The first screen: order, band in words, the first entry, what to do next."""
+    withheld = parts.get("withheld")
     contradicted = withheld is not None and withheld.contradicted
     worst = max(family.drivers(), key=lambda row: row.upper)
     reach = f"between {number(worst.low / HZ, 5)} and {number(worst.high / HZ, 5)} Hz"
@@ -105,7 +129,7 @@ def _glance(family: Family, entry: Chart, withheld: Coverage | None) -> Glance:
     numbers = [
         ("members", f"{len(family.members)}"),
         ("model order", f"{family.model.nstates}"),
-        *([] if contradicted else [(f"guaranteed error{_scope(family)}", f"≤ {at_most(family.sigma_upper.max(), 3)}")]),
+        *([] if contradicted else [(f"guaranteed error{family.scope}", f"≤ {at_most(family.sigma_upper.max(), 3)}")]),
     ]
     steps = [
         f"The error is largest {reach}, where {worst.member} drives the band: more data of this member narrow it first."
@@ -116,8 +140,12 @@ def _glance(family: Family, entry: Chart, withheld: Coverage | None) -> Glance:
         numbers=numbers,
         words="" if contradicted else guarantee_words(family),
         chart=first_panel(entry),
-        next=[Text(step) for step in steps],
+        next=steps_with_faults(_placed_faults(family), parts.get("undoing"), [Text(step) for step in steps]),
     )
+
+
+def _placed_faults(family: Family) -> list[PlacedFault]:
+    return [one for m in family.members for one in m.identification.problem.placed_faults]
 
 
 def _verdicts(family: Family, withheld: Coverage | None) -> list[Verdict]:
@@ -135,22 +163,20 @@ def family_verdict(family: Family) -> Verdict:
         f"The data of each of {len(family.members)} members are consistent with one class; the band holds every system that is"
         " consistent with any of them."
     )
+    faulty = any(m.identification.problem.open_faults for m in family.members)
     return Verdict(
-        "consistent",
-        f"One class{_scope(family)}",
+        "weak" if faulty else "consistent",
+        f"One class{family.scope}",
         sentence,
         (("largest margin", number(worst)), ("order", f"{family.model.nstates}")),
     )
 
 
-def _scope(family: Family) -> str:
-    """Words that a headline ends with where the data of a member are of one excitation."""
-    return ", for these excitations" * any(m.identification.problem.of_one_excitation for m in family.members)
-
-
 def guarantee_words(family: Family) -> str:
     """The guarantee in plain words."""
     about = sorted({words for m in family.members for words in m.identification.problem.about})
+    if any(m.identification.problem.open_faults for m in family.members):
+        about.append("The data of a member have a fault that nothing has undone.")
     return " ".join(
         [
             *about,

@@ -11,6 +11,7 @@ from robustid.errors import Status
 from robustid.guarantees import Band, WorstCaseError
 from robustid.identification import Identification, fit_percent
 from robustid.report.charts import Chart, first_panel
+from robustid.report.data_faults import steps_with_faults
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import at_largest, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
@@ -57,8 +58,8 @@ def glance(
         words = _UNBOUNDED
     if isinstance(bound, Band) and words:
         words = f"{words} {stands_on(bound, worst_case)}".rstrip()
-    if bound is not None and words and identification.problem.of_one_excitation:
-        words = f"For this excitation: {words[0].lower()}{words[1:]}"
+    if bound is not None and words and (said := scope(identification).removeprefix(", ")):
+        words = f"{said[0].upper()}{said[1:]}: {words[0].lower()}{words[1:]}"
     return Glance(
         numbers=[
             *_numbers(identification, reduction, None if contradicted else bound),
@@ -66,7 +67,11 @@ def glance(
         ],
         words=words,
         chart=_chart(identification, parts),
-        next=_next(identification, worst_case, band, contradicted, advice, bounding),
+        next=steps_with_faults(
+            identification.problem.placed_faults,
+            parts.get("undoing"),
+            _next(identification, worst_case, band, contradicted, advice, bounding),
+        ),
     )
 
 
@@ -89,18 +94,24 @@ def _numbers(
         known = bound.bounded if isinstance(bound, Band) else np.isfinite(bound.sigma_upper)
         largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
         where, share = at_largest(identification, bound)
+        name = f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}"
         found += [
-            (
-                f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}{scope(identification)}",
-                f"≤ {largest}",
-            ),
-            (where, f"≤ {at_most(100 * share, 2)} %"),
+            (f"{name}{_but(bound)}{scope(identification)}", f"≤ {largest}"),
+            (f"{where}{scope(identification)}", f"≤ {at_most(100 * share, 2)} %"),
         ]
     if identification.status is Status.CONSISTENT:
         worst = ("" if siso(identification) else ", worst entry") + f", order {small.nstates}"
         fits = fit_percent(identification.problem, small)
         found += [(f"{_FIT[kind]}{worst}", f"{number(value, 3)} %") for kind, value in fits.items()]
     return found
+
+
+def _but(bound: Bounded | Band) -> str:
+    """Words on the frequencies at which nothing is bounded; empty where every one is."""
+    if isinstance(bound, Band):
+        return f", but from {bound.open_words}" if bound.open_ranges else ""
+    known, count = int(np.isfinite(bound.sigma_upper).sum()), bound.omega.size
+    return f", at {known} frequenc{'y' if known == 1 else 'ies'}" + f" of {count}" * (known < count)
 
 
 def _chart(identification: Identification, parts: Parts) -> Chart:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data import expected_feedthrough
+from robustid.data import Undoing, expected_feedthrough
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
-from robustid.report.data_faults import fault_verdict, faults_of_response
+from robustid.report.data_faults import fault_verdict, faults_of_response, placed, steps_with_faults
 from robustid.report.document import (
     Block,
     Column,
@@ -52,7 +52,8 @@ _MOST_MODES = 40  # at the terminal
 
 def fit_page(fit: MatrixFraction, title: str | None, parts: Parts) -> Document:
     """Build the page of a fit."""
-    view, order_sweep = FitView(fit, parts.get("data")), parts.get("order_sweep")
+    order_sweep = parts.get("order_sweep")
+    view = FitView(fit, parts.get("data"), order_sweep)
     sure = view.covariance is not None
     entries = response_charts(view)
     return Document(
@@ -77,24 +78,28 @@ def fit_page(fit: MatrixFraction, title: str | None, parts: Parts) -> Document:
             *([] if order_sweep is None else order_sweep_section(order_sweep)),
             *matrices_section(f"model, order {view.model.nstates}", view.model, view.dt or 0.0),
         ],
-        glance=_glance(view, entries[0]),
+        glance=_glance(view, entries[0], parts.get("undoing")),
     )
 
 
-def _glance(view: FitView, entry: Chart) -> Glance:
+def _glance(view: FitView, entry: Chart, undoing: Undoing | None) -> Glance:
     """The first screen: order, fit, residual, the first entry, what to do next."""
     said = fit_verdict(view)
     worst = ", worst entry" if view.ny * view.nu > 1 else ""
-    numbers = [said.numbers[0], (f"fit of the response{worst}", f"{number(view.fit_percent, 3)} %"), *said.numbers[1:]]
+    fits = [(f"fit of the response{worst}", view.fit_percent), ("fit at withheld points", view.withheld_percent)]
+    shown = [(name, f"{number(value, 3)} %") for name, value in fits if np.isfinite(value)]
+    numbers = [said.numbers[0], *shown, *said.numbers[1:]]
     steps = ["A model with a proof, and a bound of its error: robustid identify --frequency FILE --report report.html"]
-    if view.output_fit_percent < _WORTH:
+    if _judged(view) < _WORTH:
         steps = ["Fit a higher order (--order auto compares them), another weight, or a narrower band (--band)."]
     elif said.key in ("undecided", "failed"):
         steps = ["Let it run longer (--time-limit), or fit a lower order: --order auto compares them."]
     elif said.key == "weak" and view.fit.status is FitStatus.BOUNDARY:
         steps = ["A lower order, or a narrower band (--band), often leaves the stability boundary."]
     steps.append("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
-    return Glance(numbers=numbers, chart=first_panel(entry), next=[Text(step, code=_COMMANDS) for step in steps])
+    faults = [] if view.data is None else placed(view.data)
+    after = steps_with_faults(faults, undoing, [Text(step, code=_COMMANDS) for step in steps])
+    return Glance(numbers=numbers, chart=first_panel(entry), next=after)
 
 
 def fit_summary(view: FitView) -> list[Block]:
@@ -114,7 +119,7 @@ def _data_faults(view: FitView) -> list[Verdict]:
     """The verdict on faults of the response that was fitted, where it is at hand."""
     if view.data is None:
         return []
-    return fault_verdict(faults_of_response(view.data), estimated=view.data.dof is not None)
+    return fault_verdict(faults_of_response(view.data))
 
 
 def _title(view: FitView) -> str:
@@ -147,15 +152,25 @@ def fit_verdict(view: FitView) -> Verdict:
     else:
         key, word = _KEYS.get(status, "consistent"), f"{status.head[0].upper()}{status.head[1:]}"
         sentence = f"{status.reason[0].upper()}{status.reason[1:]}."
-        fit = f"fit {number(view.output_fit_percent, 3)} %{', worst output' * (view.ny > 1)}"
-        if view.output_fit_percent < 0:
+        judged, fit = _judged(view), f"fit {number(view.output_fit_percent, 3)} %{', worst output' * (view.ny > 1)}"
+        if judged < view.output_fit_percent:
+            fit = f"{fit}; {number(judged, 3)} % at frequency points that were withheld"
+        if judged < 0:
             key, word = "failed", f"{word}, but worth nothing"
             sentence += f" The model is farther from the data than their mean value ({fit})."
-        elif view.output_fit_percent < _WORTH:
+        elif judged < _WORTH:
             key, word = ("weak" if key == "consistent" else key), f"{word}, but the model misses much of the response"
             sentence += f" 100 % would be every sample, 0 % their mean value: {fit}."
+        elif view.fit_percent < 0:
+            key, word = ("weak" if key == "consistent" else key), f"{word}, but the model misses an entry"
+            sentence += f" Of one entry it is farther from the data than their mean value (fit {number(view.fit_percent, 3)} %)."
     order = f"{view.fit.fraction.A.shape[0]}"
     return Verdict(key, word, sentence, (("order", order), ("weighted residual, rms", number(_rms(view), 3))))
+
+
+def _judged(view: FitView) -> float:
+    """The fit that a model is judged by, in per cent: of its worst output, or at withheld frequency points where it is lower."""
+    return float(np.fmin(view.output_fit_percent, view.withheld_percent))
 
 
 def _rms(view: FitView) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Signal, StateMatrices, as_kind, as_signals, points_of, response_at
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
-from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, fit_covariance, mode_table
+from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, OrderSweep, fit_covariance, mode_table
 from robustid.identification import Check
 
 if TYPE_CHECKING:
@@ -20,20 +20,24 @@ if TYPE_CHECKING:
 # The realisation reproduces the fraction to 1e-8 at the worst point of noisy 4 x 4 data of order 40.
 _SAME_MODEL = 1e-8
 _CONDITION = 1e-8
+_COUNTS = 0.05  # of the largest entry of an output, by which an entry varies that counts
 _WORK = 3e10  # products of equations and squared coefficients: some seconds
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FitView:
     """Fit in the orientation of its data, with what follows from it; the data, which must be those that were fitted, give the
-    names of the signals (else y1, u1, ...) and the noise.
+    names of the signals (else y1, u1, ...) and the noise, a sweep over the order what frequency points that were withheld say.
     """
 
     fit: MatrixFraction
     data: FrequencyResponse | None = None
+    sweep: OrderSweep | None = None
 
     def __post_init__(self) -> None:
         as_kind("fit", self.fit, MatrixFraction, "a MatrixFraction")
+        if self.sweep is not None:
+            as_kind("order_sweep", self.sweep, OrderSweep, "an OrderSweep from suggest_order")
         if self.data is None:
             return
         as_kind("data", self.data, FrequencyResponse, "a FrequencyResponse")
@@ -140,15 +144,27 @@ class FitView:
 
     @cached_property
     def fit_percent(self) -> float:
-        """``100 (1 - |P_o - P|/|P_o - mean(P_o)|)`` of the worst entry, over the samples that have a weight; NaN without any."""
+        """``100 (1 - |P_o - P|/|P_o - mean(P_o)|)`` of the worst entry, over the samples that have a weight; NaN without any.
+
+        Entries that vary by less than a twentieth of the largest of their output say nothing of a fit.
+        """
         left, size = self._left
-        return float(np.min(100 * (1 - left[size > 0] / size[size > 0]), initial=np.inf)) if np.any(size) else np.nan
+        counts = (size > 0) & (size >= _COUNTS * size.max(axis=1, keepdims=True))
+        return float(np.min(100 * (1 - left[counts] / size[counts]))) if np.any(counts) else np.nan
 
     @cached_property
     def output_fit_percent(self) -> float:
         """The same of the worst output, all its entries together: one that is all but 0 says nothing of a fit."""
         left, size = (np.linalg.norm(part, axis=1) for part in self._left)
         return float(np.min(100 * (1 - left[size > 0] / size[size > 0]), initial=np.inf)) if np.any(size) else np.nan
+
+    @property
+    def withheld_percent(self) -> float:
+        """Fit at frequency points that were withheld, ``100 (1 - error)`` with the error of the sweep; NaN where none were."""
+        if self.sweep is None:
+            return np.nan
+        judged = self.sweep.withheld[self.sweep.orders == len(self.fit.fraction.A)]
+        return float(100 * (1 - judged[0])) if judged.size else np.nan
 
     @cached_property
     def _left(self) -> tuple[np.ndarray, np.ndarray]:

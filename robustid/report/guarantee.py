@@ -116,7 +116,8 @@ def at_largest(identification: Identification, error: WorstCaseError | WorstCase
     known = np.flatnonzero(error.bounded if isinstance(error, Band) else np.isfinite(upper))
     place = int(known[np.argmax(size[known])])
     model = identification.model if error.model is None else error.model
-    where = f"at the largest response, {number(error.omega[place] / HZ)} Hz"
+    beside = "" if known.size == size.size else " that is bounded"
+    where = f"at the largest response{beside}, {number(error.omega[place] / HZ)} Hz"
     if error.omega[place] == 0:
         where = "at 0 Hz: the static gain"
     elif is_resonance(model, error.omega[known], size[known]):

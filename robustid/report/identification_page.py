@@ -212,7 +212,10 @@ def _said(identification: Identification) -> tuple[str, str, str]:
     }
     if status is Status.CONSISTENT and identification.warnings:
         return "weak", f"Consistent{of}, but the class says little", sentences[status]
-    return status.name.lower(), status.name.capitalize() + of * (status is Status.CONSISTENT), sentences[status]
+    if status is Status.CONSISTENT:
+        key = "weak" if identification.problem.open_faults else "consistent"
+        return key, f"Consistent{of}", sentences[status]
+    return status.name.lower(), status.name.capitalize(), sentences[status]
 
 
 def margin_interval(identification: Identification) -> str:

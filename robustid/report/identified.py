@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Content, Diagnosis, Sensitivity
-    from robustid.data import TimeRecord
+    from robustid.data import TimeRecord, Undoing
     from robustid.fitting import OrderSweep
     from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
     from robustid.reduction import ModelWorth, Reduction
@@ -55,6 +55,7 @@ class Parts(TypedDict, total=False):
     run_file: str | None
     band: Band | None
     unfinished: Unfinished | None
+    undoing: Undoing | None
 
 
 class Posed(Protocol):
@@ -88,13 +89,15 @@ def in_unit(text: str, identification: Posed) -> str:
 
 
 def about(identification: Posed) -> str:
-    """Sentence on what the bounds hold for: mean or next record, one excitation or several; empty where it isn't stated."""
-    return "".join(f"{sentence} " for sentence in identification.problem.about)
+    """Sentences on what a guarantee is about: data with a fault; mean or next record, one excitation or several; often empty."""
+    problem = identification.problem
+    faulty = "The data have a fault that nothing has undone: this is about them, not about the machine. "
+    return faulty * bool(problem.open_faults) + "".join(f"{sentence} " for sentence in problem.about)
 
 
 def scope(identification: Posed) -> str:
-    """Words that a headline ends with where the data are of one excitation, ", for this excitation"; empty else."""
-    return ", for this excitation" * identification.problem.of_one_excitation
+    """Words that a headline ends with where the data are of one excitation, or have a fault; empty else."""
+    return identification.problem.scope
 
 
 def mixed(identification: Identification) -> bool:

@@ -101,7 +101,7 @@ def live_words(
     said = identification_verdict(identification)
     words = f"{said.word}, margin {margin_interval(identification)} (proved). {said.sentence}"
     for before in problem_verdict(identification.problem):
-        words = f"{before.word}. {before.sentence} {words}"
+        words = f"{before.words}. {words}"
         said = replace(said, key=said.key if said.key in ("inconsistent", "failed") else before.key)
     if identification.status is Status.INCONSISTENT:
         parts = [

@@ -34,6 +34,7 @@ from robustid.report.stability import stability_summary, weights_summary
 if TYPE_CHECKING:
     from rich.console import Group
 
+    from robustid.fitting import OrderSweep
     from robustid.reduction import Reduction
 
 _LINES = 18  # of a summary
@@ -115,6 +116,8 @@ def write_report(
         From `band(identification, model=...)`: the guarantee that is proved at every frequency, shown first.
     unfinished : Unfinished, optional
         What Ctrl-C or the time limit of a run has left out: the first line.
+    undoing : Undoing, optional
+        What undoes a fault of the data, as it is pasted: the first of the next steps.
 
     Raises
     ------
@@ -156,9 +159,9 @@ def render_report(
 _OF_DATA = ("data", "order_sweep", "records")
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
-    MatrixFraction: (fit_page, _OF_DATA[:2]),
-    FrequencyResponse: (response_page, _OF_DATA[2:]),
-    Family: (family_page, ("findings", "withheld", "run_file", "unfinished")),
+    MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
+    FrequencyResponse: (response_page, (*_OF_DATA[2:], "undoing")),
+    Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing")),
 }
 
 
@@ -167,6 +170,7 @@ def render_summary(
     reduction: Reduction | None = None,
     *,
     data: FrequencyResponse | None = None,
+    order_sweep: OrderSweep | None = None,
     unfinished: Unfinished | None = None,
 ) -> Group:
     """Render verdict, margin or cost, checks, active constraints, poles or modes for ``rich.print`` or a rich console.
@@ -181,6 +185,8 @@ def render_summary(
         Of the model of an identification; its poles are then shown instead.
     data : FrequencyResponse, optional
         What a matrix fraction was fitted to, for the names of its signals.
+    order_sweep : OrderSweep, optional
+        From `suggest_order`, with a MatrixFraction: what withheld frequency points say of it.
     unfinished : Unfinished, optional
         What the run of an identification has left out, which is said before the verdict.
 
@@ -200,7 +206,7 @@ def render_summary(
     True
     """
     if isinstance(identification, MatrixFraction):
-        return with_rich.render(fit_summary(FitView(identification, data)))
+        return with_rich.render(fit_summary(FitView(identification, data, order_sweep)))
     if isinstance(identification, FrequencyResponse):
         return with_rich.render(response_summary(ResponseView(identification)))
     if isinstance(identification, RobustStabilityMargin):
@@ -210,7 +216,9 @@ def render_summary(
     return with_rich.render(identification_summary(identification, reduction, unfinished))
 
 
-def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verdict:
+def verdict(
+    result: Identification | MatrixFraction | FrequencyResponse, order_sweep: OrderSweep | None = None
+) -> Verdict:
     """Return the outcome of a result in one word and one sentence; its `key` is "consistent" where nothing is wrong.
 
     Examples
@@ -221,7 +229,7 @@ def verdict(result: Identification | MatrixFraction | FrequencyResponse) -> Verd
     ('consistent', 'Hard bound')
     """
     if isinstance(result, MatrixFraction):
-        return fit_verdict(FitView(result))
+        return fit_verdict(FitView(result, sweep=order_sweep))
     if isinstance(result, FrequencyResponse):
         return response_verdict(ResponseView(result))
     return identification_verdict(result)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data import Bound, Caveat, FrequencyResponse, joint_radius
+from robustid.data import Bound, Caveat, FrequencyResponse, Undoing, joint_radius
 from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
-from robustid.report.data_faults import fault_verdict, further_faults
+from robustid.report.data_faults import fault_verdict, further_faults, placed, steps_with_faults
 from robustid.report.document import (
     Block,
     Column,
@@ -64,16 +64,17 @@ def response_page(frf: FrequencyResponse, title: str | None, parts: Parts) -> Do
             *(block for chart in overview_charts(view) for block in _overview(view, chart)),
             *_spectra(view, spectra),
         ],
-        glance=_glance(view, entries[0]),
+        glance=_glance(view, entries[0], parts.get("undoing")),
     )
 
 
-def _glance(view: ResponseView, entry: Chart) -> Glance:
+def _glance(view: ResponseView, entry: Chart, undoing: Undoing | None) -> Glance:
     """The first screen: points, relative bound, the first entry, what to do next."""
     steps = [Text(f"A model with a proof: {_COMMAND}", code=(_COMMAND,))]
     if view.frf.bound is None:
         steps = [Text("Give a bound of the errors (--frequency-bound), or estimate it from records: robustid frf.")]
-    return Glance(numbers=_numbers(view), chart=first_panel(entry), next=steps)
+    after = steps_with_faults(placed(view.frf), undoing, steps)
+    return Glance(numbers=_numbers(view), chart=first_panel(entry), next=after)
 
 
 def response_summary(view: ResponseView) -> list[Block]:
@@ -112,7 +113,7 @@ def _spectra(view: ResponseView, charts: list[Chart]) -> list[Block]:
 
 def response_fault_verdict(view: ResponseView) -> list[Verdict]:
     """Verdict on faults of the response and of its records, where there are any."""
-    return fault_verdict(view.faults, estimated=view.frf.dof is not None)
+    return fault_verdict(view.faults)
 
 
 def response_verdict(view: ResponseView) -> Verdict:

@@ -48,7 +48,8 @@ def _banner(verdict: Verdict) -> RenderableType:
     from rich.text import Text as Words
 
     colour = _COLOURS[verdict.key]
-    return Panel(Words.assemble((verdict.word, f"bold {colour}"), "  ", verdict.sentence), border_style=colour)
+    numbers = "".join(f"\n{name}: {value}" for name, value in verdict.numbers if verdict.ahead)
+    return Panel(Words.assemble((verdict.word, f"bold {colour}"), "  ", verdict.said, numbers), border_style=colour)
 
 
 def _facts(facts: Facts) -> RenderableType:

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import robustid as rid
 from robustid.app.cli.main import app
-from robustid.app.look import drafted_run_file
+from robustid.app.draft import drafted_run_file
 from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.formats import readers
@@ -83,8 +83,9 @@ def test_a_two_sided_spectrum_and_a_bound_from_the_scatter_are_said(folder):
 
 
 def test_look_and_new_on_the_command_line(folder, capsys, monkeypatch):
+    assert command(["look", "frf.csv", "record.csv", "sweep.csv"], capsys, monkeypatch)[0] == 0
     code, out, _ = command(["look", "frf.csv", "wrong.csv"], capsys, monkeypatch)
-    assert code == 0
+    assert code == 4
     assert "evenly spaced by" in out
     assert "looks odd: the phase has the wrong sign" in out
     code, out, _ = command(["new", "frf.csv", "record.csv", "-o", "mine.toml"], capsys, monkeypatch)

@@ -8,7 +8,10 @@ import pytest
 import robustid as rid
 from robustid.app.run import sequence
 from robustid.app.run.run_file import read_run_file
+from robustid.app.run.toml import write_toml
 from support.families import DT, LINES, measured
+from support.faulty_files import CLASS_KEYS, response
+from support.report_pages import Page
 
 GAINS = {"weak": 0.8, "strong": 1.3}
 CLASS = {"modes": {"hz": []}, "prior": {"gain_bound": 3.0, "decay_rate": 2.0}}
@@ -170,8 +173,35 @@ def test_names_of_arrays_are_no_reason_and_signals_in_another_order_are(tmp_path
             with pytest.raises(rid.InputError, match="have different outputs: a, b and b, a"):
                 rid.run(path, tmp_path / "refused")
         else:
-            problems = [one.problem for one in rid.run(path, tmp_path / "out").identifications.values()]
+            found = rid.run(path, tmp_path / "out")
+            problems = [one.problem for one in found.identifications.values()]
             assert [[s.name for s in problem.outputs] for problem in problems] == [["a", "b"]] * 2
+            assert "c is taken for a, d is taken for b" in found.findings[0]
+            assert "c is taken for a" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_faults_of_the_data_of_a_member_stand_on_the_page_with_its_name_and_are_undone(tmp_path):
+    for name, off in (("good", 0.0), ("bad", 0.3)):
+        rid.save(tmp_path / f"{name}.csv", rid.prepare.correct(response(off), f"times {1.0 + off}"))
+    lines = [
+        f'[[members]]\nname = "{name}"\n[[frequency]]\nfile = "{name}.csv"\nmember = "{name}"\n'
+        for name in ("good", "bad")
+    ]
+    (tmp_path / "ask.toml").write_text(
+        "".join(lines) + write_toml(CLASS_KEYS | {"worst_case": {"at_hz": [3.0], "directions": 4}})
+    )
+    found = rid.run(tmp_path / "ask.toml", tmp_path / "out")
+    assert found.consistent
+    page = Page((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).text
+    assert "Fault of the data member bad undone by" in " ".join(page.split())
+    assert "from data with faults" in found.family.summary().splitlines()[0]
+    assert found.undoing.paste == 'correct = ["leave out 23"]'
+    assert found.undoing.place.endswith("ask.toml, [[frequency]] 2 (bad.csv)")
+    text = (tmp_path / "ask.toml").read_text()
+    (tmp_path / "ask.toml").write_text(text.replace('file = "bad.csv"', f'file = "bad.csv"\n{found.undoing.paste}'))
+    mended = rid.run(tmp_path / "ask.toml", tmp_path / "mended")
+    assert mended.undoing is None
+    assert "Fault of the data" not in (tmp_path / "mended" / "report.html").read_text(encoding="utf-8")
 
 
 ONE_MODE = {"hz": [1.3], "damping": [0.03], "delay": 1}

@@ -185,6 +185,18 @@ def test_unlike_sample_times_and_signals(members):
     refused([members[0], other], r"different outputs: y and torque \[Nm\]")
 
 
+def test_signals_that_are_called_otherwise_are_matched_by_their_place_and_this_is_said(members):
+    other = rid.guarantee.Member(identified(1.0, outputs=["angle"]), "other")
+    found = rid.family([members[0], other], omega=[2.0], directions=4)
+    (said,) = found.matched
+    assert "outputs of other" in said
+    assert "angle is taken for y" in said
+    assert said in found.summary()
+    alike = rid.family([members[0], rid.guarantee.Member(identified(1.0), "other")], omega=[2.0], directions=4)
+    assert alike.matched == ()
+    assert np.array_equal(found.upper, alike.upper)
+
+
 def test_unlike_classes(members):
     narrow = rid.guarantee.Member(identified(1.0, gain_bound=2.0), "narrow")
     refused(

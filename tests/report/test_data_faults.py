@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.data import Fault, FaultKind
+from robustid.data import Fault, FaultKind, PlacedFault, Undoing
 from robustid.fitting import fit_mfd
-from robustid.report.data_faults import fault_verdict, undoing
+from robustid.report.data_faults import fault_verdict, undoing_steps
+from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary
 from robustid.report.fit_view import FitView
-from robustid.report.identification_page import identification_page, identification_summary
+from robustid.report.identification_page import identification_page, identification_summary, identification_verdict
 from robustid.report.live import live_words
 from robustid.report.pages import _head
 from robustid.report.response_charts import ResponseView
@@ -61,15 +62,47 @@ def test_it_stands_before_the_verdict_on_a_response_and_on_a_fit():
         is_first(fit_summary(FitView(fit, frf)), faulty)
 
 
-def test_what_undoes_it_is_written_as_it_is_pasted():
-    fault = Fault(FaultKind.OUTLIER, "off", correction="leave out 16.978 50")
-    assert '--frequency-correct "leave out 16.978 50"' in undoing(fault, estimated=False)
-    assert "leave_out_hz = [16.978, 50]" in undoing(fault, estimated=True)
-    assert '--time-correct "times 2"' in undoing(fault._replace(correction="times 2"), estimated=True)
+@pytest.mark.parametrize(
+    ("fault", "kind", "words"),
+    [
+        (Fault(FaultKind.OUTLIER, "off", correction="leave out 16.978 50"), "frequency", "--frequency-correct"),
+        (Fault(FaultKind.SIGN, "off", correction="negate", where="output y"), "time", "--time-correct"),
+        (Fault(FaultKind.OFFSET, "off", correction="detrend", where="output y"), "frequency", "--time-correct"),
+    ],
+)
+def test_where_no_command_is_known_the_correction_is_offered_with_what_takes_it(fault, kind, words):
+    (step,) = undoing_steps([PlacedFault(fault, kind, 0)], None)
+    assert f'{words} "{fault.correction}"' in step.code
+    assert f'correct = ["{fault.correction}"]' in step.code
+    told = Undoing(fault, "robustid identify")
+    assert undoing_steps([PlacedFault(fault, kind, 0)], told)[0].code == ("robustid identify",)
+
+
+def test_what_is_guaranteed_of_them_says_so_where_its_number_stands(identified, monkeypatch):
+    """On the page and at the terminal; with what the band leaves out."""
+    result, faulty = identified
+    said = ", from data with a fault"
+    small = rid.band(result, omega=2 * np.pi * np.array([2.0, 30.0])).with_model(result.model)
+    sweep = rid.worst_case_error(result, omega=2 * np.pi * np.array([2.0, 30.0]), directions=4)
+    for name, part, beside in (("band", small, ""), ("worst_case", sweep, ", at 2 frequencies")):
+        numbers = glance(result, "", {name: part}).numbers
+        labels = [label for label, value in numbers if value.startswith("≤")]
+        assert labels[0] == f"guaranteed error, order {result.order}{beside}{said * faulty}"
+        assert [label.endswith(said) for label in labels] == [faulty] * 2
+        assert (said in part.summary().splitlines()[0]) == faulty
+    assert (said in result.summary().splitlines()[0]) == faulty
+    monkeypatch.setattr(rid.guarantee.Band, "open_ranges", ((2 * np.pi * 11.0, 2 * np.pi * 12.0),))
+    small = small.with_model(result.model)
+    label = glance(result, "", {"band": small}).numbers[1][0]
+    assert label == f"guaranteed error, order {result.order}, but from 11 to 12 Hz{said * faulty}"
+    assert "at every frequency but from 11 to 12 Hz" in small.summary().splitlines()[0]
+    assert (f"Consistent{said}" in identification_verdict(result).word) == faulty
 
 
 def test_a_drift_that_is_removed_is_no_verdict_and_further_faults_are_counted():
     drift, off = Fault(FaultKind.DRIFT, "drifts"), Fault(FaultKind.OUTLIER, "off")
     assert fault_verdict([drift]) == []
     assert fault_verdict([drift, off])[0].sentence == "Off."
-    assert fault_verdict([off, drift, off._replace(words="also off")])[0].sentence != "Off."
+    assert dict(fault_verdict([off, drift, off._replace(words="also off")])[0].numbers)["further faults"].startswith(
+        "1,"
+    )

@@ -9,11 +9,12 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 import robustid as rid
-from robustid.fitting import FitStatus, FitStep, fit_mfd
+from robustid.fitting import FitStatus, FitStep, fit_mfd, suggest_order
 from robustid.report import plot, render_report, write_report
+from robustid.report import verdict as verdict_on
 from robustid.report.curves import most_drawn, rounded
-from robustid.report.fit_charts import convergence_chart
-from robustid.report.fit_page import fit_verdict, mode_cells
+from robustid.report.fit_charts import convergence_chart, response_charts
+from robustid.report.fit_page import _glance, fit_verdict, mode_cells
 from robustid.report.fit_view import FitView
 from support.fits import HZ, OMEGA, SMALL, measured
 from support.mechanics import measured as frequency_response
@@ -72,9 +73,57 @@ def test_a_fit_that_converged_is_as_good_as_what_it_says_of_the_data():
     noise = 1e-6 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=60))
     both = rid.FrequencyResponse(omega, np.stack([values, noise], axis=1)[:, None])
     view = FitView(fit_mfd(both, order=8, weight=np.ones((60, 1, 2))))
-    assert view.fit_percent < 50
+    assert view.fit_percent > 99  # the entry of noise is a millionth of the other
     assert view.output_fit_percent > 99
     assert fit_verdict(view).key == "consistent"
+
+
+def two_modes(omega):
+    s = 1j * omega
+    return sum(f / (s**2 + 0.02 * f * s + f**2) for f in (2.0, 5.5))
+
+
+@pytest.mark.parametrize(
+    ("error", "key"), [(2.19, "failed"), (0.6, "weak"), (0.05, "consistent"), (np.nan, "consistent")]
+)
+def test_withheld_points_decide_the_colour_where_there_are_any(error, key):
+    omega = np.linspace(1, 9, 60)
+    frf = rid.FrequencyResponse(omega, two_modes(omega))
+    sweep = suggest_order(frf, orders=[2, 4])
+    sweep = dataclasses.replace(sweep, withheld=np.array([9.0, error]))
+    view = FitView(sweep.fits[4], frf, sweep)
+    said = fit_verdict(view)
+    assert said.key == key
+    assert sweep.fits[4].status.converged
+    assert verdict_on(sweep.fits[4], sweep) == said
+    shown = dict(_glance(view, response_charts(view)[0], None).numbers)
+    assert ("fit at withheld points" in shown) == np.isfinite(error)
+    assert ("−119 % at frequency points that were withheld" in said.sentence) == (key == "failed")
+
+
+def test_noise_that_a_fit_follows_is_not_green_where_points_are_withheld():
+    """Five realisations of white noise: the fit of high order follows it, the withheld points do not."""
+    omega = np.linspace(1, 20, 40)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        frf = rid.FrequencyResponse(omega, rng.standard_normal(40) + 1j * rng.standard_normal(40))
+        sweep = suggest_order(frf, orders=[8])
+        assert fit_verdict(FitView(sweep.fits[8], frf, sweep)).key != "consistent"
+        assert FitView(sweep.fits[8], frf, sweep).withheld_percent < 50
+
+
+@pytest.mark.parametrize(("size", "key"), [(0.1, "weak"), (0.001, "consistent")])
+def test_an_entry_that_counts_and_is_missed_is_not_green(size, key):
+    """The second entry has modes of its own, which a model with the poles of the first misses, by design: its weight is tiny."""
+    omega = np.linspace(1, 9, 60)
+    values = two_modes(omega)
+    other = size * values[::-1].conj()
+    weight = np.ones((60, 1, 2)) * [1.0, 1e-6]
+    fit = fit_mfd(rid.FrequencyResponse(omega, np.stack([values, other], axis=1)[:, None]), order=4, weight=weight)
+    view = FitView(fit)
+    assert view.output_fit_percent > 50
+    assert fit_verdict(view).key == key
+    assert (view.fit_percent < 0) == (key == "weak")
 
 
 def test_modal_structure_is_told():

@@ -30,7 +30,7 @@ FLAGS = {
     for field, option in options(kind)
     if option.flag and field.name not in ("bound", "fields")
 }
-_BESIDE = ("output", "report", "static", "force", "source")  # of every command: no arguments of the library
+_BESIDE = ("output", "report", "static", "force", "source", "context")  # of every command: no arguments of the library
 _METAVARS = {"s": "SECONDS", "Hz": "HZ", "samples": "SAMPLES"}
 
 

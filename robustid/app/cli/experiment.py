@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from robustid.data import Excitation, FrequencyResponse, TimeRecord
+    from robustid.data import Excitation, FrequencyResponse, TimeRecord, Undoing
 
 _SAME_STEP = 1e-6  # part of a sample time
 
@@ -120,6 +120,7 @@ def _then_record(play: Excitation, output: Path) -> list[str]:
 
 def frf(
     *,
+    context: typer.Context,
     record: Annotated[
         list[Path],
         typer.Argument(
@@ -136,7 +137,7 @@ def frf(
             " times in a period (local: in the record; welch: in a segment). Default: those that are excited."
         ),
     ] = None,
-    source: Annotated[RecordSource, only("fields", "dt", "rate", "axes", "decimal", "initial")],
+    source: Annotated[RecordSource, only("fields", "dt", "rate", "axes", "decimal", "initial", "correct")],
     first: First = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="The response: .npz, .csv or .mat.")] = Path("frf.npz"),
     report: Report = None,
@@ -166,7 +167,8 @@ def frf(
         if path.resolve() in [other.resolve() for other in record[:k]]:
             raise InputError(f"{path} is given twice; every experiment counts once")
     console = screen.console()
-    records = Files(paths=record, source=source, first=first).read(console)
+    files = Files(paths=record, source=source, first=first)
+    records = files.read(console)
     samples, index = _periods(lines, how.period, how.method, records[0])
     words = f"estimating the response: {len(records)} record{'s' * (len(records) > 1)} of {len(records[0].u)} samples"
     with in_words(words_of(frf, record="RECORD", path="--output")), step(console, words):
@@ -178,11 +180,13 @@ def frf(
             if "samples" not in error.remedy:
                 raise
             raise error.reworded({}, lambda cut: f"{cut} (--first {cut.arguments['samples']})") from None
-    page = None if report is None else render_report(found, static=static, records=records)
+    undoing = _undoing(screen.called(context), found, output, files.origins)
+    page = None if report is None else render_report(found, static=static, records=records, undoing=undoing)
     save(output, found)
     written_files.write_page(report, page)
     console.print(render_summary(found))
     screen.say_written(console, output, report)
+    screen.say_next(console, undoing)
     screen.say(console, *_then_model(found, output))
 
 
@@ -218,6 +222,16 @@ def _numbers(text: str, samples: int) -> list[int]:
             raise InputError(f"--lines {text} goes to line {last}, beyond half of the {samples} samples")
         found += range(first, last + 1, each)
     return found
+
+
+def _undoing(called: list[str], found: FrequencyResponse, output: Path, records: list[Path]) -> Undoing | None:
+    """The command again, with what undoes a fault of the records; else the next one, with what undoes one of the response."""
+    from robustid.app.run.undoing import again, in_command, placed_faults
+
+    faults = placed_faults(found, len(records))
+    of_records, of_response = ([one for one in faults if one.kind == kind] for kind in ("time", "frequency"))
+    further = ["identify", "--frequency", str(output), "--report", "report.html"]
+    return in_command(again(called), of_records, [], records) or in_command(further, of_response, [output], [])
 
 
 def _then_model(found: FrequencyResponse, output: Path) -> list[str]:

@@ -150,7 +150,8 @@ def demo(
         carry_out(work, [gridded, bounded, lambda work: _keep(work, folder), proved, reduced, diagnosed, refined])
     conclude(console, work, folder / "result", page, static=static, title="robustid demo")
     screen.say(console, f"\nNext: open {page} in a browser.")
-    raise typer.Exit(screen.EXIT[work.identification.verified_status])
+    found = work.identification
+    raise typer.Exit(screen.exit_code(found.verified_status, bool(found.problem.open_faults)))
 
 
 def _keep(work: Work, folder: Path) -> None:

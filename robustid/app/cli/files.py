@@ -16,12 +16,17 @@ def look(files: Annotated[list[Path], typer.Argument(help="Files of any kind tha
     """Show what is in files: names, shapes, ranges, what looks odd, and the lines to go on with.
 
     [bold]Example[/bold]: robustid look bench.mat
+
+    Exit codes: 0 nothing wrong is seen, 4 data with a fault, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.look import look as looked
 
-    console = screen.console()
+    console, faulty = screen.console(), False
     for path in files:
-        say(console, looked(path).summary())
+        found = looked(path)
+        say(console, found.summary())
+        faulty = faulty or found.faulty
+    raise typer.Exit(screen.FAULTY if faulty else 0)
 
 
 def new(
@@ -34,7 +39,8 @@ def new(
 
     [bold]Example[/bold]: robustid new bench.mat -o bench.toml
     """
-    from robustid.app.look import drafted_run_file, look
+    from robustid.app.draft import drafted_run_file
+    from robustid.app.look import look
     from robustid.core import atomic_write
 
     written_files.check_outputs([output], files, False)

@@ -15,7 +15,7 @@ from robustid.app.cli.command_options import Force, Report, Static, only, words_
 from robustid.app.cli.screen import in_words, shown, step, warn
 from robustid.app.run.settings import Fit, FrequencyPoints
 from robustid.app.run.sources import ResponseSource
-from robustid.errors import InputError
+from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,6 +31,7 @@ _STRONGER = ".+o"  # of two marks in one place the later one stays
 
 def fit(
     *,
+    context: typer.Context,
     source: Annotated[Path, typer.Argument(help="Frequency response, SISO or MIMO: .csv, .npz or .mat.")],
     order: Annotated[
         str,
@@ -56,7 +57,9 @@ def fit(
     limits: Annotated[Fit, only("feedthrough", "time_limit")],
     points: FrequencyPoints,
     method: Annotated[str, typer.Option(help="Iterations after the start: lm, gn, sk, iv, joined by + .")] = "lm",
-    response: Annotated[ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step")],
+    response: Annotated[
+        ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step", "correct")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
     report: Report = None,
     static: Static = False,
@@ -70,10 +73,11 @@ def fit(
 
     [bold]Example[/bold]: robustid fit frf.npz --order 20 --rigid-body 3 --band 10:2000 --report fit.html
 
-    Exit codes: 0 converged, verified, and a fit of 50 % or more of every output; 1 not, 2 misuse, 70 an error of the program,
-    130 interrupted.
+    Exit codes: 0 converged, verified, and a fit of 50 % or more of every output; 4 that, but of data with a fault that nothing
+    has undone; 1 not, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
+    from robustid.app.run.undoing import again, in_command, placed_faults
     from robustid.fitting import RollOff
     from robustid.formats import save_model
     from robustid.report import render_report, render_summary, verdict
@@ -93,17 +97,20 @@ def fit(
         asked |= both.arguments | _weight(source, frf, relative)
         sweep = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
-    page = None
+    faults, page = placed_faults(frf), None
+    undoing = in_command(again(screen.called(context)), faults, [source], [])
     if report is not None:
         with step(console, "drawing the report"):
-            page = render_report(result, static=static, data=frf, order_sweep=sweep)
+            page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
     save_model(result.model, model_file)
     written_files.write_page(report, page)
     if sweep is not None:
         screen.say(console, sweep.summary())
-    console.print(render_summary(result, data=frf))
+    console.print(render_summary(result, data=frf, order_sweep=sweep))
     screen.say_written(console, model_file, report)
-    raise typer.Exit(0 if verdict(result).key == "consistent" else 1)
+    screen.say_next(console, undoing)
+    good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
+    raise typer.Exit(screen.exit_code(good, any(not one.fault.undone for one in faults)))
 
 
 def _weight(source: Path, frf: FrequencyResponse, relative: bool | None) -> dict[str, Weight]:

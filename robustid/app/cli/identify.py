@@ -37,6 +37,7 @@ class Stated(TypedDict, total=False):
 
 def identify(
     *,
+    context: typer.Context,
     frequency: Annotated[
         list[Path] | None, typer.Option("--frequency", help="Frequency response: .csv, .npz or .mat. Repeatable.")
     ] = None,
@@ -76,12 +77,13 @@ def identify(
     [bold]Example[/bold]: robustid identify --frequency frf.csv --time step.csv --dt 0.01 --frequency-bound 0.03
     --time-bound 0.03 --mode 9:0.1 --mode 17.67:0.004 --gain 0.2 --decay-rate 1.1 --report report.html
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
-    70 an error of the program, 130 interrupted.
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 4 either, but of data with a fault that nothing has
+    undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, proved, reduced, refined
+    from robustid.app.run.undoing import again, in_command
     from robustid.app.run.work import carry_out
     from robustid.core import Budget
 
@@ -105,8 +107,11 @@ def identify(
         with around.stops.listening():
             work = work_on(lines, samples, around, modes=modes, prior=prior, identify=how)
             carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
+    origins = asked_lines.origins, asked_samples.origins
+    work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
     conclude(console, work, output, report, static=static)
-    raise typer.Exit(screen.EXIT[work.identification.verified_status])
+    found = work.identification
+    raise typer.Exit(screen.exit_code(found.verified_status, bool(found.problem.open_faults)))
 
 
 def _warn_of_faults(console: Console, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> None:
@@ -205,3 +210,4 @@ def conclude(
         console.print("\n" + screen.plain(work.diagnosis.summary()), highlight=False)  # wrapped at words
     screen.say_written(console, *written_files.result_files(output), report)
     screen.repeat_warnings(console, result)
+    screen.say_next(console, work.undoing)

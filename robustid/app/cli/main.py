@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from robustid._version import __version__
+from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
 from robustid.app.cli.screen import console, plain
 from robustid.errors import RobustIdError, SolverError
@@ -48,6 +49,7 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is called, with its options."""
+        screen.called(ctx).extend(args)
         name, command, rest = super().resolve_command(ctx, args)
         if name is None or command is None:
             return name, command, rest
@@ -68,8 +70,8 @@ app = typer.Typer(
     --dt 0.01 --frequency-bound 0.03 --time-bound 0.03[/bold]. From recorded signals: [bold]robustid frf[/bold] makes the
     frequency response and its bound; [bold]robustid excite[/bold] designs what to play.
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 1 undecided or not solved, 2 misuse,
-    70 an error of the program, 130 interrupted.""",
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 4 either, but of data with a fault that nothing has
+    undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.""",
 )
 
 

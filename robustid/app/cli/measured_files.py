@@ -42,6 +42,7 @@ class Files(Generic[S]):
     first: int | None = None  # samples of records
     bounded: bool = False  # whether sample time and bound are needed
     tables: Tables = dataclasses.field(default_factory=Tables, repr=False)
+    origins: list[Path] = dataclasses.field(default_factory=list[Path], repr=False)  # of everything that was read
 
     def __post_init__(self) -> None:
         stated = {option.flag: getattr(self.source, field.name) for field, option in options(self.source)}
@@ -67,11 +68,22 @@ class Files(Generic[S]):
         seen: set[Path] = set()
         data: list[Data] = []
         for path in self.paths:
-            data += self._read_one(out, path)
+            own = self._read_one(out, path)
+            self.origins.extend([path] * len(own))
+            data += own
             if path.resolve() in seen:
                 warn(out, f"{path} is given twice: its samples count twice")
             seen.add(path.resolve())
         return data
+
+    def _correct(self, path: Path) -> tuple[str, ...] | None:
+        """Corrections of a file: those of all, and those that its name stands before."""
+        split = [words.rpartition(":") for words in self.source.correct or ()]
+        named = {name.strip() for name, colon, _ in split if colon}
+        if missing := named - {str(one) for one in self.paths}:
+            flag, name = f"--{self.kind}-correct", sorted(missing)[0]
+            raise InputError(f"{flag} names {name}, which is none of the files; write it as in --{self.kind}")
+        return tuple(words.strip() for name, _, words in split if name.strip() in ("", str(path))) or None
 
     def _read_one(self, out: Console, path: Path) -> list[Data]:
         """The measurements of a file: several records where its axes have realisations."""
@@ -83,7 +95,7 @@ class Files(Generic[S]):
                 wanted = {"frequency": "a frequency response", "time": "a time record"}[self.kind]
                 needed = other if self.bounded else f"{wanted} is needed"
                 raise InputError(f"{path.name} holds {found.kind} data; {needed}", place=path.name)
-            own = dataclasses.replace(how, file=path.name)
+            own = dataclasses.replace(how, file=path.name, correct=self._correct(path))
             source = read_source(own, path.parent, self.tables, bounded=self.bounded)
             read = [self._taken(data, path) for data in source.data]
         words, data = read[0]

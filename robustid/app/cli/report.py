@@ -67,7 +67,7 @@ def report(
     console.print(render_summary(result, work.reduction))
     screen.say_written(console, output)
     screen.repeat_warnings(console, result)
-    raise typer.Exit(screen.EXIT[result.verified_status])
+    raise typer.Exit(screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
 
 
 def _take_bounds(work: Work, paths: list[Path]) -> None:

@@ -96,8 +96,8 @@ def run(
     Plants that differ by amplitude, position, load or date make a family: [\[members]] with name = ... and the condition, and
     member = ... in every [\[record]] and [\[frequency]].
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof) or contradicted by withheld data, 1 undecided or not
-    solved, 2 misuse, 70 an error of the program, 130 interrupted.
+    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof) or contradicted by withheld data, 4 either, but of data
+    with a fault that nothing has undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.run import pipeline
     from robustid.app.run.results import IdentifiedReduced, unfinished_words
@@ -129,10 +129,13 @@ def run(
         for line in unfinished_words(result.unfinished):
             screen.warn(console, line)
         if result.family is not None:
-            screen.say(console, result.family.summary())
+            contradicted = "withheld data contradict what follows, which is no guarantee for the machines\n"
+            screen.say(console, contradicted * result.contradicted + result.family.summary())
     for finding in result.findings:
         screen.say(console, "\n" + finding)
     screen.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
     for one in identifications:
         screen.repeat_warnings(console, one)
-    raise typer.Exit(screen.EXIT[Status.INCONSISTENT if result.contradicted else status])
+    screen.say_next(console, result.undoing)
+    faulty = any(one.problem.open_faults for one in identifications)
+    raise typer.Exit(screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
@@ -13,6 +13,21 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robustid.core import Progress
+    from robustid.data import Undoing
+
+
+class Context(Protocol):
+    """Context of a command, as far as it is needed here."""
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """Values that commands and their parents share."""
+        ...
+
+
+def called(context: Context) -> list[str]:
+    """Command and arguments as they were called."""
+    return context.meta.setdefault("robustid.called", [])
 
 
 class Warned(Protocol):
@@ -25,7 +40,13 @@ class Warned(Protocol):
 
 
 _WORTH_SAYING = 2.0  # seconds that a step has taken
-EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
+FAULTY = 4
+_EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
+
+
+def exit_code(status: Status, faulty: bool) -> int:
+    """Exit code of a verdict on the class; of data with a fault that nothing has undone no proof is a success or a finding."""
+    return FAULTY if faulty and status in (Status.CONSISTENT, Status.INCONSISTENT) else _EXIT[status]
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -62,6 +83,16 @@ def repeat_warnings(out: Console, result: Warned) -> None:
     """Print at the end what must not scroll away."""
     for sentence in result.warnings:
         warn(out, sentence)
+
+
+def say_next(out: Console, undoing: Undoing | None) -> None:
+    """Print at the end what undoes a fault of the data, each line of it as it is pasted."""
+    if undoing is None:
+        return
+    if undoing.place:
+        say(out, f"next: undo the fault of the data, in {undoing.place}:", undoing.paste, "then:", undoing.then)
+    else:
+        say(out, "next: undo the fault of the data:", undoing.paste)
 
 
 @contextlib.contextmanager

@@ -114,7 +114,7 @@ def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | No
         return f"No error is proved{poles}: {band.why_nothing}."
     but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
     return (
-        f"Proved at every frequency{but}{poles}{_scope(band.problem)}: every consistent system is within"
+        f"Proved at every frequency{but}{poles}{band.problem.scope}: every consistent system is within"
         f" {at_most(upper[known].max())} of the model of order {band.order} (median"
         f" {band.relative.words}).{_not_of_the_machine(withheld)}"
         f" {stands_on(band, error)} {band.unfinished}"
@@ -138,7 +138,7 @@ def box_words(band: WorstCaseOverPoles) -> str:
     )
     if not known.any():
         return f"{start} nothing is guaranteed at any of {upper.size} frequencies: {advice}."
-    start += _scope(band.identification.problem)
+    start += band.identification.problem.scope
     text = f"{start}: within {at_most(upper[known].max())} of the small model at {known.sum()}"
     if known.all():
         return f"{text} frequencies."
@@ -234,18 +234,13 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
     entries = "" if upper[0].size == 1 else " in every entry"
     text = (
         f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)}"
-        f" frequencies{_scope(problem)} (largest at {place}), the median is {error.relative.words}."
+        f" frequencies{problem.scope} (largest at {place}), the median is {error.relative.words}."
     )
     text += _not_of_the_machine(withheld)
     if error.missing.size:
         text += f" {error.unfinished}"
     circle = error.known_circle
     return text + ("" if circle is None else f" At all frequencies: within {at_most(circle.largest)}.")
-
-
-def _scope(problem: MixedProblem) -> str:
-    """Words on a claim that rests on data of one excitation."""
-    return ", for this excitation" * problem.of_one_excitation
 
 
 def _not_of_the_machine(withheld: Coverage | None) -> str:

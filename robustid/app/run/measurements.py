@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from robustid.app.run.kept_out import Split, split
 from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, read_source
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
-from robustid.app.run.sources import RecordSource, ResponseSource
+from robustid.app.run.sources import USES, RecordSource, ResponseSource
 from robustid.core import Source, digest
 from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend, points_at
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -32,6 +32,21 @@ class Change(Protocol):
         ...
 
 
+class Place(NamedTuple):
+    """Source of data in a run file: the list, and the number there, from 0."""
+
+    section: Literal["record", "frequency"]
+    number: int
+
+
+class Origins(NamedTuple):
+    """The sources of responses (None of those that were estimated), of records, and of records that one was estimated from."""
+
+    responses: tuple[Place | None, ...] = ()
+    records: tuple[Place, ...] = ()
+    excited: tuple[Place, ...] = ()
+
+
 class Measured(NamedTuple):
     """Measured responses and records, with bounds, and responses of one kind that were kept out.
 
@@ -43,6 +58,7 @@ class Measured(NamedTuple):
     withheld: tuple[FrequencyResponse, ...] = ()
     kind: str = "records"
     excited: tuple[TimeRecord, ...] = ()
+    origins: Origins = Origins()
 
     @property
     def dt(self) -> float | None:
@@ -71,7 +87,8 @@ def measured(
     run, read = _responses(run, folder, around, tables)
     run = _with_method(run, records)
     run, data = _bounded(run, records)
-    data = data._replace(responses=(*data.responses, *read))
+    origins = _origins(records, len(data.responses), len(read))
+    data = data._replace(responses=(*data.responses, *read), origins=origins)
     if (entry := run.entry) is not None:
         if any(len(record.inputs) > 1 for record in data.excited):  # the output answers to the other inputs too
             data = data._replace(excited=())
@@ -156,6 +173,14 @@ def _responses(
         _say_bound(around, str(source.file), source.bound, found.bound, frf)
         responses.append(frf)
     return dataclasses.replace(run, frequency=tuple(sources)), responses
+
+
+def _origins(records: Used, estimated: int, read: int) -> Origins:
+    """The sources of what was made of records, and of what was read."""
+    places = [(use, Place("record", k)) for k, (use, made) in enumerate(records) for _ in made]
+    of_use = {word: tuple(place for use, place in places if use == word) for word in USES}
+    responses = (*[None] * estimated, *(Place("frequency", k) for k in range(read)))
+    return Origins(responses, of_use["samples"], of_use["response"])
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,8 @@ from robustid.app.run.class_choice import inflated_problem, with_inflation, with
 from robustid.app.run.class_settings import prior_keys
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured, measured
-from robustid.app.run.member_poles import modes_of, with_poles
-from robustid.app.run.modes import Box
+from robustid.app.run.member_poles import POLES, modes_of, with_poles
+from robustid.app.run.modes import Box, with_faults
 from robustid.app.run.posing import without_class
 from robustid.app.run.reading import D, Tables
 from robustid.app.run.results import FamilyRun
@@ -23,30 +24,35 @@ from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sequence import diagnosis_of, identified
 from robustid.app.run.sources import MemberChoice
 from robustid.app.run.work import Untouched
+from robustid.data import PlacedFault, Undoing
 from robustid.errors import InconsistentDataError, InputError
-from robustid.guarantees import Member, family, frequencies_of
+from robustid.guarantees import Member, called_otherwise, family, frequencies_of, otherwise_words
 from robustid.identification import Identification, MixedProblem, Prior
 
+Undo = Callable[[str, Measured, Sequence[PlacedFault]], Undoing | None]
 _AS_STATED = (
     "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
     " be covered"
 )
 
 
-def run_members(run: RunFile, place: Path, around: Surroundings) -> FamilyRun:
+def run_members(run: RunFile, place: Path, around: Surroundings, undo: Undo) -> FamilyRun:
     """The family that a run file with [[members]] describes: as many modes of every member, from its own data where they aren't
     stated, with ``over_poles = true`` in any case and with the box that its data leave them; the largest gain bound and the
-    smallest decay rate that any member asks for.
+    smallest decay rate that any member asks for. `undo` gives the line that undoes a fault of the data of a member.
     """
     data: dict[str, Measured] = {}
+    matched: list[str] = []
     tables = Tables()  # a record of the noise floor may be of all
     for member in run.members:
         around.say(f"member {member.name}")
         stated, data[member.name] = measured(run.of_member(member.name), place, around, tables)
         first = next(iter(data.values()))
-        data[member.name] = _named_alike(member.name, data[member.name], first, around)
+        data[member.name], said = _named_alike(member.name, data[member.name], first)
+        matched += said
         run = run.with_member(member.name, stated)
     run = with_poles(run, data, around)
+    data = {name: with_faults(run.changed("modes", **_poles(run, name)), mine, around) for name, mine in data.items()}
     problems: dict[str, MixedProblem] = {}
     left: dict[str, Untouched] = {}
     for name, mine in data.items():
@@ -59,31 +65,35 @@ def run_members(run: RunFile, place: Path, around: Surroundings) -> FamilyRun:
     for k, (name, problem) in enumerate(problems.items(), start=1):
         posed = dataclasses.replace(problem, prior=prior)
         found[name] = identified(run, posed, around, of=f" of {name}", member=k)
-    return _united(run, found, left, around)
+    united = _united(run, found, left, around)
+    undoing = next((one for name in data if (one := undo(name, data[name], found[name].problem.placed_faults))), None)
+    return dataclasses.replace(united, findings=(*matched, *united.findings), undoing=undoing)
 
 
-def _named_alike(name: str, mine: Measured, first: Measured, around: Surroundings) -> Measured:
-    """The data of a member with the signal names of the first member: the arrays of its files may be called otherwise.
+def _named_alike(name: str, mine: Measured, first: Measured) -> tuple[Measured, list[str]]:
+    """The data of a member with the signal names of the first, matched by their place, and sentences that say so.
 
-    Not where a name stands at another place there: such signals are in another order. Units of their own stay.
+    The arrays of its files may be called otherwise; units of their own stay.
     """
     one, own = (next(iter((*data.responses, *data.records))) for data in (first, mine))
     names: dict[str, Any] = {}
+    said: list[str] = []
     for side in ("outputs", "inputs"):
         theirs, ours = getattr(one, side), getattr(own, side)
-        there = [signal.name for signal in theirs]
-        pairs = [(s, n) for s, n in zip(ours, there, strict=False) if s.name != n]
-        if not pairs or len(ours) != len(theirs) or any(s.name in there for s, _ in pairs):
-            continue
-        names[side] = [(n, s.unit) for s, n in zip(ours, there, strict=True)]
-        around.say(
-            f"{side} of {name}: {', '.join(s.name for s, _ in pairs)} stand for {', '.join(n for _, n in pairs)}"
-        )
+        if pairs := called_otherwise(ours, theirs):
+            names[side] = [(there.name, signal.unit) for signal, there in zip(ours, theirs, strict=True)]
+            said.append(otherwise_words(name, side, pairs))
 
     def named(item: D) -> D:
         return dataclasses.replace(item, **names)
 
-    return mine.each(named) if names else mine
+    return (mine.each(named) if names else mine), said
+
+
+def _poles(run: RunFile, name: str) -> dict[str, Any]:
+    """The keys of the poles of a member."""
+    modes = modes_of(run, name)
+    return {key: getattr(modes, key) for key in POLES}
 
 
 def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import inspect
 import os
 import textwrap
@@ -25,6 +27,7 @@ from robustid.app.run.run_folder import RunFolder, Surroundings
 from robustid.app.run.sequence import from_data, from_problem
 from robustid.app.run.settings import SECTIONS, General
 from robustid.app.run.toml import is_array
+from robustid.app.run.undoing import command_line, in_run_file, in_run_file_of_member
 from robustid.core import Budget, Progress, as_flag, as_function, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
@@ -250,14 +253,24 @@ def _result(
     """The result of a run file, of one plant or of members; its folder is opened once the data are read."""
     moved = asked.moved(path.parent, folder)
     before = kept.asked(moved)
+    again = command_line(_called(path, folder, kept, around))
     if asked.members:
         kept.open(force)
-        return run_members(before or moved, folder, around)
+        undo = functools.partial(in_run_file_of_member, asked, str(path), again)
+        return run_members(before or moved, folder, around, undo)
     place, stated = (path.parent, asked) if before is None else (folder, before)
     stated, data = measured(stated, place, around)
     kept.open(force)
     with too_large("band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"):
-        return from_data(stated.moved(place, folder), data, around)
+        found = from_data(stated.moved(place, folder), data, around)
+    undoing = in_run_file(asked, str(path), again, data, found.identification.problem.placed_faults)
+    return dataclasses.replace(found, undoing=undoing)
+
+
+def _called(path: Path, folder: Path, kept: RunFolder, around: Surroundings) -> list[str]:
+    """Arguments of the command that runs a run file into the same folder again."""
+    workers = ["--workers", str(around.executor)] if isinstance(around.executor, int) else []
+    return ["run", str(path), "-o", str(folder), *workers, *["--static"] * kept.static, "--force"]
 
 
 def _check_folder(path: Path, folder: Path, resume: bool, force: bool) -> None:

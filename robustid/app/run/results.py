@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from robustid.advice import Content, Diagnosis
 from robustid.app.run.run_file import RunFile
 from robustid.core import Choice, Frozen, Savable, Unfinished
+from robustid.data import Undoing
 from robustid.errors import Status
 from robustid.guarantees import Band, Coverage, Family, Judgement, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
@@ -60,6 +61,8 @@ class IdentifiedReduced(Frozen):
         Every choice, made explicit; `run_file.text()` as TOML.
     unfinished : Unfinished or None
         What Ctrl-C or the time limit has left out.
+    undoing : Undoing or None
+        The line of the run file that undoes a fault of the data; None where there is none, or no run file.
     """
 
     identification: Identification
@@ -76,6 +79,7 @@ class IdentifiedReduced(Frozen):
     wider: WiderBand | None = None
     diagnosis: Diagnosis | None = None
     unfinished: Unfinished | None = None
+    undoing: Undoing | None = None
 
     @property
     def choices(self) -> dict[str, Choice]:
@@ -138,6 +142,7 @@ class IdentifiedReduced(Frozen):
             run_file=self.run_file.text(),
             band=self.band,
             unfinished=self.unfinished,
+            undoing=self.undoing,
         )
 
 
@@ -157,6 +162,8 @@ class FamilyRun(Frozen):
     run_file : RunFile
     unfinished : Unfinished or None
         What Ctrl-C or the time limit has left out.
+    undoing : Undoing or None
+        The line of the run file that undoes a fault of the data of a member; None where there is none.
     """
 
     identifications: dict[str, Identification]
@@ -165,6 +172,7 @@ class FamilyRun(Frozen):
     findings: tuple[str, ...]
     run_file: RunFile
     unfinished: Unfinished | None = None
+    undoing: Undoing | None = None
 
     @property
     def numbers(self) -> dict[str, Savable | None]:
@@ -224,6 +232,7 @@ class FamilyRun(Frozen):
             withheld=worst,
             run_file=self.run_file.text(),
             unfinished=self.unfinished,
+            undoing=self.undoing,
         )
 
 

@@ -96,8 +96,9 @@ def _corrections(kind: str) -> Any:
     """The key of the corrections of responses or of records."""
     return key(
         several(text()),
-        help=f"Mistakes of the file that are undone, one after the other, such as {kind} (commas between them on the command line);"
-        " `robustid.prepare.correct` lists them, and what helps where data contradict a class names them.",
+        help=f"Mistakes of the file that are undone, one after the other, such as {kind} (on the command line commas"
+        " between them, and FILE: before one that is of one of several files); `robustid.prepare.correct` lists them, and what"
+        " helps where data contradict a class names them.",
         flag=f"--{'time' if 'late' in kind else 'frequency'}-correct",
         text=_separated,
         metavar="CORRECTION",

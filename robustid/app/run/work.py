@@ -12,7 +12,7 @@ from robustid.app.run.results import WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.core import Real
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TimeRecord, Undoing
 from robustid.guarantees import Band, Contradiction, Coverage, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
 from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
@@ -64,6 +64,7 @@ class Work:
     not_over_poles: str = ""  # why there is none
     withheld: Coverage | None = None
     diagnosis: Diagnosis | None = None
+    undoing: Undoing | None = None
 
     @property
     def model(self) -> control.StateSpace:
@@ -87,6 +88,7 @@ class Work:
             "band": self.band,
             "diagnosis": self.diagnosis,
             "unfinished": self.around.unfinished,
+            "undoing": self.undoing,
         }
 
 

@@ -1,0 +1,102 @@
+"""A commented run file that is drafted from looks into files: robustid new."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from robustid.app.look import Look
+from robustid.app.run.toml import is_array, is_table
+from robustid.data import FaultKind, FrequencyResponse
+
+_HEAD = """\
+# A run file for `robustid run`: what isn't stated here is chosen from the data, and written back with its reason.
+# `robustid run --keys` lists all keys. Lines that begin with # do nothing.
+title = "Untitled"
+"""
+_CLASS = """\
+[frequency_points]
+# band_hz = [5.0, 200.0]  # use only these; EDIT
+
+[modes]  # without hz they are taken from the response
+# hz = [17.67]
+# damping = [0.004]  # ratios, not per cent
+
+[prior]  # without it: from the curve of the smallest gain bound
+# gain_bound = 0.2
+# decay_rate = 1.1
+"""
+_ASKED = {"dt": "# dt = 0.001  # EDIT: the sample time in s, which nothing here says; or rate = ... in Hz"}
+
+
+class Draft(NamedTuple):
+    """Text of a run file, and the lines of it that somebody has to edit or check first."""
+
+    text: str
+    edits: tuple[str, ...]
+
+
+class _Source(NamedTuple):
+    """Lines of a source of data, and those of them that are to be edited, and to be checked."""
+
+    lines: list[str]
+    edits: list[str]
+    checks: list[str]
+
+
+def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
+    """Draft a commented run file for files that were looked into; names are seen from `folder`."""
+    sources = [source for one in looks for source in _sources(one, folder)]
+    parts = [_HEAD, *("\n".join([*one.lines, ""]) for one in sources)]
+    sizes = (fault.size for one in looks for fault in one.faults if fault.kind is FaultKind.UNSTATED_PERIOD)
+    if period := next((size for size in sizes if size is not None), None):
+        parts.append(f"[estimate]\nperiod = {int(period)}  # samples; found in the input\n")
+    edits = [line for one in sources for line in one.edits]
+    return Draft("\n".join([*parts, _CLASS]), (*edits, *(line for one in sources for line in one.checks)))
+
+
+def _sources(one: Look, folder: Path) -> list[_Source]:
+    """The sources of a file: one of each record where pairs of its arrays are of several."""
+    if len(one.records) < 2:
+        return [_source(one, folder, one.arguments)]
+    found = [_source(one, folder, {**one.arguments, "fields": fields}) for fields in one.records]
+    together = f"; signals that were played together make one: fields = {_toml(one.joined)}" if one.joined else ""
+    found[0].lines.insert(0, f"# {len(one.records)} records, by the names of the arrays{together}")
+    return found
+
+
+def _source(one: Look, folder: Path, arguments: Mapping[str, object]) -> _Source:
+    """One source with the arguments of `load` that are to be tried."""
+    edits: list[str] = []
+    checks: list[str] = []
+    response = isinstance(one.data, FrequencyResponse) or "values" in one.arguments.get("fields", {})
+    lines = [f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not is_array(one.data) else "")]
+    lines += [f"# Looks odd: {fault}" for fault in one.faults]
+    lines += ["[[frequency]]" if response else "[[record]]", f"file = {json.dumps(os.path.relpath(one.path, folder))}"]
+    lines += [f"{key} = {_toml(value)}" for key, value in arguments.items() if key not in one.unknown]
+    edits += [_ASKED[name] for name in one.unknown]
+    if one.correction:
+        checks.append(f"# correct = [{json.dumps(one.correction)}]  # undoes what looks odd; without the # it is done")
+        lines.append(checks[-1])
+    if one.data is None:
+        checks.append(f"# Check these lines: {' '.join(one.refusal.split())}")
+        lines.append(checks[-1])
+    bounded = getattr(one.data, "bound", None) is not None
+    if response and not bounded:
+        words = "the radius of the error disc of every frequency point, or a part of the response"
+        own = one.bound or ("one is taken from the data" if one.data is None else "")
+        edits += [] if own else [f'bound = "5%"  # EDIT: {words}']
+        lines += [f'# bound = "5%"  # {words}; without it: {own}'] if own else []
+    if not response:
+        use, other = ("samples", "response") if bounded else ("response", "samples")
+        lines.append(f'use = "{use}"  # or "{other}", or "noise_floor" (samples need bound = ...)')
+    return _Source([*lines, *edits], edits, checks)
+
+
+def _toml(value: object) -> str:
+    if is_table(value):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(one)}" for key, one in value.items()) + " }"
+    return json.dumps(value)

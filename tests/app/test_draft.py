@@ -1,0 +1,87 @@
+"""Run files that `robustid new` proposes for small files of every kind: the signals, and the numbers that are asked for."""
+
+import re
+
+import numpy as np
+import pytest
+import scipy.io
+
+import robustid as rid
+from robustid.app.draft import drafted_run_file
+from robustid.app.run.run_file import read_run_file
+
+SAMPLES = 120
+COUNT, U = np.arange(SAMPLES), np.random.default_rng(0).standard_normal(SAMPLES)
+Y, MS = np.convolve(U, [0, 0.5, 0.3])[:SAMPLES], 2.0 * np.arange(SAMPLES)
+PAIRS = {"u1": U, "y1": Y, "u2": U[::-1], "y2": Y[::-1]}
+ONE, TWO = {"u": "u1", "y": "y1"}, {"u": "u2", "y": "y2"}
+STRUCTURE = {"u": U, "y": Y, "Ts": 2e-3}
+
+# Name, columns of a text or arrays of a file, expected fields of every record, and whether the sample time is asked for.
+TABLE = [
+    ("counter.csv", {"n": COUNT, "force": U, "position": Y}, [{"u": "force", "y": "position"}], True),
+    ("from_one.csv", {"sample": COUNT + 1, "force": U, "position": Y}, [{"u": "force", "y": "position"}], True),
+    (
+        "counter_and_time.csv",
+        {"n": COUNT, "time": MS / 1e3, "force": U, "position": Y},
+        [{"time": "time", "u": "force", "y": "position"}],
+        False,
+    ),
+    ("seconds.csv", {"t": COUNT, "force": U, "position": Y}, [{"time": "t", "u": "force", "y": "position"}], False),
+    ("ms.csv", {"t_ms": MS, "force": U, "position": Y}, [{"time": "t_ms", "u": "force", "y": "position"}], False),
+    ("ms_unit.csv", {"Time [ms]": MS, "force": U, "z": Y}, [{"time": "Time [ms]", "u": "force", "y": "z"}], False),
+    ("ms_usual.csv", {"time_ms": MS, "u": U, "y": Y}, [None], False),
+    ("no_time.csv", {"force": U, "position": Y}, [{"u": "force", "y": "position"}], True),
+    ("usual.csv", {"u": U, "y": Y}, [None], True),
+    ("two.npz", {"u": U, "y": Y}, [None], True),
+    ("two_named.npz", {"force": U, "position": Y}, [{"u": "force", "y": "position"}], True),
+    ("two_with_step.npz", {"u": U, "y": Y, "dt": 2e-3}, [None], False),
+    ("four.npz", PAIRS, [ONE, TWO], True),
+    ("four.mat", PAIRS, [ONE, TWO], True),
+    ("four_with_step.mat", PAIRS | {"Ts": 2e-3}, [ONE, TWO], False),
+    ("four_unlike.npz", {"u1": U, "u2": U[:90], "y1": Y, "y2": Y[:90]}, [ONE, TWO], True),
+    ("four_joint.npz", {"u1": U, "u2": U[::-1], "y1": Y, "y2": Y[::-1]}, [None], True),
+    ("four_low.npz", {"u_1": U, "y_1": Y, "u_2": U, "y_2": Y}, [{"u": f"u_{k}", "y": f"y_{k}"} for k in (1, 2)], True),
+    ("structure.mat", {"run": STRUCTURE}, [{"u": "run.u", "y": "run.y", "dt": "run.Ts"}], False),
+    (
+        "structures.mat",
+        {"a": STRUCTURE, "b": STRUCTURE},
+        [{"u": f"{name}.u", "y": f"{name}.y", "dt": f"{name}.Ts"} for name in "ab"],
+        False,
+    ),
+]
+
+
+def write(path, arrays):
+    if path.suffix == ".csv":
+        rows = np.column_stack(list(arrays.values()))
+        np.savetxt(path, rows, delimiter=",", header=",".join(arrays), comments="")
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, arrays)
+    else:
+        np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize(("name", "arrays", "fields", "asked"), TABLE, ids=[row[0] for row in TABLE])
+def test_signals_and_sample_time_that_are_proposed(tmp_path, name, arrays, fields, asked):
+    write(tmp_path / name, arrays)
+    found = rid.look(tmp_path / name)
+    draft = drafted_run_file([found], tmp_path)
+    (tmp_path / "run.toml").write_text(draft.text)
+    read = read_run_file(tmp_path / "run.toml")
+    assert [source.fields for source in read.record] == fields
+    assert [source.dt for source in read.record] == [None] * len(fields)
+    assert bool(re.search("^# dt = .*EDIT", draft.text, re.M)) == asked
+    assert any(line.startswith("# dt") for line in draft.edits) == asked
+    # What is proposed reads the file, with the sample time where it is asked for.
+    for source in read.record:
+        record = rid.load(tmp_path / name, **{"fields": source.fields, "dt": 2e-3 if asked else None})
+        assert record.dt == (1.0 if name == "seconds.csv" else pytest.approx(2e-3))
+        assert np.array_equal(record.u[0], [U[0]] if record.u.shape[1] == 1 and source.fields != TWO else record.u[0])
+    together = "played together" in draft.text
+    assert together == (len(fields) == 2 and "unlike" not in name)
+
+
+def test_a_counter_may_be_the_frequency_axis_of_a_response(tmp_path):
+    write(tmp_path / "x.csv", {"k": COUNT, "a": U, "b": Y})
+    assert '"freq_hz": "k"' in rid.look(tmp_path / "x.csv").refusal
