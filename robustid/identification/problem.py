@@ -19,6 +19,7 @@ from robustid.identification.entries import Entries
 from robustid.identification.passive import centred, check_passive
 from robustid.identification.prior import Prior, any_prior
 from robustid.identification.region import Region, region_of
+from robustid.identification.sample_faults import sample_faults
 from robustid.identification.signals import check_excitation, check_signals
 from robustid.identification.weighting import Weighting
 
@@ -161,9 +162,9 @@ class MixedProblem(Frozen):
 
     @functools.cached_property
     def data_faults(self) -> tuple[Fault, ...]:
-        """Faults of records from which responses were estimated, of responses, and of records beside them, each once.
+        """Faults of records from which responses were estimated, of responses, and of records beside them or alone, each once.
 
-        See `response_faults` and `experiment_faults`.
+        See `response_faults`, `experiment_faults` and `record_faults`.
         """
         return tuple(placed.fault for placed in self.placed_faults)
 
@@ -185,6 +186,11 @@ class MixedProblem(Frozen):
         beside = [fault for _, one in responses for fault in experiment_faults(one, self.time)] if self.time else []
         alone = 0 if len(self.time) == 1 else None
         found += [PlacedFault(fault, "time", fault.record - 1 if fault.record else alone) for fault in beside]
+        told = {one.number for one in found if one.kind == "time"}
+        for k, record in enumerate(self.time):
+            number = k + 1 if len(self.time) > 1 else 0
+            own = [] if k in told else sample_faults(record)
+            found += [PlacedFault(fault._replace(record=number), "time", k) for fault in own]
         kept: dict[str, PlacedFault] = {}
         for one in found:
             kept.setdefault(str(one.fault), one)
