@@ -19,6 +19,7 @@ from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
 from robustid.formats import Item, contents, read_table, record_pairs
+from robustid.identification import sample_faults
 
 _EVEN = 1e-6  # part of a step
 _CORRECT = "--frequency-correct"
@@ -169,7 +170,8 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         odd += response_faults(one) if isinstance(one, FrequencyResponse) else []
     records = [one for one in several if isinstance(one, TimeRecord)]
     if len(records) == len(several):
-        odd += record_faults(records)
+        bounded = all(one.bound is not None for one in records)  # then their samples are used
+        odd += [fault for one in records for fault in sample_faults(one)] if bounded else record_faults(records)
     for one in several:
         if isinstance(one, FrequencyResponse) and (
             same := [r for r in records if _shape_of(r) == one.values.shape[1:]]

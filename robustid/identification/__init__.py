@@ -26,6 +26,7 @@ from robustid.identification.prior import Prior, any_prior, prior_fields
 from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
 from robustid.identification.residuals import Residual, entry_name, fit_percent, largest_ratio, model_residuals
 from robustid.identification.result import Identification
+from robustid.identification.sample_faults import sample_faults
 from robustid.identification.validation import Validation, check_model, describe_poles, validate
 from robustid.identification.verification import Check, Claim
 from robustid.identification.weighting import PriorWeight, as_weight
@@ -74,6 +75,7 @@ __all__ = [
     "prior_fields",
     "prior_from",
     "prove_margin",
+    "sample_faults",
     "told_apart_functions",
     "validate",
     "verify_margin_exactly",

@@ -17,8 +17,9 @@ from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.core import Signal
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import BOUND_SOURCES, record_faults, response_faults
+from robustid.estimation import BOUND_SOURCES, response_faults
 from robustid.formats import Origin, origin
+from robustid.identification import sample_faults
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -131,7 +132,7 @@ class Files(Generic[S]):
         responses = [one for one in data if isinstance(one, FrequencyResponse)]
         records = [one for one in data if isinstance(one, TimeRecord)]
         found = [fault.said(", --frequency-correct") for one in responses for fault in response_faults(one)]
-        return found + ([str(fault) for fault in record_faults(records)] if records and self.bounded else [])
+        return found + [str(fault) for one in records if self.bounded for fault in sample_faults(one)]
 
     def _entry_of(self, data: Data, path: Path) -> tuple[str, Data]:
         """The entry that is asked for, else the whole matrix, and what it is in words."""
