@@ -71,6 +71,8 @@ class Fault(NamedTuple):
         Number of the record among several, from 1; 0 for all, or the only one.
     size : float, optional
         The number that the words state: samples, a share, or how many times too large or small.
+    response : int
+        Number of the frequency response among several, from 1; 0 for all, the only one, or a fault of a record.
 
     Examples
     --------
@@ -89,6 +91,7 @@ class Fault(NamedTuple):
     where: str = ""
     record: int = 0
     size: float | None = None
+    response: int = 0
 
     def __str__(self) -> str:
         return self.said()
@@ -101,6 +104,7 @@ class Fault(NamedTuple):
     def said_alone(self) -> str:
         """The sentence without the correction."""
         of = f"record {self.record}: " if self.record else ""
+        of = f"frequency response {self.response}: " if self.response else of
         return f"{of}{self.words}" + (f": {self.evidence}" if self.evidence else "")
 
     @property

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
-from robustid.data import Fault, FrequencyResponse, TangentialResponse, TimeRecord
+from robustid.data import Fault, FrequencyResponse, TangentialResponse, TimeRecord, as_faults
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation import all_faults, experiment_faults
 from robustid.identification.entries import Entries
@@ -55,6 +55,8 @@ class MixedProblem(Frozen):
         with the margin: data that contradict them have a margin above 1.
     symmetric : bool
         Whether F is a symmetric matrix, as that of collocated inputs and outputs of a reciprocal structure, in the same order.
+    faults : sequence of Fault
+        Of experiments that contradict the others, as the choice of the class has found them; they join `data_faults`.
 
     Raises
     ------
@@ -82,6 +84,7 @@ class MixedProblem(Frozen):
     parametric: Any = None
     parameter_bounds: Any = None
     symmetric: bool = False
+    faults: tuple[Fault, ...] = ()
 
     entries: Entries = dataclasses.field(init=False, repr=False)
     plane: Plane = dataclasses.field(init=False, repr=False)
@@ -98,6 +101,7 @@ class MixedProblem(Frozen):
         as_kind("prior", self.prior, Prior, "a Prior")
         _check_same_time((*frequency, *time))
         self._set(frequency=frequency, time=time, symmetric=as_flag("symmetric", self.symmetric))
+        self._set(faults=as_faults("faults", self.faults))
         check_signals((*frequency, *time))
         self._set(entries=self._entries())
         self.prior.scales(self.entries.outputs, self.entries.inputs)
@@ -166,10 +170,16 @@ class MixedProblem(Frozen):
         See `response_faults` and `experiment_faults`.
         """
         responses = [item for item in self.frequency if isinstance(item, FrequencyResponse)]
-        found = [fault for item in responses for fault in all_faults(item)]
-        if self.time:
-            found += [fault for item in responses for fault in experiment_faults(item, self.time)]
+        found = [*self.faults, *(fault for item in responses for fault in all_faults(item)), *self.record_faults]
         return tuple({str(fault): fault for fault in found}.values())
+
+    @functools.cached_property
+    def record_faults(self) -> tuple[Fault, ...]:
+        """Faults of records beside responses that contradict nothing else (`experiment_faults`)."""
+        suspected = {fault.response - 1 for fault in self.faults if fault.response}
+        trusted = [item for k, item in enumerate(self.frequency) if k not in suspected]
+        trusted = [item for item in trusted if isinstance(item, FrequencyResponse)] if self.time else []
+        return tuple(fault for item in trusted for fault in experiment_faults(item, self.time))
 
     @property
     def unknown_bounds(self) -> Real:

@@ -21,6 +21,14 @@ from robustid.app.run.modes import basis_of, with_faults, with_fit, with_modes
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
+from robustid.app.run.suspects import (
+    accused_records,
+    chosen_from_others,
+    chosen_from_parts,
+    suspected,
+    suspects_of,
+    with_contradictions,
+)
 from robustid.app.run.work import Untouched
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
@@ -32,13 +40,35 @@ def posed(
 ) -> tuple[RunFile, MixedProblem, Untouched]:
     """The run file with every choice made, the problem that it poses about data, and what it keeps out of it.
 
-    `reference` is what becomes of a class that says nothing; see `with_prior`.
+    A class that is chosen is held against the experiments one by one: from those that contradict the others it is not taken, and
+    the problem says so. `reference` is what becomes of a class that says nothing; see `with_prior`.
     """
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
-    folder = around.folder
-    _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
-    folder.responses(data.responses)
-    asked = run.modes
+    alone = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data))
+    _check(run, alone)
+    around.folder.responses(data.responses)
+    if not chosen_from_parts(run, data):
+        return _posed(run, data, around, reference)
+    if run.prior.without is None:
+        if not (accused := accused_records(alone)):
+            found = _posed(run, data, around, reference)
+            accused = suspected(run, found[0], found[1], data, around)
+            if not accused:
+                return found
+        run = run.changed("prior", without=tuple(one.name for one in accused))
+    suspects = suspects_of(run, data)
+    if not run.prior.is_stated:
+        chosen, _, _ = _posed(run, data.without(suspects), around, reference)
+        run = chosen_from_others(chosen, suspects, alone)
+    run, problem, left = _posed(run, data, around, reference)
+    return run, with_contradictions(problem, suspects, around), left
+
+
+def _posed(
+    run: RunFile, data: Measured, around: Surroundings, reference: bool
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The same, of a class that all data are taken for."""
+    asked, folder = run.modes, around.folder
     run = with_modes(with_fit(run, data, around), data, around)
     data = with_faults(run, data, around)
     run, problem, left = told_apart(run, data, asked)
