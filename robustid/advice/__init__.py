@@ -15,7 +15,7 @@ from robustid.advice.prior_weight import prior_weight, suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 from robustid.advice.smallest_gain import entry_sizes, response_sizes
-from robustid.advice.suspect_experiments import contradiction_faults, suspect_experiments
+from robustid.advice.suspect_experiments import Posed, contradiction_faults, suspect_experiments
 from robustid.advice.suspect_modes import suspect_modes
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "KautzSuggestion",
     "NextMeasurement",
     "PoleTrial",
+    "Posed",
     "PriorSuggestion",
     "Sensitivity",
     "Variation",

@@ -37,6 +37,9 @@ _OF_RECORDS = (
 )  # fmt: skip
 
 
+_NOUNS = {"frequency": "frequency response", "time": "time record"}
+
+
 class Experiment(NamedTuple):
     """Place of an experiment in a problem: "frequency" or "time", and its number from 0."""
 
@@ -65,10 +68,20 @@ class Experiment(NamedTuple):
         return dataclasses.replace(problem, **{self.kind: items, "faults": ()})
 
     def called(self, problem: MixedProblem) -> str:
-        """What it is called in sentences."""
-        noun = "frequency response" if self.kind == "frequency" else "time record"
-        several = len(getattr(problem, self.kind)) > 1
-        return f"{noun} {self.index + 1}" if several else f"the {noun}"
+        """Noun and number of it, for sentences."""
+        return f"{_NOUNS[self.kind]} {self.index + 1}" if self.several(problem) else f"the {_NOUNS[self.kind]}"
+
+    def several(self, problem: MixedProblem) -> bool:
+        """Tell whether there are several of its kind."""
+        return len(getattr(problem, self.kind)) > 1
+
+    def change(self, problem: MixedProblem, correction: str) -> tuple[str, str]:
+        """Spelling of a correction of it in Python, and for the program."""
+        name, section = ("record", "record") if self.kind == "time" else ("frf", "frequency")
+        change = f'{name} = rid.prepare.correct({name}, "{correction}")'
+        if self.several(problem):
+            return f"of {self.called(problem)}: {change}", f'correct = ["{correction}"] in its [[{section}]]'
+        return change, f'--{self.kind}-correct "{correction}"'
 
     def corrected(self, problem: MixedProblem, correction: str) -> MixedProblem | None:
         """The problem with a correction of this experiment alone; None where it does not go with the data."""

@@ -72,7 +72,7 @@ class Fault(NamedTuple):
     size : float, optional
         The number that the words state: samples, a share, or how many times too large or small.
     response : int
-        Number of the frequency response among several, from 1; 0 for all, the only one, or a fault of a record.
+        Number of the frequency response that contradicts other experiments, from 1; 0 for any other fault.
 
     Examples
     --------
@@ -103,9 +103,14 @@ class Fault(NamedTuple):
     @property
     def said_alone(self) -> str:
         """The sentence without the correction."""
+        return self.cause + (f": {self.evidence}" if self.evidence else "")
+
+    @property
+    def cause(self) -> str:
+        """What is wrong, and with which experiment."""
         of = f"record {self.record}: " if self.record else ""
         of = f"frequency response {self.response}: " if self.response else of
-        return f"{of}{self.words}" + (f": {self.evidence}" if self.evidence else "")
+        return f"{of}{self.words}"
 
     @property
     def undone(self) -> bool:

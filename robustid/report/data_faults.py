@@ -20,19 +20,37 @@ _OF_RESPONSES = (
 )
 
 
-def fault_verdict(faults: Sequence[Fault], *, estimated: bool = False) -> list[Verdict]:
+def fault_verdict(
+    faults: Sequence[Fault], *, estimated: bool = False, problem: MixedProblem | None = None
+) -> list[Verdict]:
     """The verdict on data with a fault that nothing has undone, with what undoes it; none where there is no such fault.
 
-    `estimated`: the response was estimated from records.
+    `estimated`: the response was estimated from records. `problem`: whose experiments the faults may be of.
     """
     open_ = [fault for fault in faults if not fault.undone]
     if not open_:
         return []
     first = open_[0]
     said = f"{first.said_alone[0].upper()}{first.said_alone[1:]}."
-    said += f" {undoing(first, estimated)}" if first.correction else ""
+    if first.correction:
+        own = problem is not None and (first in problem.faults or first in problem.record_faults)
+        said += f" {_undoing_of(first, problem) if own and problem else undoing(first, estimated)}"
     said += f" And {len(open_) - 1} more: see below." if len(open_) > 1 else ""
     return [Verdict("undecided", "Fault of the data", said, id="data-fault")]
+
+
+def _undoing_of(fault: Fault, problem: MixedProblem) -> str:
+    """Say what undoes a fault of one experiment among those of a problem."""
+    words = fault.correction
+    if fault.response and getattr(problem.frequency[fault.response - 1], "dof", None) is not None:
+        return f'To undo it: rid.prepare.correct(frf, "{words}") of the response.'
+    name, several = ("frequency", problem.frequency) if fault.response else ("time", problem.time)
+    section = "frequency" if fault.response else "record"
+    if len(several) > 1:
+        return (
+            f'To undo it: correct = ["{words}"] in its [[{section}]] of a run file, or rid.prepare.correct in Python.'
+        )
+    return f'To undo it: --{name}-correct "{words}" on the command line, correct = ["{words}"] in a run file.'
 
 
 def undoing(fault: Fault, estimated: bool) -> str:
@@ -56,7 +74,8 @@ def further_faults(faults: Sequence[Fault]) -> list[str]:
 def problem_verdict(problem: MixedProblem) -> list[Verdict]:
     """The verdict on faults of the data of a problem."""
     responses = [one for one in problem.frequency if isinstance(one, FrequencyResponse)]
-    return fault_verdict(problem.data_faults, estimated=any(one.dof is not None for one in responses))
+    estimated = any(one.dof is not None for one in responses)
+    return fault_verdict(problem.data_faults, estimated=estimated, problem=problem)
 
 
 def problem_warnings(problem: MixedProblem) -> list[Text]:

@@ -57,6 +57,14 @@ class Measured(NamedTuple):
         records = tuple(one for k, one in enumerate(self.records) if ("time", k) not in gone)
         return self._replace(responses=responses, records=records)
 
+    def only(self, kept: Sequence[Experiment]) -> Measured:
+        """With some experiments only."""
+        responses, records = (
+            tuple(every[one.index] for one in kept if one.kind == kind)
+            for kind, every in (("frequency", self.responses), ("time", self.records))
+        )
+        return self._replace(responses=responses, records=records)
+
     def each(self, change: Change) -> Measured:
         """With a change of every response and record."""
         records, excited = (tuple(map(change, kept)) for kept in (self.records, self.excited))

@@ -28,6 +28,7 @@ from robustid.app.run.suspects import (
     suspected,
     suspects_of,
     with_contradictions,
+    without_contradictions,
 )
 from robustid.app.run.work import Untouched
 from robustid.data import FrequencyResponse
@@ -49,19 +50,19 @@ def posed(
     around.folder.responses(data.responses)
     if not chosen_from_parts(run, data):
         return _posed(run, data, around, reference)
+    corrections = dict.fromkeys(suspects_of(run, data), "")
     if run.prior.without is None:
-        if not (accused := accused_records(alone)):
+        if not (corrections := accused_records(alone)):
             found = _posed(run, data, around, reference)
-            accused = suspected(run, found[0], found[1], data, around)
-            if not accused:
+            corrections = suspected(run, found[0], found[1], data, around)
+            if not corrections:
                 return found
-        run = run.changed("prior", without=tuple(one.name for one in accused))
-    suspects = suspects_of(run, data)
+        run = run.changed("prior", without=tuple(one.name for one in corrections))
     if not run.prior.is_stated:
-        chosen, _, _ = _posed(run, data.without(suspects), around, reference)
-        run = chosen_from_others(chosen, suspects, alone)
+        chosen, _, _ = _posed(run, without_contradictions(data, corrections), around, reference)
+        run = chosen_from_others(chosen, corrections, alone)
     run, problem, left = _posed(run, data, around, reference)
-    return run, with_contradictions(problem, suspects, around), left
+    return run, with_contradictions(problem, tuple(corrections), around), left
 
 
 def _posed(

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from robustid.advice import Experiment, contradiction_faults, response_sizes, suspect_experiments, without_experiments
+from robustid.advice import (
+    Experiment,
+    Posed,
+    contradiction_faults,
+    response_sizes,
+    suspect_experiments,
+    without_experiments,
+)
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of, with_modes
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.settings import Modes
 from robustid.core import Budget, Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.estimation import correct
 from robustid.identification import MixedProblem
 
+_LARGEST = 2.0  # times the largest response: a non-parametric part that says something
+_SAME = 0.1  # part by which frequencies of modes may differ and be one
 _SHARE = 0.2  # of the time that is left, for what is found out about experiments
 
 
@@ -24,40 +36,52 @@ def chosen_from_parts(run: RunFile, data: Measured) -> bool:
     return len(data.responses) + len(data.records) > 1 and (open_ or run.prior.without is not None)
 
 
-def accused_records(problem: MixedProblem) -> tuple[Experiment, ...]:
-    """The records that every response contradicts, before any class is assumed; () where that leaves no data."""
+def accused_records(problem: MixedProblem) -> dict[Experiment, str]:
+    """The records that every response contradicts, before any class is assumed, each with what undoes it, "" for nothing."""
     responses = [one for one in problem.frequency if isinstance(one, FrequencyResponse)]
-    accused: list[set[int]] = []
+    found: list[dict[int, str]] = []
     for frf in responses:
-        alone = dataclasses.replace(problem, frequency=(frf,))
-        accused.append({max(fault.record - 1, 0) for fault in alone.record_faults})
-    every = set.intersection(*accused) if accused else set[int]()
-    return tuple(Experiment("time", k) for k in sorted(every))
+        faults = dataclasses.replace(problem, frequency=(frf,)).record_faults
+        found.append({max(fault.record - 1, 0): fault.correction for fault in reversed(faults)})
+    every = set.intersection(*map(set, found)) if found else set[int]()
+    return {Experiment("time", k): found[0][k] for k in sorted(every)}
 
 
 def suspected(
     asked: RunFile, run: RunFile, problem: MixedProblem, data: Measured, around: Surroundings
-) -> tuple[Experiment, ...]:
-    """The experiments that contradict the others, where the class that all of them ask for says nothing."""
-    prior = problem.prior
-    says = run.prior.source is Source.DATA and prior.gain_bound <= _LARGEST * response_sizes(problem)[0]
-    if says or prior.physical:
-        return ()
+) -> dict[Experiment, str]:
+    """The experiments that contradict the others, where the class that all of them ask for says nothing; what undoes each."""
+    says = run.prior.source is Source.DATA and problem.prior.gain_bound <= _LARGEST * response_sizes(problem)[0]
+    if says or problem.prior.physical:
+        return {}
     stated = asked.modes.hz is not None or asked.fit.order is not None
 
-    def others(left_out: tuple[Experiment, ...]) -> MixedProblem:
-        rest = data.without(left_out)
-        moved = not stated and (not rest.responses or Experiment("frequency", 0) in left_out)
-        modes = with_modes(asked, rest, around).modes if moved else run.modes
-        left = without_experiments(problem, left_out)
-        return dataclasses.replace(left, parametric=basis_of(modes, problem.dt)) if moved else left
+    def at_poles(part: MixedProblem, modes: Modes) -> MixedProblem:
+        return dataclasses.replace(part, parametric=basis_of(modes, problem.dt))
 
-    around.say("holding the class against the experiments one by one")
+    def posed(left_out: tuple[Experiment, ...]) -> Posed:
+        rest, left = data.without(left_out), without_experiments(problem, left_out)
+        if stated:
+            return Posed(left, problem, problem)
+        moved = not rest.responses or Experiment("frequency", 0) in left_out
+        own = with_modes(asked, rest if moved else data.only(left_out), around).modes
+        joined = at_poles(problem, _joined(run.modes, own))
+        if moved:
+            return Posed(at_poles(left, own), at_poles(problem, own), joined)
+        return Posed(left, problem, joined)
+
     with around.step("holding the class against the experiments one by one", _SHARE, needed=False) as limit:
-        return suspect_experiments(problem, others, Budget(limit))
+        return suspect_experiments(problem, posed, Budget(limit))
 
 
-_LARGEST = 2.0  # times the largest response: a non-parametric part that says something
+def _joined(modes: Modes, others: Modes) -> Modes:
+    """Modes, and those of others that are not among them."""
+    pairs = list(zip(modes.hz or (), modes.damping or (), strict=True))
+    for hz, damping in zip(others.hz or (), others.damping or (), strict=True):
+        if all(abs(hz - one) > _SAME * one or (damping == 1) != (ratio == 1) for one, ratio in pairs):
+            pairs.append((hz, damping))
+    hz, damping = zip(*pairs, strict=True) if pairs else ((), ())
+    return dataclasses.replace(modes, hz=hz, damping=damping, hz_interval=None, damping_interval=None)
 
 
 def suspects_of(run: RunFile, data: Measured) -> tuple[Experiment, ...]:
@@ -74,10 +98,23 @@ def suspects_of(run: RunFile, data: Measured) -> tuple[Experiment, ...]:
     return suspects
 
 
-def chosen_from_others(run: RunFile, suspects: Sequence[Experiment], problem: MixedProblem) -> RunFile:
+def without_contradictions(data: Measured, corrections: Mapping[Experiment, str]) -> Measured:
+    """The data with the corrections of some experiments, and without those that have none."""
+    kept: dict[str, list[Any]] = {"frequency": list(data.responses), "time": list(data.records)}
+    for one, words in corrections.items():
+        if words:
+            kept[one.kind][one.index] = correct(kept[one.kind][one.index], words)
+    whole = data._replace(responses=tuple(kept["frequency"]), records=tuple(kept["time"]))
+    return whole.without([one for one, words in corrections.items() if not words])
+
+
+def chosen_from_others(run: RunFile, corrections: Mapping[Experiment, str], problem: MixedProblem) -> RunFile:
     """The run file with a class that was chosen from the other experiments, which its note says."""
-    names = ", ".join(one.called(problem) for one in suspects)
-    return run.changed("prior", note=f"{run.prior.note}\nChosen without {names}: see the faults of the data.")
+    said = [
+        f"{one.called(problem)} corrected ({words})" if words else f"without {one.called(problem)}"
+        for one, words in corrections.items()
+    ]
+    return run.changed("prior", note=f"{run.prior.note}\nChosen with {', '.join(said)}: see the faults of the data.")
 
 
 def with_contradictions(problem: MixedProblem, suspects: Sequence[Experiment], around: Surroundings) -> MixedProblem:
