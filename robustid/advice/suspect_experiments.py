@@ -51,7 +51,7 @@ def suspect_experiments(
 
     At the slowest decay rate, where a class holds most: the smallest gain bound of all data is larger than every response, so that
     the class says nothing, whichever poles it has, and without the suspects it is five times smaller at least, and no larger than
-    the largest response. A correction has to do the same.
+    the largest response. A correction has to do the same; what no correction helps is held by a class when it is alone.
     """
     try:
         rate = float(possible_rates(problem)[0])
@@ -87,10 +87,21 @@ def suspect_experiments(
     most = min(response_sizes(tried.rest)[0], asked / FACTOR)
     corrections: dict[Experiment, str] = {}
     for one in group:
-        beside, place = _beside(tried.whole, one, group)
+        beside, place = _beside(tried.joined, one, group)
         rest = tried.rest.with_prior(gain_bound=2 * gain, rate=rate)
         corrections[one] = _by_gain(beside, rest, place, most, rate, budget)
-    return corrections
+    if all(corrections.values()) or _sound(tried.joined, group, largest, rate, budget):
+        return corrections
+    return {}
+
+
+def _sound(problem: MixedProblem, group: Sequence[Experiment], largest: float, rate: float, budget: Budget) -> bool:
+    """Tell whether a class holds some experiments by themselves: where none does, they contradict the class, not the others."""
+    try:
+        alone = without_experiments(problem, [one for one in experiments(problem) if one not in group])
+        return _gain(alone, problem, rate, budget) <= largest
+    except InputError:  # they do not excite every input, or see every output
+        return True
 
 
 def _by_gain(
@@ -138,17 +149,28 @@ def _gain(problem: MixedProblem, whole: MixedProblem, rate: float, budget: Budge
     return smallest_gain(_representing(problem), rate, whole, CEILINGS[:1], budget)
 
 
-def contradiction_faults(problem: MixedProblem, suspects: Sequence[Experiment], budget: Budget) -> tuple[Fault, ...]:
+def contradiction_faults(
+    problem: MixedProblem, suspects: Sequence[Experiment], budget: Budget
+) -> dict[Experiment, Fault]:
     """Faults of experiments that contradict the others, whose class is that of the problem.
 
     A correction with which the class holds the experiment beside the others names it; where none does, it is of another plant,
     or tells what the others cannot.
     """
-    found: list[Fault] = []
+    found: dict[Experiment, Fault] = {}
     for one in suspects:  # each by itself beside those that are not suspected
         beside, place = _beside(problem, one, suspects)
-        found.append(_numbered(_fault(beside, place, budget), one, problem))
-    return tuple(found)
+        if not _inside(beside, budget):
+            found[one] = _numbered(_fault(beside, place, budget), one, problem)
+    return found
+
+
+def _inside(problem: MixedProblem, budget: Budget) -> bool:
+    """Tell whether the class holds the data."""
+    try:
+        return judged_margin(problem, 1.0, budget) <= 1
+    except (InputError, SolverError):
+        return False
 
 
 def _fault(problem: MixedProblem, one: Experiment, budget: Budget) -> Fault:

@@ -107,7 +107,7 @@ class Fault(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """What is wrong, and with which experiment."""
+        """The fault, with the number of its experiment."""
         of = f"record {self.record}: " if self.record else ""
         of = f"frequency response {self.response}: " if self.response else of
         return f"{of}{self.words}"

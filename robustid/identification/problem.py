@@ -175,11 +175,13 @@ class MixedProblem(Frozen):
 
     @functools.cached_property
     def record_faults(self) -> tuple[Fault, ...]:
-        """Faults of records beside responses that contradict nothing else (`experiment_faults`)."""
+        """Faults of records beside responses (`experiment_faults`), but of experiments that `faults` names."""
         suspected = {fault.response - 1 for fault in self.faults if fault.response}
+        named = {max(fault.record - 1, 0) for fault in self.faults if not fault.response}
         trusted = [item for k, item in enumerate(self.frequency) if k not in suspected]
         trusted = [item for item in trusted if isinstance(item, FrequencyResponse)] if self.time else []
-        return tuple(fault for item in trusted for fault in experiment_faults(item, self.time))
+        found = [fault for item in trusted for fault in experiment_faults(item, self.time)]
+        return tuple(fault for fault in found if max(fault.record - 1, 0) not in named)
 
     @property
     def unknown_bounds(self) -> Real:

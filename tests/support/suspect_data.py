@@ -42,9 +42,9 @@ def with_fault(data, fault, other=None):
     return rid.prepare.correct(data, words[fault])
 
 
-def structure(seed, fault="clean"):
-    """The response of the flexible structure at 11 lines, too few for a model of it, and a step of 20 samples."""
-    data = rid.datasets.flexible_structure(seed=seed)
+def structure(seed, fault="clean", lines=11):
+    """The response of the flexible structure at so many lines, 11 are too few for a model of it, and a step of 20 samples."""
+    data = rid.datasets.flexible_structure(seed=seed, lines=lines)
     response, given = data.frequency, data.time
 
     def faster():

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
+from robustid.advice import Experiment
 from robustid.app.run.class_choice import (
     chosen_points,
     inflated,
@@ -51,18 +53,29 @@ def posed(
     if not chosen_from_parts(run, data):
         return _posed(run, data, around, reference)
     corrections = dict.fromkeys(suspects_of(run, data), "")
-    if run.prior.without is None:
-        if not (corrections := accused_records(alone)):
-            found = _posed(run, data, around, reference)
-            corrections = suspected(run, found[0], found[1], data, around)
-            if not corrections:
-                return found
-        run = run.changed("prior", without=tuple(one.name for one in corrections))
+    if run.prior.without is None and not (corrections := accused_records(alone)):
+        found = _posed(run, data, around, reference)
+        corrections = suspected(run, found[0], found[1], data, around)
+        if not corrections:
+            return found
+    return _from_others(run, data, corrections, around, reference)
+
+
+def _from_others(
+    run: RunFile, data: Measured, corrections: Mapping[Experiment, str], around: Surroundings, reference: bool
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The same, of a class that some experiments contradict: it is chosen with their corrections, or without them."""
+    suspects = tuple(corrections)
+    stated = run.changed("prior", without=tuple(one.name for one in suspects))
     if not run.prior.is_stated:
-        chosen, _, _ = _posed(run, without_contradictions(data, corrections), around, reference)
-        run = chosen_from_others(chosen, corrections, alone)
-    run, problem, left = _posed(run, data, around, reference)
-    return run, with_contradictions(problem, tuple(corrections), around), left
+        others, left_out = without_contradictions(data, corrections)
+        try:
+            stated, _, _ = _posed(stated, others, around, reference)
+        except InputError:  # they do not excite every input, or see every output
+            return _posed(run, data, around, reference)
+        stated = chosen_from_others(stated, suspects, left_out)
+    stated, problem, left = _posed(stated, data, around, reference)
+    return stated, with_contradictions(problem, suspects, around), left
 
 
 def _posed(

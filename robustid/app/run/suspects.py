@@ -98,33 +98,41 @@ def suspects_of(run: RunFile, data: Measured) -> tuple[Experiment, ...]:
     return suspects
 
 
-def without_contradictions(data: Measured, corrections: Mapping[Experiment, str]) -> Measured:
-    """The data with the corrections of some experiments, and without those that have none."""
+def without_contradictions(data: Measured, corrections: Mapping[Experiment, str]) -> tuple[Measured, list[Experiment]]:
+    """The data with the corrections of some experiments, and without those that have none, which are listed."""
     kept: dict[str, list[Any]] = {"frequency": list(data.responses), "time": list(data.records)}
+    left_out: list[Experiment] = []
     for one, words in corrections.items():
-        if words:
-            kept[one.kind][one.index] = correct(kept[one.kind][one.index], words)
+        item = kept[one.kind][one.index]
+        try:
+            changed = correct(item, words) if words else item
+        except InputError:
+            changed = item
+        if changed is item or changed.dt != item.dt:  # another sample time does not go with the other data
+            left_out.append(one)
+        kept[one.kind][one.index] = changed
     whole = data._replace(responses=tuple(kept["frequency"]), records=tuple(kept["time"]))
-    return whole.without([one for one, words in corrections.items() if not words])
+    return whole.without(left_out), left_out
 
 
-def chosen_from_others(run: RunFile, corrections: Mapping[Experiment, str], problem: MixedProblem) -> RunFile:
+def chosen_from_others(run: RunFile, suspects: Sequence[Experiment], left_out: Sequence[Experiment]) -> RunFile:
     """The run file with a class that was chosen from the other experiments, which its note says."""
-    said = [
-        f"{one.called(problem)} corrected ({words})" if words else f"without {one.called(problem)}"
-        for one, words in corrections.items()
-    ]
-    return run.changed("prior", note=f"{run.prior.note}\nChosen with {', '.join(said)}: see the faults of the data.")
+    said = [f"without {one.name}" if one in left_out else f"with {one.name} corrected" for one in suspects]
+    return run.changed("prior", note=f"{run.prior.note}\nChosen {', '.join(said)}: see the faults of the data.")
 
 
 def with_contradictions(problem: MixedProblem, suspects: Sequence[Experiment], around: Surroundings) -> MixedProblem:
-    """The problem with the faults of experiments that contradict the others, those that no response has named yet."""
-    named = {max(fault.record - 1, 0) for fault in problem.record_faults}
-    left = [one for one in suspects if one.kind == "frequency" or one.index not in named]
+    """The problem with the faults of experiments that contradict the others.
+
+    Nothing is said of those that no class is needed for (`record_faults`), unless it is what undoes them.
+    """
+    named = {Experiment("time", max(fault.record - 1, 0)): fault.correction for fault in problem.record_faults}
+    left = [one for one in suspects if not named.get(one)]
     if not left:
         return problem
     with around.step("what would undo the contradiction", _SHARE, needed=False) as limit:
         found = contradiction_faults(problem, left, Budget(limit))
-    for fault in found:
+    found = {one: fault for one, fault in found.items() if fault.correction or one not in named}
+    for fault in found.values():
         around.say(str(fault))
-    return dataclasses.replace(problem, faults=found)
+    return dataclasses.replace(problem, faults=tuple(found.values())) if found else problem
