@@ -4,6 +4,7 @@ from robustid.advice.causes import SLIGHTLY, Cause
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
+from robustid.advice.experiment_corrections import Experiment, without_experiments
 from robustid.advice.gain_curve import possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
@@ -14,6 +15,7 @@ from robustid.advice.prior_weight import prior_weight, suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 from robustid.advice.smallest_gain import entry_sizes, response_sizes
+from robustid.advice.suspect_experiments import Posed, contradiction_faults, suspect_experiments
 from robustid.advice.suspect_modes import suspect_modes
 
 __all__ = [
@@ -23,14 +25,17 @@ __all__ = [
     "ClassSuggestion",
     "Content",
     "Diagnosis",
+    "Experiment",
     "KautzImprovement",
     "KautzSuggestion",
     "NextMeasurement",
     "PoleTrial",
+    "Posed",
     "PriorSuggestion",
     "Sensitivity",
     "Variation",
     "content",
+    "contradiction_faults",
     "diagnose",
     "entry_sizes",
     "improve_kautz",
@@ -45,6 +50,8 @@ __all__ = [
     "suggest_prior",
     "suggest_roll_off",
     "suggest_scaling",
+    "suspect_experiments",
     "suspect_modes",
     "useful_prior",
+    "without_experiments",
 ]

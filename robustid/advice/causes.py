@@ -122,11 +122,11 @@ def corrected(problem: MixedProblem, *corrections: str, records: bool = False) -
     """The problem with corrections of all responses, or of all records (`correct`)."""
     words = [each for one in corrections for each in (["integrate"] * 2 if one == "integrate twice" else [one])]
     if records:
-        return dataclasses.replace(problem, time=[correct(record, *words) for record in problem.time])
+        return dataclasses.replace(problem, time=[correct(record, *words) for record in problem.time], faults=())
     changed = [correct(frf, *words) for frf in problem.frequency]
     prior = problem.prior
     if not problem.prior.positive_real:
-        return dataclasses.replace(problem, frequency=changed)
+        return dataclasses.replace(problem, frequency=changed, faults=())
     # Constant and modes of such a class are posed anew.
     modes = problem.parametric if problem.functions else None
     prior = dataclasses.replace(prior, gain_bound=None)

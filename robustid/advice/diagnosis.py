@@ -19,6 +19,7 @@ from robustid.advice.causes import (
     unit_cause,
 )
 from robustid.advice.class_changes import changes_of, found_modes, mode_options
+from robustid.advice.experiment_causes import causes_of_experiments
 from robustid.advice.pole_search import improve_kautz
 from robustid.core import Budget, Frozen, Interruptible, Progress, as_kind, one_thread
 from robustid.errors import InputError, SolverError
@@ -187,9 +188,13 @@ def diagnose(
     count = len(waiting)
     tell = Budget(None, progress, "what would help").tell
     with Interruptible() as search:
+        causes += causes_of_experiments(problem, problem.faults, identification.margin, budget)
         causes += causes_without_class(problem, identification.margin, budget)
         if inconsistent and not (problem.prior.physical or any(one.solves for one in causes)):
             causes += tried_causes(problem, identification.margin, active, budget)
+            if not any(one.solves for one in causes):
+                beside = causes_of_experiments(problem, problem.record_faults, identification.margin, budget)
+                causes += [one for one in beside if one.solves]
         if any(one.solves for one in causes) and inconsistent:  # another class would only suit the mistake
             changes, waiting = [], []
         for change in changes:

@@ -5,7 +5,7 @@ from robustid.data.bound import Bound, Caveat
 from robustid.data.bound_checks import as_probability
 from robustid.data.error_sets import bound_ratio, joint_radius, stacked, tilted, variances
 from robustid.data.excitation import Excitation, multisine
-from robustid.data.faults import Fault, FaultKind, PlacedFault, Undoing
+from robustid.data.faults import Fault, FaultKind, PlacedFault, Undoing, as_faults
 from robustid.data.feedthrough import FeedThrough, expected_feedthrough
 from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, points_at, signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
@@ -35,6 +35,7 @@ __all__ = [
     "TangentialResponse",
     "TimeRecord",
     "Undoing",
+    "as_faults",
     "as_frequency_response",
     "as_probability",
     "as_records",

@@ -86,6 +86,8 @@ class Fault(NamedTuple):
         Number of the record among several, from 1; 0 for all, or the only one.
     size : float, optional
         The number that the words state: samples, a share, or how many times too large or small.
+    response : int
+        Number of the frequency response that contradicts other experiments, from 1; 0 for any other fault.
 
     Examples
     --------
@@ -104,6 +106,7 @@ class Fault(NamedTuple):
     where: str = ""
     record: int = 0
     size: float | None = None
+    response: int = 0
 
     def __str__(self) -> str:
         return self.said()
@@ -115,8 +118,14 @@ class Fault(NamedTuple):
     @property
     def said_alone(self) -> str:
         """The sentence without the correction."""
+        return self.cause + (f": {self.evidence}" if self.evidence else "")
+
+    @property
+    def cause(self) -> str:
+        """The fault, with the number of its experiment."""
         of = f"record {self.record}: " if self.record else ""
-        return f"{of}{self.words}" + (f": {self.evidence}" if self.evidence else "")
+        of = f"frequency response {self.response}: " if self.response else of
+        return f"{of}{self.words}"
 
     @property
     def of_records(self) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.bases import as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
-from robustid.data import Fault, FrequencyResponse, PlacedFault, TangentialResponse, TimeRecord
+from robustid.data import Fault, FrequencyResponse, PlacedFault, TangentialResponse, TimeRecord, as_faults
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation import all_faults, experiment_faults
 from robustid.identification.entries import Entries
@@ -56,6 +56,8 @@ class MixedProblem(Frozen):
         with the margin: data that contradict them have a margin above 1.
     symmetric : bool
         Whether F is a symmetric matrix, as that of collocated inputs and outputs of a reciprocal structure, in the same order.
+    faults : sequence of Fault
+        Of experiments that contradict the others, as the choice of the class has found them; they join `data_faults`.
 
     Raises
     ------
@@ -83,6 +85,7 @@ class MixedProblem(Frozen):
     parametric: Any = None
     parameter_bounds: Any = None
     symmetric: bool = False
+    faults: tuple[Fault, ...] = ()
 
     entries: Entries = dataclasses.field(init=False, repr=False)
     plane: Plane = dataclasses.field(init=False, repr=False)
@@ -99,6 +102,7 @@ class MixedProblem(Frozen):
         as_kind("prior", self.prior, Prior, "a Prior")
         _check_same_time((*frequency, *time))
         self._set(frequency=frequency, time=time, symmetric=as_flag("symmetric", self.symmetric))
+        self._set(faults=as_faults("faults", self.faults))
         check_signals((*frequency, *time))
         self._set(entries=self._entries())
         self.prior.scales(self.entries.outputs, self.entries.inputs)
@@ -182,9 +186,10 @@ class MixedProblem(Frozen):
     def placed_faults(self) -> tuple[PlacedFault, ...]:
         """The faults, each with the response or the record that it is of, the first where several show it."""
         responses = [(k, one) for k, one in enumerate(self.frequency) if isinstance(one, FrequencyResponse)]
-        found = [PlacedFault(fault, "frequency", k) for k, one in responses for fault in all_faults(one)]
-        beside = [fault for _, one in responses for fault in experiment_faults(one, self.time)] if self.time else []
         alone = 0 if len(self.time) == 1 else None
+        found = [PlacedFault(fault, "frequency", fault.response - 1) for fault in self.faults if fault.response]
+        found += [PlacedFault(fault, "frequency", k) for k, one in responses for fault in all_faults(one)]
+        beside = [*(fault for fault in self.faults if not fault.response), *self.record_faults]
         found += [PlacedFault(fault, "time", fault.record - 1 if fault.record else alone) for fault in beside]
         told = {one.number for one in found if one.kind == "time"}
         for k, record in enumerate(self.time):
@@ -195,6 +200,16 @@ class MixedProblem(Frozen):
         for one in found:
             kept.setdefault(str(one.fault), one)
         return tuple(kept.values())
+
+    @functools.cached_property
+    def record_faults(self) -> tuple[Fault, ...]:
+        """Faults of records beside responses (`experiment_faults`), but of experiments that `faults` names."""
+        suspected = {fault.response - 1 for fault in self.faults if fault.response}
+        named = {max(fault.record - 1, 0) for fault in self.faults if not fault.response}
+        trusted = [item for k, item in enumerate(self.frequency) if k not in suspected]
+        trusted = [item for item in trusted if isinstance(item, FrequencyResponse)] if self.time else []
+        found = [fault for item in trusted for fault in experiment_faults(item, self.time)]
+        return tuple(fault for fault in found if max(fault.record - 1, 0) not in named)
 
     @property
     def unknown_bounds(self) -> Real:

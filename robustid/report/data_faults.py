@@ -19,6 +19,7 @@ def fault_verdict(faults: Sequence[Fault]) -> list[Verdict]:
         return []
     first = open_[0]
     record = [f"record {first.record}"] if first.record else []
+    record = [f"frequency response {first.response}"] if first.response else record
     place = ", ".join([*([first.where] if first.where else []), *record])
     numbers = [("where", place)] if place else []
     numbers += [("undone by", f'"{first.correction}"')] if first.correction else []

@@ -17,7 +17,7 @@ from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Fit
 from robustid.core import Frozen, Progress
-from robustid.data import FrequencyResponse
+from robustid.data import Fault, FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
 
@@ -39,11 +39,15 @@ class ByHand:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Session(Frozen):
-    """Measured data with the frequency points that are left out, a run file with every choice made, and the folder of its files."""
+    """Measured data with the frequency points that are left out, a run file with every choice made, and the folder of its files.
+
+    The faults are those of experiments that contradict the others.
+    """
 
     run: RunFile
     data: Measured
     folder: Path
+    faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(cls, run: RunFile, folder: Path, progress: Progress, tables: Tables | None = None) -> Session:
@@ -68,8 +72,8 @@ class Session(Frozen):
                 " give `entry` OUTPUT,INPUT by number or name"
             )
         run = run.changed("frequency_points", leave_out_hz=left_out)
-        run, _, _ = posed(run, without_points(data, left_out or ()), around)
-        return cls(run, data, folder)
+        run, problem, _ = posed(run, without_points(data, left_out or ()), around)
+        return cls(run, data, folder, problem.faults)
 
     @property
     def continuous(self) -> bool:
@@ -110,7 +114,9 @@ class Session(Frozen):
     def problem(self, choice: ByHand) -> tuple[MixedProblem, list[FrequencyResponse]]:
         """The problem that a choice poses, and what is kept out of it to test the result."""
         data = without_points(self.data, choice.left_out_hz)
-        _, problem, left = posed(self.stated(choice), data, Surroundings())
+        stated = self.stated(choice).changed("prior", without=None)  # they are known
+        _, problem, left = posed(stated, data, Surroundings())
+        problem = dataclasses.replace(problem, faults=self.faults) if self.faults else problem
         return problem, [*left.points, *(left.withheld if left.kind == "lines" and not left.points else [])]
 
     def box(self, choice: ByHand) -> Box | None:

@@ -167,10 +167,10 @@ def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, curve: s
 
 def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, MixedProblem] | None:
     """The class with twice the gain bound, where the program chose one that all data together contradict by a little: it was
-    taken from points that stand for all, and some beside them ask for more. None where the class was stated, or is far from the
-    data.
+    taken from points that stand for all, and some beside them ask for more. None where the class was stated, chosen without
+    experiments that contradict the others, or is far from the data.
     """
-    chosen = run.prior.source is Source.DATA and run.prior.gain_bound is not None
+    chosen = run.prior.source is Source.DATA and run.prior.gain_bound is not None and not run.prior.without
     if result.status is not Status.INCONSISTENT or not chosen or result.margin > SLIGHTLY:
         return None
     prior = dataclasses.replace(result.problem.prior, gain_bound=2 * float(result.problem.prior.gain_bound))

@@ -55,6 +55,16 @@ def _weight_model() -> Check[Mapping[str, object]]:
     return check
 
 
+def _experiments(name: str, value: object) -> tuple[str, ...]:
+    """Names of experiments: their kind, and their number from 1."""
+    found = several(text())(name, value)
+    for one in found:
+        kind, _, count = one.partition(" ")
+        if kind not in ("frequency", "time") or not count.isdigit() or int(count) < 1:
+            raise InputError(f'{name} must hold names such as "time 1" or "frequency 2"; got {one!r}')
+    return tuple(found)
+
+
 def _spelled(_: str, content: str) -> str:
     """The name of a physical property, however it is joined."""
     return content.replace("-", " ").replace("_", " ").lower()
@@ -117,6 +127,11 @@ class PriorChoice:
         _weight_model(),
         help="The weight of a prior that was made in Python, by its zeros and poles; written by the program.",
     )
+    without: tuple[str, ...] | None = key(
+        _experiments,
+        help='Experiments that the class is not chosen from, such as ["time 1", "frequency 2"]: those that contradict the others,'
+        " where the program chooses it. They stay in the data, and the class is held against them.",
+    )
     source: str | None = explained("source")
     note: str | None = explained("note")
     digest: str | None = explained("digest")
@@ -162,7 +177,8 @@ class PriorChoice:
         curve: str | None = None,
     ) -> PriorChoice:
         """A prior as it is stated in a run file; its weight by the table that was asked for, where there is one."""
-        return cls(**prior_keys(prior, asked), note=note, source=source, curve=curve)
+        without = None if asked is None else asked.without
+        return cls(**prior_keys(prior, asked), note=note, source=source, curve=curve, without=without)
 
     def check(self, names: dict[str, str]) -> None:
         """Refuse a part of a prior; `names` are those of its keys where they were given, if they are others."""

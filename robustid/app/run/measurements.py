@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from robustid.advice import Experiment
 from robustid.app.run.kept_out import Split, split
 from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, read_source
 from robustid.app.run.run_file import RunFile
@@ -64,6 +65,21 @@ class Measured(NamedTuple):
     def dt(self) -> float | None:
         """Sample time in s; None in continuous time."""
         return next((item.dt for item in (*self.responses, *self.records)), None)
+
+    def without(self, left_out: Sequence[Experiment]) -> Measured:
+        """Without some experiments."""
+        gone = {(one.kind, one.index) for one in left_out}
+        responses = tuple(one for k, one in enumerate(self.responses) if ("frequency", k) not in gone)
+        records = tuple(one for k, one in enumerate(self.records) if ("time", k) not in gone)
+        return self._replace(responses=responses, records=records)
+
+    def only(self, kept: Sequence[Experiment]) -> Measured:
+        """With some experiments only."""
+        responses, records = (
+            tuple(every[one.index] for one in kept if one.kind == kind)
+            for kind, every in (("frequency", self.responses), ("time", self.records))
+        )
+        return self._replace(responses=responses, records=records)
 
     def each(self, change: Change) -> Measured:
         """With a change of every response and record."""

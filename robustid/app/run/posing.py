@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
+from robustid.advice import Experiment
 from robustid.app.run.class_choice import (
     chosen_points,
     inflated,
@@ -21,6 +23,15 @@ from robustid.app.run.modes import basis_of, with_faults, with_fit, with_modes
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
+from robustid.app.run.suspects import (
+    accused_records,
+    chosen_from_others,
+    chosen_from_parts,
+    suspected,
+    suspects_of,
+    with_contradictions,
+    without_contradictions,
+)
 from robustid.app.run.work import Untouched
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
@@ -32,13 +43,46 @@ def posed(
 ) -> tuple[RunFile, MixedProblem, Untouched]:
     """The run file with every choice made, the problem that it poses about data, and what it keeps out of it.
 
-    `reference` is what becomes of a class that says nothing; see `with_prior`.
+    A class that is chosen is held against the experiments one by one: from those that contradict the others it is not taken, and
+    the problem says so. `reference` is what becomes of a class that says nothing; see `with_prior`.
     """
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
-    folder = around.folder
-    _check(run, MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data)))
-    folder.responses(data.responses)
-    asked = run.modes
+    alone = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data))
+    _check(run, alone)
+    around.folder.responses(data.responses)
+    if not chosen_from_parts(run, data):
+        return _posed(run, data, around, reference)
+    corrections = dict.fromkeys(suspects_of(run, data), "")
+    if run.prior.without is None and not (corrections := accused_records(alone)):
+        found = _posed(run, data, around, reference)
+        corrections = suspected(run, found[0], found[1], data, around)
+        if not corrections:
+            return found
+    return _from_others(run, data, corrections, around, reference)
+
+
+def _from_others(
+    run: RunFile, data: Measured, corrections: Mapping[Experiment, str], around: Surroundings, reference: bool
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The same, of a class that some experiments contradict: it is chosen with their corrections, or without them."""
+    suspects = tuple(corrections)
+    stated = run.changed("prior", without=tuple(one.name for one in suspects))
+    if not run.prior.is_stated:
+        others, left_out = without_contradictions(data, corrections)
+        try:
+            stated, _, _ = _posed(stated, others, around, reference)
+        except InputError:  # they do not excite every input, or see every output
+            return _posed(run, data, around, reference)
+        stated = chosen_from_others(stated, suspects, left_out)
+    stated, problem, left = _posed(stated, data, around, reference)
+    return stated, with_contradictions(problem, suspects, around), left
+
+
+def _posed(
+    run: RunFile, data: Measured, around: Surroundings, reference: bool
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The same, of a class that all data are taken for."""
+    asked, folder = run.modes, around.folder
     run = with_modes(with_fit(run, data, around), data, around)
     data = with_faults(run, data, around)
     run, problem, left = told_apart(run, data, asked)
