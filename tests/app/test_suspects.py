@@ -96,7 +96,7 @@ def test_the_whole_is_no_model_and_says_why_once(whole):
     for blocks in (identification_page(result, None, {}).head, identification_summary(result)):
         verdicts = [block for block in blocks if getattr(block, "key", None) is not None]
         assert [one.id == "data-fault" for one in verdicts] == [True] + [False] * (len(verdicts) - 1)
-        assert '--time-correct "negate"' in verdicts[0].sentence
+        assert ("undone by", '"negate"') in verdicts[0].numbers
         assert all(one.key != "consistent" for one in verdicts)
     assert live_words(result)[0] != "consistent"
 
