@@ -4,7 +4,7 @@ from robustid.advice.causes import SLIGHTLY, Cause
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
-from robustid.advice.experiment_corrections import Experiment, without_experiments
+from robustid.advice.experiment_corrections import Experiment, experiments, without_experiments
 from robustid.advice.gain_curve import possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
@@ -38,6 +38,7 @@ __all__ = [
     "contradiction_faults",
     "diagnose",
     "entry_sizes",
+    "experiments",
     "improve_kautz",
     "possible_rates",
     "prior_weight",

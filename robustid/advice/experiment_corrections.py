@@ -44,7 +44,7 @@ class Experiment(NamedTuple):
     """Place of an experiment in a problem: "frequency" or "time", and its number from 0."""
 
     kind: str
-    index: int
+    place: int
 
     @classmethod
     def named(cls, name: str) -> Experiment:
@@ -55,21 +55,21 @@ class Experiment(NamedTuple):
     @property
     def name(self) -> str:
         """Its name in a run file, such as "time 1"."""
-        return f"{self.kind} {self.index + 1}"
+        return f"{self.kind} {self.place + 1}"
 
     def of(self, problem: MixedProblem) -> Any:
         """The data of the experiment."""
-        return getattr(problem, self.kind)[self.index]
+        return getattr(problem, self.kind)[self.place]
 
     def replaced(self, problem: MixedProblem, item: Any) -> MixedProblem:
         """The problem with other data in its place."""
         items = list(getattr(problem, self.kind))
-        items[self.index] = item
+        items[self.place] = item
         return dataclasses.replace(problem, **{self.kind: items, "faults": ()})
 
     def called(self, problem: MixedProblem) -> str:
         """Noun and number of it, for sentences."""
-        return f"{_NOUNS[self.kind]} {self.index + 1}" if self.several(problem) else f"the {_NOUNS[self.kind]}"
+        return f"{_NOUNS[self.kind]} {self.place + 1}" if self.several(problem) else f"the {_NOUNS[self.kind]}"
 
     def several(self, problem: MixedProblem) -> bool:
         """Tell whether there are several of its kind."""

@@ -37,11 +37,14 @@ class Posed(NamedTuple):
         The others, at poles that are theirs.
     whole, joined : MixedProblem
         All data, at the same poles, and at these and those that the experiments show by themselves.
+    alone : MixedProblem or None
+        The experiments by themselves, at their own poles; None where they do not excite every input, or see every output.
     """
 
     rest: MixedProblem
     whole: MixedProblem
     joined: MixedProblem
+    alone: MixedProblem | None
 
 
 def suspect_experiments(
@@ -83,25 +86,16 @@ def suspect_experiments(
     least = min(gain for gain, *_ in found)
     # Of two that contradict each other the record is suspected, whose poles are not those of the class, and the later one.
     alike = [one for one in found if one[0] <= _ALIKE * least or len(every) == 2]
-    gain, group, tried = max(alike, key=lambda one: (one[1][0].kind == "time", one[1][0].index))
+    gain, group, tried = max(alike, key=lambda one: (one[1][0].kind == "time", one[1][0].place))
     most = min(response_sizes(tried.rest)[0], asked / FACTOR)
     corrections: dict[Experiment, str] = {}
     for one in group:
         beside, place = _beside(tried.joined, one, group)
         rest = tried.rest.with_prior(gain_bound=2 * gain, rate=rate)
         corrections[one] = _by_gain(beside, rest, place, most, rate, budget)
-    if all(corrections.values()) or _sound(tried.joined, group, largest, rate, budget):
-        return corrections
-    return {}
-
-
-def _sound(problem: MixedProblem, group: Sequence[Experiment], largest: float, rate: float, budget: Budget) -> bool:
-    """Tell whether a class holds some experiments by themselves: where none does, they contradict the class, not the others."""
-    try:
-        alone = without_experiments(problem, [one for one in experiments(problem) if one not in group])
-        return _gain(alone, problem, rate, budget) <= largest
-    except InputError:  # they do not excite every input, or see every output
-        return True
+    # What no class holds when it is alone contradicts the class, not the others.
+    sound = tried.alone is None or _gain(tried.alone, problem, rate, budget) <= largest
+    return corrections if sound or all(corrections.values()) else {}
 
 
 def _by_gain(
@@ -130,8 +124,8 @@ def _representing(problem: MixedProblem) -> MixedProblem:
 def _beside(problem: MixedProblem, one: Experiment, suspects: Sequence[Experiment]) -> tuple[MixedProblem, Experiment]:
     """The problem without all suspects but one, and the place of that one in it."""
     beside = without_experiments(problem, [other for other in suspects if other != one])
-    before = sum(other.kind == one.kind and other.index < one.index for other in suspects)
-    return beside, Experiment(one.kind, one.index - before)
+    before = sum(other.kind == one.kind and other.place < one.place for other in suspects)
+    return beside, Experiment(one.kind, one.place - before)
 
 
 def _corrections(problem: MixedProblem, rest: MixedProblem, one: Experiment) -> Iterator[list[Correction]]:
@@ -212,8 +206,8 @@ _LEFT_OUT = {
 def _numbered(fault: Fault, one: Experiment, problem: MixedProblem) -> Fault:
     """The fault with the number of its experiment: of a response always, of a record among several."""
     if one.kind == "frequency":
-        return fault._replace(response=one.index + 1)
-    return fault._replace(record=one.index + 1 if one.several(problem) else 0)
+        return fault._replace(response=one.place + 1)
+    return fault._replace(record=one.place + 1 if one.several(problem) else 0)
 
 
 def _best_correction(

@@ -68,7 +68,7 @@ class Measured(NamedTuple):
 
     def without(self, left_out: Sequence[Experiment]) -> Measured:
         """Without some experiments."""
-        gone = {(one.kind, one.index) for one in left_out}
+        gone = {(one.kind, one.place) for one in left_out}
         responses = tuple(one for k, one in enumerate(self.responses) if ("frequency", k) not in gone)
         records = tuple(one for k, one in enumerate(self.records) if ("time", k) not in gone)
         return self._replace(responses=responses, records=records)
@@ -76,7 +76,7 @@ class Measured(NamedTuple):
     def only(self, kept: Sequence[Experiment]) -> Measured:
         """With some experiments only."""
         responses, records = (
-            tuple(every[one.index] for one in kept if one.kind == kind)
+            tuple(every[one.place] for one in kept if one.kind == kind)
             for kind, every in (("frequency", self.responses), ("time", self.records))
         )
         return self._replace(responses=responses, records=records)

@@ -10,6 +10,7 @@ from robustid.advice import (
     Experiment,
     Posed,
     contradiction_faults,
+    experiments,
     response_sizes,
     suspect_experiments,
     without_experiments,
@@ -43,8 +44,8 @@ def accused_records(problem: MixedProblem) -> dict[Experiment, str]:
     for frf in responses:
         faults = dataclasses.replace(problem, frequency=(frf,)).record_faults
         found.append({max(fault.record - 1, 0): fault.correction for fault in reversed(faults)})
-    every = set.intersection(*map(set, found)) if found else set[int]()
-    return {Experiment("time", k): found[0][k] for k in sorted(every)}
+    first, *others = found or [{}]
+    return {Experiment("time", k): first[k] for k in sorted(first) if all(k in one for one in others)}
 
 
 def suspected(
@@ -61,23 +62,30 @@ def suspected(
 
     def posed(left_out: tuple[Experiment, ...]) -> Posed:
         rest, left = data.without(left_out), without_experiments(problem, left_out)
+        kept = [one for one in experiments(problem) if one not in left_out]
+        try:
+            alone = without_experiments(problem, kept)
+        except InputError:
+            alone = None
         if stated:
-            return Posed(left, problem, problem)
+            return Posed(left, problem, problem, alone)
         moved = not rest.responses or Experiment("frequency", 0) in left_out
-        own = with_modes(asked, rest if moved else data.only(left_out), around).modes
-        joined = at_poles(problem, _joined(run.modes, own))
+        modes = with_modes(asked, rest, around).modes if moved else run.modes
+        own = with_modes(asked, data.only(left_out), around).modes
+        joined = at_poles(problem, _joined(run.modes, modes, own))
+        alone = None if alone is None else at_poles(alone, own)
         if moved:
-            return Posed(at_poles(left, own), at_poles(problem, own), joined)
-        return Posed(left, problem, joined)
+            return Posed(at_poles(left, modes), at_poles(problem, modes), joined, alone)
+        return Posed(left, problem, joined, alone)
 
     with around.step("holding the class against the experiments one by one", _SHARE, needed=False) as limit:
         return suspect_experiments(problem, posed, Budget(limit))
 
 
-def _joined(modes: Modes, others: Modes) -> Modes:
+def _joined(modes: Modes, *others: Modes) -> Modes:
     """Modes, and those of others that are not among them."""
     pairs = list(zip(modes.hz or (), modes.damping or (), strict=True))
-    for hz, damping in zip(others.hz or (), others.damping or (), strict=True):
+    for hz, damping in [pair for one in others for pair in zip(one.hz or (), one.damping or (), strict=True)]:
         if all(abs(hz - one) > _SAME * one or (damping == 1) != (ratio == 1) for one, ratio in pairs):
             pairs.append((hz, damping))
     hz, damping = zip(*pairs, strict=True) if pairs else ((), ())
@@ -89,7 +97,7 @@ def suspects_of(run: RunFile, data: Measured) -> tuple[Experiment, ...]:
     suspects = tuple(Experiment.named(name) for name in run.prior.without or ())
     counts = {"frequency": len(data.responses), "time": len(data.records)}
     for one in suspects:
-        if one.index >= counts[one.kind]:
+        if one.place >= counts[one.kind]:
             raise InputError(
                 f'[prior] without names "{one.name}", and there are {counts[one.kind]} such experiments; leave it out'
             )
@@ -103,14 +111,14 @@ def without_contradictions(data: Measured, corrections: Mapping[Experiment, str]
     kept: dict[str, list[Any]] = {"frequency": list(data.responses), "time": list(data.records)}
     left_out: list[Experiment] = []
     for one, words in corrections.items():
-        item = kept[one.kind][one.index]
+        item = kept[one.kind][one.place]
         try:
             changed = correct(item, words) if words else item
         except InputError:
             changed = item
         if changed is item or changed.dt != item.dt:  # another sample time does not go with the other data
             left_out.append(one)
-        kept[one.kind][one.index] = changed
+        kept[one.kind][one.place] = changed
     whole = data._replace(responses=tuple(kept["frequency"]), records=tuple(kept["time"]))
     return whole.without(left_out), left_out
 
