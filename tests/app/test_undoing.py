@@ -20,6 +20,8 @@ from robustid.data import Fault, PlacedFault
 from support.faulty_files import CLASS, CLASS_KEYS, DT, KINDS, faulty, record, response
 from support.run_files import QUICK, ask
 
+# Steps that are no part of what is pasted.
+SLOW = "proved", "proved_if_wider", "diagnosed", "refined", "seen_between", "without_doubtful", "_refuted"
 CALLED = ["identify", "--frequency", "a response.csv", "--time", "step.csv", *CLASS]
 
 
@@ -44,14 +46,8 @@ def pasted(output):
 def _place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "90")  # what is pasted is not wrapped
-    for step in (
-        "proved",
-        "proved_if_wider",
-        "diagnosed",
-        "refined",
-        "seen_between",
-    ):  # no part of what is pasted, and slow
-        monkeypatch.setattr(sequence, step, lambda _: None)
+    for step in SLOW:
+        monkeypatch.setattr(sequence, step, lambda *_: None)
     return tmp_path
 
 
