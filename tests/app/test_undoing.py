@@ -1,12 +1,16 @@
 """What undoes a fault of the data is offered as it is pasted, and what is pasted runs: the fault is gone then."""
 
+import dataclasses
 import re
 import shlex
+from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import robustid as rid
+from robustid.app.cli import experiment
 from robustid.app.cli.main import app
 from robustid.app.run import sequence
 from robustid.app.run.measurements import Measured, Origins, Place
@@ -16,6 +20,8 @@ from robustid.data import Fault, PlacedFault
 from support.faulty_files import CLASS, CLASS_KEYS, DT, KINDS, faulty, record, response
 from support.run_files import QUICK, ask
 
+# Steps that are no part of what is pasted.
+SLOW = "proved", "proved_if_wider", "diagnosed", "refined", "seen_between", "without_doubtful", "_refuted"
 CALLED = ["identify", "--frequency", "a response.csv", "--time", "step.csv", *CLASS]
 
 
@@ -40,14 +46,8 @@ def pasted(output):
 def _place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "90")  # what is pasted is not wrapped
-    for step in (
-        "proved",
-        "proved_if_wider",
-        "diagnosed",
-        "refined",
-        "seen_between",
-    ):  # no part of what is pasted, and slow
-        monkeypatch.setattr(sequence, step, lambda _: None)
+    for step in SLOW:
+        monkeypatch.setattr(sequence, step, lambda *_: None)
     return tmp_path
 
 
@@ -213,6 +213,25 @@ def test_a_fit_and_an_estimate_offer_it_too(place):
     again = pasted(ran(["fit", "frf.csv", "--order", "2"]))
     assert again == ["fit", "frf.csv", "--order", "2", "--force", "--frequency-correct", "leave out 23"]
     assert "fault of the data" not in ran(again).lower()
+
+
+def test_an_estimate_is_made_again_of_corrected_records_or_its_points_are_left_out_in_the_next_command(place):
+    rng = np.random.default_rng(0)
+    u = 5 + rng.standard_normal(1200)
+    y = np.convolve(u, [0, 0.5, 0.3, 0.1])[:1200]
+    y[:5] = y[5]
+    rid.save("bench.csv", rid.TimeRecord(u, y + 0.01 * rng.standard_normal(1200), dt=DT))
+    called = ["frf", "bench.csv", "-o", "g.npz"]
+    told = CliRunner().invoke(app, called)
+    assert told.exit_code == 0
+    again = pasted(told.output)
+    assert again == [*called, "--force", "--time-correct", "detrend"]
+    assert "Fault of the data" not in CliRunner().invoke(app, again).output
+    fault = Fault("outlier", "off", correction="leave out 23")
+    off = dataclasses.replace(faulty("clean")[0], faults=(fault,))
+    assert experiment._undoing(called, off, Path("g.npz"), [Path("bench.csv")]).paste == (
+        "robustid identify --frequency g.npz --report report.html --frequency-correct 'leave out 23'"
+    )
 
 
 def test_without_a_command_the_correction_is_offered_as_python_takes_it():

@@ -98,6 +98,24 @@ def test_a_verdict_that_warns_is_a_warning_and_another_stands_below():
     assert [part.title for part in document.parts] == ["Details", "Part"]
 
 
+def test_a_verdict_ahead_of_the_others_stands_above_them_and_is_no_warning():
+    ahead = Verdict(
+        "undecided", "Fault of the data", "Off:", (("where", "output y"),), id="data-fault", ahead=True, more="by 3."
+    )
+    head = [ahead, Verdict("consistent", "Good", "A."), Verdict("weak", "Poor", "B.")]
+    document = Document("t", head, [Heading("Part")])
+    assert document.verdict is head[1]
+    assert document.warnings == ["Poor: B."]
+    assert document.beside == []
+    page = render(document)
+    first = page.split("Open all details</button>")[0]
+    body = first[first.index("<body>") :]
+    places = [ids(body).index(name) for name in ("data-fault", "verdict", "numbers", "warnings")]
+    assert places == sorted(places)
+    assert page.count("Fault of the data") == 1
+    assert "where output y" in " ".join(Page(page).text.split())
+
+
 def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(static_page):
     page = static_page
     assert len(page) < MOST_BYTES_STATIC

@@ -6,11 +6,11 @@ from scipy.signal import lfilter
 import robustid as rid
 
 DT = 0.01
-CLASS = ["--mode", "none", "--gain", "20", "--decay-rate", "1.05", "--no-reduce", "--accuracy", "0.1"]
+CLASS = ["--mode", "none", "--gain", "20", "--decay-rate", "1.05", "--no-reduce", "--accuracy", "1"]
 CLASS_KEYS = {
     "modes": {"hz": [], "damping": []},
     "prior": {"gain_bound": 20.0, "decay_rate": 1.05},
-    "identify": {"accuracy": 0.1},
+    "identify": {"accuracy": 1.0},
 }
 
 
