@@ -6,6 +6,7 @@ import numpy as np
 
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
+from robustid.estimation.noise_in_inputs import noise_in_inputs
 
 _LAGS = 20
 _FEWEST = 400
@@ -47,7 +48,7 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
             if early > max(_CERTAIN, _PART * late):
                 tied.append((early, pair))
     if not tied:
-        return []
+        return noise_in_inputs(record)
     early, pair = max(tied)
     more = f" (and {len(tied) - 1} more pairs)" if len(tied) > 1 else ""
     words = (

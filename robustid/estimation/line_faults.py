@@ -15,6 +15,7 @@ from robustid.estimation.axis_parts import Jump, jump, unexcited
 from robustid.estimation.corrections import leaving_out, written_hz
 from robustid.estimation.local_models import FEWEST
 from robustid.estimation.outlying_lines import NARROW, Odd, odd_values
+from robustid.estimation.whole_model import jump_of_models, odd_lines, whole_models
 
 _TWICE = 1.5  # times the sum of their bounds, by which values at the same frequency contradict each other,
 _PART = 0.1  # or so much of their size where no bound is stated
@@ -45,7 +46,10 @@ def line_faults(frf: FrequencyResponse) -> Cleaned:
     odd = odd_values(rest)
     wrong = _mask(rest, odd)
     joined = rest
-    if (step := jump(rest, wrong)) is not None:
+    if (step := jump(rest, wrong)) is None:
+        odd, step = _of_whole(rest, odd, wrong)
+        wrong = _mask(rest, odd)
+    if step is not None:
         joined = _joined(rest, step)
         odd = odd_values(joined)
         wrong = _mask(joined, odd)
@@ -55,12 +59,23 @@ def line_faults(frf: FrequencyResponse) -> Cleaned:
     return Cleaned(found, rest.select(~wrong), joined.select(~wrong))
 
 
+def _of_whole(frf: FrequencyResponse, odd: list[Odd], wrong: NDArray[np.bool_]) -> tuple[list[Odd], Jump | None]:
+    """The lines that are off, with those that only models of whole entries show; or a jump that these show."""
+    part = frf.select(~wrong)
+    models, lines = whole_models(part), np.flatnonzero(~wrong)
+    step = jump_of_models(models, part.omega, part.values[0].size)
+    if step is not None:
+        return odd, step._replace(upper=int(lines[step.upper]))
+    return sorted([*odd, *(one._replace(line=int(lines[one.line])) for one in odd_lines(models))]), None
+
+
 def _excited(frf: FrequencyResponse) -> tuple[int, int]:
     """First line that something excited, and line after the last one; lines at their edges that are off are noise too."""
     low, high = unexcited(frf)
     if (low, high) == (0, frf.omega.size):
         return low, high
-    odd = sorted({one.line for one in odd_values(frf.select(slice(low, high)))})
+    part = frf.select(slice(low, high))
+    odd = sorted({one.line for one in [*odd_values(part), *odd_lines(whole_models(part))]})
     first = max([line + 1 for line in odd if low > 0 and line < _EDGE], default=0)
     last = min([line for line in odd if high < frf.omega.size and line >= high - low - _EDGE], default=high - low)
     return low + first, low + last

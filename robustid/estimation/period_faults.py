@@ -10,7 +10,7 @@ from robustid.estimation.events import without_period
 from robustid.estimation.period_scatter import jitter_faults, loop_faults
 from robustid.estimation.periodic import EXCITED, dft, transient_periods, without_drift
 from robustid.estimation.synchronous_tones import synchronous_tones
-from robustid.estimation.tone_faults import amplitudes, tone_fault, tones_beside
+from robustid.estimation.tone_faults import amplitudes, dies_away, tone_fault, tones_beside
 
 _NOISY = 2.0  # times the median of the records
 _DRIFTS = 0.05  # part of the rms of an output
@@ -132,13 +132,13 @@ def _tones(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -
     """Tones that do not repeat with the period, and those that do."""
     kept = _steady(records, period)
     y, _ = without_drift(np.stack([r.y[kept] for r in records]), period)
-    dt, samples, found = records[0].dt, y.shape[1], list[Fault]()
+    dt, found = records[0].dt, list[Fault]()
     names = [f"output {one.name}" for one in records[0].outputs]
     for i, where in enumerate(names):
         heard = [
             (k, tones)
             for k, one in enumerate(y[:, :, i])
-            if (k, where) not in told and (tones := tones_beside(without_period(one, period), np.zeros((samples, 0))))
+            if (k, where) not in told and (tones := _sustained(without_period(one, period)))
         ]
         if heard:
             k, tones = max(heard, key=lambda pair: max(amplitude for _, amplitude, _ in pair[1]))
@@ -154,6 +154,11 @@ def _tones(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -
         known = {fault.where for fault in found}
         found += [fault for fault in synchronous_tones(u, y, period, dt, names) if fault.where not in known]
     return found
+
+
+def _sustained(left: Real) -> list[tuple[float, float, float]]:
+    """Tones of what differs from period to period, but for modes that ring."""
+    return [one for one in tones_beside(left, np.zeros((left.size, 0))) if not dies_away(left, one[0])]
 
 
 def _in_records(heard: int, records: int, largest: int) -> str:

@@ -29,6 +29,8 @@ _OF_ALL = (
     FaultKind.DRIFT,
     FaultKind.TRANSIENT,
     FaultKind.OFFSET,
+    FaultKind.JITTER,
+    FaultKind.FEEDBACK,
 )
 _NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
 

@@ -21,9 +21,13 @@ _SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by whic
 _LATE, _LONGEST, _AHEAD = 8, 960, (3, 10, 30)  # samples
 _EARLY = 10.0  # how many times less an output that comes earlier must leave
 _ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
-_EXCHANGED = 100.0  # times less that is left from the output to the input: noise of the input leaves less there, too
+# Times less that is left from the output to the input: noise of the input leaves less there, too. By half the poles, this suffices.
+_EXCHANGED, _SIMPLER = 100.0, 5.0
 _UNITS = (1e-6, 1e-3, 0.01, np.pi / 180, 0.5, 1.0, 2.0, 180 / np.pi, 100.0, 1e3, 1e6)
 _SAME, _NOTHING = 0.02, 1e-9
+_COMPUTED = (
+    1e-3  # part of the input that the output leaves open: a controller makes it, and no model of the plant is there
+)
 # With these no model of the records can be judged.
 _BROKEN = {
     FaultKind.CONSTANT,
@@ -37,10 +41,11 @@ _BROKEN = {
 
 
 class _Signals(NamedTuple):
-    """Inputs (T, nu) and one output (T,)."""
+    """Inputs (T, nu) and one output (T,), which go on as they began where they are periodic."""
 
     u: Real
     y: Real
+    periodic: bool = False
 
 
 class _Compared(NamedTuple):
@@ -59,7 +64,7 @@ class _Compared(NamedTuple):
 
 def with_relations(found: list[Fault], records: Sequence[TimeRecord], period: int | None) -> list[Fault]:
     """Faults of relations, then those found before that they don't explain."""
-    computed = any(fault.kind is FaultKind.FEEDBACK and (fault.size or 0) < 1 for fault in found)
+    computed = any(fault.kind is FaultKind.FEEDBACK and (fault.size or 0) < _COMPUTED for fault in found)
     if computed or any(fault.kind in _BROKEN for fault in found):
         return found
     more = relation_faults(records, period)
@@ -97,8 +102,8 @@ def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[F
     for i, channel in enumerate(records[0].outputs):
         where = f"output {channel.name}"
         signals = [
-            _Signals(one.u, one.y[:, i])
-            for one in given
+            _Signals(one.u, one.y[:, i], record.initial == "periodic")
+            for one, record in zip(given, records, strict=True)
             if np.ptp(one.y[:, i]) > 0 and np.any(np.ptp(one.u, axis=0) > 0)
         ]
         if len(signals) < len(given) or len(given[0].u) < 4 * _FEW:
@@ -135,6 +140,8 @@ def _fit(signals: Sequence[_Signals], starts: Sequence[Complex], *, shift: int =
 
 
 def _shifted(one: _Signals, shift: int) -> _Signals:
+    if one.periodic:
+        return one._replace(y=np.roll(one.y, -shift))
     if shift > 0:
         return _Signals(one.u[:-shift], one.y[shift:])
     return _Signals(one.u[-shift:], one.y[:shift]) if shift < 0 else one
@@ -241,10 +248,11 @@ def _placed(signals: list[_Signals], base: Fitted, records: Sequence[TimeRecord]
     ahead = part(-_AHEAD[1]) if base.part > _LEAST / 10 else np.inf
     if ahead < base.part / _ALIKE:
         ahead = min(part(-shift) for shift in _AHEAD)
-    swapped = np.inf
+    turned = None
     if base.part > _LEAST / 10 and len(records[0].outputs) == len(records[0].inputs) == 1:
-        swapped = _part(_fit([_Signals(one.y[:, None], one.u[:, 0]) for one in used], ()))
-    if swapped < base.part / _EXCHANGED and swapped < ahead / _ALIKE and swapped < _GOOD:
+        turned = _fit([_Signals(one.y[:, None], one.u[:, 0]) for one in used], ())
+    swapped, times = _part(turned), _SIMPLER if _simpler(turned, base) else _EXCHANGED
+    if swapped < base.part / times and swapped < ahead / _ALIKE and swapped < _GOOD:
         names = f"input {records[0].inputs[0].name} and {where}"
         words = f"{names} are exchanged: a stable model from the output to the input leaves {_percent(swapped)} of it"
         evidence = f"from the input to the output {_percent(base.part)}"
@@ -266,17 +274,23 @@ def _placed(signals: list[_Signals], base: Fitted, records: Sequence[TimeRecord]
         return []
     count = _largest(part, reach, limit) - 1  # one is that of the hold
     without, with_ = _fit(used, ()), _fit(used, (), shift=count)
-    if (
-        without is None
-        or with_ is None
-        or count < _LATE
-        or with_.part > without.part / _EARLY
-        or without.part < _LEAST / 10
-    ):
+    if without is None or with_ is None or count < _LATE:
+        return []
+    far = with_.part < without.part / _EARLY and without.part > _LEAST / 10
+    if not (far or _simpler(with_, without)):
         return []
     words = f"{where} comes at least {count} samples after its input: a delay, which costs a model an order for every sample"
     evidence = f"with it a model leaves {_percent(with_.part)}, without it {_percent(without.part)}"
     return [Fault(FaultKind.LATE, words, evidence, f"advance {count}", where, 0, float(count))]
+
+
+def _simpler(one: Fitted | None, other: Fitted) -> bool:
+    """Return whether a model has at most half the poles of another one."""
+    return one is not None and 2 * _order(one) <= _order(other)
+
+
+def _order(model: Fitted) -> int:
+    return model.poles.size + int(np.sum(np.imag(model.poles) != 0))
 
 
 def _percent(part: float) -> str:

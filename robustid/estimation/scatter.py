@@ -57,21 +57,30 @@ class Scatter(NamedTuple):
 
 
 class _Residuals(NamedTuple):
-    """Residuals of the experiments, in signals whose scatter is the same in all of them.
+    """Residuals of the experiments, in signals whose scatter is the same in all blocks, and smooth over the lines: the outputs.
 
-    Where every experiment drives the inputs alike, the outputs scatter alike in all nu experiments of a block: the signals are
-    the outputs, with nu times the degrees of freedom. Else they are the entries of the response of a block.
+    Where every experiment drives the inputs alike, the outputs scatter alike in all nu experiments of a block, with nu times the
+    degrees of freedom; else the outputs of every experiment of a block are signals of their own. The response is no such signal:
+    at lines where the inputs of the experiments are nearly dependent it scatters much more than beside them.
     """
 
     each: np.ndarray  # (F, c, P, q) of c experiments or blocks, and every period
     dof: float  # of the means over the periods
-    gain: np.ndarray  # (F, n, n): covariance of the mean response = gain (x) covariance of the signals
+    turned: np.ndarray  # (F, B, nu, nu): U^-T / B of every block
     size: np.ndarray  # (F, q) of the response in the signals
+    apart: bool  # outputs of every experiment are signals of their own, experiment by experiment
 
     def covariance(self, of_signals: np.ndarray) -> np.ndarray:
         """Covariance of the mean response, (F, ny nu, ny nu), from that of the signals of one experiment or block."""
-        parts = np.einsum("fab,fij->faibj", self.gain, of_signals)
-        return parts.reshape(len(parts), self.gain.shape[1] * of_signals.shape[1], -1)
+        lines, _, nu, experiments = self.turned.shape
+        own = of_signals[:, None]
+        if self.apart:  # experiments are independent of each other
+            cut = of_signals.reshape(lines, experiments, -1, experiments, of_signals.shape[1] // experiments)
+            own = np.einsum("feiej->feij", cut)
+        own = np.broadcast_to(own, (lines, experiments, *own.shape[2:]))
+        # vec(E U^-1) = (U^-T (x) I) vec(E), and the columns of E are independent.
+        parts = np.einsum("fbae,fbce,feij->faicj", self.turned, self.turned.conj(), own, optimize=True)
+        return parts.reshape(lines, nu * own.shape[2], -1)
 
 
 def scattered(
@@ -97,7 +106,7 @@ def scattered(
     total = _second_moments(between[:, :, None]) / found.dof
     shared = pool(total, found.dof, found.size, index, between)
     shared = shared._replace(dof=1 / (1 / shared.dof + _common(between, shared, found.dof) / found.dof))
-    single = found._replace(gain=blocks * found.gain)
+    single = found._replace(turned=np.sqrt(blocks) * found.turned)
     words = f"{blocks} blocks of experiments ({periods} periods each){pooled_words(shared.lines)}"
     if periods == 1:
         changing = _changing(shared, None, blocks, single, values.shape)
@@ -169,15 +178,14 @@ def alike(u: np.ndarray) -> bool:
 
 def _residuals(left: np.ndarray, inverse: np.ndarray, values: np.ndarray, u: np.ndarray) -> _Residuals:
     lines, blocks, periods, ny, nu = left.shape
-    if alike(u):
+    turned, together = inverse.swapaxes(-1, -2) / blocks, alike(u)
+    output = np.abs(values[:, None] @ u.mean(axis=2)) ** 2  # (F, B, ny, nu)
+    if together:
         each = left.transpose(0, 1, 4, 2, 3).reshape(lines, blocks * nu, periods, ny)
-        # vec(E U^-1) = (U^-T (x) I) vec(E), and the columns of E are independent.
-        gain = (inverse.swapaxes(-1, -2) @ inverse.conj()).sum(axis=1) / blocks**2
-        output = values[:, None] @ u.mean(axis=2)
-        return _Residuals(each, float((blocks - 1) * nu), gain, np.sqrt(np.mean(np.abs(output) ** 2, axis=(1, 3))))
-    each = (left @ inverse[:, :, None]).swapaxes(-1, -2).reshape(lines, blocks, periods, ny * nu)
-    gain = np.full((lines, 1, 1), 1 / blocks)
-    return _Residuals(each, float(blocks - 1), gain, np.abs(stacked(values)))
+        return _Residuals(each, float((blocks - 1) * nu), turned, np.sqrt(np.mean(output, axis=(1, 3))), False)
+    each = left.swapaxes(-1, -2).reshape(lines, blocks, periods, ny * nu)
+    size = np.sqrt(output.mean(axis=1).swapaxes(-1, -2)).reshape(lines, ny * nu)
+    return _Residuals(each, float(blocks - 1), turned, size, True)
 
 
 def _second_moments(errors: np.ndarray) -> np.ndarray:

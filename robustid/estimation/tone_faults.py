@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Complex, Real
 from robustid.data import Fault, FaultKind
 
 _FALSE_ALARM = 1e-4  # in one signal
@@ -17,6 +17,11 @@ _NARROW = 1 / 20  # of the power of a line, at most, in those
 _UNCERTAIN = 1.5  # of a median over so many lines
 _MOST = 8
 _PARTS, _ALIKE = 6, 0.7  # of a record, and how much of their power adds up
+_FALLS, _LOST, _SURELY = (
+    2,
+    0.2,
+    6.0,
+)  # parts in which an oscillation falls, by what part of it, in deviations of the noise
 _FEWEST = 64  # lines
 _CONTRAST = 100.0  # power of an excited line in that of its neighbours
 _DRIVEN = 1e-3  # of the largest line of an input
@@ -93,13 +98,34 @@ def _narrow(drive: Real, k: int) -> bool:
 
 def _goes_on(w: Real, cycles: float) -> bool:
     """Return whether the amplitudes at a frequency in parts of a signal are alike, in size and phase."""
-    length = w.size // _PARTS
-    window = np.hanning(length + 1)[:-1]
-    wave = np.exp(-2j * np.pi * cycles * np.arange(_PARTS * length)).reshape(_PARTS, length)
-    parts = np.sum((w[: _PARTS * length] - w.mean()).reshape(_PARTS, length) * wave * window, axis=1)
+    parts = _in_parts(w, cycles)
     turns = np.exp(-2j * np.pi * np.outer(np.linspace(-1, 1, 41) / (2 * _PARTS), np.arange(_PARTS)))
     together = np.abs(turns @ parts).max() ** 2  # the frequency is known to part of a line
     return bool(together > _ALIKE * _PARTS * np.sum(np.abs(parts) ** 2))
+
+
+def _in_parts(w: Real, cycles: float) -> Complex:
+    """Amplitudes at a frequency in parts of a signal, (_PARTS,), under Hann's window."""
+    length = w.size // _PARTS
+    window = np.hanning(length + 1)[:-1]
+    wave = np.exp(-2j * np.pi * cycles * np.arange(_PARTS * length)).reshape(_PARTS, length)
+    cut = (w[: _PARTS * length] - w.mean()).reshape(_PARTS, length)
+    return np.asarray(np.sum(cut * wave * window, axis=1) / window.sum(), dtype=complex)
+
+
+def dies_away(y: Real, cycles: float) -> bool:
+    """Return whether an oscillation decays from the part of a signal on where it is largest: a mode that rings, and no tone.
+
+    From part to part it becomes smaller, by what the noise beside it does not explain.
+    """
+    size = np.abs(_in_parts(y, cycles))
+    first = int(np.argmax(size))
+    # Of the noise: what is as far off as the window of a part reaches.
+    beside = [np.abs(_in_parts(y, cycles + sign * k * _PARTS / y.size)) for k in (3, 4, 5) for sign in (-1, 1)]
+    noise = float(np.median(np.array(beside))) / math.sqrt(math.log(2))
+    fall = -np.diff(size[first:])
+    lost = float(size[first] - size[-1])
+    return fall.size >= _FALLS and bool(np.all(fall > -noise)) and lost > max(_LOST * size[first], _SURELY * noise)
 
 
 def _refined(w: Real, k: int) -> float:

@@ -10,7 +10,7 @@ import support.fault_responses
 import support.fault_samples  # noqa: F401  # they enter theirs in the catalogue
 from support.fault_catalogue import CATALOGUE, STRENGTHS, Faulty
 
-__all__ = ["CATALOGUE", "STRENGTHS", "Judged", "catalogue", "found_faults", "judged", "of_faulty"]
+__all__ = ["CATALOGUE", "STRENGTHS", "Judged", "catalogue", "faulty_of", "found_faults", "judged", "of_faulty"]
 AMONG = 2
 
 
@@ -39,10 +39,15 @@ def of_faulty(faulty: Faulty):
     return found
 
 
+def faulty_of(fault, clean, strength):
+    """The measurements with the fault; None where the plant has nothing of the kind."""
+    seed = [*map(ord, fault.name + clean.name), STRENGTHS.index(strength)]
+    return fault.of(clean, strength, np.random.default_rng(seed))
+
+
 def judged(fault, clean, strength):
     """None where the plant has nothing of the kind."""
-    seed = [*map(ord, fault.name + clean.name), STRENGTHS.index(strength)]
-    faulty = fault.of(clean, strength, np.random.default_rng(seed))
+    faulty = faulty_of(fault, clean, strength)
     if faulty is None:
         return None
     found = of_faulty(faulty)

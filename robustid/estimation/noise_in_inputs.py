@@ -1,0 +1,82 @@
+"""Noise of the outputs in later inputs of a record without periods: a loop that is closed, and whose reference nobody recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.data import Fault, FaultKind, TimeRecord
+from robustid.estimation.innovations import order_for
+
+_AHEAD = 5  # samples
+_CHANCE = 1e-4
+_LEAST = 0.01  # part of the innovations that later inputs tell
+_ROWS = 20_000  # of a regression, about
+_RIDGE = 1e-11  # of the power of a regressor
+_PRECISE = 1e-8  # part of the power of an output that rounding, and an order that is too low, leave
+_PEAKED = 30.0  # fourth moment over squared variance, from which on the changes of an input are a few steps
+
+
+def noise_in_inputs(record: TimeRecord) -> list[Fault]:
+    """Inputs of which later samples tell what neither the past of an output nor that of the inputs tells of it.
+
+    In an open loop the input knows nothing of the noise. Least squares of an output on its own past and on earlier, present and
+    later inputs: the later ones take from the innovations what chance takes, chi-squared of their number. Inputs that are twice as
+    long past take part, so that an order that is too low is not taken for a loop.
+    """
+    from scipy.special import chdtri
+
+    samples, nu = record.u.shape
+    order = order_for(samples, 2 * nu)
+    moving = [np.ptp(one) > 0 and not _stepped(one) for one in record.u.T]
+    if order < 2 or not all(moving):
+        return []
+    rows = np.arange(2 * order, samples - _AHEAD, max(1, samples // _ROWS))
+    past = _lagged(record.u, rows, range(2 * order + 1))
+    later = [_lagged(one[:, None], rows, range(-_AHEAD, 0)) for one in record.u.T]
+    limit = float(chdtri(_AHEAD, _CHANCE / (nu * record.y.shape[1])))
+    found: list[tuple[float, str]] = []
+    for y, output in zip(record.y.T, record.outputs, strict=True):
+        if np.ptp(y) == 0:
+            continue
+        y = y - y.mean()
+        known = np.hstack([_lagged(y[:, None], rows, range(1, order + 1)), past, np.ones((rows.size, 1))])
+        without, spare = _left(known, y[rows]), rows.size - known.shape[1] - _AHEAD
+        if spare < order or without <= _PRECISE * float(y[rows] @ y[rows]):
+            continue
+        for columns, input in zip(later, record.inputs, strict=True):
+            gain = without / _left(np.hstack([known, columns]), y[rows]) - 1
+            if gain * spare > limit and gain > _LEAST:
+                found.append((gain / (1 + gain), f"input {input.name} and output {output.name}"))
+    if not found:
+        return []
+    part, pair = max(found)
+    more = f" (and {len(found) - 1} more pairs)" if len(found) > 1 else ""
+    words = (
+        f"{pair}{more}: later inputs tell {100 * part:.2g} % of what the past leaves open of the output: the input follows its"
+        " noise, and the loop is closed, or the output comes before its input. Give the reference: noise that is fed back biases"
+        " the response"
+    )
+    return [Fault(FaultKind.FEEDBACK, words, where=pair, size=part)]
+
+
+def _stepped(u: Real) -> bool:
+    changes = np.diff(u)
+    changes = changes - changes.mean()
+    return bool(np.mean(changes**4) > _PEAKED * np.mean(changes**2) ** 2)
+
+
+def _lagged(signals: Real, rows: np.ndarray, lags: range) -> Real:
+    """Columns of signals (T, n) so many samples before the rows."""
+    return np.concatenate([signals[rows - lag] for lag in lags], axis=1)
+
+
+def _left(columns: Real, right: Real) -> float:
+    """Squares that least squares leave."""
+    import scipy.linalg
+
+    columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
+    gram = columns.T @ columns
+    gram[np.diag_indices_from(gram)] += _RIDGE * len(columns)
+    found = scipy.linalg.cho_solve(scipy.linalg.cho_factor(gram, check_finite=False), columns.T @ right)
+    return float(np.sum((right - columns @ found) ** 2))

@@ -1,0 +1,55 @@
+"""Single lines and seams that only a model of the whole entry shows: no larger than a bound or two."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from support.cases import slow
+from support.fault_plants import SIMULATED, simulated
+
+CLEAN = {name: simulated(name).response for name in SIMULATED}
+
+
+def told(frf):
+    return [(fault.kind, fault.correction) for fault in rid.prepare.response_faults(frf)]
+
+
+@pytest.mark.parametrize("name", ["stage", "arm", "matrix"])
+@pytest.mark.parametrize("delay", [False, True])
+def test_a_seam_of_few_percent_is_named_at_its_place(name, delay):
+    """Of 5 % in gain, or of a delay that is 0.03 rad there."""
+    frf = CLEAN[name]
+    half, values = frf.omega.size // 2, frf.values.copy()
+    values[half:] *= np.exp(-0.03j * frf.omega[half:, None, None] / frf.omega[half]) if delay else 1.05
+    (fault,) = rid.prepare.response_faults(dataclasses.replace(frf, values=values))
+    assert fault.kind == "seam"
+    assert f"between {frf.freq_hz[half - 1]:.5g} and {frf.freq_hz[half]:.5g} Hz" in fault.words
+
+
+@pytest.mark.parametrize("name", ["stage", "arm", "matrix"])
+def test_a_line_that_is_off_by_two_bounds_is_named(name):
+    frf, rng, found = CLEAN[name], np.random.default_rng(0), 0
+    for _ in range(10):
+        at, values = int(rng.integers(8, frf.omega.size - 8)), frf.values.copy()
+        values[at, 0, -1] += 2.5 * frf.bound[at, 0, -1] * np.exp(2j * np.pi * rng.random())
+        found += ("outlier", f"leave out {frf.freq_hz[at]:.10g}") in told(dataclasses.replace(frf, values=values))
+    assert found >= 8
+
+
+@pytest.mark.parametrize("power", [-60, 60])
+def test_units_change_nothing(power):
+    frf = CLEAN["arm"]
+    values = frf.values.copy()
+    values[200:] *= 1.05
+    scaled = rid.FrequencyResponse(
+        frf.omega, 2.0**power * values, bound=2.0**power * frf.bound.outer_radius, dt=frf.dt
+    )  # fmt: skip
+    assert told(scaled) == [("seam", "")]
+
+
+@pytest.mark.parametrize("seeds", [range(4), slow(range(4, 100))])
+def test_clean_responses_are_told_nothing(seeds):
+    found = [(name, seed) for name in SIMULATED for seed in seeds if told(simulated(name, seed).response)]
+    assert len(found) <= 0.02 * len(SIMULATED) * len(seeds), found
