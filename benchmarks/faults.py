@@ -41,10 +41,10 @@ def main():
         clean_data(arguments, plants)
 
 
-def cases(arguments, plants):
+def cases(names, strengths, plants):
     """Name, strength, plant and judgement of every case, and the seconds that it took."""
-    for name in arguments.only or catalogue():
-        for strength in arguments.strengths:
+    for name in names:
+        for strength in strengths:
             for plant, clean in plants.items():
                 start = time.process_time()
                 found = judged(catalogue()[name], clean, strength)
@@ -54,13 +54,16 @@ def cases(arguments, plants):
 
 def table(arguments, plants):
     """What is named, fault by fault."""
-    said, rows, outcomes = {strength: Counter() for strength in STRENGTHS}, [["Fault", *STRENGTHS]], {}
-    for name, strength, plant, found, seconds in cases(arguments, plants):
-        outcomes.setdefault(name, {one: Counter() for one in STRENGTHS})[strength][found.outcome] += 1
-        said[strength][found.outcome] += 1
-        if arguments.v:
-            print(f"    {name}, {strength}, {plant}: {found.outcome} ({seconds:.1f} s)", *found.said, sep="\n        ")
-    for name, row in outcomes.items():
+    said, rows = {strength: Counter() for strength in STRENGTHS}, [["Fault", *STRENGTHS]]
+    for name in arguments.only or catalogue():
+        row = {strength: Counter() for strength in STRENGTHS}
+        for _, strength, plant, found, seconds in cases([name], arguments.strengths, plants):
+            row[strength][found.outcome] += 1
+            said[strength][found.outcome] += 1
+            if arguments.v:
+                print(
+                    f"    {name}, {strength}, {plant}: {found.outcome} ({seconds:.1f} s)", *found.said, sep="\n        "
+                )
         cells = [" ".join(f"{count} {outcome}" for outcome, count in counts.items()) for counts in row.values()]
         rows.append([name, *(cell.replace("other", "otherwise") or "–" for cell in cells)])
         print(f"{name:42} " + " | ".join(f"{cell:34}" for cell in cells), flush=True)
@@ -93,7 +96,7 @@ def whole_runs(arguments, plants):
     measurements.
     """
     outcomes, told, rest = {}, [], []
-    for name, strength, plant, found, _ in cases(arguments, plants):
+    for name, strength, plant, found, _ in cases(arguments.only or catalogue(), arguments.strengths, plants):
         if strength == "clear" or (strength == "limit" and plants[plant].plant is not None):
             (rest if found.outcome == "silent" else told).append((name, strength, plant, found.outcome))
     rng = np.random.default_rng(0)

@@ -76,7 +76,7 @@ def _whole(one: FrequencyResponse) -> WholeModel | None:
         left = right - rows @ solved
         criterion = count * float(np.log(max(float(left @ left), 1e-300))) + 2 * rows.shape[1] * float(np.log(count))
         if best is None or criterion < best[0]:
-            best = (criterion, poles, rows, functions @ solved)
+            best = (criterion, poles, rows, np.asarray(functions @ solved, dtype=complex))
     if best is None:
         return None
     _, poles, rows, values = best

@@ -52,18 +52,27 @@ class Ran(NamedTuple):
 
 
 def ran(faulty: Faulty, clean: Clean, *, time_limit=60.0) -> Ran:
+    """The default run of what a user has, and its judgement."""
+    try:
+        return judged_run(run_of(faulty, time_limit=time_limit), clean)
+    except rid.RobustIdError as error:  # refused: a sentence in place of a model
+        return Ran(RED, f"refused: {error}")
+
+
+def run_of(faulty: Faulty, *, time_limit=60.0):
     """The default run of what a user has, from files."""
     with tempfile.TemporaryDirectory() as place:
         path = _run_file(faulty, Path(place), time_limit)
-        try:
-            result = rid.run(path, path.parent / "result", static=True)
-        except rid.RobustIdError as error:  # refused: a sentence in place of a model
-            return Ran(RED, f"refused: {error}")
+        return rid.run(path, path.parent / "result", static=True)
+
+
+def judged_run(result, clean: Clean) -> Ran:
+    """The verdict that the page of a run begins with, and where the clean plant lies in its band."""
     found = identification_page(result.identification, None, _parts(result)).verdict
     verdict = Ran(_LEVELS[found.key], f"{found.word}: {found.words}")
     if result.band is None or clean.plant is None:
         return verdict
-    plane, low, high = result.identification.problem.plane, *_range(result)
+    plane, (low, high) = result.identification.problem.plane, _range(result)
     inside = np.linspace(low, high, _FREQUENCIES)
     whole = np.linspace(*result.band.range, _FREQUENCIES + 1)[1:]
     at, beyond = (_distances(result.band, clean.plant, plane, omega) for omega in (inside, whole))
