@@ -63,7 +63,7 @@ def _whole(one: FrequencyResponse) -> WholeModel | None:
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
     right = _real(one.values.reshape(-1) / bound)
-    best: tuple[float, Complex, Real, Real] | None = None
+    best: tuple[float, Complex, Real, Complex] | None = None
     for order in _ORDERS:
         if order * _A_POLE > bound.size:
             break
@@ -76,7 +76,7 @@ def _whole(one: FrequencyResponse) -> WholeModel | None:
         left = right - rows @ solved
         criterion = count * float(np.log(max(float(left @ left), 1e-300))) + 2 * rows.shape[1] * float(np.log(count))
         if best is None or criterion < best[0]:
-            best = (criterion, poles, rows, functions @ solved)
+            best = (criterion, poles, rows, np.asarray(functions @ solved, dtype=complex))
     if best is None:
         return None
     _, poles, rows, values = best
