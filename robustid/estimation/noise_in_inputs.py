@@ -32,7 +32,7 @@ def noise_in_inputs(record: TimeRecord) -> list[Fault]:
     moving = [np.ptp(one) > 0 and not _stepped(one) for one in record.u.T]
     if order < 2 or not all(moving):
         return []
-    rows: NDArray[np.intp] = np.arange(2 * order, samples - _AHEAD, max(1, samples // _ROWS))
+    rows: NDArray[np.intp] = np.asarray(np.arange(2 * order, samples - _AHEAD, max(1, samples // _ROWS)), dtype=np.intp)
     past = _lagged(record.u, rows, range(2 * order + 1))
     later = [_lagged(one[:, None], rows, range(-_AHEAD, 0)) for one in record.u.T]
     limit = float(chdtri(_AHEAD, _CHANCE / (nu * record.y.shape[1])))
@@ -69,7 +69,8 @@ def _stepped(u: Real) -> bool:
 
 def _lagged(signals: Real, rows: NDArray[np.intp], lags: range) -> Real:
     """Columns of signals (T, n) so many samples before the rows."""
-    return np.concatenate([signals[rows - lag] for lag in lags], axis=1)
+    columns: list[Real] = [signals[rows - lag] for lag in lags]
+    return np.concatenate(columns, axis=1)
 
 
 def _left(columns: Real, right: Real) -> float:

@@ -61,7 +61,7 @@ class _Residuals(NamedTuple):
 
     Where every experiment drives the inputs alike, the outputs scatter alike in all nu experiments of a block, with nu times the
     degrees of freedom; else the outputs of every experiment of a block are signals of their own. The response is no such signal:
-    at lines where the inputs of the experiments are nearly dependent it scatters much more than beside them.
+    at lines where the inputs of the experiments are almost dependent it scatters much more than beside them.
     """
 
     each: np.ndarray  # (F, c, P, q) of c experiments or blocks, and every period

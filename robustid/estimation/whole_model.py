@@ -63,7 +63,7 @@ def _whole(one: FrequencyResponse) -> WholeModel | None:
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
     right = _real(one.values.reshape(-1) / bound)
-    best: tuple[float, Complex, Real, Real] | None = None
+    best: tuple[float, Complex, Real, Complex] | None = None
     for order in _ORDERS:
         if order * _A_POLE > bound.size:
             break

@@ -144,7 +144,7 @@ def test_probability_of_the_bound(name, seeds):
 
 @pytest.mark.parametrize("seeds", [8, slow(100)])
 def test_probability_of_the_bound_where_experiments_are_driven_unlike(seeds):
-    """Of two inputs of random phases, which are nearly dependent at some lines; the first experiment three times as strong.
+    """Of two inputs of random phases, which are almost dependent at some lines; the first experiment three times as strong.
 
     Allowed as above, without the upper end. Held of 100: 98.
     """
