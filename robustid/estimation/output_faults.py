@@ -28,6 +28,11 @@ _LINES = 8  # excited lines, at least
 _SURE = 3.5  # standard deviations
 _CORRELATED = 6.0  # standard deviations of a correlation, over all lags
 _FROM_REST = 12.0  # standard deviations of the innovations of the first samples
+_FIRST, _LEVEL = (
+    3,
+    0.1,
+)  # samples at the beginning, and their least part of the mean, of a record about a point of operation
+_CHANGES = 8  # of the inputs
 _STANDS_OUT = 10.0  # mean, in the rms of the lowest lines
 _LOWEST = 10  # lines
 _BEFORE = 8.0  # standard deviations of an offset before the input acts
@@ -104,7 +109,7 @@ def _sawtooth(samples: int, period: int) -> Real:
 def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictors: Predictors) -> list[Fault]:
     """Drift, point of operation and tones, by the predictor of a record that repeats nothing."""
     predictor, y, u = seen.predictor, seen.signal, record.u
-    if predictor is None:
+    if predictor is None or not moves_on(u):
         return []
     short = len(y) < _FEWEST or any(event.jump for event in seen.events)
     found = [] if short else _drift(predictors, y, u, where)
@@ -183,12 +188,20 @@ def _drift(predictors: Predictors, y: Real, u: Real, where: str) -> list[Fault]:
     return [Fault(FaultKind.DRIFT, words, correction=correction, where=where, size=size)]
 
 
+def moves_on(u: Real) -> bool:
+    """Return whether inputs (T, nu) change often: an answer to a step or two looks like a drift, a tone, or another level."""
+    return int(np.sum(np.any(np.diff(u, axis=0) != 0, axis=1))) >= _CHANGES
+
+
 def _operating_point(predictor: Predictor, record: TimeRecord, i: int, y: Real, where: str) -> list[Fault]:
     """Record that begins about a point of operation though zero initial conditions are stated."""
     n = predictor.a.size - 1
     still = predictor._replace(trend=0 * predictor.trend)
     first = np.abs(still.from_start(y[: 2 * n], record.u[: 2 * n])[:n]).max() / predictor.noise
-    if first < _FROM_REST or not _mean_stands_out(y):
+    begins = float(np.abs(y[:_FIRST]).min())  # from rest, an output begins near zero
+    if first < _FROM_REST or begins < max(_FROM_REST * predictor.noise, _LEVEL * abs(y.mean())):
+        return []
+    if not _mean_stands_out(y):
         return []
     moved = [j for j, one in enumerate(record.u.T) if _mean_stands_out(one)]
     if not moved:

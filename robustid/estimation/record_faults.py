@@ -11,7 +11,7 @@ from robustid.core import Real, as_count
 from robustid.data import Fault, FaultKind, TimeRecord, as_records
 from robustid.estimation.feedback import feedback_faults
 from robustid.estimation.lost_samples import lost_in_periods, lost_samples
-from robustid.estimation.output_faults import answers, output_faults
+from robustid.estimation.output_faults import answers, moves_on, output_faults
 from robustid.estimation.period_faults import period_faults
 from robustid.estimation.record_relations import with_relations
 from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, unwrapped, wrapped_fault
@@ -83,7 +83,8 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
         told |= {(k, fault.where) for fault in faults if fault.where and fault.kind not in _TAKEN_OUT}
         clean.append(sound)
     same = all(one.u.shape == records[0].u.shape and one.y.shape == records[0].y.shape for one in records)
-    dead = _unmoved(records, period, told) if same else []
+    moving = any(moves_on(one.u) for one in records)
+    dead = _unmoved(records, period, told) if same and moving else []
     found += dead
     told |= {(k, fault.where) for fault in dead for k in range(len(records))}
     if period is not None and same and all(_repeats_with(one, period) for one in records):
@@ -91,7 +92,7 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     if len(records) > 1 and same:
         found += [fault for fault in _levels(clean) if (fault.record - 1, fault.where) not in told]
     kept = _joined(found, len(records))
-    return tuple(with_relations(list(kept), clean, period)) if same else kept
+    return tuple(with_relations(list(kept), clean, period)) if same and moving else kept
 
 
 def operating_point(record: TimeRecord) -> Fault | None:

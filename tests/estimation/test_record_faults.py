@@ -6,6 +6,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.estimation.record_faults import found_period
+from support.fault_plants import recipes, step
 
 DT, PERIOD = 0.01, 100
 
@@ -166,3 +167,13 @@ def test_sweeps_of_an_open_loop_are_no_feedback():
 def test_the_loop_of_the_cd_player_is_found():
     faults = rid.prepare.record_faults(rid.datasets.load("cdplayer"))
     assert any("follows earlier outputs" in str(fault) for fault in faults)
+
+
+@pytest.mark.parametrize("samples", [60, 200, 500])
+@pytest.mark.parametrize("name", ["stage", "arm", "heater"])
+def test_an_answer_to_one_step_is_told_nothing(name, samples):
+    """It looks like a drift, a tone, a point of operation, or exchanged columns."""
+    recipe = recipes()[name]
+    for seed in range(6):
+        one = step(recipe, np.random.default_rng([seed, *map(ord, name)]), samples=samples).with_bound(None)
+        assert rid.prepare.record_faults(one) == ()
