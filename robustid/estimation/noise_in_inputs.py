@@ -62,8 +62,8 @@ def noise_in_inputs(record: TimeRecord) -> list[Fault]:
 
 
 def _stepped(u: Real) -> bool:
-    changes = np.diff(u)
-    changes = changes - changes.mean()
+    changes: Real = np.asarray(np.diff(u), dtype=float)
+    changes = changes - float(changes.mean())
     return bool(np.mean(changes**4) > _PEAKED * np.mean(changes**2) ** 2)
 
 
