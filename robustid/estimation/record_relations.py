@@ -264,7 +264,7 @@ def _placed(signals: list[_Signals], base: Fitted, records: Sequence[TimeRecord]
         evidence = f"a stable model leaves {_percent(base.part)} of it, {_percent(ahead)} after the correction"
         return [Fault(FaultKind.LATE, words, evidence, f"delay {count}", where, 0, -float(count))]
     # A shift by less than the delay leaves a simpler plant, one by more leaves what no stable model predicts.
-    if base.part < _LEAST / 10 or part(_LATE + 1) > _CLOSE * base.part:
+    if part(_LATE + 1) > _CLOSE * max(base.part, 1e-12):
         return []
     if min(base.part, part(20), part(40)) > _GOOD / 5:
         return []

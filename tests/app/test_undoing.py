@@ -221,7 +221,7 @@ def test_an_estimate_is_made_again_of_corrected_records_or_its_points_are_left_o
     y = np.convolve(u, [0, 0.5, 0.3, 0.1])[:1200]
     y[:5] = y[5]
     rid.save("bench.csv", rid.TimeRecord(u, y + 0.01 * rng.standard_normal(1200), dt=DT))
-    called = ["frf", "bench.csv", "-o", "g.npz"]
+    called = ["frf", "bench.csv", "--initial", "rest", "-o", "g.npz"]
     told = CliRunner().invoke(app, called)
     assert told.exit_code == 0
     again = pasted(told.output)

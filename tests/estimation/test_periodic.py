@@ -119,7 +119,9 @@ SCENARIOS = {
 
 
 @pytest.mark.parametrize("seeds", [60, slow(300)])
-@pytest.mark.parametrize("name", [slow(k) if k == "output noise" else k for k in SCENARIOS])
+@pytest.mark.parametrize(
+    "name", [slow(k) if k in ("output noise", "two periods", "real lines") else k for k in SCENARIOS]
+)
 def test_probability_of_the_bound(name, seeds):
     """All errors lie within the bound as often as stated, and not much more often.
 

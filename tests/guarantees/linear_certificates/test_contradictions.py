@@ -49,12 +49,18 @@ def small_gain(problem, rng):
     )
 
 
-@pytest.mark.parametrize("change", [wrong_sign, small_gain])
-@pytest.mark.parametrize("seed", [1, *(slow(seed) for seed in (0, *range(2, 12)))])
-def test_what_is_wrong_is_found_for_most_kinds_of_samples(change, seed):
+@pytest.mark.parametrize(
+    ("change", "seed", "kinds"),
+    [
+        (wrong_sign, 1, KINDS[::2]),
+        (small_gain, 1, KINDS[1::2]),
+        *(slow(change, seed, KINDS) for change in (wrong_sign, small_gain) for seed in range(12)),
+    ],
+)
+def test_what_is_wrong_is_found_for_most_kinds_of_samples(change, seed, kinds):
     """Over the box of the poles too, as far as that is not wide. The wrong sample and the others stand apart."""
     missed = 0
-    for kind in KINDS:
+    for kind in kinds:
         plant = edge_plant(kind, seed)
         problem = change(plant.problem, np.random.default_rng(seed))
         margin = rid.identify(problem).margin
@@ -67,7 +73,7 @@ def test_what_is_wrong_is_found_for_most_kinds_of_samples(change, seed):
             assert 1 <= found.factor <= margin * (1 + 1e-6)
             assert found.verify()
             assert found.multipliers[found.sample] == -1
-    assert missed <= 2
+    assert missed <= len(kinds) // 4
 
 
 def test_the_sum_of_the_samples_is_larger_than_what_the_class_allows_by_a_slow_judge():
