@@ -85,7 +85,7 @@ class MixedProblem(Frozen):
     parametric: Any = None
     parameter_bounds: Any = None
     symmetric: bool = False
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = dataclasses.field(default=(), repr=False)
 
     entries: Entries = dataclasses.field(init=False, repr=False)
     plane: Plane = dataclasses.field(init=False, repr=False)
