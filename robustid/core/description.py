@@ -41,12 +41,6 @@ class Form:
         hints = typing.get_type_hints(self.make)
         return {name: hints[name] for name in inspect.signature(self.make).parameters}
 
-    @functools.cached_property
-    def later(self) -> frozenset[str]:
-        """Fields that are empty by default, and may be missing: they came after the file."""
-        parameters = inspect.signature(self.make).parameters.items()
-        return frozenset(name for name, one in parameters if type(one.default) in (tuple, int) and not one.default)
-
     def described(self, value: object, path: str, arrays: Arrays) -> Record:
         """Text of the fields of an object; their arrays go to `arrays`, by path."""
         return _described_items(self.evidence(value), path, arrays)
@@ -54,8 +48,8 @@ class Form:
     def made(self, text: Record, arrays: Arrays) -> Any:
         """Make an object of its fields."""
         name = self.cls.__name__
-        if wrong_keys := (text.keys() - self.types.keys()) | (self.types.keys() - text.keys() - self.later):
-            wrong = sorted(wrong_keys)[0]
+        if text.keys() != self.types.keys():
+            wrong = sorted(text.keys() ^ self.types.keys())[0]
             raise ValueError(f"the field {wrong!r} of its {name} is {'unknown' if wrong in text else 'missing'}")
         fields = {field: made(item, arrays) for field, item in text.items()}
         for field, value in fields.items():
