@@ -8,8 +8,6 @@ from support.fault_judge import STRENGTHS, catalogue, found_faults, judged
 from support.fault_plants import MEASURED, SIMULATED, measured, simulated
 from support.measured import realdata
 
-# Clear faults of the arm that nothing names yet: without periods an instant that is off, or a loop, is noise like any other.
-SILENT = {"jitter (random)", "feedback without reference (random)"}
 NAMED = 0.95  # of all clear faults
 TOLD = 0.02  # of clean measurements
 
@@ -29,7 +27,7 @@ def test_clear_faults_are_named_with_what_undoes_them(every):
     found = outcomes({"arm": simulated("arm")}, ("clear",), every)
     missed = {name for (name, _, _), outcome in found.items() if outcome != "named"}
     assert len(found) > 80 // every
-    assert missed <= SILENT
+    assert not missed
 
 
 @pytest.mark.slow

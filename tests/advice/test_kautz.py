@@ -177,6 +177,7 @@ def test_measured_mirror_shows_its_eight_modes(last, modes, every, asked):
         assert np.abs(found / hz - 1).min() < 0.02, hz
 
 
+@pytest.mark.slow
 def test_a_mode_that_fits_as_well_with_any_damping_is_left_to_the_gain_bound():
     """Entry (1, 1) of the mirror hardly shows the mode at 922 Hz; taken along, its box of all dampings would leave no band."""
     for signal in "uy":

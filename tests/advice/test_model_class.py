@@ -45,6 +45,7 @@ def judged(data, found, hz):
     return upper / np.abs(result.model(z)), np.abs(data.truth(z) - result.model(z)) <= upper
 
 
+@pytest.mark.slow
 def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
     data = rid.datasets.flexible_structure(lines=6, extra_hz=np.linspace(17.3, 18.0, 5))
     found = suggest_class(frequency=data.frequency)

@@ -35,6 +35,7 @@ def ran(folder, response, **worst_case):
     return rid.run(ask(folder, sections), folder / "out")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unreduced")
 def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response):
     found = ran(tmp_path, response, over_poles=True, at_hz=[6.0], directions=3, time_limit=2.0)

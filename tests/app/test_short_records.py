@@ -20,7 +20,7 @@ def counted(seeds):
 
 
 def test_band_of_half_a_second_holds_the_truth():
-    assert min(counted(range(20, 23))) >= 2
+    assert min(counted(range(20, 22))) == 2
 
 
 @pytest.mark.slow

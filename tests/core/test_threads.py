@@ -140,7 +140,7 @@ def result():
     return rid.identify(PROBLEM)
 
 
-@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("name", [pytest.param(k, marks=pytest.mark.slow) if k == "family" else k for k in CALLS])
 def test_small_matrices_have_one_thread_in_every_call(name, result, monkeypatch):
     seen = []
 

@@ -167,6 +167,7 @@ def test_calibrated(measure, most, seeds, held_in):
     assert bias < most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seeds", "apart"), [(3, 0.15), pytest.param(30, 0.05, marks=pytest.mark.slow)])
 def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     """Without the reference, the noise that the loop feeds back biases the local method; with it, not.

@@ -89,6 +89,7 @@ def test_one_multisine_on_the_bench_shows_its_distortion_beside_the_band():
     assert following.bound.kind == "tolerance"
 
 
+@pytest.mark.slow
 def test_beam_from_two_sweeps():
     """Both sweeps drive both patches, with equal and with opposite signs: together a 2 x 2 response."""
     records = rid.datasets.load("beam_ring")

@@ -120,7 +120,7 @@ SCENARIOS = {
 
 @pytest.mark.parametrize("seeds", [60, slow(300)])
 @pytest.mark.parametrize(
-    "name", [slow(k) if k in ("output noise", "two periods", "real lines") else k for k in SCENARIOS]
+    "name", [slow(k) if k in ("output noise", "output and input noise", "real lines") else k for k in SCENARIOS]
 )
 def test_probability_of_the_bound(name, seeds):
     """All errors lie within the bound as often as stated, and not much more often.
