@@ -264,13 +264,10 @@ def _placed(signals: list[_Signals], base: Fitted, records: Sequence[TimeRecord]
         evidence = f"a stable model leaves {_percent(base.part)} of it, {_percent(ahead)} after the correction"
         return [Fault(FaultKind.LATE, words, evidence, f"delay {count}", where, 0, -float(count))]
     # A shift by less than the delay leaves a simpler plant, one by more leaves what no stable model predicts.
-    if part(_LATE + 1) > _CLOSE * max(base.part, 1e-12):
-        return []
-    if min(base.part, part(20), part(40)) > _GOOD / 5:
+    if part(_LATE + 1) > _CLOSE * max(base.part, 1e-12) or min(base.part, part(20), part(40)) > _GOOD / 5:
         return []
     limit = _CLOSE * max(min(base.part, part(_LATE + 1), part(20), part(40)), 1e-12)
-    reach = max((s for s in (_LATE + 1, 20, 40, 80) if part(s) <= limit), default=0)
-    if not reach:
+    if not (reach := max((s for s in (_LATE + 1, 20, 40, 80) if part(s) <= limit), default=0)):
         return []
     count = _largest(part, reach, limit) - 1  # one is that of the hold
     without, with_ = _fit(used, ()), _fit(used, (), shift=count)

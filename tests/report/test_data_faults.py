@@ -15,18 +15,7 @@ from robustid.report.live import live_words
 from robustid.report.pages import _head
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_page, response_summary
-
-DT = 0.01
-
-
-def response(off=0.0):
-    """Two real poles, noise of a tenth of the bound, and one value that is off."""
-    rng, hz = np.random.default_rng(0), np.arange(1.0, 41.0)
-    z = np.exp(2j * np.pi * hz * DT)
-    noise = 1e-3 * (rng.standard_normal(40) + 1j * rng.standard_normal(40))
-    values = 0.5 / (z - 0.6) + 0.2 / (z - 0.4) + noise
-    values[22] += off
-    return rid.FrequencyResponse(2 * np.pi * hz, values, bound=1e-2, dt=DT)
+from support.faulty_files import response
 
 
 @pytest.fixture(scope="module", params=[0.3, 0.0], ids=["off", "clean"])
