@@ -1,5 +1,7 @@
 """Runs of records alone: their poles come from a fit of them, and the class says something between the samples."""
 
+from pathlib import Path
+
 import control
 import numpy as np
 import pytest
@@ -27,14 +29,18 @@ def test_the_modes_of_a_structure_are_those_of_its_record():
     np.testing.assert_allclose([row.damping for row in rows], [0.1, 0.004], rtol=0.3)
 
 
-@pytest.mark.usefixtures("unreduced")
-def test_a_run_of_a_record_alone_is_consistent_and_holds_the_plant(tmp_path, monkeypatch):
-    """Without poles the default class contradicted the same record; the run file that is written gives it again."""
-    monkeypatch.chdir(tmp_path)
+def run_of_a_record():
     rid.save("record.npz", SHORT.time)
     text = '[[record]]\nfile = "record.npz"\nuse = "samples"\n[worst_case]\nat_hz = [12.0, 16.0]\ndirections = 3\n'
-    (tmp_path / "run.toml").write_text(text)
-    found = rid.run("run.toml", "out")
+    Path("run.toml").write_text(text)
+    return rid.run("run.toml", "out")
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_a_run_of_a_record_alone_is_consistent_and_holds_the_plant(tmp_path, monkeypatch):
+    """Without poles the default class contradicted the same record."""
+    monkeypatch.chdir(tmp_path)
+    found = run_of_a_record()
     assert found.consistent
     assert found.run_file.modes.note.startswith("Modes taken from a fit of the records:")
     assert len(found.run_file.modes.hz) == 2
@@ -42,6 +48,13 @@ def test_a_run_of_a_record_alone_is_consistent_and_holds_the_plant(tmp_path, mon
     assert np.all(away <= found.error.upper[:, 0, 0])
     assert found.error.upper.max() < 0.2 * np.abs(found.error.nominal).max()
     assert "not for the box." in found.summary()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("unreduced")
+def test_a_run_of_a_record_alone_is_that_of_its_run_file_and_of_the_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = run_of_a_record()
     again = rid.run("out/run.toml", "again")
     assert again.identification.margin == found.identification.margin
     line = ["identify", "--time", "record.npz", "--no-reduce", "-o", "result"]

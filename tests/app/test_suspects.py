@@ -27,10 +27,10 @@ def is_named(fault, name):
     assert bool(fault.correction) == bool(UNDONE[name])
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("unit", "small", "scale")]
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("plant", "unit", "small", "scale")]
 
 
-@pytest.mark.parametrize("name", ["sign", "late", "plant", *SLOW])
+@pytest.mark.parametrize("name", ["sign", "late", *SLOW])
 def test_a_record_that_the_response_contradicts_is_named_and_the_class_is_that_of_the_response(name):
     run, problem = chosen(structure(0, name))
     assert run.prior.without == ("time 1",)
@@ -142,7 +142,7 @@ CLEAN = {
 
 @pytest.mark.parametrize(
     ("name", "seeds"),
-    [("response and step", range(8)), ("two responses", range(2)), ("three records", range(2))]
+    [("response and step", range(4)), ("two responses", range(1)), ("three records", range(2))]
     + [pytest.param(name, range(1000, 1200), marks=pytest.mark.slow) for name in CLEAN],
 )
 def test_clean_experiments_are_accused_of_nothing(name, seeds):

@@ -146,8 +146,8 @@ SLOW = [(periodic, 3.7), (random_open, 3.7), (random_closed, 0.5 * 200**0.5)]
 @pytest.mark.parametrize(
     ("measure", "most", "seeds", "held_in"),
     [
-        *((measure, 4, 12, (9, 12)) for measure in (fewer_periodic, random_closed)),
-        pytest.param(random_open, 4, 12, (9, 12), marks=pytest.mark.slow),
+        (random_closed, 4, 12, (9, 12)),
+        *(pytest.param(measure, 4, 12, (9, 12), marks=pytest.mark.slow) for measure in (fewer_periodic, random_open)),
         *(pytest.param(*each, 200, (180, 198), marks=pytest.mark.slow) for each in SLOW),
     ],
 )
@@ -191,7 +191,7 @@ def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     assert held[1] == 0
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, pytest.param(10, marks=pytest.mark.slow)])
 def test_peak_of_a_lightly_damped_mode_against_welch(seeds):
     """0.5 % damping, 20 s of noise: local within 2 % for all seeds, Hann windows miss it by 7 % in the median."""
     found, smeared = [], []
@@ -270,7 +270,7 @@ def test_a_transient_shows_whether_the_input_repeats_exactly_or_almost(jitter):
     assert np.max(frf.bound) < 0.1
 
 
-@pytest.mark.parametrize(("records", "most"), [(100, 1), pytest.param(200, 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("records", "most"), [(50, 1), pytest.param(200, 2, marks=pytest.mark.slow)])
 def test_steady_periods_stay(records, most):
     """White noise on a steady record, an exact input: hardly one of a hundred loses a period."""
     lost = 0

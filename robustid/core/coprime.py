@@ -1,0 +1,162 @@
+r"""Coprime factors: a system of any poles as a quotient of stable ones, and the factors of a loop of two systems.
+
+With a state feedback F that makes :math:`A + B F` stable, :math:`P = N D^{-1}` has the stable right factors
+
+.. math:: \begin{bmatrix} D \\ N \end{bmatrix} = \begin{bmatrix} I \\ D_P \end{bmatrix}
+          + \begin{bmatrix} F \\ C + D_P F \end{bmatrix} (\xi I - A - B F)^{-1} B .
+
+Those of a plant P and of a controller C that stabilises it, with u = r - C y, make the matrix of the loop
+
+.. math:: M = \begin{bmatrix} D & -N_c \\ N & D_c \end{bmatrix}, \qquad
+          M^{-1} = \begin{bmatrix} \tilde D_c & \tilde N_c \\ -\tilde N & \tilde D \end{bmatrix},
+
+both stable (`tay1989`, `vidyasagar1985`): the states of the inverse are those of the loop, so that no second feedback is needed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from robustid.core.state_space import Complex, Real, StateMatrices
+from robustid.errors import InputError
+
+_SINGULAR = 1e-13  # relative: what is smaller is rounding
+_ROUNDING = 1e-12  # of the largest pole: a decay that is smaller is none
+
+
+def decay_of(poles: Complex, dt: float) -> float:
+    """The decay in 1/s of the slowest of some poles; infinity of none, not positive where one is not stable."""
+    if not poles.size:
+        return np.inf
+    if not dt:
+        return -float(np.max(poles.real))
+    with np.errstate(divide="ignore"):  # a delay decays within a sample
+        return -float(np.max(np.log(np.abs(poles)))) / dt
+
+
+def mirroring_feedback(system: StateMatrices, dt: float, decay: float) -> Real:
+    r"""A state feedback that mirrors the poles that are slower than a decay at it, and leaves the others where they are.
+
+    With least energy in the input: :math:`A_u Y A_u^T - Y = B_u B_u^T`, or :math:`A_u Y + Y A_u^T = B_u B_u^T`, of the slower poles
+    shifted by the decay, and :math:`F = -B_u^T (Y + B_u B_u^T)^{-1} A_u` or :math:`-B_u^T Y^{-1}` (`zhou1996`, section 13.2).
+
+    Raises
+    ------
+    InputError
+        If the input does not move one of them.
+    """
+    A, B = (np.exp(decay * dt) * np.asarray(part) for part in system[:2]) if dt else (system.A, system.B)
+    A = A if dt else A + decay * np.eye(len(A))
+    if not A.size:
+        return np.zeros((B.shape[1], 0))
+    inside = (lambda pole: abs(pole) <= 1.0) if dt else (lambda pole: pole.real <= 0.0)
+    schur, basis, kept = scipy.linalg.schur(A, output="complex", sort=inside)
+    slow, drive = schur[kept:, kept:], basis.conj().T[kept:] @ B
+    if not slow.size:
+        return np.zeros((B.shape[1], len(A)))
+    energy = drive @ drive.conj().T
+    if dt:
+        back = np.linalg.inv(slow)
+        reach = scipy.linalg.solve_discrete_lyapunov(back, back @ energy @ back.conj().T)
+    else:
+        reach = scipy.linalg.solve_continuous_lyapunov(slow, energy)
+    levels = np.linalg.eigvalsh(reach)
+    if levels[0] <= _SINGULAR * abs(levels[-1]):
+        raise InputError("a pole that is not stable must be moved by the inputs and seen in the outputs; one is not")
+    gain = drive.conj().T @ np.linalg.solve(reach + energy, slow) if dt else drive.conj().T @ np.linalg.inv(reach)
+    return -np.real(gain @ basis.conj().T[kept:])
+
+
+def normalising_feedback(system: StateMatrices, dt: float) -> tuple[Real, Real]:
+    """State feedback and input scaling of normalised right factors, ``D* D + N* N = I`` (`zhou1996`, theorem 13.37)."""
+    A, B, C, D = system
+    weight = np.eye(B.shape[1]) + D.T @ D
+    if A.size and dt:
+        X = scipy.linalg.solve_discrete_are(A, B, C.T @ C, weight, s=C.T @ D)
+        weight = weight + B.T @ X @ B
+        feedback = -np.linalg.solve(weight, D.T @ C + B.T @ X @ A)
+    elif A.size:
+        X = scipy.linalg.solve_continuous_are(A, B, C.T @ C, weight, s=C.T @ D)
+        feedback = -np.linalg.solve(weight, D.T @ C + B.T @ X)
+    else:
+        feedback = np.zeros((B.shape[1], 0))
+    levels, basis = np.linalg.eigh(weight)
+    return feedback, (basis / np.sqrt(levels)) @ basis.T
+
+
+def right_factors(system: StateMatrices, feedback: Real, scale: Real | None = None) -> StateMatrices:
+    """The factors ``[D; N]`` of a state feedback, times a matrix from the right."""
+    A, B, C, D = system
+    scale = np.eye(B.shape[1]) if scale is None else scale
+    outputs, direct = np.vstack([feedback, C + D @ feedback]), np.vstack([np.eye(B.shape[1]), D])
+    return StateMatrices(A + B @ feedback, B @ scale, outputs, direct @ scale)
+
+
+def normalised_factors(system: StateMatrices, dt: float) -> StateMatrices:
+    """The normalised right factors ``[D; N]``."""
+    return right_factors(system, *normalising_feedback(system, dt))
+
+
+def inverse(system: StateMatrices) -> StateMatrices:
+    """The inverse of a square system whose feedthrough is regular."""
+    A, B, C, D = system
+    back = np.linalg.inv(D)
+    return StateMatrices(A - B @ back @ C, B @ back, -back @ C, back)
+
+
+def series(first: StateMatrices, second: StateMatrices) -> StateMatrices:
+    """The response ``second(first(u))``."""
+    A, B, C, D = first
+    E, F, G, H = second
+    states = np.block([[A, np.zeros((len(A), len(E)))], [F @ C, E]])
+    return StateMatrices(states, np.vstack([B, F @ D]), np.hstack([H @ C, G]), H @ D)
+
+
+def closed_loop(plant: StateMatrices, controller: StateMatrices) -> StateMatrices:
+    """The inverse of ``[I, C; -P, I]``: from what is added at the input and at the output of a plant to u and y, u = r - C y.
+
+    Raises
+    ------
+    InputError
+        If the loop has no solution: I + C P is singular for infinite frequencies.
+    """
+    (A, B, C, D), (E, F, G, H) = plant, controller
+    nu, ny = B.shape[1], C.shape[0]
+    direct = np.block([[np.eye(nu), H], [-D, np.eye(ny)]])
+    if np.linalg.cond(direct) > 1 / _SINGULAR:
+        raise InputError("plant and controller make no loop: I + C P is singular for infinite frequencies")
+    states = scipy.linalg.block_diag(A, E)
+    inputs = scipy.linalg.block_diag(B, F)
+    # M of the unfactored systems: rows u, y; of the inputs of plant and controller, the latter with the sign of u = r - C y.
+    outputs = np.block([[np.zeros((nu, len(A))), G], [-C, np.zeros((ny, len(E)))]])
+    return inverse(StateMatrices(states, inputs, outputs, direct))
+
+
+def loop_factors(plant: StateMatrices, controller: StateMatrices, dt: float) -> StateMatrices:
+    """The matrix M of a loop; its `inverse` has the left factors.
+
+    The poles of M that the feedbacks place are as fast as those of the loop at least.
+
+    Raises
+    ------
+    InputError
+        If the controller does not stabilise the plant.
+    """
+    loop = closed_loop(plant, controller)
+    poles = np.linalg.eigvals(loop.A)
+    decay = decay_of(poles, dt)
+    if decay <= _ROUNDING * (1 / dt if dt else np.abs(poles).max(initial=0.0)):
+        worst = poles[np.argmax(np.abs(poles) if dt else poles.real)]
+        raise InputError(f"the loop must be stable; got a closed-loop pole at {worst:.6g}")
+    nu, ny = plant.B.shape[1], plant.C.shape[0]
+    factors = []
+    for system in (plant, controller):
+        slow = decay if np.isfinite(decay) else 0.0
+        factors.append(right_factors(system, mirroring_feedback(system, dt, slow)))
+    of_plant, of_controller = factors
+    (A, B, C, D), (E, F, G, H) = of_plant, of_controller
+    top, bottom = slice(0, ny), slice(ny, None)  # of the controller: D_c, N_c
+    outputs = np.block([[C[:nu], -G[bottom]], [C[nu:], G[top]]])
+    direct = np.block([[D[:nu], -H[bottom]], [D[nu:], H[top]]])
+    return StateMatrices(scipy.linalg.block_diag(A, E), scipy.linalg.block_diag(B, F), outputs, direct)
