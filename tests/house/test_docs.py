@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from support.source_trees import nodes
+
 ROOT = Path(__file__).parents[2]
 ROWS = [
     (names, files)
@@ -18,7 +20,7 @@ ROWS = [
 def defined(path):
     """Every name that a file defines: classes, functions, attributes of classes, with and without the class."""
     out = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.ClassDef | ast.FunctionDef):
             out.add(node.name)
         if isinstance(node, ast.ClassDef):

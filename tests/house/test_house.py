@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import robustid
+from support.source_trees import nodes, tree
 
 ROOT = pathlib.Path(robustid.__file__).parent
 ROOMS = [
@@ -21,17 +22,11 @@ MODULES = {name.removesuffix(".__init__"): path for name, path in NAMES.items()}
 
 
 @functools.cache
-def tree(name):
-    """Parsed on first use: every worker collects this file, one runs its tests."""
-    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
-
-
-@functools.cache
 def names_bound(face):
     """What a face re-exports."""
     return {
         alias.asname or alias.name
-        for node in tree(face).body
+        for node in tree(MODULES[face]).body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
@@ -41,7 +36,7 @@ def names_bound(face):
 def imported(name):
     """Every module that a module imports, anywhere in it; `from package import module` is the module."""
     found = set()
-    for node in ast.walk(tree(name)):
+    for node in nodes(MODULES[name]):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
@@ -102,8 +97,8 @@ def test_only_the_solver_knows_cvxpy_and_the_formulation_and_the_certificates_kn
 
 
 def test_no_assert_and_no_print_in_the_library():
-    for name, path in MODULES.items():
-        for node in ast.walk(tree(name)):
+    for path in MODULES.values():
+        for node in nodes(path):
             assert not isinstance(node, ast.Assert), f"{path}, line {node.lineno}"
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 assert node.func.id not in ("print", "eval", "exec"), f"{path}, line {node.lineno}"
@@ -148,8 +143,8 @@ def test_optimised_python_behaves_the_same(capsys):
 
 
 def test_docstrings_begin_with_a_verb_or_a_noun_phrase_and_say_the_field_s_words():
-    for name, path in MODULES.items():
-        for node in ast.walk(tree(name)):
+    for path in MODULES.values():
+        for node in nodes(path):
             if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module) and (said := ast.get_docstring(node)):
                 place = f"{path}, {getattr(node, 'name', 'module')}"
                 assert not re.match(r"(What|Whether|Of|How|Where|Which|That|Those|When)\b", said), place
