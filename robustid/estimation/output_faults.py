@@ -12,7 +12,7 @@ from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.events import Event, Examined, examined
 from robustid.estimation.innovation_scatter import jitter_of_innovations
 from robustid.estimation.innovations import Predictor, Predictors, gain_of_inputs, order_for, trends
-from robustid.estimation.tone_faults import dies_away, tone_fault, tones_beside, without_tones
+from robustid.estimation.tone_faults import keeps_on, tone_fault, tones_beside, without_tones
 
 _CERTAIN = 8.0  # standard deviations of a trend
 _DRIFTS = 0.05  # of the rms of the output
@@ -116,7 +116,7 @@ def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictor
     if record.initial == "rest" and not any(fault.kind is FaultKind.OFFSET for fault in found):
         found += _operating_point(predictor, record, i, y, where)
     w = predictor.innovations(y, u)
-    tones = [one for one in tones_beside(w, u) if not dies_away(y, one[0])]
+    tones = [one for one in tones_beside(w, u) if keeps_on(w, one[0])]
     if tones:
         frequencies = np.array([cycles for cycles, _, _ in tones])
         gain = np.abs(np.exp(-2j * np.pi * np.outer(frequencies, np.arange(predictor.a.size))) @ predictor.a)

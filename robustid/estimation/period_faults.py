@@ -10,7 +10,7 @@ from robustid.estimation.events import without_period
 from robustid.estimation.period_scatter import jitter_faults, loop_faults
 from robustid.estimation.periodic import EXCITED, dft, transient_periods, without_drift
 from robustid.estimation.synchronous_tones import synchronous_tones
-from robustid.estimation.tone_faults import amplitudes, dies_away, tone_fault, tones_beside
+from robustid.estimation.tone_faults import amplitudes, keeps_on, tone_fault, tones_beside
 
 _NOISY = 2.0  # times the median of the records
 _DRIFTS = 0.05  # part of the rms of an output
@@ -158,7 +158,7 @@ def _tones(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -
 
 def _sustained(left: Real) -> list[tuple[float, float, float]]:
     """Tones of what differs from period to period, but for modes that ring."""
-    return [one for one in tones_beside(left, np.zeros((left.size, 0))) if not dies_away(left, one[0])]
+    return [one for one in tones_beside(left, np.zeros((left.size, 0))) if keeps_on(left, one[0])]
 
 
 def _in_records(heard: int, records: int, largest: int) -> str:

@@ -17,11 +17,7 @@ _NARROW = 1 / 20  # of the power of a line, at most, in those
 _UNCERTAIN = 1.5  # of a median over so many lines
 _MOST = 8
 _PARTS, _ALIKE = 6, 0.7  # of a record, and how much of their power adds up
-_FALLS, _LOST, _SURELY = (
-    2,
-    0.2,
-    6.0,
-)  # parts in which an oscillation falls, by what part of it, in deviations of the noise
+_LIGHTEST, _SURELY = 5e-4, 3.0  # damping ratio of a mode, at least; standard deviations
 _FEWEST = 64  # lines
 _CONTRAST = 100.0  # power of an excited line in that of its neighbours
 _DRIVEN = 1e-3  # of the largest line of an input
@@ -113,19 +109,20 @@ def _in_parts(w: Real, cycles: float) -> Complex:
     return np.asarray(np.sum(cut * wave * window, axis=1) / window.sum(), dtype=complex)
 
 
-def dies_away(y: Real, cycles: float) -> bool:
-    """Return whether an oscillation decays from the part of a signal on where it is largest: a mode that rings, and no tone.
+def keeps_on(w: Real, cycles: float) -> bool:
+    """Return whether an oscillation in what the input does not explain lasts longer than any mode that rings.
 
-    From part to part it becomes smaller, by what the noise beside it does not explain.
+    Of a straight line through the logarithms of its amplitudes in the parts of the signal: the largest damping that it leaves. A mode
+    that was moved before the record, or that its input hardly moves, rings on for as long as its damping lets it.
     """
-    size = np.abs(_in_parts(y, cycles))
-    first = int(np.argmax(size))
+    size = np.maximum(np.abs(_in_parts(w, cycles)), np.finfo(float).tiny)
     # Of the noise: what is as far off as the window of a part reaches.
-    beside = [np.abs(_in_parts(y, cycles + sign * k * _PARTS / y.size)) for k in (3, 4, 5) for sign in (-1, 1)]
-    noise = float(np.median(np.array(beside))) / math.sqrt(math.log(2))
-    fall = -np.diff(size[first:])
-    lost = float(size[first] - size[-1])
-    return fall.size >= _FALLS and bool(np.all(fall > -noise)) and lost > max(_LOST * size[first], _SURELY * noise)
+    beside = [np.abs(_in_parts(w, cycles + sign * k * _PARTS / w.size)) for k in (3, 4, 5) for sign in (-1, 1)]
+    noise = float(np.median(np.array(beside))) / math.sqrt(2 * math.log(2))  # of one of two components
+    place = (np.arange(_PARTS) - (_PARTS - 1) / 2) / _PARTS  # in part of the record
+    spread = float(place @ place)
+    slope = abs(float(place @ np.log(size))) / spread + _SURELY * noise / (float(size.mean()) * math.sqrt(spread))
+    return slope < 2 * math.pi * cycles * w.size * _LIGHTEST
 
 
 def _refined(w: Real, k: int) -> float:
