@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Real
-from robustid.estimation.innovations import Predictor, Predictors
+from robustid.estimation.innovations import LAST, Predictor, Predictors, order_for
 from robustid.estimation.periodic import without_drift
 
 _FALSE_ALARM = 1e-4  # in one signal
@@ -19,6 +19,10 @@ _ABRUPT = 6.0  # standard deviations by which the samples around a jump show it 
 _ROUNDS = 12
 _TOGETHER = 0.6  # of the largest: found in one round
 _CROWD = 4  # events so near to each other that the predictor spans them
+_SUDDEN, _BEFORE = (
+    2.5,
+    200,
+)  # times the largest that was new in an input in so many samples before: the end of a sweep, a step
 _SMALLEST = 0.01  # of the rms of the signal: a jump below it harms nothing
 
 
@@ -71,6 +75,25 @@ def examined(y: Real, predictors: Predictors, u: Real, period: int | None) -> Ex
     if any(np.sum(np.abs(at - one) <= 2 * predictors.order) > _CROWD for one in at):
         return Examined((), y, predictor)  # a burst, which is no single sample
     return Examined(tuple(sorted(events, key=lambda one: -one.deviations)), clean, predictor)
+
+
+def not_after_changes(events: tuple[Event, ...], u: Real, reach: int) -> tuple[Event, ...]:
+    """Events without those that come with a sudden change of an input: the plant answers it, more than a predictor knows."""
+    if not events:
+        return events
+    places: list[int] = []
+    for one in u.T:
+        if order_for(one.size, 0) < LAST or np.ptp(one) == 0:
+            continue
+        alone = np.zeros((one.size, 0))
+        w = np.abs(Predictors(alone, LAST).of(one).innovations(one, alone))
+        usual = np.lib.stride_tricks.sliding_window_view(np.concatenate([np.zeros(_BEFORE), w[:-LAST]]), _BEFORE).max(
+            axis=1
+        )
+        sudden = w[LAST - 1 :] > _SUDDEN * usual[: w.size - LAST + 1]
+        places += (np.flatnonzero(sudden[_BEFORE:]) + _BEFORE + 2 * LAST - 1).tolist()
+    at = np.array(places)
+    return tuple(one for one in events if not np.any((one.at >= at - reach // 2) & (one.at <= at + reach)))
 
 
 def _not_of_seams(events: list[Event], period: int | None, reach: int) -> list[Event]:

@@ -15,6 +15,7 @@ _SPARE = 5  # rows a coefficient, at least
 _RIDGE = 1e-10  # of the power of a regressor
 _FLOOR = 3e-5  # of the rms of the output: what ridge and rounding leave
 _DEGREE = 3  # of a trend in time
+LAST, _CONTINUED = 4, 3e-3  # samples; what is new in a signal, in part of it
 
 
 class Predictor(NamedTuple):
@@ -119,6 +120,14 @@ def gain_of_inputs(y: Real, u: Real) -> float:
     alone, both = without.of(y).noise, given.of(y).noise
     spare = given.rows - given.coefficients
     return (alone**2 * (spare + u.shape[1] * (given.order + 1)) - both**2 * spare) / both**2
+
+
+def own_continuation(signal: Real) -> bool:
+    """Return whether a signal (T,) follows from its last few samples: a sine, or a part of a sweep."""
+    if order_for(signal.size, 0) < LAST:
+        return False
+    alone = Predictors(np.zeros((signal.size, 0)), LAST)
+    return alone.of(signal).noise < _CONTINUED * float(signal.std())
 
 
 def _rms(columns: Real) -> Real:

@@ -9,9 +9,9 @@ import numpy as np
 
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
-from robustid.estimation.events import Event, Examined, examined
+from robustid.estimation.events import Event, Examined, examined, not_after_changes
 from robustid.estimation.innovation_scatter import jitter_of_innovations
-from robustid.estimation.innovations import Predictor, Predictors, gain_of_inputs, order_for, trends
+from robustid.estimation.innovations import Predictor, Predictors, gain_of_inputs, order_for, own_continuation, trends
 from robustid.estimation.tone_faults import keeps_on, tone_fault, tones_beside, without_tones
 
 _CERTAIN = 8.0  # standard deviations of a trend
@@ -61,7 +61,10 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
         y = record.y[:, i]
         seen, own = _seen(y, u, predictors, repeats, period is not None)
         clean[:, i] = seen.signal
-        found += _events(seen, where, y, period)
+        told_of = (
+            seen._replace(events=not_after_changes(seen.events, record.u, predictors.order)) if period is None else seen
+        )
+        found += _events(told_of, where, y, period)
         if period is None:
             found += _aperiodic(record, i, seen, where, own)
     return Outputs(found, clean)
@@ -267,7 +270,9 @@ def answers(record: TimeRecord, i: int, period: int | None) -> bool:
         return True
     alone = Predictors(u[:, :0])
     w = _whitened(alone, y)
-    return any(_correlated(w, _whitened(alone, one)) for one in u.T if np.ptp(one) > 0)
+    moving = [one for one in u.T if np.ptp(one) > 0]
+    # Of an input that is its own continuation the past of the output tells as much.
+    return any(own_continuation(one) or _correlated(w, _whitened(alone, one)) for one in moving)
 
 
 def _whitened(predictors: Predictors, signal: Real) -> Real:

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex
 from robustid.data import Fault, FaultKind, TimeRecord
-from robustid.estimation.record_model import Fitted, Piece, carrying_lines, fitted, left_by, piece, without_transient
+from robustid.estimation.innovations import own_continuation
+from robustid.estimation.record_model import Fitted, Piece, left_by, without_transient
+from robustid.estimation.record_parts import (
+    FEW,
+    GOOD,
+    LEAST,
+    RATIO,
+    Compared,
+    Signals,
+    compared_parts,
+    fit,
+    percent,
+    shifted,
+)
 
-_LINES, _FEW = 500, 24  # spectral lines that are used, and needed
 _LOOKED = 3  # records and outputs of which the halves are looked at
-# A model of two parts together leaves so many times what models of each leave, and at least so much of the output; each alone
-# leaves little.
-_RATIO, _LEAST, _GOOD = 6.0, 1e-4, 0.05
 _SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
 _LATE, _LONGEST, _AHEAD = 8, 960, (3, 10, 30)  # samples
 _EARLY = 10.0  # how many times less an output that comes earlier must leave
@@ -25,9 +33,7 @@ _ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
 _EXCHANGED, _SIMPLER = 100.0, 5.0
 _UNITS = (1e-6, 1e-3, 0.01, np.pi / 180, 0.5, 1.0, 2.0, 180 / np.pi, 100.0, 1e3, 1e6)
 _SAME, _NOTHING = 0.02, 1e-9
-_COMPUTED = (
-    1e-3  # part of the input that the output leaves open: a controller makes it, and no model of the plant is there
-)
+_COMPUTED = 1e-3  # part of the input that the output leaves open: a controller makes it, no model of the plant is there
 # With these no model of the records can be judged.
 _BROKEN = {
     FaultKind.CONSTANT,
@@ -38,28 +44,6 @@ _BROKEN = {
     FaultKind.QUANTISED,
     FaultKind.NO_RESPONSE,
 }
-
-
-class _Signals(NamedTuple):
-    """Inputs (T, nu) and one output (T,), which go on as they began where they are periodic."""
-
-    u: Real
-    y: Real
-    periodic: bool = False
-
-
-class _Compared(NamedTuple):
-    """Models of parts together and of each: their ratio, what they leave of the outputs, and the models."""
-
-    ratio: float
-    together: float
-    alone: float
-    models: list[Fitted]
-    pieces: list[Piece]
-
-    @property
-    def different(self) -> bool:
-        return self.ratio > _RATIO and self.alone < _GOOD and self.together - self.alone > _LEAST
 
 
 def with_relations(found: list[Fault], records: Sequence[TimeRecord], period: int | None) -> list[Fault]:
@@ -102,18 +86,18 @@ def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[F
     for i, channel in enumerate(records[0].outputs):
         where = f"output {channel.name}"
         signals = [
-            _Signals(one.u, one.y[:, i], record.initial == "periodic")
+            Signals(one.u, one.y[:, i], record.initial == "periodic")
             for one, record in zip(given, records, strict=True)
             if np.ptp(one.y[:, i]) > 0 and np.any(np.ptp(one.u, axis=0) > 0)
         ]
-        if len(signals) < len(given) or len(given[0].u) < 4 * _FEW:
+        if len(signals) < len(given) or len(given[0].u) < 4 * FEW:
             continue
-        base = _fit(signals[:1], ())
+        base = fit(signals[:1], ())
         if base is None:
             continue
         own = _unlike(signals, base, where)
         if not own and records[0].reference is None:
-            own = _placed(signals, _fit(signals[:2], (base.poles,)) or base, records, where)
+            own = _placed(signals, fit(signals[:2], (base.poles,)) or base, records, where)
         if not own:
             step = max(1, len(signals) * len(records[0].outputs) // _LOOKED)
             for k in range(0, len(signals), step):
@@ -133,59 +117,14 @@ def _whole(record: TimeRecord, period: int | None) -> TimeRecord:
     return TimeRecord(record.u[:samples], record.y[:samples], dt=record.dt, initial="free")
 
 
-def _fit(signals: Sequence[_Signals], starts: Sequence[Complex], *, shift: int = 0) -> Fitted | None:
-    """Model of parts, the output that many samples earlier."""
-    pieces = _pieces([_shifted(one, shift) for one in signals])
-    return None if pieces is None else fitted(pieces, starts=starts)
-
-
-def _shifted(one: _Signals, shift: int) -> _Signals:
-    if one.periodic:
-        return one._replace(y=np.roll(one.y, -shift))
-    if shift > 0:
-        return _Signals(one.u[:-shift], one.y[shift:])
-    return _Signals(one.u[-shift:], one.y[:shift]) if shift < 0 else one
-
-
-def _pieces(signals: Sequence[_Signals]) -> list[Piece] | None:
-    """Spectra at the lines that the inputs of all parts carry."""
-    if len({len(one.u) for one in signals}) > 1 or len(signals[0].u) < 2 * _FEW:
-        return None
-    each = [carrying_lines(one.u, len(one.u)) for one in signals]
-    lines = functools.reduce(np.intersect1d, each)
-    if lines.size < _FEW or lines.size < max(one.size for one in each) / 2:
-        return None
-    most = max(_LINES // len(signals), 2 * _FEW)
-    lines = lines[np.unique(np.linspace(0, lines.size - 1, most).astype(int))] if lines.size > most else lines
-    return [piece(one.u, one.y, lines) for one in signals]
-
-
-def _compared(signals: Sequence[_Signals], base: Fitted) -> _Compared | None:
-    """Parts together, and each."""
-    pieces = _pieces(signals)
-    if pieces is None:
-        return None
-    alone = [fitted([one], starts=[base.poles], orders=()) for one in pieces]
-    models = [one for one in alone if one is not None]
-    if len(models) < len(pieces):
-        return None
-    together = fitted(pieces, starts=[base.poles, models[0].poles], orders=())
-    if together is None:
-        return None
-    noise = sum(one.cost for one in models) / sum(one.spare for one in models)
-    power = sum(float(np.sum(np.abs(one.output) ** 2)) for one in pieces)
-    ratio = together.noise / max(noise, 1e-24 * power)
-    return _Compared(ratio, together.part, max(one.part for one in models), models, pieces)
-
-
 # --- records against each other -------------------------------------------------------------------------------------------------
 
 
-def _unlike(signals: list[_Signals], base: Fitted, where: str) -> list[Fault]:
+def _unlike(signals: list[Signals], base: Fitted, where: str) -> list[Fault]:
     """Record of another sign, unit, or plant than the others."""
     if len(signals) < 2:
         return []
-    compared = _compared(signals, base)
+    compared = compared_parts(signals, base)
     if compared is None or not compared.different:
         return []
     count = len(signals)
@@ -193,12 +132,14 @@ def _unlike(signals: list[_Signals], base: Fitted, where: str) -> list[Fault]:
     # The odd one is the worst by the others' model, though they fit together without it; of two, the first.
     odd = 0
     if count > 2:
-        without = [_compared(signals[:k] + signals[k + 1 :], base) for k in range(count)]
+        without = [compared_parts(signals[:k] + signals[k + 1 :], base) for k in range(count)]
         odd = int(np.argmin([one.ratio if one is not None else np.inf for one in without]))
     gain, plain, rest = rests[odd]
     against = f"record {2 - odd}" if count == 2 else "the other records"
-    evidence = f"one model of the records leaves {_percent(compared.together)} of it, models of each {_percent(compared.alone)}"
-    limit = max(_RATIO * compared.alone, min(_LEAST, plain / _RATIO))
+    evidence = (
+        f"one model of the records leaves {percent(compared.together)} of it, models of each {percent(compared.alone)}"
+    )
+    limit = max(RATIO * compared.alone, min(LEAST, plain / RATIO))
     if rest < limit and gain != 0:
         usual = [one for one in _UNITS if abs(abs(gain) * one - 1) < _SAME]
         factor = float(np.copysign(usual[0] if usual else float(f"{1 / abs(gain):.4g}"), gain))
@@ -216,7 +157,7 @@ def _unlike(signals: list[_Signals], base: Fitted, where: str) -> list[Fault]:
     return [Fault(FaultKind.OTHER_PLANT, words, evidence, "", where, odd + 1, float(np.sqrt(compared.together)))]
 
 
-def _by_others(compared: _Compared, k: int) -> tuple[float, float, float]:
+def _by_others(compared: Compared, k: int) -> tuple[float, float, float]:
     """Gain of a record by the model of the others, and what that leaves of it without the gain and with it."""
     one, others = compared.pieces[k], [of for number, of in enumerate(compared.pieces) if number != k]
     poles = compared.models[k - 1].poles
@@ -237,47 +178,50 @@ def _predicted(others: Sequence[Piece], one: Piece, poles: Complex) -> Complex:
 # --- output and input ------------------------------------------------------------------------------------------------------------
 
 
-def _placed(signals: list[_Signals], base: Fitted, records: Sequence[TimeRecord], where: str) -> list[Fault]:
+def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord], where: str) -> list[Fault]:
     """Output that comes before its input, or long after it; input and output exchanged."""
     used = signals[:2]
 
     @functools.cache
     def part(shift: int) -> float:
-        return _part(_fit(used, (), shift=shift))
+        return _part(fit(used, (), shift=shift))
 
-    ahead = part(-_AHEAD[1]) if base.part > _LEAST / 10 else np.inf
-    if ahead < base.part / _ALIKE:
+    # What comes too early is followed worse by models that answer later: else the first of them was a poor one.
+    least = min(base.part, part(3)) if base.part > LEAST / 10 else base.part
+    ahead = part(-_AHEAD[1]) if least > LEAST / 10 else np.inf
+    if ahead < least / _ALIKE:
         ahead = min(part(-shift) for shift in _AHEAD)
     turned = None
-    if base.part > _LEAST / 10 and len(records[0].outputs) == len(records[0].inputs) == 1:
-        turned = _fit([_Signals(one.y[:, None], one.u[:, 0]) for one in used], ())
+    single = len(records[0].outputs) == len(records[0].inputs) == 1 and not own_continuation(signals[0].u[:, 0])
+    if least > LEAST / 10 and single:
+        turned = fit([Signals(one.y[:, None], one.u[:, 0]) for one in used], ())
     swapped, times = _part(turned), _SIMPLER if _simpler(turned, base) else _EXCHANGED
-    if swapped < base.part / times and swapped < ahead / _ALIKE and swapped < _GOOD:
+    if swapped < least / times and swapped < ahead / _ALIKE and swapped < GOOD:
         names = f"input {records[0].inputs[0].name} and {where}"
-        words = f"{names} are exchanged: a stable model from the output to the input leaves {_percent(swapped)} of it"
-        evidence = f"from the input to the output {_percent(base.part)}"
+        words = f"{names} are exchanged: a stable model from the output to the input leaves {percent(swapped)} of it"
+        evidence = f"from the input to the output {percent(base.part)}"
         return [Fault(FaultKind.EXCHANGED, words, evidence, "exchange", names, 0, float(np.sqrt(base.part / swapped)))]
-    if ahead < base.part / _EARLY and ahead < _GOOD:
+    if ahead < least / _EARLY and ahead < GOOD:
         first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
         count = -_largest(part, -first, _ALIKE * part(-first))
         words = f"{where} comes {count} sample{'s' * (count > 1)} before what its input can cause: no plant does that"
-        evidence = f"a stable model leaves {_percent(base.part)} of it, {_percent(ahead)} after the correction"
+        evidence = f"a stable model leaves {percent(base.part)} of it, {percent(ahead)} after the correction"
         return [Fault(FaultKind.LATE, words, evidence, f"delay {count}", where, 0, -float(count))]
     # A shift by less than the delay leaves a simpler plant, one by more leaves what no stable model predicts.
-    if part(_LATE + 1) > _CLOSE * max(base.part, 1e-12) or min(base.part, part(20), part(40)) > _GOOD / 5:
+    if part(_LATE + 1) > _CLOSE * max(base.part, 1e-12) or min(base.part, part(20), part(40)) > GOOD / 5:
         return []
     limit = _CLOSE * max(min(base.part, part(_LATE + 1), part(20), part(40)), 1e-12)
     if not (reach := max((s for s in (_LATE + 1, 20, 40, 80) if part(s) <= limit), default=0)):
         return []
     count = _largest(part, reach, limit) - 1  # one is that of the hold
-    without, with_ = _fit(used, ()), _fit(used, (), shift=count)
+    without, with_ = fit(used, ()), fit(used, (), shift=count)
     if without is None or with_ is None or count < _LATE:
         return []
-    far = with_.part < without.part / _EARLY and without.part > _LEAST / 10
+    far = with_.part < min(least, without.part) / _EARLY and without.part > LEAST / 10
     if not (far or _simpler(with_, without)):
         return []
     words = f"{where} comes at least {count} samples after its input: a delay, which costs a model an order for every sample"
-    evidence = f"with it a model leaves {_percent(with_.part)}, without it {_percent(without.part)}"
+    evidence = f"with it a model leaves {percent(with_.part)}, without it {percent(without.part)}"
     return [Fault(FaultKind.LATE, words, evidence, f"advance {count}", where, 0, float(count))]
 
 
@@ -288,11 +232,6 @@ def _simpler(one: Fitted | None, other: Fitted) -> bool:
 
 def _order(model: Fitted) -> int:
     return model.poles.size + int(np.sum(np.imag(model.poles) != 0))
-
-
-def _percent(part: float) -> str:
-    """Root of a part of the power, in words."""
-    return f"{100 * float(np.sqrt(part)):.2g} %"
 
 
 def _part(model: Fitted | None) -> float:
@@ -314,25 +253,25 @@ def _largest(part: Callable[[int], float], good: int, limit: float) -> int:
 # --- halves of a record ----------------------------------------------------------------------------------------------------------
 
 
-def _varying(one: _Signals, base: Fitted, where: str, period: int | None) -> list[Fault]:
+def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list[Fault]:
     """Halves of a record that are of two plants; or of one, with a clock, or with samples that were lost."""
     halves = _halves(one, period)
-    compared = None if halves is None else _compared(halves, base)
+    compared = None if halves is None else compared_parts(halves, base)
     if (
         halves is None
         or compared is None
         or compared.ratio < _SUSPECT
-        or compared.together - compared.alone < _LEAST / 10
+        or compared.together - compared.alone < LEAST / 10
     ):
         return []
-    evidence = f"a model of both halves leaves {_percent(compared.together)} of it"
+    evidence = f"a model of both halves leaves {percent(compared.together)} of it"
     shift = _delay_between(compared)
     length = len(halves[0].u)
     lost = round(shift)
     moved = None
     if lost and abs(lost) < length // 4:
-        late = _shifted(halves[1], lost)
-        moved = _compared([_Signals(halves[0].u[: len(late.u)], halves[0].y[: len(late.u)]), late], base)
+        late = shifted(halves[1], lost)
+        moved = compared_parts([Signals(halves[0].u[: len(late.u)], halves[0].y[: len(late.u)]), late], base)
     clock, ticking = _clock(one, base, period, shift / length) if shift else (0.0, None)
     left = np.inf if ticking is None else ticking.together
     if left < min(compared.together / _BETTER, np.inf if moved is None else moved.together / _ALIKE):
@@ -340,31 +279,31 @@ def _varying(one: _Signals, base: Fitted, where: str, period: int | None) -> lis
             f"{where} has another clock than the input: it is {abs(clock):.3g} {'slower' if clock > 0 else 'faster'}, so that the"
             f" delay changes by {abs(clock) * len(one.y):.2g} samples over the record; resample it, or take one clock"
         )
-        after = f"{evidence}, {_percent(left)} with one clock"
+        after = f"{evidence}, {percent(left)} with one clock"
         return [Fault(FaultKind.CLOCK, words, after, where=where, size=clock)]
     if moved is not None and moved.together < compared.together / _BETTER:
         word = "earlier" if lost < 0 else "later"
         words = f"{where} comes {abs(lost)} sample{'s' * (abs(lost) > 1)} {word} in the second half of the record than in the first"
         words += ": samples were lost; use the two parts as two records"
-        after = f"{evidence}, {_percent(moved.together)} without that"
+        after = f"{evidence}, {percent(moved.together)} without that"
         return [Fault(FaultKind.LOST, words, after, where=where, size=float(lost))]
     if not compared.different:
         return []
     words = f"{where} answers the input in the second half of the record in another way than in the first: the plant changes"
     words += "; use shorter records"
-    after = f"{evidence}, models of each {_percent(compared.alone)}"
+    after = f"{evidence}, models of each {percent(compared.alone)}"
     return [Fault(FaultKind.VARYING, words, after, where=where, size=float(np.sqrt(compared.together)))]
 
 
-def _halves(one: _Signals, period: int | None) -> list[_Signals] | None:
+def _halves(one: Signals, period: int | None) -> list[Signals] | None:
     """First and second half, of whole periods."""
     half = len(one.u) // 2
     if period is not None:
         half = half // period * period
-    return [_Signals(one.u[:half], one.y[:half]), _Signals(one.u[-half:], one.y[-half:])] if half >= 4 * _FEW else None
+    return [Signals(one.u[:half], one.y[:half]), Signals(one.u[-half:], one.y[-half:])] if half >= 4 * FEW else None
 
 
-def _delay_between(compared: _Compared) -> float:
+def _delay_between(compared: Compared) -> float:
     """Delay in samples of the second half against the first, by the phase of what the model of the first predicts."""
     first, second = compared.pieces
     predicted = _predicted([first], second, compared.models[0].poles)
@@ -377,16 +316,16 @@ def _delay_between(compared: _Compared) -> float:
     return float(fine[np.argmax(np.real(np.exp(1j * fine[:, None] * angle) @ cross))])
 
 
-def _clock(one: _Signals, base: Fitted, period: int | None, start: float) -> tuple[float, _Compared | None]:
+def _clock(one: Signals, base: Fitted, period: int | None, start: float) -> tuple[float, Compared | None]:
     """Clock of the output, in part of that of the input, with which the halves are alike."""
     import scipy.interpolate
 
     n = np.arange(len(one.y), dtype=float)
     spline = scipy.interpolate.CubicSpline(n, one.y)
 
-    def tried(slow: float) -> _Compared | None:
-        halves = _halves(_Signals(one.u, np.asarray(spline(np.clip(n * (1 + slow), 0, n[-1])))), period)
-        return None if halves is None else _compared(halves, base)
+    def tried(slow: float) -> Compared | None:
+        halves = _halves(Signals(one.u, np.asarray(spline(np.clip(n * (1 + slow), 0, n[-1])))), period)
+        return None if halves is None else compared_parts(halves, base)
 
     best, found, width = start, tried(start), 0.3
     for _ in range(4):

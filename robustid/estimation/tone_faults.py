@@ -18,6 +18,7 @@ _UNCERTAIN = 1.5  # of a median over so many lines
 _MOST = 8
 _PARTS, _ALIKE = 6, 0.7  # of a record, and how much of their power adds up
 _LIGHTEST, _SURELY = 5e-4, 3.0  # damping ratio of a mode, at least; standard deviations
+_VARIES = 0.5  # of the logarithm of an amplitude: mains do, a little
 _FEWEST = 64  # lines
 _CONTRAST = 100.0  # power of an excited line in that of its neighbours
 _DRIVEN = 1e-3  # of the largest line of an input
@@ -112,17 +113,20 @@ def _in_parts(w: Real, cycles: float) -> Complex:
 def keeps_on(w: Real, cycles: float) -> bool:
     """Return whether an oscillation in what the input does not explain lasts longer than any mode that rings.
 
-    Of a straight line through the logarithms of its amplitudes in the parts of the signal: the largest damping that it leaves. A mode
-    that was moved before the record, or that its input hardly moves, rings on for as long as its damping lets it.
+    By the largest damping that the logarithms of its amplitudes in parts of the signal leave, of a straight line through them.
+    A mode that was moved before the record rings on for as long as its damping lets it.
     """
     size = np.maximum(np.abs(_in_parts(w, cycles)), np.finfo(float).tiny)
     # Of the noise: what is as far off as the window of a part reaches.
     beside = [np.abs(_in_parts(w, cycles + sign * k * _PARTS / w.size)) for k in (3, 4, 5) for sign in (-1, 1)]
     noise = float(np.median(np.array(beside))) / math.sqrt(2 * math.log(2))  # of one of two components
-    place = (np.arange(_PARTS) - (_PARTS - 1) / 2) / _PARTS  # in part of the record
-    spread = float(place @ place)
-    slope = abs(float(place @ np.log(size))) / spread + _SURELY * noise / (float(size.mean()) * math.sqrt(spread))
-    return slope < 2 * math.pi * cycles * w.size * _LIGHTEST
+    place, uncertain = (np.arange(_PARTS) - (_PARTS - 1) / 2) / _PARTS, noise / float(size.mean())
+    spread, logs = float(place @ place), np.log(size)
+    slope = float(place @ logs) / spread
+    bent = float(np.abs(logs - logs.mean() - slope * place).max())
+    if bent > max(_VARIES, _SURELY * noise / float(size.min())):
+        return False  # moved again within the record
+    return abs(slope) + _SURELY * uncertain / math.sqrt(spread) < 2 * math.pi * cycles * w.size * _LIGHTEST
 
 
 def _refined(w: Real, k: int) -> float:
