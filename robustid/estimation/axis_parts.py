@@ -19,6 +19,7 @@ _PART = 0.5  # of the bound, that a jump takes away at least: all lines beyond i
 _NOISE = 0.5  # error of a local model in parts of the value from which on it may be noise,
 _QUIET, _SMOOTH = 0.4, 0.2  # part of the lines of noise that may have less, and of the others that may have more
 _LINES = 8  # at least, that nothing excited
+_TURNED = 0.1  # of a factor that is -1
 _SMALL_BOUNDS = 3.0  # times their bound, that such values are in the median
 _RELATED, _ALIKE = 3.0, 0.25  # in nats, and in parts of the number of lines: neighbours that turn alike are no noise
 
@@ -162,12 +163,19 @@ def _both(
     return low.value, high.value, ratio, low.dof + high.dof
 
 
+def of_resonance(factor: complex) -> bool:
+    """Return whether a factor turns the response and changes its size, as a resonance between two lines does; a sign turns it."""
+    return factor.real < 0 and abs(abs(factor) - 1) > _TURNED
+
+
 def _confirmed(one: Entry, usable: NDArray[np.intp], gap: int, limit: float) -> complex | None:
     """The factor of the upper part, where no model over both sides explains them without it."""
     below, above, _, _ = _both(one, usable, np.array([gap]), _SIDES[2], 0)
     if not below[0]:
         return None
     factor = complex(above[0] / below[0])
+    if of_resonance(factor):
+        return None
     for poles, power, lines in _WHOLE:
         at = usable[max(gap - lines, 0) : gap + lines]
         upper = at >= usable[gap]

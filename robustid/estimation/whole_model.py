@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
-from robustid.estimation.axis_parts import Jump
+from robustid.estimation.axis_parts import Jump, of_resonance
 from robustid.estimation.outlying_lines import NARROW, Odd, noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit, fractions
 
@@ -175,7 +175,7 @@ def jump_of_models(models: dict[int, WholeModel], omega: Real, entries: int) -> 
             1 + gain[upper] if gained[upper] == each[k][upper] else np.exp(1j * delay[upper] * omega[upper] / omega[-1])
         )
         most = min(np.abs(one.values[:upper]).max(), np.abs(one.values[upper:]).max())  # of either part
-        if np.abs(own - 1) * most > _PART:
+        if np.abs(own - 1) * most > _PART and not of_resonance(complex(own)):
             factors[k], size = own, max(size, float(np.abs(own - 1) * np.abs(one.values[upper - 1 : upper + 1]).mean()))
     return Jump(upper, factors, size) if size > 0 else None
 

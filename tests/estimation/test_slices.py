@@ -1,0 +1,74 @@
+"""Parts of measured records, one input and one output of them: no fault is told that these machines do not have."""
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.data import FaultKind
+from support.measured import realdata
+
+pytestmark = realdata
+# What is there: the mains and few steps of the converter on the beam, one machine measured in a loop, and settings that slices lose.
+THERE = {
+    "two_mass": {FaultKind.JUMP, FaultKind.UNSTATED_PERIOD},
+    "beam_ring": {FaultKind.TONE, FaultKind.QUANTISED, FaultKind.UNSTATED_PERIOD},
+    "fsm": {FaultKind.NO_RESPONSE},
+    "fsm_200mV/test": {FaultKind.NO_RESPONSE},
+    "cdplayer": {FaultKind.FEEDBACK},
+    "hairdryer": set(),
+}
+# Set, samples, output, input, every so many samples; and what was told of it before.
+ONCE = [
+    ("beam_ring", (32156, 36475), 0, 1, 2),  # exchanged, and tones: modes that ring on from the sweep before
+    ("beam_ring", (90165, 91007), 1, 1, 4),  # early
+    ("two_mass", (8330, 8878), 0, 0, 2),  # a seam, where a resonance is between two lines
+    ("two_mass", (18200, 18660), 1, 0, 1),  # early
+    ("two_mass", (253, 3821), 1, 0, 4),  # feedback, where an input was decimated
+    ("fsm", (10861, 11321), 2, 1, 2),  # a tone at a mode
+]
+
+
+def faults(name, samples, output, input, every):
+    records = rid.datasets.load(name)
+    one = records if isinstance(records, rid.TimeRecord) else records[0]
+    inside = slice(*samples)
+    part = rid.TimeRecord(one.u[inside, input], one.y[inside, output], dt=one.dt, initial="free")
+    frf = rid.estimate_frf(part if every == 1 else rid.prepare.decimate(part, every))
+    return [*frf.faults, *rid.prepare.response_faults(frf)]
+
+
+def told(*slice_):
+    """Kinds of faults of a slice."""
+    return {fault.kind for fault in faults(*slice_)}
+
+
+@pytest.mark.parametrize("slice_", ONCE, ids=lambda slice_: f"{slice_[0]}-{slice_[1][0]}")
+def test_of_what_was_told_before_only_what_is_there_is_left(slice_):
+    assert told(*slice_) <= THERE[slice_[0]]
+
+
+def test_the_first_mode_of_the_beam_rings_and_is_no_tone():
+    """It was the larger one of two tones, of 23 % of the rms; the mains are of 3 %."""
+    (tone,) = faults("beam_ring", (85629, 90157), 1, 1, 1)
+    assert tone.kind is FaultKind.TONE
+    assert tone.size < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7, 8])
+def test_of_a_hundred_slices_at_most_two_are_told_of_a_fault_that_is_not_there(seed):
+    wrong = []
+    for k in range(100):
+        rng = np.random.default_rng([seed, k])
+        name = str(rng.choice(list(THERE)))
+        records = rid.datasets.load(name)
+        one = records if isinstance(records, rid.TimeRecord) else records[0]
+        length = int(np.exp(rng.uniform(np.log(300), np.log(len(one.u)))))
+        start = int(rng.integers(0, len(one.u) - length + 1))
+        every = int(rng.choice([1, 1, 2, 4, 8]))
+        every = every if length // every >= 150 else 1
+        where = int(rng.integers(one.y.shape[1])), int(rng.integers(one.u.shape[1]))
+        found = told(name, (start, start + length), *where, every)
+        if not found <= THERE[name]:
+            wrong.append((name, start, length, *where, every, found))
+    assert len(wrong) <= 2, wrong
