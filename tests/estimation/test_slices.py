@@ -8,7 +8,7 @@ from robustid.data import FaultKind
 from support.measured import realdata
 
 pytestmark = realdata
-# What is there: the mains and few steps of the converter on the beam, one machine measured in a loop, and settings that slices lose.
+# What is there: mains and few steps of a converter on the beam, a machine that was measured in a loop, settings that slices lose.
 THERE = {
     "two_mass": {FaultKind.JUMP, FaultKind.UNSTATED_PERIOD},
     "beam_ring": {FaultKind.TONE, FaultKind.QUANTISED, FaultKind.UNSTATED_PERIOD},
