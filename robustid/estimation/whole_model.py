@@ -16,7 +16,10 @@ from robustid.estimation.pole_fit import PoleFit, fractions
 _CHANCE = 1e-4  # of a false alarm, over all places of all entries
 _ORDERS = (4, 6, 8, 12, 16, 20)
 _A_POLE, _FEWEST, _MOST = 6, 48, 2000  # lines; and lines of all entries
-_AS_GOOD = 1.2  # times the noise that local models find: the model is one of the whole entry
+_AS_GOOD, _UNCERTAIN = (
+    1.2,
+    2.0,
+)  # times the noise that local models find, and deviations of it: the model is one of the whole entry
 _EDGE = 6  # lines on either side of a jump
 _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
@@ -41,7 +44,8 @@ class WholeModel(NamedTuple):
     def as_good(self, removed: float) -> bool:
         """Return whether it leaves no more than local models do, without squares so many times the variance."""
         share = max(1 - removed / self.spare, 0.0)
-        return bool(np.sqrt(2 * self.variance * share) <= _AS_GOOD * self.noise)
+        most = _AS_GOOD + _UNCERTAIN / np.sqrt(self.spare)
+        return bool(np.sqrt(2 * self.variance * share) <= most * self.noise)
 
 
 def whole_models(frf: FrequencyResponse) -> dict[int, WholeModel]:
