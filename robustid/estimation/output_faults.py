@@ -115,6 +115,9 @@ def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictor
     if predictor is None or not moves_on(u):
         return []
     short = len(y) < _FEWEST or any(event.jump for event in seen.events)
+    short = short or all(
+        own_continuation(one) for one in u.T if np.ptp(one) > 0
+    )  # the answer to a slow sine looks like a drift
     found = [] if short else _drift(predictors, y, u, where)
     if record.initial == "rest" and not any(fault.kind is FaultKind.OFFSET for fault in found):
         found += _operating_point(predictor, record, i, y, where)

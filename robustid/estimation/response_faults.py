@@ -18,7 +18,7 @@ from robustid.estimation.roughness import roughness
 
 _POLES, _POINTS, _FEWEST, _ENTRIES = 20, 400, 16, 4
 # A correction is believed when a stable model then leaves a third of what it left, and at most so much of the response.
-_BETTER, _GOOD, _BAD = 3.0, 0.3, 0.05
+_BETTER, _GOOD, _BAD = 3.0, 0.2, 0.05
 _JUMPS, _SMOOTH = (
     0.5,
     0.15,
@@ -128,6 +128,9 @@ def _is_whole(samples: float) -> bool:
 def _stable(frf: FrequencyResponse) -> list[Fault]:
     """Corrections after which a stable model fits, where none does before."""
     whole = ~frf.missing.any(axis=(1, 2))
+    if frf.bound is not None:  # what may as well be zero is no shape
+        size, bound = (np.linalg.norm(one, axis=(1, 2)) for one in (frf.values, frf.bound.outer_radius))
+        whole &= size > bound
     if int(whole.sum()) < _FEWEST or not np.any(frf.values[whole]):
         return []
     part = _representative(frf.select(whole))

@@ -41,10 +41,9 @@ class WholeModel(NamedTuple):
         """Numbers that are left over."""
         return len(self.left) - self.basis.shape[1]
 
-    def as_good(self, removed: float) -> bool:
-        """Return whether it leaves no more than local models do, without squares so many times the variance."""
+    def as_good(self, removed: float, most: float = _AS_GOOD) -> bool:
+        """Return whether it leaves at most so many times what local models do, without squares so many times the variance."""
         share = max(1 - removed / self.spare, 0.0)
-        most = _AS_GOOD + _UNCERTAIN / np.sqrt(self.spare)
         return bool(np.sqrt(2 * self.variance * share) <= most * self.noise)
 
 
@@ -132,7 +131,8 @@ def odd_lines(models: dict[int, WholeModel]) -> list[Odd]:
         limit = 2 * np.log(max(total, 1) / _CHANCE)
         beside = np.maximum(np.append(square[1:], 0), np.insert(square[:-1], 0, 0))
         odd = np.flatnonzero((square > limit) & (away > 1) & (beside < _QUIET))
-        if odd.size <= max(1, _FEW * lines) and one.as_good(float(square[odd].sum())):
+        most = _AS_GOOD + _UNCERTAIN / np.sqrt(one.spare)
+        if odd.size <= max(1, _FEW * lines) and one.as_good(float(square[odd].sum()), most):
             part = away[odd] / np.maximum(np.abs(one.values[odd]), np.finfo(float).tiny)
             scatter = np.sqrt(square[odd] / 2)
             found += [

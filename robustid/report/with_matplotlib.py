@@ -110,12 +110,14 @@ def _dress(ax: Axes, panel: Panel, *, label_x: bool, size: tuple[float, float]) 
     ax.set_title(textwrap.fill(_plain(panel.title), int(_LETTERS * size[0])))
     room = (min(size) if panel.square else size[0]) / _LABEL, 2 * size[1] / _LABEL
     for axis, side, described, labels in ((ax.xaxis, "x", panel.x, room[0]), (ax.yaxis, "y", panel.y, room[1])):
-        getattr(ax, f"set_{side}scale")("log" if described.log else "linear")
+        # Nothing of it can be drawn where all is infinite, or zero: a logarithmic axis would have no ticks then.
+        log = described.log and (described.range is not None or bool(np.isfinite(ax.dataLim.minpos[int(side == "y")])))
+        getattr(ax, f"set_{side}scale")("log" if log else "linear")
         if described.range is not None:
             getattr(ax, f"set_{side}lim")(*described.range)
         if described.tick is not None:
             axis.set_major_locator(MultipleLocator(described.tick))
-        elif not described.log:
+        elif not log:
             few = AutoLocator()
             few.set_params(nbins=max(3, min(9, int(labels))))
             axis.set_major_locator(few)

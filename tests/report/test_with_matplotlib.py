@@ -7,7 +7,9 @@ import numpy as np
 import robustid as rid
 from robustid.data import FrequencyResponse
 from robustid.report import plot
+from robustid.report.charts import Axis, Chart, Layer, Panel
 from robustid.report.frequency import frequency_charts
+from robustid.report.with_matplotlib import draw as drawn
 from support.frf_records import HZ
 from support.matrix_pages import measured
 from support.matrix_pages import problem as matrix_problem
@@ -116,3 +118,12 @@ def test_long_names_stay_inside_their_column():
     titles = [ax._left_title.get_window_extent() for ax in figure.axes[:3]]
     ends = [*(title.x0 for title in titles[1:]), figure.bbox.x1]
     assert all(title.x1 < end for title, end in zip(titles, ends, strict=True))
+
+
+def test_an_axis_of_which_all_is_infinite_or_zero_is_drawn_without_logarithms():
+    x = np.array([1.0, 10.0])
+    for y in (np.full(2, np.inf), np.zeros(2)):
+        panel = Panel("", Axis("frequency [Hz]", log=True), Axis("error", log=True), [Layer("bound", x, y, "black")])
+        figure = drawn(Chart("error", [panel]))
+        figure.canvas.draw()
+        assert figure.axes[0].get_yscale() == "linear"
