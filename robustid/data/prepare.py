@@ -109,10 +109,10 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
     Returns
     -------
     TimeRecord
-        With `dt` times `factor`. Lines up to 0.8 of the new Nyquist frequency are kept (to 1e-4), those above are filtered
-        out: leave them out of what is estimated. The bound is filtered by ``|h|``: no error within the old bound leaves
-        the new one, and the worst one attains it. Samples whose filter reaches outside the record are dropped at both ends and
-        the record is then one from an unknown state; a periodic record is continued by itself and stays whole.
+        With `dt` times `factor`, its input not `held`. Lines up to 0.8 of the new Nyquist frequency are kept (to 1e-4), those
+        above are filtered out: leave them out of what is estimated. The bound is filtered by ``|h|``: no error within the old
+        bound leaves the new one, and the worst one attains it. Samples whose filter reaches outside the record are dropped at
+        both ends and the record is then one from an unknown state; a periodic record is continued by itself and stays whole.
 
     Raises
     ------
@@ -167,10 +167,10 @@ def decimate(record: TimeRecord, factor: int) -> TimeRecord:
             )
         slow_bound = dataclasses.replace(slow_bound, radius=radius)
     if periodic:
-        return dataclasses.replace(record, **slow, bound=slow_bound, dt=factor * record.dt)
+        return dataclasses.replace(record, **slow, bound=slow_bound, dt=factor * record.dt, held=False)
     past = np.abs(taps).sum() * max(np.abs(record.u).max(), record.largest_past_input)
     return dataclasses.replace(
-        record, **slow, bound=slow_bound, dt=factor * record.dt, initial="free", past_input_bound=past
+        record, **slow, bound=slow_bound, dt=factor * record.dt, initial="free", past_input_bound=past, held=False
     )
 
 

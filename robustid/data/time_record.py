@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Frozen, Savable, as_array, as_float, as_positive, as_signals, freeze
+from robustid.core import Frozen, Savable, as_array, as_flag, as_float, as_positive, as_signals, freeze
 from robustid.data.bound import Bound
 from robustid.data.frequency_points import as_note, signal_index
 from robustid.errors import InputError, InputTypeError
@@ -44,6 +44,9 @@ class TimeRecord(Frozen, Savable):
         whole number of periods.
     past_input_bound : float, optional
         For ``initial="free"``: a bound on |u| before the record; default max |u| of the record.
+    held : bool
+        The input keeps its value until the next sample. Not after `prepare.decimate`: then the output may follow the next sample of
+        the input, and that is no fault.
     inputs, outputs : sequence of str or (name, unit), optional
         Signal names and units; default: the columns of a DataFrame.
     note : str, optional
@@ -67,6 +70,7 @@ class TimeRecord(Frozen, Savable):
     reference: Any = None
     initial: str = "rest"
     past_input_bound: float | None = None
+    held: bool = True
     inputs: Any = None
     outputs: Any = None
     note: str = ""
@@ -94,6 +98,7 @@ class TimeRecord(Frozen, Savable):
             bound=bound,
             reference=None if reference is None else freeze(reference),
             past_input_bound=past,
+            held=as_flag("held", self.held),
             inputs=as_signals("inputs", _labels(self.inputs, self.u), u.shape[1], "u"),
             outputs=as_signals("outputs", _labels(self.outputs, self.y), y.shape[1], "y"),
         )

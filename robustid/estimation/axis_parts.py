@@ -171,8 +171,8 @@ def of_resonance(factor: complex) -> bool:
 def _confirmed(one: Entry, usable: NDArray[np.intp], gap: int, limit: float) -> complex | None:
     """The factor of the upper part, where no model over both sides explains them without it."""
     below, above, _, _ = _both(one, usable, np.array([gap]), _SIDES[2], 0)
-    if not below[0]:
-        return None
+    if min(abs(below[0]), abs(above[0])) <= float(one.bound[usable[gap - 1 : gap + 1]].max()):
+        return None  # of what may as well be zero nothing follows
     factor = complex(above[0] / below[0])
     if of_resonance(factor):
         return None

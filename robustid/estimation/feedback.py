@@ -44,11 +44,11 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
                     " nothing else moves it. The response would be that of -1/controller; excite the loop, and give the reference"
                 )
                 return [Fault(FaultKind.FEEDBACK, words, where=pair, size=left)]
-            early, late = _correlations(u, y)
+            early, late = _correlations(u, y) if record.held else (0.0, 0.0)
             if early > max(_CERTAIN, _PART * late):
                 tied.append((early, pair))
     if not tied:
-        return noise_in_inputs(record)
+        return noise_in_inputs(record) if record.held else []
     early, pair = max(tied)
     more = f" (and {len(tied) - 1} more pairs)" if len(tied) > 1 else ""
     words = (

@@ -202,7 +202,7 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
         words = f"{names} are exchanged: a stable model from the output to the input leaves {percent(swapped)} of it"
         evidence = f"from the input to the output {percent(base.part)}"
         return [Fault(FaultKind.EXCHANGED, words, evidence, "exchange", names, 0, float(np.sqrt(base.part / swapped)))]
-    if ahead < least / _EARLY and ahead < GOOD:
+    if ahead < least / _EARLY and ahead < GOOD and records[0].held:
         first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
         count = -_largest(part, -first, _ALIKE * part(-first))
         words = f"{where} comes {count} sample{'s' * (count > 1)} before what its input can cause: no plant does that"

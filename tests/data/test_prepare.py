@@ -188,6 +188,7 @@ def test_decimation_keeps_the_response_in_the_pass_band(factor):
     period = 1200
     record = steady(period, 2, np.random.default_rng(factor))
     slow = rid.prepare.decimate(record, factor)
+    assert (record.held, slow.held) == (True, False)
     assert (slow.u.shape[0], slow.initial) == (2 * period // factor, "periodic")
     lines = np.arange(1, int(0.8 * period / factor / 2) + 1)
     fast_u, fast_y = (np.fft.rfft(s[:period, 0])[lines] / period for s in (record.u, record.y))

@@ -10,7 +10,7 @@ from support.measured import realdata
 pytestmark = realdata
 # What is there: mains and few steps of a converter on the beam, a machine that was measured in a loop, settings that slices lose.
 THERE = {
-    "two_mass": {FaultKind.JUMP, FaultKind.UNSTATED_PERIOD},
+    "two_mass": {FaultKind.JUMP, FaultKind.SPIKE, FaultKind.UNSTATED_PERIOD, FaultKind.NOISE_ONLY},
     "beam_ring": {FaultKind.TONE, FaultKind.QUANTISED, FaultKind.UNSTATED_PERIOD},
     "fsm": {FaultKind.NO_RESPONSE},
     "fsm_200mV/test": {FaultKind.NO_RESPONSE},
@@ -25,6 +25,8 @@ ONCE = [
     ("two_mass", (18200, 18660), 1, 0, 1),  # early
     ("two_mass", (253, 3821), 1, 0, 4),  # feedback, where an input was decimated
     ("fsm", (10861, 11321), 2, 1, 2),  # a tone at a mode
+    ("fsm_200mV/test", (8555, 15115), 2, 2, 4),  # feedback, after decimation
+    ("beam_ring", (34367, 34714), 1, 1, 2),  # decibels, where no line says more than its bound
 ]
 
 
@@ -68,7 +70,10 @@ def test_of_a_hundred_slices_at_most_two_are_told_of_a_fault_that_is_not_there(s
         every = int(rng.choice([1, 1, 2, 4, 8]))
         every = every if length // every >= 150 else 1
         where = int(rng.integers(one.y.shape[1])), int(rng.integers(one.u.shape[1]))
-        found = told(name, (start, start + length), *where, every)
+        try:
+            found = told(name, (start, start + length), *where, every)
+        except rid.InputError:  # its input rests
+            continue
         if not found <= THERE[name]:
             wrong.append((name, start, length, *where, every, found))
     assert len(wrong) <= 2, wrong
