@@ -15,7 +15,7 @@ from robustid.estimation.axis_parts import Jump, jump, unexcited
 from robustid.estimation.corrections import leaving_out, written_hz
 from robustid.estimation.local_models import FEWEST
 from robustid.estimation.outlying_lines import NARROW, Odd, odd_values
-from robustid.estimation.whole_model import jump_of_models, odd_lines, whole_models
+from robustid.estimation.whole_model import beyond_bounds, jump_of_models, odd_lines, whole_models
 
 _TWICE = 1.5  # times the sum of their bounds, by which values at the same frequency contradict each other,
 _PART = 0.1  # or so much of their size where no bound is stated
@@ -26,11 +26,15 @@ _MAINS_HZ = (50.0, 60.0, 400.0, 16.0 + 2 / 3)
 
 
 class Cleaned(NamedTuple):
-    """Faults of lines, the most telling first, the response without those lines, and without their jumps too."""
+    """Faults of lines, the most telling first, the response without those lines, and without their jumps too.
+
+    `beyond` is by how many bounds several lines are off a model of the whole, if they are.
+    """
 
     faults: list[Fault]
     rest: FrequencyResponse
     joined: FrequencyResponse
+    beyond: float = 0.0
 
 
 def line_faults(frf: FrequencyResponse) -> Cleaned:
@@ -40,14 +44,14 @@ def line_faults(frf: FrequencyResponse) -> Cleaned:
     low, high = _excited(frf)
     if (low, high) != (0, frf.omega.size):
         inner = line_faults(frf.select(slice(low, high)))
-        return Cleaned([*_noise_words(frf, low, high), *inner.faults], inner.rest, inner.joined)
+        return inner._replace(faults=[*_noise_words(frf, low, high), *inner.faults])
     out, found = _contradicting(frf)
     rest = frf.select(~out)
     odd = odd_values(rest)
     wrong = _mask(rest, odd)
-    joined = rest
+    joined, beyond = rest, 0.0
     if (step := jump(rest, wrong)) is None:
-        odd, step = _of_whole(rest, odd, wrong)
+        odd, step, beyond = _of_whole(rest, odd, wrong)
         wrong = _mask(rest, odd)
     if step is not None:
         joined = _joined(rest, step)
@@ -56,17 +60,18 @@ def line_faults(frf: FrequencyResponse) -> Cleaned:
         found.append(_jump_words(rest, step))
     if odd:
         found.append(_odd_words(rest, odd, np.flatnonzero(wrong).tolist()))
-    return Cleaned(found, rest.select(~wrong), joined.select(~wrong))
+    return Cleaned(found, rest.select(~wrong), joined.select(~wrong), beyond)
 
 
-def _of_whole(frf: FrequencyResponse, odd: list[Odd], wrong: NDArray[np.bool_]) -> tuple[list[Odd], Jump | None]:
-    """The lines that are off, with those that only models of whole entries show; or a jump that these show."""
+def _of_whole(frf: FrequencyResponse, odd: list[Odd], wrong: NDArray[np.bool_]) -> tuple[list[Odd], Jump | None, float]:
+    """The lines that are off, with those that only models of whole entries show; or a jump that these show, or small bounds."""
     part = frf.select(~wrong)
     models, lines = whole_models(part), np.flatnonzero(~wrong)
     step = jump_of_models(models, part.omega, part.values[0].size)
     if step is not None:
-        return odd, step._replace(upper=int(lines[step.upper]))
-    return sorted([*odd, *(one._replace(line=int(lines[one.line])) for one in odd_lines(models))]), None
+        return odd, step._replace(upper=int(lines[step.upper])), 0.0
+    more = [one._replace(line=int(lines[one.line])) for one in odd_lines(models)]
+    return sorted([*odd, *more]), None, 0.0 if more else beyond_bounds(models)
 
 
 def _excited(frf: FrequencyResponse) -> tuple[int, int]:

@@ -88,11 +88,11 @@ def all_faults(frf: FrequencyResponse) -> list[Fault]:
 
 def _found(frf: FrequencyResponse) -> tuple[Fault, ...]:
     axis = _axis(frf)
-    lines, rest, joined = line_faults(frf)
-    whole = _stable(rest)
+    cleaned = line_faults(frf)
+    whole = _stable(cleaned.rest)
     if whole:  # what is in another unit is off its neighbours too
         return (*axis, *whole)
-    return (*axis, *lines, *([] if axis else _scattered(joined)))
+    return (*axis, *cleaned.faults, *([] if axis else _scattered(cleaned.joined) or _beyond(cleaned.beyond)))
 
 
 def _axis(frf: FrequencyResponse) -> list[Fault]:
@@ -197,6 +197,18 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
     )
     said = "the bounds are smaller than the noise of the response"
     return [Fault(FaultKind.SMALL_BOUND, said, words, f"bound times {factor:g}", size=worst)]
+
+
+def _beyond(times: float) -> list[Fault]:
+    """A bound that is smaller than what one model of the whole leaves, of several lines."""
+    if not times:
+        return []
+    words = (
+        f"one model of the whole leaves several lines outside their bounds, by up to {times:.3g} times them; they are inside after"
+        " the correction"
+    )
+    said = "the bounds are smaller than the noise of the response"
+    return [Fault(FaultKind.SMALL_BOUND, said, words, f"bound times {1.2 * times:.3g}", size=times)]
 
 
 def _representative(frf: FrequencyResponse, *, bounded: bool = False) -> FrequencyResponse:

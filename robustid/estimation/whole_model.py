@@ -25,6 +25,8 @@ _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
 _QUIET = 12.0  # of chi-squared of a line beside, which a mode of some width would move too
 _FEW = 0.1  # of the lines
+_SEVERAL, _SPARED = 3, 3.0  # lines beyond their bounds; deviations of the model
+_RELATED = 3.0  # deviations of a correlation of neighbours
 
 
 class WholeModel(NamedTuple):
@@ -40,6 +42,13 @@ class WholeModel(NamedTuple):
     def spare(self) -> int:
         """Numbers that are left over."""
         return len(self.left) - self.basis.shape[1]
+
+    @property
+    def white(self) -> bool:
+        """Return whether what it leaves is unrelated from line to line: no model of too low an order."""
+        left = self.left[: self.values.size] + 1j * self.left[self.values.size :]
+        related = abs(complex(left[1:] @ left[:-1].conj())) / max(float(np.linalg.norm(left)) ** 2, 1e-300)
+        return related * float(np.sqrt(left.size)) < _RELATED
 
     def as_good(self, removed: float, most: float = _AS_GOOD) -> bool:
         """Return whether it leaves at most so many times what local models do, without squares so many times the variance."""
@@ -151,6 +160,22 @@ def _own(one: WholeModel) -> tuple[Real, Real]:
     left = np.stack([one.left[:lines], one.left[lines:]], axis=1)[:, :, None]
     off = np.linalg.solve(kept, left)
     return np.sum(left * off, axis=(1, 2)) / one.variance, np.linalg.norm(off[:, :, 0], axis=1)
+
+
+def beyond_bounds(models: dict[int, WholeModel]) -> float:
+    """Largest residual in bounds, where several lines of an entry are left farther away than errors within them do; or 0.
+
+    Errors of at most a bound move a model of least squares by what its parameters take: three deviations of that are spared.
+    """
+    largest = 0.0
+    for one in models.values():
+        lines = one.values.size
+        left = np.sort(np.hypot(one.left[:lines], one.left[lines:]))[::-1]
+        moved = np.sqrt(2 * one.variance * one.basis.shape[1] / (2 * lines))
+        several = left.size > _SEVERAL and left[_SEVERAL - 1] > 1 + _SPARED * moved
+        if several and one.as_good(0.0) and one.white:
+            largest = max(largest, float(left[0]))
+    return largest
 
 
 # --- jumps ---------------------------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import responses
 from support.cases import slow
 from support.fault_plants import SIMULATED, simulated
 
@@ -53,3 +54,22 @@ def test_units_change_nothing(power):
 def test_clean_responses_are_told_nothing(seeds):
     found = [(name, seed) for name in SIMULATED for seed in seeds if told(simulated(name, seed).response)]
     assert len(found) <= 0.02 * len(SIMULATED) * len(seeds), found
+
+
+@pytest.mark.parametrize("seeds", [range(2), slow(range(2, 50))])
+def test_errors_as_large_as_their_bound_are_no_fault_and_larger_ones_are(seeds):
+    """Everywhere exactly so large, of random phase: the worst that a bound allows. Normal errors, 0.75 of it rms, are larger."""
+    small, shown = 0, 0
+    for seed in seeds:
+        for number, name in enumerate(["stage", "arm"]):
+            frf, rng = CLEAN[name], np.random.default_rng([seed, number])
+            truth = responses(simulated(name).plant, frf.omega * frf.dt)
+            bound, turn = frf.bound.outer_radius, np.exp(2j * np.pi * rng.random(frf.values.shape))
+            normal = 0.75 * (rng.standard_normal(turn.shape) + 1j * rng.standard_normal(turn.shape)) / np.sqrt(2)
+            for errors in (turn, normal):
+                measured = rid.FrequencyResponse(frf.omega, truth + bound * errors, bound=bound, dt=frf.dt)
+                kinds = [kind for kind, _ in told(measured)]
+                small += errors is turn and "small bound" in kinds
+                shown += errors is normal and "small bound" in kinds
+    assert small == 0
+    assert shown >= 0.9 * 2 * len(seeds)
