@@ -2,6 +2,18 @@
 
 from robustid.core.balancing import Balancing, balancing
 from robustid.core.choice import Choice, Source
+from robustid.core.coprime import (
+    balanced_scales,
+    closed_loop,
+    decay_of,
+    inverse,
+    is_well_posed,
+    loop_is_stable,
+    mirroring_feedback,
+    normalised_factors,
+    right_factors,
+    series,
+)
 from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
@@ -80,9 +92,12 @@ __all__ = [
     "as_positive",
     "as_signals",
     "atomic_write",
+    "balanced_scales",
     "balancing",
     "bilinear_in_s",
     "bilinear_in_z",
+    "closed_loop",
+    "decay_of",
     "described",
     "digest",
     "exponents_of",
@@ -90,10 +105,15 @@ __all__ = [
     "fingerprint",
     "freeze",
     "input_states",
+    "inverse",
+    "is_well_posed",
     "keep",
     "lengths",
     "load_saved",
+    "loop_is_stable",
     "made",
+    "mirroring_feedback",
+    "normalised_factors",
     "one_thread",
     "part",
     "pass_on",
@@ -105,11 +125,13 @@ __all__ = [
     "response",
     "response_at",
     "responses",
+    "right_factors",
     "rounded_down",
     "rounded_up",
     "save",
     "saved_kind",
     "scaled_states",
+    "series",
     "series_at",
     "show_progress",
     "simulate",
