@@ -11,6 +11,7 @@ from robustid.core.coprime import (
     loop_is_stable,
     mirroring_feedback,
     normalised_factors,
+    poles_of,
     right_factors,
     series,
 )
@@ -120,6 +121,7 @@ __all__ = [
     "paths",
     "plane_of",
     "points_of",
+    "poles_of",
     "projected",
     "read_arrays",
     "response",

@@ -13,6 +13,8 @@ Those of a plant P and of a controller C that stabilises it, with u = r - C y, m
 both stable (`tay1989`, `vidyasagar1985`): the states of the inverse are those of the loop, so that no second feedback is needed.
 """
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import numpy as np
@@ -25,6 +27,11 @@ from robustid.errors import InputError
 _SINGULAR = 1e-13  # relative: what is smaller is rounding
 _EDGE, _NEWTON = 0.1, 6  # distance of a pole from z = -1 at which it is moved first; steps
 _ROUNDING = 1e-12  # of the largest pole: a decay that is smaller is none
+
+
+def poles_of(A: Real) -> Complex:
+    """Eigenvalues."""
+    return np.asarray(np.linalg.eigvals(A), dtype=complex)
 
 
 def decay_of(poles: Complex, dt: float) -> float:
@@ -57,22 +64,26 @@ def mirroring_feedback(system: StateMatrices, dt: float, decay: float) -> Real:
     A = A if dt else A + decay * np.eye(len(A))
     if not A.size:
         return np.zeros((B.shape[1], 0))
-    inside = (lambda pole: abs(pole) <= 1.0) if dt else (lambda pole: pole.real <= 0.0)
-    schur, basis, kept = scipy.linalg.schur(A, output="complex", sort=inside)
+
+    def stays(pole: complex) -> bool:
+        return abs(pole) <= 1.0 if dt else pole.real <= 0.0
+
+    schur, basis, kept = scipy.linalg.schur(A, output="complex", sort=stays)
+    schur, basis = np.asarray(schur, dtype=complex), np.asarray(basis, dtype=complex)
     slow, drive = schur[kept:, kept:], basis.conj().T[kept:] @ B
     if not slow.size:
         return np.zeros((B.shape[1], len(A)))
     energy = drive @ drive.conj().T
     if dt:
-        back = np.linalg.inv(slow)
+        back = np.asarray(np.linalg.inv(slow), dtype=complex)
         reach = scipy.linalg.solve_discrete_lyapunov(back, back @ energy @ back.conj().T)
     else:
         reach = scipy.linalg.solve_continuous_lyapunov(slow, energy)
     levels = np.linalg.eigvalsh(reach)
     if levels[0] <= _SINGULAR * abs(levels[-1]):
         raise InputError("a pole that is not stable must be moved by the inputs and seen in the outputs; one is not")
-    gain = drive.conj().T @ np.linalg.solve(reach + energy, slow) if dt else drive.conj().T @ np.linalg.inv(reach)
-    return -np.real(gain @ basis.conj().T[kept:])
+    after = np.asarray(np.linalg.solve(reach + energy, slow) if dt else np.linalg.inv(reach), dtype=complex)
+    return -np.real(drive.conj().T @ after @ basis.conj().T[kept:])
 
 
 def balanced_scales(system: StateMatrices) -> StateMatrices:
@@ -104,7 +115,7 @@ def normalising_feedback(system: StateMatrices, dt: float) -> tuple[Real, Real]:
     elif dt:
         # The least cost is that of the system under any other feedback, and of its image in continuous time.
         before = np.zeros((B.shape[1], len(A)))
-        if np.min(np.abs(np.linalg.eigvals(A) + 1)) < _EDGE:  # of the image: infinity
+        if np.min(np.abs(poles_of(A) + 1)) < _EDGE:  # of the image: infinity
             before = mirroring_feedback(system, dt, _EDGE / dt)
         X = _least_cost(bilinear_in_s(right_factors(system, before), 2.0))
         weight = weight + B.T @ X @ B
@@ -113,7 +124,7 @@ def normalising_feedback(system: StateMatrices, dt: float) -> tuple[Real, Real]:
         X = _least_cost(right_factors(system, np.zeros((B.shape[1], len(A)))))
         feedback = -np.linalg.solve(weight, D.T @ C + B.T @ X)
     levels, basis = np.linalg.eigh(weight)
-    return feedback, (basis / np.sqrt(levels)) @ basis.T
+    return np.asarray(feedback, dtype=float), (basis / np.sqrt(levels)) @ basis.T
 
 
 def _least_cost(system: StateMatrices) -> Real:
@@ -130,17 +141,19 @@ def _least_cost(system: StateMatrices) -> Real:
     _, basis, kept = scipy.linalg.schur(hamiltonian, sort="lhp")
     if kept != n:
         raise np.linalg.LinAlgError("poles on the axis")
-    X = np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T).T
+    X = np.asarray(np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T), dtype=float)
+    size = np.inf
     for _ in range(_NEWTON):
         X = (X + X.T) / 2
-        feedback = -np.linalg.solve(weight, D.T @ C + B.T @ X)
+        feedback = -np.asarray(np.linalg.solve(weight, D.T @ C + B.T @ X), dtype=float)
         closed, outputs = A + B @ feedback, C + D @ feedback
-        if decay_of(np.linalg.eigvals(closed), 0.0) <= _SINGULAR * np.linalg.norm(closed):
+        if decay_of(poles_of(closed), 0.0) <= _SINGULAR * np.linalg.norm(closed):
             raise np.linalg.LinAlgError("poles on the axis")
         missing = closed.T @ X + X @ closed + outputs.T @ outputs
         step = scipy.linalg.solve_continuous_lyapunov(closed.T, -missing)
-        X = X + step
-        if np.linalg.norm(step) <= _SINGULAR * np.linalg.norm(X):
+        X = X + np.asarray(step, dtype=float)
+        before, size = size, float(np.linalg.norm(step))
+        if size <= _SINGULAR * np.linalg.norm(X) or size > before / 2:  # what is left is rounding
             break
     return (X + X.T) / 2
 
@@ -161,7 +174,7 @@ def normalised_factors(system: StateMatrices, dt: float) -> StateMatrices:
 def inverse(system: StateMatrices) -> StateMatrices:
     """The inverse of a square system whose feedthrough is regular."""
     A, B, C, D = system
-    back = np.linalg.inv(D)
+    back: Real = np.asarray(np.linalg.inv(D), dtype=float)
     return StateMatrices(A - B @ back @ C, B @ back, -back @ C, back)
 
 
@@ -215,18 +228,16 @@ def loop_factors(plant: StateMatrices, controller: StateMatrices, dt: float) -> 
         If the controller does not stabilise the plant.
     """
     loop = closed_loop(plant, controller)
-    poles = np.linalg.eigvals(loop.A)
+    poles = poles_of(loop.A)
     decay = decay_of(poles, dt)
     if not loop_is_stable(poles, dt):
         worst = poles[np.argmax(np.abs(poles) if dt else poles.real)]
         raise InputError(f"the loop must be stable; got a closed-loop pole at {worst:.6g}")
     nu, ny = plant.B.shape[1], plant.C.shape[0]
-    factors = []
-    for system in (plant, controller):
-        slow = decay if np.isfinite(decay) else 0.0
-        factors.append(right_factors(system, mirroring_feedback(system, dt, slow)))
-    of_plant, of_controller = factors
-    (A, B, C, D), (E, F, G, H) = of_plant, of_controller
+    slow = decay if np.isfinite(decay) else 0.0
+    (A, B, C, D), (E, F, G, H) = (
+        right_factors(system, mirroring_feedback(system, dt, slow)) for system in (plant, controller)
+    )
     top, bottom = slice(0, ny), slice(ny, None)  # of the controller: D_c, N_c
     outputs = np.block([[C[:nu], -G[bottom]], [C[nu:], G[top]]])
     direct = np.block([[D[:nu], -H[bottom]], [D[nu:], H[top]]])

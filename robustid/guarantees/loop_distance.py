@@ -25,6 +25,7 @@ from robustid.core import (
     normalised_factors,
     one_thread,
     points_of,
+    poles_of,
     right_factors,
     series,
 )
@@ -177,7 +178,7 @@ def ncf_margin(
     if not is_well_posed(system, feedback):
         return LoopDistance(0.0, np.inf)
     loop = closed_loop(system, feedback)
-    if not loop_is_stable(np.linalg.eigvals(loop.A), dt or 0.0):
+    if not loop_is_stable(poles_of(loop.A), dt or 0.0):
         return LoopDistance(0.0, np.nan)
     # From what is added to u and to y: u = S_u (v - C w), y = P u + w. With -w and w + y in the place of w and y: [I; P] S_u [I C].
     ny, nu = system.D.shape
@@ -300,10 +301,9 @@ def _normalised(name: str, system: StateMatrices, dt: float | None) -> StateMatr
         )
     try:
         found = normalised_factors(system, dt or 0.0)
-        sound = _is_isometry(found, dt)
-    except (np.linalg.LinAlgError, ValueError):
-        sound = False
-    if not sound:
+    except (np.linalg.LinAlgError, InputError):
+        found = None
+    if found is None or not _is_isometry(found, dt):
         raise InputError(
             f"`{name}` must have normalised factors that are stable by more than rounding; the Riccati equation gave none."
             " Scale its signals, so that its gain is about 1"
@@ -323,7 +323,7 @@ def _is_hidden(system: StateMatrices, pole: complex) -> bool:
 
 def _is_isometry(factors: StateMatrices, dt: float | None) -> bool:
     """Say whether factors are stable and normalised to working precision, at the frequencies of the slowest poles."""
-    poles = np.linalg.eigvals(factors.A)
+    poles = poles_of(factors.A)
     if not decay_of(poles, dt or 0.0) > 0:
         return False
     slowest = np.argsort(1 - np.abs(poles) if dt else -poles.real)[:_CHECKED]
@@ -340,7 +340,7 @@ def _mirror(system: StateMatrices, normalised: list[StateMatrices], dt: float | 
     if np.all(np.abs(distance) > doubt):
         return 0.0
     others = [decay_of(poles[distance > doubt], dt or 0.0)]
-    return min(others + [decay_of(np.linalg.eigvals(one.A), dt or 0.0) for one in normalised]) / 2
+    return min(others + [decay_of(poles_of(one.A), dt or 0.0) for one in normalised]) / 2
 
 
 def _parts(factors: StateMatrices, count: int) -> tuple[StateMatrices, StateMatrices]:
@@ -374,5 +374,5 @@ def _winds_alike(right: StateMatrices, left: StateMatrices, dt: float | None) ->
     states = scipy.linalg.block_diag(right.A, -left.A.T)
     inputs = scipy.linalg.block_diag(right.B, -left.C.T)
     outputs, direct = np.hstack([right.C, left.B.T]), np.hstack([right.D, left.D.T])
-    zeros = np.linalg.eigvals(inverse(StateMatrices(states, inputs, outputs, direct)).A)
+    zeros = poles_of(inverse(StateMatrices(states, inputs, outputs, direct)).A)
     return np.count_nonzero(zeros.real > 0) == count

@@ -23,7 +23,7 @@ _ROUNDS = 30
 # digits. What is on it by mistake costs one more frequency.
 _NEAR, _NEAR_ZERO = 1e-3, 1e-7
 _SHARP = 0.99  # of the level: a feedthrough so large makes the Hamiltonian matrix ill-conditioned
-_REFINED, _LOW = 4, 0.7  # peaks that are refined, if they aren't much lower than the best
+_REFINED, _LOW = 4, 0.9  # peaks that are refined, if they aren't much lower than the best
 _BESIDE = np.array([-1, 0, 1])
 _CLOSER = 0.25 ** np.arange(
     1, 6
@@ -158,10 +158,13 @@ class _Peak:
 
     def _zoom(self, marks: Real, values: Real, best: NDArray[np.intp]) -> None:
         """Peaks at the best of some frequencies, refined between their neighbours: all of them in each round."""
-        best = best[values[best] >= _LOW * self.value]
         sides = np.clip(best[:, None] + _BESIDE, 0, marks.size - 1)
         omega, found = marks[sides], values[sides]
         for _ in range(_ZOOMS):
+            rows = found[:, 1] >= _LOW * self.value
+            if not rows.any():  # the peak is elsewhere
+                break
+            omega, found = omega[rows], found[rows]
             way = (omega[:, [0, 2]] - omega[:, [1]])[..., None] * _CLOSER
             points = np.hstack([_vertices(omega, found)[:, None], omega[:, [1]] + way.reshape(len(omega), -1)])
             seen = self._look(points.ravel()).reshape(points.shape)
