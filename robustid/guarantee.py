@@ -3,7 +3,9 @@
 from robustid.guarantees import (
     Band,
     Contradiction,
+    CoprimeFactors,
     Family,
+    LoopDistance,
     Member,
     WorstCaseError,
     diameter,
@@ -18,7 +20,9 @@ from robustid.guarantees import (
 __all__ = [
     "Band",
     "Contradiction",
+    "CoprimeFactors",
     "Family",
+    "LoopDistance",
     "Member",
     "WorstCaseError",
     "diameter",

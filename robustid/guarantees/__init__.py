@@ -15,6 +15,7 @@ from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
+from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -46,11 +47,13 @@ __all__ = [
     "CircleBound",
     "Contradiction",
     "ControlPair",
+    "CoprimeFactors",
     "Coverage",
     "Diameter",
     "Driver",
     "Family",
     "Judgement",
+    "LoopDistance",
     "MarginStatus",
     "Member",
     "ParameterIntervals",
@@ -79,6 +82,7 @@ __all__ = [
     "checked_box",
     "consistent_set",
     "contradiction",
+    "coprime",
     "coverage",
     "default_grid",
     "diameter",
@@ -88,7 +92,9 @@ __all__ = [
     "growing_error",
     "has_box",
     "magnitude_weight",
+    "ncf_margin",
     "norm_of_bounds",
+    "nu_gap",
     "otherwise_words",
     "output_errors",
     "ranked",

@@ -2,7 +2,7 @@
 
 from robustid.reduction.balanced import Reduction, ReductionStatus, balanced_truncation, hankel_singular_values
 from robustid.reduction.doubtful_modes import DoubtfulMode, without_doubtful_modes
-from robustid.reduction.error_norm import PeakError, hinf_error
+from robustid.reduction.error_norm import PeakError, hinf_error, hinf_norm
 from robustid.reduction.gramians import Parts, doubtful_distance, gramian_factors, is_stable
 from robustid.reduction.inverse_hold import ContinuousModel, to_continuous
 from robustid.reduction.model_worth import ModelWorth, model_worth_having
@@ -23,6 +23,7 @@ __all__ = [
     "gramian_factors",
     "hankel_singular_values",
     "hinf_error",
+    "hinf_norm",
     "is_stable",
     "model_worth_having",
     "reduce_within_bounds",

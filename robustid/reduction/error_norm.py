@@ -1,4 +1,4 @@
-"""The true error of a smaller model: the H-infinity norm of the difference, level sets by a Hamiltonian matrix."""
+"""H-infinity norm of a stable system and true error of a smaller model: level sets by a Hamiltonian matrix."""
 
 from __future__ import annotations
 
@@ -6,27 +6,34 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Complex, Real, Response, threads_for
+from robustid.core import Complex, Real, Response, StateMatrices, bilinear_in_s, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model
-from robustid.reduction.gramians import Parts, split
+from robustid.reduction.gramians import split
 
 if TYPE_CHECKING:
     import control
 
 
-_RTOL = 1e-6
+_RTOL = 1e-9
 _ROUNDS = 30
-# An eigenvalue this near the axis, relative to the largest, may be on it. What is on it by mistake costs one more frequency.
-_NEAR = 1e-9
-_REFINED = 4
+# Eigenvalues this near the axis, relative to themselves or to the largest, may be on it: two that meet there have half of the
+# digits. What is on it by mistake costs one more frequency.
+_NEAR, _NEAR_ZERO = 1e-3, 1e-7
+_SHARP = 0.99  # of the level: a feedthrough so large makes the Hamiltonian matrix ill-conditioned
+_REFINED, _LOW = 4, 0.9  # peaks that are refined, if they aren't much lower than the best
+_BESIDE = np.array([-1, 0, 1])
+_CLOSER = 0.25 ** np.arange(
+    1, 6
+)  # parts of the way to a neighbour that are looked at: a peak may be much narrower than that
+_ZOOMS = 20
+_CURVED = 3e-6  # relative: a parabola of so little height is right to its square
 
 
 class PeakError(NamedTuple):
-    """Largest singular value of a difference, and where on the frequency axis [rad/s] it is reached (inf included)."""
+    """Largest singular value of a response, and where on the frequency axis [rad/s] it is reached (inf included)."""
 
     value: float
     omega: float
@@ -46,7 +53,7 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
     Returns
     -------
     PeakError
-        ``value``, reached at ``omega`` in rad/s (per sample where dt is True), is at most 1e-6 below the norm; inf
+        ``value``, reached at ``omega`` in rad/s (per sample where dt is True), is at most 1e-9 below the norm; inf
         where the unstable parts have different numbers of poles.
 
     Raises
@@ -56,9 +63,7 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
 
     Notes
     -----
-    Resonances first, refined between their neighbours; then the level just above is tested: it is crossed where a
-    Hamiltonian matrix of twice as many states as both models have together has eigenvalues on the axis (`bruinsma1990`).
-    That takes seconds for 500 states. Discrete models go through the bilinear transformation, which keeps the norm.
+    As `hinf_norm`; seconds for 500 states.
 
     Examples
     --------
@@ -83,19 +88,30 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
         (a, kept), (b, held) = split(first, "keep"), split(second, "keep")
         if kept.a.shape != held.a.shape:
             return PeakError(np.inf, np.nan)
-        difference = Parts(scipy.linalg.block_diag(a.a, b.a), np.vstack([a.b, b.b]), np.hstack([a.c, -b.c]))
-        value, angle = _Peak(difference, first.D - second.D, discrete=bool(dt)).search()
+        states, inputs = scipy.linalg.block_diag(a.a, b.a), np.vstack([a.b, b.b])
+        return hinf_norm(StateMatrices(states, inputs, np.hstack([a.c, -b.c]), first.D - second.D), dt)
+
+
+def hinf_norm(system: StateMatrices, dt: float | None) -> PeakError:
+    """H-infinity norm of a stable system, at most 1e-9 below it, and where it is reached; dt = 0 or None in continuous time.
+
+    Resonances first, refined between their neighbours; then the level just above is tested: it is crossed where a Hamiltonian
+    matrix of twice as many states has eigenvalues on the axis (`bruinsma1990`). Discrete systems go through the bilinear
+    transformation, which keeps the norm.
+    """
+    with threads_for(len(system.A)):
+        value, angle = _Peak(system, discrete=bool(dt)).search()
     return PeakError(value, angle / float(dt) if dt else angle)
 
 
 class _Peak:
     """Largest singular value of a stable response: lower bound by evaluation, proof of the level by eigenvalues."""
 
-    def __init__(self, parts: Parts, feedthrough: Real, *, discrete: bool):
-        self.discrete, self.d = discrete, feedthrough
-        self.response = Response((parts.a, parts.b, parts.c, feedthrough))
-        self.continuous = _bilinear(parts, feedthrough) if discrete else (*parts, feedthrough)
-        self.value, self.omega = 0.0, np.inf
+    def __init__(self, system: StateMatrices, *, discrete: bool):
+        self.discrete, self.d = discrete, system.D
+        self.response = Response(system)
+        self.continuous = bilinear_in_s(system, 2.0) if discrete else system
+        self.value, self.omega, self.lowest = 0.0, np.inf, 0.0
 
     def search(self) -> tuple[float, float]:
         poles = self.response.poles
@@ -106,16 +122,24 @@ class _Peak:
         )
         marks = np.unique(np.concatenate([marks, (marks[:-1] + marks[1:]) / 2]))
         values = self._look(marks)
+        lowest = marks[np.argmin(values)]
+        self.lowest = np.tan(lowest / 2) if self.discrete else lowest
         self._look([np.pi if self.discrete else np.inf])
-        for k in np.argsort(values)[::-1][:_REFINED]:
-            self._refine(marks[max(0, k - 1)], marks[min(marks.size - 1, k + 1)])
+        self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
         for _ in range(_ROUNDS):
             crossings = self._crossings(self.value * (1 + _RTOL))
             before = self.value
-            self._look(np.concatenate([crossings, (crossings[:-1] + crossings[1:]) / 2]))
+            if not crossings.size:
+                break
+            # An interval above the level may go over decades, and its ends are good to rounding only: means of both kinds.
+            marks = np.concatenate([[0.0], crossings, 2 * crossings[-1:]])
+            low, high = marks[:-1], marks[1:]
+            marks = np.unique(np.concatenate([marks, (low + high) / 2, np.sqrt(low * high)]))
+            marks = np.append(2 * np.arctan(marks), np.pi) if self.discrete else marks
+            values = self._look(marks)
             if self.value <= before * (1 + _RTOL):
                 break
-            self._refine(*self._around(crossings))
+            self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
         return self.value, self.omega
 
     def _look(self, frequencies: ArrayLike) -> Real:
@@ -132,39 +156,54 @@ class _Peak:
         values[near] = self.response.at(np.exp(1j * omega[near]) if self.discrete else 1j * omega[near])
         return np.linalg.norm(values, 2, axis=(1, 2))
 
-    def _refine(self, low: float, high: float) -> None:
-        if high > low:
-
-            def lowered(omega: float) -> float:
-                return -self._at(np.array([omega]))[0]
-
-            options = {"xatol": 1e-9 * high}
-            peak = scipy.optimize.minimize_scalar(lowered, bounds=(low, high), method="bounded", options=options)
-            self._look([peak.x])
-
-    def _around(self, crossings: Real) -> tuple[float, float]:
-        k = np.searchsorted(crossings, self.omega)
-        return crossings[max(0, k - 1)], crossings[min(crossings.size - 1, k + 1)]
+    def _zoom(self, marks: Real, values: Real, best: NDArray[np.intp]) -> None:
+        """Peaks at the best of some frequencies, refined between their neighbours: all of them in each round."""
+        sides = np.clip(best[:, None] + _BESIDE, 0, marks.size - 1)
+        omega, found = marks[sides], values[sides]
+        for _ in range(_ZOOMS):
+            rows = found[:, 1] >= _LOW * self.value
+            if not rows.any():  # the peak is elsewhere
+                break
+            omega, found = omega[rows], found[rows]
+            way = (omega[:, [0, 2]] - omega[:, [1]])[..., None] * _CLOSER
+            points = np.hstack([_vertices(omega, found)[:, None], omega[:, [1]] + way.reshape(len(omega), -1)])
+            seen = self._look(points.ravel()).reshape(points.shape)
+            if np.all(found[:, 1:2] - found <= _CURVED * self.value):
+                break
+            omega, found = np.hstack([omega, points]), np.hstack([found, seen])
+            order = np.argsort(omega, axis=1)
+            omega, found = np.take_along_axis(omega, order, 1), np.take_along_axis(found, order, 1)
+            middle = np.argmax(found, axis=1)[:, None]
+            sides = np.clip(middle + _BESIDE, 0, omega.shape[1] - 1)
+            omega, found = np.take_along_axis(omega, sides, 1), np.take_along_axis(found, sides, 1)
 
     def _crossings(self, level: float) -> Real:
-        """Frequencies where a singular value may be `level`, none of them missing; ascending."""
+        """Frequencies in continuous time where a singular value may be `level`, none of them missing; ascending."""
         if level == 0 or not self.response.poles.size:
             return np.zeros(0)
         a, b, c, d = self.continuous
+        pivot = self.lowest if np.linalg.norm(d, 2) > _SHARP * level else None
+        if pivot is not None:  # where the response is small goes to infinity: 1/(s - j pivot) in the place of s
+            back = np.linalg.inv(a - 1j * pivot * np.eye(len(a)))
+            a, b, c, d = back, back @ b, -c @ back, d - c @ back @ b
         b, c, d = b / np.sqrt(level), c / np.sqrt(level), d / level
-        left = np.linalg.inv(np.eye(d.shape[1]) - d.T @ d)
-        a = a + b @ left @ d.T @ c
-        right = np.eye(d.shape[0]) + d @ left @ d.T
-        values: Complex = scipy.linalg.eigvals(np.block([[a, b @ left @ b.T], [-c.T @ right @ c, -a.T]]))
-        near = np.abs(np.real(values)) <= _NEAR * np.max(np.abs(values))
-        omega = np.unique(np.abs(np.imag(values[near])))
-        return 2 * np.arctan(omega) if self.discrete else omega
+        left = np.linalg.inv(np.eye(d.shape[1]) - d.conj().T @ d)
+        a = a + b @ left @ d.conj().T @ c
+        right = np.eye(d.shape[0]) + d @ left @ d.conj().T
+        hamiltonian = np.block([[a, b @ left @ b.conj().T], [-c.conj().T @ right @ c, -a.conj().T]])
+        values: Complex = scipy.linalg.eigvals(hamiltonian, overwrite_a=True, check_finite=False)
+        sizes = np.abs(values)
+        near = np.abs(np.real(values)) <= np.maximum(_NEAR * sizes, _NEAR_ZERO * np.max(sizes))
+        omega = np.imag(values[near])
+        if pivot is not None:
+            omega = pivot - 1 / omega[omega != 0]
+        return np.unique(np.abs(omega))
 
 
-def _bilinear(parts: Parts, d: Real) -> tuple[Real, Real, Real, Real]:
-    """The continuous system with z = (1 + s)/(1 - s): the response at exp(j angle) is that at j tan(angle/2)."""
-    eye = np.eye(parts.a.shape[0])
-    solved = np.asarray(np.linalg.solve(parts.a + eye, np.hstack([parts.a - eye, parts.b])), dtype=float)
-    a, b = np.hsplit(solved, [eye.shape[0]])
-    c = np.linalg.solve((parts.a + eye).T, parts.c.T).T
-    return a, np.sqrt(2) * b, np.sqrt(2) * c, d - parts.c @ b
+def _vertices(omega: Real, values: Real) -> Real:
+    """Vertex of the parabola through each row of three frequencies, of which the middle one is the best."""
+    low, high = omega[:, 1] - omega[:, 0], omega[:, 2] - omega[:, 1]
+    left, right = values[:, 1] - values[:, 0], values[:, 1] - values[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        step = (left * high**2 - right * low**2) / (2 * (left * high + right * low))
+    return omega[:, 1] + np.where(np.isfinite(step), np.clip(step, -low, high), 0.0)

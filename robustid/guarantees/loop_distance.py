@@ -1,0 +1,378 @@
+"""Distances of plants in a loop: coprime factors, the robust stability margin of a loop in their sense, the nu-gap.
+
+The loop is u = r - C y throughout. Factors have as many states as their system; a Riccati equation of that size gives each pair.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from robustid.core import (
+    StateMatrices,
+    as_flag,
+    balanced_scales,
+    bilinear_in_s,
+    closed_loop,
+    decay_of,
+    input_states,
+    inverse,
+    is_well_posed,
+    loop_is_stable,
+    mirroring_feedback,
+    normalised_factors,
+    one_thread,
+    points_of,
+    poles_of,
+    right_factors,
+    series,
+)
+from robustid.errors import InputError, InputTypeError
+from robustid.identification import check_model, describe_poles
+from robustid.reduction import doubtful_distance, hinf_norm, is_stable
+
+if TYPE_CHECKING:
+    import control
+
+_HIDDEN = 1e-13  # of the matrix that tells it: a pole that is moved, or seen, by so little is hidden
+_ISOMETRY, _CHECKED = (
+    1e-6,
+    4,
+)  # error of normalised factors at which they are none, and the poles at which it is looked for
+_APART = 1 - 1e-14  # a gap that is 1 but for rounding
+
+
+class CoprimeFactors(NamedTuple):
+    r"""Stable factors of a system, :math:`P = N D^{-1} = \tilde D^{-1} \tilde N`.
+
+    Attributes
+    ----------
+    numerator, denominator : control.StateSpace
+        N (ny, nu) and D (nu, nu), the right factors.
+    left_numerator, left_denominator : control.StateSpace
+        :math:`\tilde N` (ny, nu) and :math:`\tilde D` (ny, ny).
+    """
+
+    numerator: control.StateSpace
+    denominator: control.StateSpace
+    left_numerator: control.StateSpace
+    left_denominator: control.StateSpace
+
+
+class LoopDistance(NamedTuple):
+    """A nu-gap or a coprime factor margin, between 0 and 1, and where on the frequency axis it is reached.
+
+    Attributes
+    ----------
+    value : float
+    omega : float
+        In rad/s (per sample where dt is True), infinity included; nan where no frequency decides: the winding number of the plants
+        differs, or the loop is not stable.
+    """
+
+    value: float
+    omega: float
+
+
+@one_thread()
+def coprime(model: control.StateSpace | control.TransferFunction, *, normalised: bool = True) -> CoprimeFactors:
+    r"""Coprime factors of a system of any poles: stable ones, without common zeros, whose quotient it is.
+
+    .. math:: P = N D^{-1} = \tilde D^{-1} \tilde N, \qquad
+              D^* D + N^* N = I, \quad \tilde D \tilde D^* + \tilde N \tilde N^* = I
+              \quad\text{on the axis, or on the circle}
+
+    Parameters
+    ----------
+    model : control.StateSpace or control.TransferFunction
+        P, continuous or discrete. A transfer function with several inputs or outputs is converted where slycot is installed.
+    normalised : bool
+        False: by the feedback of least energy instead, which mirrors the poles that aren't stable at the axis (at the circle) and
+        leaves the others where they are. Where poles lie on it as far as rounding tells, the
+        mirror stands inside, at half the decay of the slowest of all other poles and of the poles of the normalised factors:
+        poles on the axis come to that decay, and no stable pole is moved.
+
+    Returns
+    -------
+    CoprimeFactors
+
+    Raises
+    ------
+    InputError, InputTypeError
+        If the model isn't a finite system with known time base, or has a pole that isn't stable and that its inputs do not move or
+        its outputs do not show.
+
+    References
+    ----------
+    `zhou1996`, sections 5.4 and 13.7; `vidyasagar1985`, chapter 4.
+
+    Examples
+    --------
+    >>> import control, robustid as rid
+    >>> factors = rid.coprime(control.tf([1], [1, 0]))  # 1/s = [1/(s + 1)] / [s/(s + 1)]
+    >>> factors.denominator.poles().real, factors.denominator.zeros().real + 0.0
+    (array([-1.]), array([0.]))
+    >>> float(round(abs(factors.numerator(2j)) ** 2 + abs(factors.denominator(2j)) ** 2, 12))
+    1.0
+    """
+    as_flag("normalised", normalised)
+    system, dt = _system("model", model)
+    pair = system, system.transposed()
+    both = [_normalised("model", one, dt) for one in pair]
+    if not normalised:
+        decay = _mirror(system, both, dt)
+        both = [right_factors(one, mirroring_feedback(one, dt or 0.0, decay)) for one in pair]
+    ny, nu = system.D.shape
+    denominator, numerator = _parts(both[0], nu)
+    left_denominator, left_numerator = (part.transposed() for part in _parts(both[1], ny))
+    found = numerator, denominator, left_numerator, left_denominator
+    return CoprimeFactors(*(part.model(model.dt) for part in found))
+
+
+@one_thread()
+def ncf_margin(
+    plant: control.StateSpace | control.TransferFunction, controller: control.StateSpace | control.TransferFunction
+) -> LoopDistance:
+    r"""Robust stability margin of a loop against errors of the normalised coprime factors of its plant (or of its controller).
+
+    .. math:: b(P, C) = \left\| \begin{bmatrix} P \\ I \end{bmatrix} (I + C P)^{-1}
+              \begin{bmatrix} C & I \end{bmatrix} \right\|_\infty^{-1}, \qquad u = r - C y,
+
+    0 where the loop isn't stable. It is at most 1, and the same with both exchanged. C stabilises every plant whose `nu_gap` from P
+    is smaller: :math:`\arcsin b(P_2, C) \ge \arcsin b(P, C) - \arcsin\delta_\nu(P, P_2)`.
+
+    Parameters
+    ----------
+    plant, controller : control.StateSpace or control.TransferFunction
+        P and C, both continuous or with one sample time; any poles. Transfer functions with several inputs or outputs are converted
+        where slycot is installed.
+
+    Returns
+    -------
+    LoopDistance
+        ``value``, at most 1e-9 of itself too large, and the frequency that limits it.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        If one isn't a finite system with known time base, or they don't fit together.
+
+    Notes
+    -----
+    Depends on the units of the signals: put weights around the plant, so that an error counts alike in all signals and at all
+    frequencies (loop shaping: C and the weighted plant), before margins are compared.
+
+    References
+    ----------
+    `vinnicombe1993`; `zhou1996`, chapter 18.
+
+    Examples
+    --------
+    >>> import control, robustid as rid
+    >>> round(rid.ncf_margin(control.tf([1], [1, 0]), control.tf([1], [1])).value, 6)  # 1/sqrt(2): none is better for 1/s
+    0.707107
+    """
+    system, dt, feedback = _pair(("plant", plant), ("controller", controller), opposite=True)
+    if not is_well_posed(system, feedback):
+        return LoopDistance(0.0, np.inf)
+    loop = closed_loop(system, feedback)
+    if not loop_is_stable(poles_of(loop.A), dt or 0.0):
+        return LoopDistance(0.0, np.nan)
+    # From what is added to u and to y: u = S_u (v - C w), y = P u + w. With -w and w + y in the place of w and y: [I; P] S_u [I C].
+    ny, nu = system.D.shape
+    signs = np.repeat([1.0, -1.0], [nu, ny])
+    direct = loop.D * signs + np.diag(np.repeat([0.0, 1.0], [nu, ny]))
+    peak = hinf_norm(StateMatrices(loop.A, loop.B * signs, loop.C, direct), dt)
+    return LoopDistance(min(1 / peak.value, 1.0), peak.omega)
+
+
+@one_thread()
+def nu_gap(
+    first: control.StateSpace | control.TransferFunction, second: control.StateSpace | control.TransferFunction
+) -> LoopDistance:
+    r"""Vinnicombe's distance of two plants, as a loop sees it: 0 for equal ones, at most 1.
+
+    .. math:: \delta_\nu(P_1, P_2) = \sup_\omega \bar\sigma\left( (I + P_2 P_2^*)^{-1/2} (P_1 - P_2) (I + P_1^* P_1)^{-1/2} \right)
+
+    where :math:`\det(I + P_2^* P_1)` has the winding number that makes it a distance of loops, else 1. A controller with
+    `ncf_margin` b stabilises every plant within less than b of its own: :math:`\arcsin b(P_2, C) \ge \arcsin b(P_1, C) -
+    \arcsin\delta_\nu(P_1, P_2)`. Large errors count for little where the loop gain is large, small ones count around the crossover.
+
+    Parameters
+    ----------
+    first, second : control.StateSpace or control.TransferFunction
+        Same numbers of inputs and outputs, both continuous or with one sample time; any poles, on the axis too. Transfer functions
+        with several inputs or outputs are converted where slycot is installed.
+
+    Returns
+    -------
+    LoopDistance
+        ``value``, the formula at ``omega``, at most 1e-9 of itself too small but for rounding: of plants that almost agree, and of
+        poles on the axis that are hardly moved or seen. ``omega`` is nan where the winding number makes the distance 1.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        If one isn't a finite system with known time base, if they don't match, or if one has a pole that isn't stable and that its
+        inputs do not move or its outputs do not show.
+
+    Notes
+    -----
+    It is the H-infinity norm of a stable product of normalised factors, :math:`\tilde G_2 G_1` with :math:`G_1 = [D_1; N_1]` and
+    :math:`\tilde G_2 = [-\tilde N_2, \tilde D_2]`. The winding condition holds if as many zeros of the square matrix
+    :math:`[G_1, \tilde G_2^*]` as :math:`P_2` has states lie right of the axis. Where such a zero comes to the axis, so that
+    its side is a question of rounding, the product has a singular value of 1 there: both answers are 1, the gap does not jump.
+
+    Depends on the units of the signals, as `ncf_margin` does.
+
+    References
+    ----------
+    `vinnicombe1993`; `zhou1996`, section 13.7, for the factors; `vidyasagar1985`, chapter 7, for distances of plants in a loop.
+
+    Examples
+    --------
+    >>> import control, robustid as rid
+    >>> stable, unstable = control.tf([1], [1, 0.1]), control.tf([1], [1, -0.1])
+    >>> round(rid.nu_gap(stable, unstable).value, 6)  # 2 a/(1 + a^2): any sensible loop hides the difference
+    0.19802
+    >>> rid.nu_gap(control.tf([10], [1]), control.tf([10, -10], [1, 1]))  # 0.198 at most at a frequency, but it winds once
+    LoopDistance(value=1.0, omega=nan)
+    """
+    one, dt, two = _pair(("first", first), ("second", second), opposite=False)
+    right = _normalised("first", one, dt)
+    left = _complement(_normalised("second", two.transposed(), dt).transposed())
+    if not _winds_alike(right, left, dt):
+        return LoopDistance(1.0, np.nan)
+    omega = hinf_norm(series(right, left), dt).omega
+    return LoopDistance(_sine(right, left, omega, dt), omega)
+
+
+def _system(name: str, model: control.StateSpace | control.TransferFunction) -> tuple[StateMatrices, float | None]:
+    """The matrices of a finite system, with balanced scales of the states, and its time base, None of a static gain."""
+    import control
+
+    if isinstance(model, control.TransferFunction):
+        size = f"{model.noutputs} outputs and {model.ninputs} inputs"
+        try:
+            model = control.ss(model)
+        except NotImplementedError:
+            raise InputTypeError(
+                f"`{name}` must be a control.StateSpace: a TransferFunction with {size} is converted by slycot, which isn't"
+                " installed. Build it from its entries, which control.ss(...) converts one by one"
+            ) from None
+        except ValueError:
+            raise InputError(
+                f"`{name}` must be proper; got a TransferFunction with more zeros than poles. Add the poles that its roll-off has"
+            ) from None
+    found = check_model(name, model)
+    system = balanced_scales(StateMatrices.of(found))
+    return system, found.dt if len(system.A) else None
+
+
+def _pair(
+    one: tuple[str, Any], other: tuple[str, Any], *, opposite: bool
+) -> tuple[StateMatrices, float | None, StateMatrices]:
+    """Two systems of one size, or of opposite sizes, and their time base."""
+    (name, _), (second, _) = one, other
+    (first, base), (last, dt) = _system(*one), _system(*other)
+    ny, nu = last.D.shape[::-1] if opposite else last.D.shape
+    if first.D.shape != (ny, nu):
+        ny, nu = last.D.shape
+        wanted = f"{first.D.shape[opposite]} outputs and {first.D.shape[not opposite]} inputs"
+        raise InputError(f"`{second}` must have {wanted}, those of `{name}`{' reversed' * opposite}; got {ny} and {nu}")
+    if None not in (base, dt) and base != dt:
+        raise InputError(
+            f"`{second}` must have the time base of `{name}`, dt = {base}; got dt = {dt}. Convert one of them,"
+            " control.sample_system(...)"
+        )
+    return first, dt if base is None else base, last
+
+
+def _normalised(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
+    """The normalised right factors ``[D; N]``, checked: stable, and an isometry where rounding weighs most."""
+    poles, stable = is_stable(system.A, dt or 0)
+    hidden = [pole for pole in poles[~stable] if _is_hidden(system, pole)]
+    if hidden:
+        raise InputError(
+            f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
+            f" {describe_poles(np.array(hidden), dt)}. Leave such states out"
+        )
+    try:
+        found = normalised_factors(system, dt or 0.0)
+    except (np.linalg.LinAlgError, InputError):
+        found = None
+    if found is None or not _is_isometry(found, dt):
+        raise InputError(
+            f"`{name}` must have normalised factors that are stable by more than rounding; the Riccati equation gave none."
+            " Scale its signals, so that its gain is about 1"
+        )
+    return found
+
+
+def _is_hidden(system: StateMatrices, pole: complex) -> bool:
+    """Say whether no input moves a pole or no output shows it, relative to the matrices."""
+    shifted = pole * np.eye(len(system.A)) - system.A
+    for matrix in (np.hstack([shifted, system.B]), np.vstack([shifted, system.C])):
+        levels = np.linalg.svd(matrix, compute_uv=False)
+        if levels[-1] <= _HIDDEN * levels[0]:
+            return True
+    return False
+
+
+def _is_isometry(factors: StateMatrices, dt: float | None) -> bool:
+    """Say whether factors are stable and normalised to working precision, at the frequencies of the slowest poles."""
+    poles = poles_of(factors.A)
+    if not decay_of(poles, dt or 0.0) > 0:
+        return False
+    slowest = np.argsort(1 - np.abs(poles) if dt else -poles.real)[:_CHECKED]
+    places = poles[slowest].imag * 1j if not dt else np.exp(1j * np.angle(poles[slowest]))
+    values = factors.D + factors.C @ input_states(factors.A, factors.B, places)
+    excess = values.conj().swapaxes(1, 2) @ values - np.eye(values.shape[2])
+    return bool(np.all(np.abs(excess) <= _ISOMETRY))
+
+
+def _mirror(system: StateMatrices, normalised: list[StateMatrices], dt: float | None) -> float:
+    """The decay at which poles that aren't stable are mirrored: 0, but where some are on the axis."""
+    poles, doubt = doubtful_distance(system.A)
+    distance = 1 - np.abs(poles) if dt else -poles.real
+    if np.all(np.abs(distance) > doubt):
+        return 0.0
+    others = [decay_of(poles[distance > doubt], dt or 0.0)]
+    return min(others + [decay_of(poles_of(one.A), dt or 0.0) for one in normalised]) / 2
+
+
+def _parts(factors: StateMatrices, count: int) -> tuple[StateMatrices, StateMatrices]:
+    """The first rows, and the others."""
+    A, B, C, D = factors
+    return StateMatrices(A, B, C[:count], D[:count]), StateMatrices(A, B, C[count:], D[count:])
+
+
+def _complement(left: StateMatrices) -> StateMatrices:
+    """``[-N, D]`` from the left factors ``[D, N]``: 0 times the right factors ``[D; N]`` of the same system."""
+    A, B, C, D = left
+    ny = len(C)
+    return StateMatrices(A, np.hstack([-B[:, ny:], B[:, :ny]]), C, np.hstack([-D[:, ny:], D[:, :ny]]))
+
+
+def _sine(right: StateMatrices, left: StateMatrices, omega: float, dt: float | None) -> float:
+    """Largest singular value of the product at a frequency, with both factors made orthonormal there: not by the feedback."""
+    place = points_of(np.array([omega])[np.isfinite([omega])], dt)
+    first, second = (one.D + (one.C @ input_states(one.A, one.B, place)).sum(axis=0) for one in (right, left))
+    graph, complement = np.linalg.qr(first)[0], np.linalg.qr(second.conj().T)[0]
+    return min(float(np.linalg.norm(complement.conj().T @ graph, 2)), 1.0)
+
+
+def _winds_alike(right: StateMatrices, left: StateMatrices, dt: float | None) -> bool:
+    """The winding condition; also true where the gap is 1 at the end of the axis, so that no sides can be counted."""
+    if dt:
+        right, left = bilinear_in_s(right, 2.0), bilinear_in_s(left, 2.0)
+    if np.linalg.norm(left.D @ right.D, 2) >= _APART:
+        return True
+    count = len(left.A)
+    states = scipy.linalg.block_diag(right.A, -left.A.T)
+    inputs = scipy.linalg.block_diag(right.B, -left.C.T)
+    outputs, direct = np.hstack([right.C, left.B.T]), np.hstack([right.D, left.D.T])
+    zeros = poles_of(inverse(StateMatrices(states, inputs, outputs, direct)).A)
+    return np.count_nonzero(zeros.real > 0) == count
