@@ -56,6 +56,7 @@ from .guarantees import refute as refute
 from .guarantees import worst_case_error as worst_case_error
 from .identification import BoundedReal as BoundedReal
 from .identification import Identification as Identification
+from .identification import Loop as Loop
 from .identification import MixedProblem as MixedProblem
 from .identification import NegativeImaginary as NegativeImaginary
 from .identification import PositiveReal as PositiveReal

@@ -186,6 +186,22 @@ def series(first: StateMatrices, second: StateMatrices) -> StateMatrices:
     return StateMatrices(states, np.vstack([B, F @ D]), np.hstack([H @ C, G]), H @ D)
 
 
+def right_quotient(system: StateMatrices, count: int) -> StateMatrices:
+    """``Z X^-1`` of a system ``[X; Z]``, whose first outputs X are as many as its inputs."""
+    A, B, C, D = system
+    back: Real = np.asarray(np.linalg.inv(D[:count]), dtype=float)
+    rest = D[count:] @ back
+    return StateMatrices(A - B @ back @ C[:count], B @ back, C[count:] - rest @ C[:count], rest)
+
+
+def left_quotient(system: StateMatrices, count: int) -> StateMatrices:
+    """``X^-1 Z`` of a system ``[X, Z]``, whose first inputs, those of X, are as many as its outputs."""
+    A, B, C, D = system
+    back: Real = np.asarray(np.linalg.inv(D[:, :count]), dtype=float)
+    rest = back @ D[:, count:]
+    return StateMatrices(A - B[:, :count] @ back @ C, B[:, count:] - B[:, :count] @ rest, back @ C, rest)
+
+
 def is_well_posed(plant: StateMatrices, controller: StateMatrices) -> bool:
     """Say whether the loop of two systems has a solution: I + C P is regular for infinite frequencies, in any units."""
     balanced, _ = scipy.linalg.matrix_balance(_algebraic(plant, controller))

@@ -13,7 +13,6 @@ import scipy.linalg
 from robustid.core import (
     StateMatrices,
     as_flag,
-    balanced_scales,
     bilinear_in_s,
     closed_loop,
     decay_of,
@@ -29,8 +28,8 @@ from robustid.core import (
     right_factors,
     series,
 )
-from robustid.errors import InputError, InputTypeError
-from robustid.identification import check_model, describe_poles
+from robustid.errors import InputError
+from robustid.identification import as_system, describe_poles
 from robustid.reduction import doubtful_distance, hinf_norm, is_stable
 
 if TYPE_CHECKING:
@@ -118,7 +117,7 @@ def coprime(model: control.StateSpace | control.TransferFunction, *, normalised:
     1.0
     """
     as_flag("normalised", normalised)
-    system, dt = _system("model", model)
+    system, dt = as_system("model", model)
     pair = system, system.transposed()
     both = [_normalised("model", one, dt) for one in pair]
     if not normalised:
@@ -249,34 +248,12 @@ def nu_gap(
     return LoopDistance(_sine(right, left, omega, dt), omega)
 
 
-def _system(name: str, model: control.StateSpace | control.TransferFunction) -> tuple[StateMatrices, float | None]:
-    """The matrices of a finite system, with balanced scales of the states, and its time base, None of a static gain."""
-    import control
-
-    if isinstance(model, control.TransferFunction):
-        size = f"{model.noutputs} outputs and {model.ninputs} inputs"
-        try:
-            model = control.ss(model)
-        except NotImplementedError:
-            raise InputTypeError(
-                f"`{name}` must be a control.StateSpace: a TransferFunction with {size} is converted by slycot, which isn't"
-                " installed. Build it from its entries, which control.ss(...) converts one by one"
-            ) from None
-        except ValueError:
-            raise InputError(
-                f"`{name}` must be proper; got a TransferFunction with more zeros than poles. Add the poles that its roll-off has"
-            ) from None
-    found = check_model(name, model)
-    system = balanced_scales(StateMatrices.of(found))
-    return system, found.dt if len(system.A) else None
-
-
 def _pair(
     one: tuple[str, Any], other: tuple[str, Any], *, opposite: bool
 ) -> tuple[StateMatrices, float | None, StateMatrices]:
     """Two systems of one size, or of opposite sizes, and their time base."""
     (name, _), (second, _) = one, other
-    (first, base), (last, dt) = _system(*one), _system(*other)
+    (first, base), (last, dt) = as_system(*one), as_system(*other)
     ny, nu = last.D.shape[::-1] if opposite else last.D.shape
     if first.D.shape != (ny, nu):
         ny, nu = last.D.shape

@@ -12,6 +12,7 @@ from robustid.identification.certificate import (
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS, told_apart_functions
+from robustid.identification.loop import Loop
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import parametric_states
 from robustid.identification.passive import check_gain, class_size, class_value, contradictions
@@ -27,7 +28,7 @@ from robustid.identification.problem import MixedProblem, check_sampled, excited
 from robustid.identification.residuals import Residual, entry_name, fit_percent, largest_ratio, model_residuals
 from robustid.identification.result import Identification
 from robustid.identification.sample_faults import sample_faults
-from robustid.identification.validation import Validation, check_model, describe_poles, validate
+from robustid.identification.validation import Validation, as_system, check_model, describe_poles, validate
 from robustid.identification.verification import Check, Claim
 from robustid.identification.weighting import PriorWeight, as_weight
 
@@ -40,6 +41,7 @@ __all__ = [
     "Claim",
     "Functional",
     "Identification",
+    "Loop",
     "MarginCertificate",
     "MixedProblem",
     "NegativeImaginary",
@@ -50,6 +52,7 @@ __all__ = [
     "SupportCertificate",
     "Validation",
     "any_prior",
+    "as_system",
     "as_weight",
     "ball_arithmetic",
     "certify_support",

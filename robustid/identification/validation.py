@@ -15,7 +15,9 @@ from robustid.core import (
     Model,
     Numbers,
     Real,
+    StateMatrices,
     as_kind,
+    balanced_scales,
     freeze,
     lengths,
     one_thread,
@@ -189,6 +191,28 @@ def check_model(name: str, model: object) -> Model:
     if model.dt is None and model.nstates:
         raise InputError(f"`{name}` has dt = None: say what it is, dt=0 for continuous time or the sample time in s")
     return model
+
+
+def as_system(name: str, model: Any) -> tuple[StateMatrices, float | None]:
+    """The matrices of a state space or transfer function, its states balanced, and its time base; None of a static gain."""
+    import control
+
+    if isinstance(model, control.TransferFunction):
+        size = f"{model.noutputs} outputs and {model.ninputs} inputs"
+        try:
+            model = control.ss(model)
+        except NotImplementedError:
+            raise InputTypeError(
+                f"`{name}` must be a control.StateSpace: a TransferFunction with {size} is converted by slycot, which isn't"
+                " installed. Build it from its entries, which control.ss(...) converts one by one"
+            ) from None
+        except ValueError:
+            raise InputError(
+                f"`{name}` must be proper; got a TransferFunction with more zeros than poles. Add the poles that its roll-off has"
+            ) from None
+    found = check_model(name, model)
+    system = balanced_scales(StateMatrices.of(found))
+    return system, found.dt if len(system.A) else None
 
 
 def _is_state_space(model: object) -> TypeGuard[Model]:

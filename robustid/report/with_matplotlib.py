@@ -111,7 +111,7 @@ def _dress(ax: Axes, panel: Panel, *, label_x: bool, size: tuple[float, float]) 
     room = (min(size) if panel.square else size[0]) / _LABEL, 2 * size[1] / _LABEL
     for axis, side, described, labels in ((ax.xaxis, "x", panel.x, room[0]), (ax.yaxis, "y", panel.y, room[1])):
         # Nothing of it can be drawn where all is infinite, or zero: a logarithmic axis would have no ticks then.
-        log = described.log and (described.range is not None or bool(np.isfinite(ax.dataLim.minpos[int(side == "y")])))
+        log = described.log and (described.range is not None or bool(np.isfinite(getattr(ax.dataLim, f"minpos{side}"))))
         getattr(ax, f"set_{side}scale")("log" if log else "linear")
         if described.range is not None:
             getattr(ax, f"set_{side}lim")(*described.range)

@@ -35,9 +35,9 @@ def test_factors_of_a_loop_are_stable_and_those_of_its_systems(dt, integrators, 
     D, N, Nc, Dc = M[:, :nu, :nu], M[:, nu:, :nu], -M[:, :nu, nu:], M[:, nu:, nu:]
     assert apart(N, p @ D) < 1e-10
     assert apart(Nc, c @ Dc) < 1e-10
-    assert apart(values(back, dt) @ M, np.eye(M.shape[1])) < 1e-9
+    assert apart(values(back, dt) @ M, np.eye(M.shape[1])) < 1e-10
     both = np.block([[np.tile(np.eye(nu), (len(c), 1, 1)), c], [-p, np.tile(np.eye(p.shape[1]), (len(p), 1, 1))]])
-    assert apart(values(closed_loop(plant, controller), dt), np.linalg.inv(both)) < 1e-9
+    assert apart(values(closed_loop(plant, controller), dt), np.linalg.inv(both)) < 1e-10
 
 
 @pytest.mark.parametrize("dt", TIMES)

@@ -1,0 +1,269 @@
+r"""Loop(): the controller that runs while a plant is measured, and the stable system that is seen in open loop then.
+
+With u = r - C y, the factors M of the loop of C and an auxiliary plant, and
+
+.. math:: \begin{bmatrix} x \\ z \end{bmatrix} = M^{-1} \begin{bmatrix} u \\ y \end{bmatrix}, \qquad
+          z = R x + (\tilde D_x - R \tilde N_c) v, \qquad x = \tilde D_c r,
+
+v the noise at the output: x knows nothing of it, and R is stable for every plant that C stabilises (`tay1989`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from robustid.core import (
+    Complex,
+    Frozen,
+    Real,
+    StateMatrices,
+    closed_loop,
+    inverse,
+    left_quotient,
+    loop_factors,
+    loop_is_stable,
+    poles_of,
+    response_at,
+    right_quotient,
+    series,
+    simulate,
+)
+from robustid.data import FrequencyResponse, TimeRecord
+from robustid.errors import InputError, InputTypeError
+from robustid.identification.validation import as_system, describe_poles
+
+if TYPE_CHECKING:
+    import control
+
+# What is added is r at the input, u = r - C y; C r at the reference, u = C (r - y); or -C r at the output, u = -C (y + r).
+PLACES = ("input", "reference", "output")
+_SAME_TIME = 1e-9  # relative
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Loop(Frozen):
+    r"""Controller that runs while a plant is measured, with negative feedback: ``u = r - C y``.
+
+    Every plant that C stabilises, stable or not, is
+
+    .. math:: P(R) = (N_x + D_c R)(D_x - N_c R)^{-1}, \quad R \text{ stable},
+
+    where :math:`P_x = N_x D_x^{-1}` is an auxiliary plant that C stabilises and :math:`C = N_c D_c^{-1}`. R is what is identified,
+    in open loop, since its input does not depend on the noise. It is small where the auxiliary plant is close to the true one.
+
+    Parameters
+    ----------
+    controller : control.StateSpace or control.TransferFunction
+        C, from the outputs of the plant to its inputs, as it ran, with its sample time in s, or 0 in continuous time.
+    auxiliary : control.StateSpace or control.TransferFunction, optional
+        P_x; left out, it is 0, which a stable controller stabilises: then R is the response from r to y.
+    excitation : {"input", "reference", "output"}
+        Where r is added: ``u = r - C y``, ``u = C (r - y)``, or ``u = -C (y + r)``.
+
+    Attributes
+    ----------
+    poles : (n,) complex array
+        Of the loop of C and the auxiliary plant.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        Systems that do not fit together, or whose loop is not stable.
+
+    References
+    ----------
+    The dual of Youla's parameter: `tay1989`; factors of both, `vidyasagar1985`.
+
+    Examples
+    --------
+    >>> import control, robustid as rid
+    >>> plant = control.ss(1.1, 1.0, 1.0, 0.0, 0.01)  # unstable
+    >>> loop = rid.Loop(control.ss([], [], [], 0.5, 0.01), auxiliary=control.ss(1.2, 1.0, 1.0, 0.0, 0.01))
+    >>> residual = loop.residual_of(plant)
+    >>> bool(abs(residual.poles()).max() < 1)
+    True
+    >>> again = loop.plant_of(residual)
+    >>> bool(abs(again(1j) - plant(1j)) < 1e-12)
+    True
+    """
+
+    controller: Any
+    auxiliary: Any = None
+    _: dataclasses.KW_ONLY
+    excitation: str = "input"
+
+    def __post_init__(self) -> None:
+        controller, dt = as_system("controller", self.controller)
+        if self.excitation not in PLACES:
+            raise InputError(f"`excitation` must be one of {PLACES}; got {self.excitation!r}")
+        nu, ny = controller.D.shape
+        if self.auxiliary is None:
+            auxiliary, other = _nothing(ny, nu), None
+        else:
+            auxiliary, other = as_system("auxiliary", self.auxiliary)
+        if auxiliary.D.shape != (ny, nu):
+            got = " x ".join(map(str, auxiliary.D.shape))
+            raise InputError(f"`auxiliary` must have {ny} outputs and {nu} inputs, as the controller says; got {got}")
+        if dt is not None and other is not None and not np.isclose(float(dt), float(other), rtol=_SAME_TIME, atol=0.0):
+            raise InputError(f"`auxiliary` must have the sample time of the controller, {dt:g} s; got {other:g} s")
+        time = next((one for one in (dt, other, getattr(self.controller, "dt", None)) if one is not None), None)
+        if time is None or time is True:
+            raise InputError("`controller` must have its sample time in s, or dt = 0 in continuous time")
+        poles = poles_of(closed_loop(auxiliary, controller).A)
+        if not loop_is_stable(poles, float(time)):
+            self._refuse(controller, poles, float(time))
+        factors = loop_factors(auxiliary, controller, float(time))
+        self._set(_controller=controller, dt=float(time), poles=poles, factors=factors, _back=inverse(factors))
+
+    if TYPE_CHECKING:
+        _controller: StateMatrices
+        _back: StateMatrices
+        dt: float
+        poles: Complex
+        factors: StateMatrices
+
+    def _refuse(self, controller: StateMatrices, poles: Complex, dt: float) -> None:
+        size: Real = np.abs(poles) if dt else np.real(poles)
+        words = describe_poles(poles[np.argsort(-size)][:1], dt)
+        if self.auxiliary is None:
+            raise InputError(
+                f"`auxiliary` is missing: the controller has a {words}, so that it does not stabilise a plant of 0. Give a plant"
+                " that it stabilises: a model of the machine, if only a rough one"
+            )
+        raise InputError(
+            f"`controller` must stabilise `auxiliary`; their loop has a {words}. Check the sign: the feedback is negative,"
+            " u = r - C y"
+        )
+
+    def __repr__(self) -> str:
+        nu, ny = self.shape
+        return f"<Loop: {ny}x{nu} plant, u = {_SENTENCES[self.excitation]}, dt={self.dt:.6g} s>"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Inputs and outputs of the plant."""
+        return self._controller.D.shape[0], self._controller.D.shape[1]
+
+    def residual_of(self, plant: control.StateSpace | control.TransferFunction) -> control.StateSpace:
+        """R of a plant: ``Z X^-1`` of ``[X; Z] = M^-1 [I; P]``; stable where the controller stabilises the plant."""
+        system, _ = as_system("plant", plant)
+        return self._quotient(self._beside(system), self._back)
+
+    def plant_of(self, residual: control.StateSpace | control.TransferFunction) -> control.StateSpace:
+        """The plant P(R): ``Y U^-1`` of ``[U; Y] = M [I; R]``; the controller stabilises it if R is stable."""
+        system, _ = as_system("residual", residual)
+        return self._quotient(self._beside(system), self.factors)
+
+    def parameter_of(self, controller: control.StateSpace | control.TransferFunction) -> control.StateSpace:
+        """Q of another controller: with the plant P(R) its loop is stable if that of R and Q is, with negative feedback.
+
+        ``Q = (D_x + C_Q N_x)^-1 (C_Q D_c - N_c)``; 0 of the controller that ran.
+        """
+        system, _ = as_system("controller", controller)
+        nu, ny = self.shape
+        if system.D.shape != (nu, ny):
+            got = " x ".join(map(str, system.D.shape))
+            raise InputError(f"`controller` must have {nu} outputs and {ny} inputs; got {got}")
+        A, B, C, D = system
+        given = StateMatrices(A, np.hstack([np.zeros((len(A), nu)), B]), C, np.hstack([np.eye(nu), D]))  # [I, C_Q]
+        return left_quotient(series(self.factors, given), nu).model(self.dt)
+
+    def opened(self, record: TimeRecord) -> TimeRecord:
+        """Record of R: its input x and output z from the input and output of the plant; no bound, whose noise is another one.
+
+        A record that is not periodic begins at zero initial conditions of the controller too, or its first samples are those of a
+        free state.
+        """
+        signals = self._signals(record)
+        if record.initial == "periodic":
+            found = self._filtered(signals, self._back)
+        else:
+            found = simulate(self._back, signals)[0]
+        nu, _ = self.shape
+        return dataclasses.replace(
+            record, u=found[:, :nu], y=found[:, nu:], bound=None, reference=None, past_input_bound=None
+        )
+
+    def residual(self, record: TimeRecord) -> Real:
+        """Part of the loop's equation that a record does not keep, (T, nu): ``x - D~_c r``, 0 where this controller ran.
+
+        ``D~_c (u + C y - r)``, which is stable where C is not; r at its place, `excitation`.
+        """
+        signals, reference = self._signals(record), record.reference
+        nu, ny = self.shape
+        wanted = nu if self.excitation == "input" else ny
+        if reference is None or reference.shape[1] != wanted:
+            got = "none" if reference is None else f"{reference.shape[1]} signals"
+            raise InputError(
+                f"`record` must have a `reference` of {wanted} signals, what is added at the {self.excitation}; got {got}"
+            )
+        A, B, C, D = self._back
+        columns, sign = (
+            slice(0, nu) if self.excitation == "input" else slice(nu, None),
+            1.0 - 2.0 * (self.excitation == "output"),
+        )
+        both = StateMatrices(
+            A, np.hstack([B, -sign * B[:, columns]]), C[:nu], np.hstack([D[:nu], -sign * D[:nu, columns]])
+        )
+        driven = np.hstack([signals, reference])
+        return self._filtered(driven, both) if record.initial == "periodic" else simulate(both, driven)[0]
+
+    def opened_response(self, frf: FrequencyResponse) -> FrequencyResponse:
+        r"""Response of R from that of the closed loop, from r (at the input) to y: ``R = D_c^-1 (T_y D~_c^-1 - N_x)``.
+
+        A bound b of the entries of T_y is one of R: ``|D_c^-1| b |D~_c^-1|``.
+        """
+        nu, ny = self.shape
+        if frf.values.shape[1:] != (ny, nu):
+            got = " x ".join(map(str, frf.values.shape[1:]))
+            raise InputError(f"`frf` must have {ny} outputs and {nu} inputs, from r to y; got {got}")
+        self._check_time(frf.dt or 0.0, "frf")
+        points = np.exp(1j * frf.omega * self.dt) if self.dt else 1j * frf.omega
+        M, back = response_at(self.factors, points), response_at(self._back, points)
+        left, right = np.linalg.inv(M[:, nu:, nu:]), np.linalg.inv(back[:, :nu, :nu])
+        values = left @ (frf.values @ right - M[:, nu:, :nu])
+        bound = None if frf.bound is None else np.abs(left) @ frf.bound.outer_radius @ np.abs(right)
+        return FrequencyResponse(frf.omega, values, bound=bound, dt=frf.dt, note=frf.note)
+
+    def _beside(self, system: StateMatrices) -> StateMatrices:
+        """``[I; system]``."""
+        nu, ny = self.shape
+        A, B, C, D = system
+        if D.shape != (ny, nu):
+            raise InputError(f"a system of {ny} outputs and {nu} inputs is needed; got {D.shape[0]} and {D.shape[1]}")
+        return StateMatrices(A, B, np.vstack([np.zeros((nu, len(A))), C]), np.vstack([np.eye(nu), D]))
+
+    def _quotient(self, system: StateMatrices, factors: StateMatrices) -> control.StateSpace:
+        return right_quotient(series(system, factors), self.shape[0]).model(self.dt)
+
+    def _signals(self, record: TimeRecord) -> Real:
+        if not isinstance(cast("object", record), TimeRecord):
+            raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
+        nu, ny = self.shape
+        if (record.u.shape[1], record.y.shape[1]) != (nu, ny):
+            got = f"{record.u.shape[1]} and {record.y.shape[1]}"
+            raise InputError(f"`record` must have {nu} inputs and {ny} outputs, as the controller says; got {got}")
+        self._check_time(record.dt, "record")
+        return np.hstack([record.u, record.y])
+
+    def _check_time(self, dt: float, name: str) -> None:
+        if not np.isclose(dt, self.dt, rtol=_SAME_TIME, atol=0.0):
+            words = f"the sample time of the controller, {self.dt:g} s" if self.dt else "a controller in discrete time"
+            raise InputError(f"`{name}` must have {words}; got {dt:g} s")
+
+    def _filtered(self, signals: Real, system: StateMatrices) -> Real:
+        """Steady answer to periodic signals."""
+        lines = np.fft.rfft(signals, axis=0)
+        points = np.exp(2j * np.pi * np.arange(len(lines)) / len(signals))
+        answers = response_at(system, points) @ lines[:, :, None]
+        return np.asarray(np.fft.irfft(answers[:, :, 0], len(signals), axis=0), dtype=float)
+
+
+_SENTENCES = {"input": "r - C y", "reference": "C (r - y)", "output": "-C (y + r)"}
+
+
+def _nothing(ny: int, nu: int) -> StateMatrices:
+    return StateMatrices(np.zeros((0, 0)), np.zeros((0, nu)), np.zeros((ny, 0)), np.zeros((ny, nu)))
