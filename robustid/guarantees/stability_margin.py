@@ -27,6 +27,7 @@ _TOLERANCE = 1e-3  # a stated margin is at most so much below the one that the c
 _CURVE = 0.05  # the same for the margins on the cells, as long as
 _WIDE = 1.2  # bound on a piece over the value at its middle, above which scalings are not worth their work
 _LEAST = 1e-9  # of the largest bound: smaller ones are none
+_NOTHING = 1e-3  # a left side that is smaller is not known better: of a controller that is 0 it is rounding
 _SHOWN = 10.0  # they are at most so many times the least one
 
 
@@ -128,7 +129,7 @@ def robust_stability_margin(
     Returns
     -------
     RobustStabilityMargin
-        `margin` is at most 0.1 % below what the condition gives.
+        `margin` is at most 0.1 % below what the condition gives, or about a thousand.
 
     Raises
     ------
@@ -259,7 +260,7 @@ class _Condition:
 
     def largest(self) -> tuple[float, float]:
         """Guaranteed maximum over the circle, and where."""
-        reached = 0.0
+        reached = _NOTHING
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
             nonlocal reached
@@ -274,7 +275,7 @@ class _Condition:
 
     def on_cells(self, largest: float) -> Real:
         """Guaranteed maximum on every cell, (C,)."""
-        little = largest / _SHOWN
+        little = max(largest / _SHOWN, _NOTHING)
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
             middle, arc = self.on(pieces, little)

@@ -168,3 +168,15 @@ def test_wrong_loops_are_refused_in_words():
     refused("1 inputs and 1 outputs", loop.opened, rid.TimeRecord(np.ones((9, 2)), np.ones(9), dt=0.1))
     refused("`controller` must have 1 outputs", loop.parameter_of, control.ss([], [], [], np.ones((2, 1)), 0.1))
     refused("must have a `reference` of 1 signals", loop.residual, rid.TimeRecord(np.ones(9), np.ones(9), dt=0.1))
+
+
+def test_the_controller_that_ran_has_a_margin_without_end_and_soon():
+    """Its parameter is 0 but for rounding: nothing of that is halved until it is known to a part in a thousand."""
+    loop, _, controller = case(0.1, False, 3)
+    parameter = loop.parameter_of(control.ss(*controller, 0.1))
+    nominal = control.ss(
+        0.5 * np.eye(1), np.ones((1, loop.shape[0])), np.ones((loop.shape[1], 1)), np.zeros(loop.shape[::-1]), 0.1
+    )
+    found = rid.guarantee.robust_stability_margin(nominal, parameter, np.linspace(0, np.pi / 0.1, 30), np.ones(29))
+    assert found.guaranteed
+    assert found.margin > 900
