@@ -12,6 +12,7 @@ from support.fault_runs import judged_run, ran, run_of
 ARM = simulated("arm")
 
 
+@pytest.mark.slow
 def test_the_band_of_clean_data_holds_the_plant_and_none_that_is_two_percent_larger():
     result = run_of(Faulty(response=ARM.response))
     found = judged_run(result, ARM)

@@ -39,6 +39,7 @@ def test_one_command_makes_the_page(measured, run, monkeypatch):
     assert "Nyquist" not in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unreduced")
 def test_a_run_file_states_a_decay(measured):
     text = """

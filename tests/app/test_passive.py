@@ -61,7 +61,7 @@ def cell(seed=0, points=66, noise=0.002):
 
 
 @pytest.mark.parametrize(
-    ("seed", "points"), [(0, 40), *(pytest.param(seed, 66, marks=pytest.mark.slow) for seed in range(1, 7))]
+    ("seed", "points"), [(0, 28), *(pytest.param(seed, 66, marks=pytest.mark.slow) for seed in range(1, 7))]
 )
 def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
     frf = rid.estimate_bound(cell(seed, points))

@@ -27,10 +27,10 @@ def is_named(fault, name):
     assert bool(fault.correction) == bool(UNDONE[name])
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("plant", "unit", "small", "scale")]
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("late", "plant", "unit", "small", "scale")]
 
 
-@pytest.mark.parametrize("name", ["sign", "late", *SLOW])
+@pytest.mark.parametrize("name", ["sign", *SLOW])
 def test_a_record_that_the_response_contradicts_is_named_and_the_class_is_that_of_the_response(name):
     run, problem = chosen(structure(0, name))
     assert run.prior.without == ("time 1",)

@@ -82,6 +82,7 @@ def test_a_mode_that_rings_is_no_tone(hz):
     assert told(changed(one, y=one.y + wave * np.exp(-1.5 * t / t[-1])[:, None]), "tone") == []
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 @realdata[1]
 def test_of_the_beam_only_the_mains_is_a_tone():

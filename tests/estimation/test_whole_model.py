@@ -50,7 +50,7 @@ def test_units_change_nothing(power):
     assert told(scaled) == [("seam", "")]
 
 
-@pytest.mark.parametrize("seeds", [range(2), slow(range(2, 100))])
+@pytest.mark.parametrize("seeds", [range(1), slow(range(1, 100))])
 def test_clean_responses_are_told_nothing(seeds):
     found = [(name, seed) for name in SIMULATED for seed in seeds if told(simulated(name, seed).response)]
     assert len(found) <= 0.02 * len(SIMULATED) * len(seeds), found

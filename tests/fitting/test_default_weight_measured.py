@@ -40,6 +40,7 @@ def test_bench_of_two_masses():
     assert found["default"] <= 1.05 * min(found.values()), found
 
 
+@pytest.mark.slow
 def test_mirror_with_few_degrees_of_freedom():
     """9 entries, 10 degrees of freedom, every 96th line: 5 % at most above unit weights."""
     frf = rid.estimate_frf(rid.datasets.load("fsm"), period=8192).select(slice(None, None, 96))

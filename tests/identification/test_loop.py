@@ -172,7 +172,8 @@ def test_wrong_loops_are_refused_in_words():
 
 def test_the_controller_that_ran_has_a_margin_without_end_and_soon():
     """Its parameter is 0 but for rounding: nothing of that is halved until it is known to a part in a thousand."""
-    loop, _, controller = case(0.1, False, 3)
+    plant, controller = pair_of(0, 0.1, order=2, size=(1, 1))
+    loop = rid.Loop(control.ss(*controller, 0.1), control.ss(*plant, 0.1))
     parameter = loop.parameter_of(control.ss(*controller, 0.1))
     nominal = control.ss(
         0.5 * np.eye(1), np.ones((1, loop.shape[0])), np.ones((loop.shape[1], 1)), np.zeros(loop.shape[::-1]), 0.1

@@ -192,7 +192,7 @@ EDGES = {
     "record of two inputs": ([4, 7, 10, 15, 21], []),
     "symmetric": ([2, 23, 31, 35, 36], []),
 }
-QUICK = [("discrete", 11), ("continuous", 10), ("discrete", 2)]
+QUICK = [("discrete", 11), ("discrete", 2)]
 
 
 @pytest.mark.parametrize(
@@ -220,6 +220,7 @@ def test_a_plant_at_the_edge_is_within_the_refined_bounds(kind, seed):
     assert found.verify()
 
 
+@pytest.mark.slow
 def test_the_whole_axis_follows_polygons_that_stand_close_to_each_other():
     peak = plain().omega[int(np.argmax(plain().sigma_upper))]
     close = np.linspace(max(peak - 0.6, 0.1), peak + 0.6, 13)
