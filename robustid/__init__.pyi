@@ -50,6 +50,7 @@ from .guarantees import contradiction as contradiction
 from .guarantees import coprime as coprime
 from .guarantees import coverage as coverage
 from .guarantees import family as family
+from .guarantees import loop_bounds as loop_bounds
 from .guarantees import ncf_margin as ncf_margin
 from .guarantees import nu_gap as nu_gap
 from .guarantees import refute as refute
@@ -67,6 +68,7 @@ from .passivity import prove_passive as prove_passive
 
 # Small models
 from .reduction import balanced_truncation as balanced_truncation
+from .reduction import reduce_plant as reduce_plant
 from .reduction import reduce_within_bounds as reduce_within_bounds
 from .reduction import to_continuous as to_continuous
 from .report import plot as plot

@@ -186,12 +186,23 @@ def series(first: StateMatrices, second: StateMatrices) -> StateMatrices:
     return StateMatrices(states, np.vstack([B, F @ D]), np.hstack([H @ C, G]), H @ D)
 
 
+def exchanged(system: StateMatrices, count: int) -> StateMatrices:
+    """The system whose first inputs and outputs, so many of both, have changed sides: from what was put out to what was put in."""
+    A, B, C, D = system
+    back: Real = np.asarray(np.linalg.inv(D[:count, :count]), dtype=float)
+    first, rest = np.hstack([back, -back @ D[:count, count:]]), D[count:, :count]
+    inputs = B[:, :count] @ first
+    inputs[:, count:] += B[:, count:]
+    direct = np.vstack([first, rest @ first])
+    direct[count:, count:] += D[count:, count:]
+    own = back @ C[:count]
+    return StateMatrices(A - B[:, :count] @ own, inputs, np.vstack([-own, C[count:] - rest @ own]), direct)
+
+
 def right_quotient(system: StateMatrices, count: int) -> StateMatrices:
     """``Z X^-1`` of a system ``[X; Z]``, whose first outputs X are as many as its inputs."""
-    A, B, C, D = system
-    back: Real = np.asarray(np.linalg.inv(D[:count]), dtype=float)
-    rest = D[count:] @ back
-    return StateMatrices(A - B @ back @ C[:count], B @ back, C[count:] - rest @ C[:count], rest)
+    A, B, C, D = exchanged(system, count)
+    return StateMatrices(A, B, C[count:], D[count:])
 
 
 def left_quotient(system: StateMatrices, count: int) -> StateMatrices:

@@ -15,6 +15,7 @@ from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
+from robustid.guarantees.loop_bounds import LoopBounds, LoopMargins, Peak, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
@@ -28,6 +29,7 @@ from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.tubes import ResponseTube, response_tube
+from robustid.guarantees.unstable_plant import UnstablePlant
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
 from robustid.guarantees.weight_structures import (
@@ -53,10 +55,13 @@ __all__ = [
     "Driver",
     "Family",
     "Judgement",
+    "LoopBounds",
     "LoopDistance",
+    "LoopMargins",
     "MarginStatus",
     "Member",
     "ParameterIntervals",
+    "Peak",
     "PoleCell",
     "Ranked",
     "Refutation",
@@ -68,6 +73,7 @@ __all__ = [
     "StructuredPlant",
     "StructuredWeight",
     "UncertaintyWeight",
+    "UnstablePlant",
     "ValueSet",
     "WorstCaseError",
     "WorstCaseOverPoles",
@@ -91,6 +97,7 @@ __all__ = [
     "frequencies_of",
     "growing_error",
     "has_box",
+    "loop_bounds",
     "magnitude_weight",
     "ncf_margin",
     "norm_of_bounds",

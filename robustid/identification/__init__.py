@@ -14,7 +14,7 @@ from robustid.identification.exact_evaluation import ball_arithmetic, verify_mar
 from robustid.identification.formulation import FORMS, told_apart_functions
 from robustid.identification.loop import Loop
 from robustid.identification.margin import prove_margin
-from robustid.identification.model import parametric_states
+from robustid.identification.model import nominal_model, parametric_states
 from robustid.identification.passive import check_gain, class_size, class_value, contradictions
 from robustid.identification.passive_prior import (
     PASSIVE_NAMES,
@@ -73,6 +73,7 @@ __all__ = [
     "in_image",
     "largest_ratio",
     "model_residuals",
+    "nominal_model",
     "parametric_states",
     "posed_alone",
     "prior_fields",

@@ -21,10 +21,12 @@ from robustid.core import (
     Real,
     StateMatrices,
     closed_loop,
+    exchanged,
     inverse,
     left_quotient,
     loop_factors,
     loop_is_stable,
+    points_of,
     poles_of,
     response_at,
     right_quotient,
@@ -126,6 +128,7 @@ class Loop(Frozen):
         factors: StateMatrices
 
     def _refuse(self, controller: StateMatrices, poles: Complex, dt: float) -> None:
+        poles = poles[poles.imag >= 0]
         size: Real = np.abs(poles) if dt else np.real(poles)
         words = describe_poles(poles[np.argsort(-size)][:1], dt)
         if self.auxiliary is None:
@@ -140,7 +143,13 @@ class Loop(Frozen):
 
     def __repr__(self) -> str:
         nu, ny = self.shape
-        return f"<Loop: {ny}x{nu} plant, u = {_SENTENCES[self.excitation]}, dt={self.dt:.6g} s>"
+        time = f"dt={self.dt:.6g} s" if self.dt else "continuous time"
+        return f"<Loop: {ny}x{nu} plant, u = {self.law}, {time}>"
+
+    @property
+    def law(self) -> str:
+        """What the controller does, with the place of the excitation r."""
+        return _SENTENCES[self.excitation]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -162,14 +171,53 @@ class Loop(Frozen):
 
         ``Q = (D_x + C_Q N_x)^-1 (C_Q D_c - N_c)``; 0 of the controller that ran.
         """
-        system, _ = as_system("controller", controller)
+        A, B, C, D = self.as_controller(controller)
+        nu, _ = self.shape
+        given = StateMatrices(A, np.hstack([np.zeros((len(A), nu)), B]), C, np.hstack([np.eye(nu), D]))  # [I, C_Q]
+        return left_quotient(series(self.factors, given), nu).model(self.dt)
+
+    def as_controller(self, controller: control.StateSpace | control.TransferFunction) -> StateMatrices:
+        """Another controller, checked."""
+        system, dt = as_system("controller", controller)
         nu, ny = self.shape
         if system.D.shape != (nu, ny):
             got = " x ".join(map(str, system.D.shape))
             raise InputError(f"`controller` must have {nu} outputs and {ny} inputs; got {got}")
-        A, B, C, D = system
-        given = StateMatrices(A, np.hstack([np.zeros((len(A), nu)), B]), C, np.hstack([np.eye(nu), D]))  # [I, C_Q]
-        return left_quotient(series(self.factors, given), nu).model(self.dt)
+        if dt is not None:
+            self._check_time(float(dt), "controller")
+        return system
+
+    def about(self, residual: StateMatrices, controller: StateMatrices | None = None) -> StateMatrices:
+        """The loop of P(R + E) from ``[r; e; d]`` to ``[u; y; x]``, with e = E x; r is added at the input, d at the output y.
+
+        Of another controller too. At the one that ran x does not answer to e.
+        """
+        nu, ny = self.shape
+        A, B, C, D = residual
+        # [x; e] to [u; y; x], without a controller.
+        inner = StateMatrices(
+            A,
+            np.hstack([B, np.zeros((len(A), ny))]),
+            np.vstack([np.zeros((nu, len(A))), C]),
+            np.block([[np.eye(nu), np.zeros((nu, ny))], [D, np.eye(ny)]]),
+        )
+        A, B, C, D = series(inner, self.factors)
+        below = np.hstack([np.eye(nu), np.zeros((nu, ny))])
+        plant = StateMatrices(A, B, np.vstack([C, np.zeros((nu, len(A)))]), np.vstack([D, below]))
+        # [x; e; d] to [u + C y; u; y; x], y with d.
+        A, B, C, D = plant
+        B = np.hstack([B, np.zeros((len(A), ny))])
+        D = np.hstack([D, np.vstack([np.zeros((nu, ny)), np.eye(ny), np.zeros((nu, ny))])])
+        E, F, G, H = self._controller if controller is None else controller
+        top = np.hstack([np.eye(nu), H, np.zeros((nu, nu))])
+        after = StateMatrices(
+            E,
+            np.hstack([np.zeros((len(E), nu)), F, np.zeros((len(E), nu))]),
+            np.vstack([G, np.zeros((2 * nu + ny, len(E)))]),
+            np.vstack([top, np.eye(2 * nu + ny)]),
+        )
+        whole = exchanged(series(StateMatrices(A, B, C, D), after), nu)
+        return StateMatrices(whole.A, whole.B, whole.C[nu:], whole.D[nu:])
 
     def opened(self, record: TimeRecord) -> TimeRecord:
         """Record of R: its input x and output z from the input and output of the plant; no bound, whose noise is another one.
@@ -221,11 +269,25 @@ class Loop(Frozen):
             got = " x ".join(map(str, frf.values.shape[1:]))
             raise InputError(f"`frf` must have {ny} outputs and {nu} inputs, from r to y; got {got}")
         self._check_time(frf.dt or 0.0, "frf")
-        points = np.exp(1j * frf.omega * self.dt) if self.dt else 1j * frf.omega
+        points = points_of(frf.omega, self.dt)
         M, back = response_at(self.factors, points), response_at(self._back, points)
         left, right = np.linalg.inv(M[:, nu:, nu:]), np.linalg.inv(back[:, :nu, :nu])
         values = left @ (frf.values @ right - M[:, nu:, :nu])
         bound = None if frf.bound is None else np.abs(left) @ frf.bound.outer_radius @ np.abs(right)
+        return FrequencyResponse(frf.omega, values, bound=bound, dt=frf.dt, note=frf.note)
+
+    def plant_response(self, frf: FrequencyResponse) -> FrequencyResponse:
+        r"""Response of the plant from that of R: ``P = (N_x + D_c R)(D_x - N_c R)^-1``.
+
+        Its bound is that of R to first order, ``|D_c + P N_c| b |(D_x - N_c R)^-1|``: for weights, not for a guarantee.
+        """
+        self._check_time(frf.dt or 0.0, "frf")
+        nu, _ = self.shape
+        M = response_at(self.factors, points_of(frf.omega, self.dt))
+        down = np.linalg.inv(M[:, :nu, :nu] + M[:, :nu, nu:] @ frf.values)
+        values = (M[:, nu:, :nu] + M[:, nu:, nu:] @ frf.values) @ down
+        slope = M[:, nu:, nu:] - values @ M[:, :nu, nu:]
+        bound = None if frf.bound is None else np.abs(slope) @ frf.bound.outer_radius @ np.abs(down)
         return FrequencyResponse(frf.omega, values, bound=bound, dt=frf.dt, note=frf.note)
 
     def _beside(self, system: StateMatrices) -> StateMatrices:

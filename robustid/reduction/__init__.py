@@ -6,6 +6,7 @@ from robustid.reduction.error_norm import PeakError, hinf_error, hinf_norm
 from robustid.reduction.gramians import Parts, doubtful_distance, gramian_factors, is_stable
 from robustid.reduction.inverse_hold import ContinuousModel, to_continuous
 from robustid.reduction.model_worth import ModelWorth, model_worth_having
+from robustid.reduction.plant import PlantReduction, plant_of, reduce_plant
 from robustid.reduction.response_comparison import why_not_compared
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
 
@@ -15,6 +16,7 @@ __all__ = [
     "ModelWorth",
     "Parts",
     "PeakError",
+    "PlantReduction",
     "Reduction",
     "ReductionStatus",
     "SearchStatus",
@@ -26,6 +28,8 @@ __all__ = [
     "hinf_norm",
     "is_stable",
     "model_worth_having",
+    "plant_of",
+    "reduce_plant",
     "reduce_within_bounds",
     "to_continuous",
     "why_not_compared",

@@ -1,0 +1,200 @@
+r"""Values of the maps of a loop over all R within bounds, at points and on pieces of arc.
+
+From r at the input and d at the output of the plant to u and y, with :math:`R = R_0 + \Delta, |\Delta_{ij}| \le b_{ij}`,
+
+.. math:: H(\Delta) = H_0 + H_1 \Delta (I - m \Delta)^{-1} H_2 .
+
+Of one input and one output a disc of Δ gives the disc with
+
+.. math:: \text{centre } H_0 + H_1 H_2 \frac{\bar m\, b^2}{1 - |m|^2 b^2}, \qquad
+          \text{radius } \frac{|H_1 H_2|\, b}{1 - |m|^2 b^2} ,
+
+exactly, since that is a Möbius map. Of matrices the centre is H_0, and the largest singular value of what is added to it is bounded
+by the smallest of three: by entries (Neumann's series), by norms, and by norms with the scaling of the robust stability margin.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from robustid.core import Complex, Real
+from robustid.guarantees.scaling import perron_scaling
+from robustid.guarantees.value_set import norm_of_bounds
+
+MAPS = ("sensitivity", "complementary_sensitivity", "process_sensitivity", "control_sensitivity")
+_ROUNDING = 1e-12
+
+
+class Balls(NamedTuple):
+    """Centres (N, p, q) and radii (N,): at every point all values are so near to the centre, in the largest singular value."""
+
+    centre: Complex
+    radius: Real
+
+    @property
+    def largest(self) -> Real:
+        """Bound of the largest singular value, (N,)."""
+        return _norms(self.centre) + self.radius
+
+    def about(self, centre: Complex) -> Balls:
+        """The same values less a matrix."""
+        return Balls(self.centre - centre, self.radius)
+
+
+class LoopValues(NamedTuple):
+    """Values of ``[r; e; d] -> [u; y; x]`` at points, (N, 2 nu + ny, nu + 2 ny), and radii that hold around them (0 at points)."""
+
+    values: Complex
+    reach: Real
+    shape: tuple[int, int]  # inputs and outputs of the plant
+
+    @classmethod
+    def at(cls, values: Complex, shape: tuple[int, int]) -> Self:
+        """Exact values."""
+        return cls(values, np.zeros(values.shape), shape)
+
+    def _places(self) -> tuple[dict[str, slice], dict[str, slice]]:
+        nu, ny = self.shape
+        rows = {"u": slice(0, nu), "y": slice(nu, nu + ny), "x": slice(nu + ny, None)}
+        columns = {"r": slice(0, nu), "e": slice(nu, nu + ny), "d": slice(nu + ny, None)}
+        return rows, columns
+
+    def shifted(self, change: Complex) -> LoopValues:
+        """The values about R + change, (N, ny, nu): exact, at points."""
+        rows, columns = self._places()
+        V, nu = self.values, self.shape[0]
+        inner = np.eye(nu) - V[:, rows["x"], columns["e"]] @ change
+        back = change @ np.linalg.inv(inner)  # change (I - m change)^-1
+        moved = V + V[:, :, columns["e"]] @ back @ V[:, rows["x"], :]
+        return LoopValues(moved, np.zeros(moved.shape), self.shape)
+
+    def balls(self, bound: Real) -> dict[str, Balls]:
+        """The maps S, T = I - S, P S and C S over all ``|Delta| <= bound``, (N, ny, nu); infinite where a loop may be singular."""
+        found = {
+            "sensitivity": self._ball("y", "d", bound),
+            "process_sensitivity": self._ball("y", "r", bound),
+            "control_sensitivity": self._ball("u", "d", bound),
+        }
+        one = found["sensitivity"]
+        found["complementary_sensitivity"] = Balls(np.eye(self.shape[1]) - one.centre, one.radius)
+        return found
+
+    def _ball(self, row: str, column: str, bound: Real) -> Balls:
+        rows, columns = self._places()
+
+        def part(of: str, by: str) -> tuple[Complex, Real]:
+            return self.values[:, rows[of], columns[by]], self.reach[:, rows[of], columns[by]]
+
+        fixed, left, right, inner = part(row, column), part(row, "e"), part("x", column), part("x", "e")
+        if self.shape == (1, 1):
+            found = _disc(fixed, left, right, inner, bound)
+        else:
+            added = np.fmin.reduce([one(left, right, inner, bound) for one in (_by_entries, _by_norms, _scaled)])
+            found = Balls(fixed[0], added + _norms(fixed[1]))
+        rounding = _ROUNDING * (_norms(found.centre) + np.where(np.isfinite(found.radius), found.radius, 0.0))
+        return Balls(found.centre, found.radius + rounding)
+
+
+Part = tuple[Complex, Real]  # values, and radii that hold around them
+
+
+def _disc(fixed: Part, left: Part, right: Part, inner: Part, bound: Real) -> Balls:
+    """The image of a disc; around it what the radii of the values let it move."""
+    b, m = bound[:, 0, 0], inner[0][:, 0, 0]
+    across = (left[0] * right[0])[:, 0, 0]
+    size, reach = np.abs(m), inner[1][:, 0, 0]
+    most = (size + reach) * b
+    moved = np.abs(left[0]) * right[1] + left[1] * (np.abs(right[0]) + right[1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = 1 - (size * b) ** 2
+        centre = fixed[0][:, 0, 0] + across * np.conj(m) * b**2 / room
+        radius = np.abs(across) * b / room
+        radius += fixed[1][:, 0, 0] + moved[:, 0, 0] * b / (1 - most)
+        radius += np.abs(across) * b**2 * reach / ((1 - most) * (1 - size * b))
+    whole = most < 1
+    return Balls(np.where(whole, centre, 0.0)[:, None, None], np.where(whole, radius, np.inf))
+
+
+def _by_entries(left: Part, right: Part, inner: Part, bound: Real) -> Real:
+    """Norm of ``|H_1| b (I - |m| b)^-1 |H_2|``."""
+    sizes = [np.abs(values) + reach for values, reach in (left, right, inner)]
+    through = sizes[2] @ bound
+    closed = np.max(np.abs(np.linalg.eigvals(through)), axis=1) < 1
+    through = np.where(closed[:, None, None], through, 0.0)
+    series = np.maximum(np.linalg.inv(np.eye(through.shape[1]) - through), 0.0)
+    return np.where(closed, norm_of_bounds(sizes[0] @ bound @ series @ sizes[1]), np.inf)
+
+
+def _by_norms(left: Part, right: Part, inner: Part, bound: Real) -> Real:
+    sizes = [_norms(values) + _norms(reach) for values, reach in (left, right, inner)]
+    return _closed(*sizes, norm_of_bounds(bound))
+
+
+def _scaled(left: Part, right: Part, inner: Part, bound: Real) -> Real:
+    """The same with signals scaled by ``Delta = diag(alpha) Delta_s diag(beta)``."""
+    fed_back = np.any(inner[0], axis=(1, 2))[:, None, None]
+    scaling = perron_scaling(np.where(fed_back, inner[0], _outer(right, left)), bound)
+    alpha, beta = np.exp(scaling.rows), np.exp(scaling.columns)
+    sides = [
+        _norms(values) + _norms(reach)
+        for values, reach in (
+            (left[0] * alpha[:, None, :], left[1] * alpha[:, None, :]),
+            (right[0] * beta[:, :, None], right[1] * beta[:, :, None]),
+            (scaling.loop(inner[0]), scaling.loop(inner[1])),
+        )
+    ]
+    return _closed(*sides, norm_of_bounds(scaling.uncertainty(bound)))
+
+
+def _outer(right: Part, left: Part) -> Complex:
+    """A matrix of the size of the inner part whose scaling balances what is outside."""
+    return np.linalg.norm(right[0], axis=2)[:, :, None] * np.linalg.norm(left[0], axis=1)[:, None, :] + 0j
+
+
+def _closed(left: Real, right: Real, inner: Real, bound: Real) -> Real:
+    """``left bound right / (1 - inner bound)``."""
+    room = 1 - inner * bound
+    return np.where(room > 0, left * bound * right / np.where(room > 0, room, 1.0), np.inf)
+
+
+def _norms(matrices: Complex | Real) -> Real:
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
+
+
+class Worst(NamedTuple):
+    """Larger numbers for worse margins, (N,) each: 0 or less where a margin is not met there.
+
+    Of one input and one output with L = P C the open loop, ``S = 1/(1 + L)``: a real S > 1 makes a gain of S/(S - 1) unstable,
+    a real S < 0 one below 1, and S = 1/2 + j t has |L| = 1 and a phase 2 arctan(2 t) short of -180 degrees by
+    180 - 2 arctan(2 |t|) degrees. Of matrices gains and phases follow from the disc margin (`seiler2020`).
+    """
+
+    gain_above: Real  # S - 1
+    gain_below: Real  # - S
+    phase: Real  # |t|
+    delay: Real  # omega over the phase that is left, in rad
+
+
+def worst_of(balls: Balls, omega: Real) -> Worst:
+    """The margins of one sensitivity that all of a disc may have, up to the frequency omega of each."""
+    centre, radius = balls.centre[:, 0, 0], balls.radius
+    with np.errstate(invalid="ignore", divide="ignore"):
+        half = np.sqrt(radius**2 - np.imag(centre) ** 2)  # nan where it has no real value
+        above, below = np.real(centre) + half - 1, half - np.real(centre)
+        side = np.sqrt(radius**2 - (np.real(centre) - 0.5) ** 2)
+        top, bottom = np.imag(centre) + side, side - np.imag(centre)
+        left = np.pi - 2 * np.arctan(2 * top)
+        delay = np.where(np.isnan(top), 0.0, omega / left)
+    whole = np.isinf(radius)
+    found = [np.nan_to_num(one, nan=-1.0) for one in (above, below, np.fmax(top, bottom))]
+    return Worst(*(np.where(whole, np.inf, one) for one in (*found, delay)))
+
+
+def delay_of(balls: Balls, omega: Real) -> Real:
+    """For matrices: omega over the phase of all delays together that the complementary sensitivity leaves, (N,)."""
+    size = balls.largest
+    with np.errstate(divide="ignore", invalid="ignore"):
+        phase = 2 * np.arcsin(np.minimum(1.0, 1 / (2 * size)))
+        return np.where(size < 0.5, 0.0, omega / phase)

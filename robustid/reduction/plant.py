@@ -1,0 +1,184 @@
+"""reduce_plant(): the smallest model of a plant in a loop that its controller stabilises, and whose R keeps every bound.
+
+Right factors of a plant are stable whatever it is: the balanced truncation of normalised ones drops the states that matter least
+in the gap metric (`zhou1996`, section 19.4).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.core import (
+    Frozen,
+    Real,
+    Record,
+    StateMatrices,
+    closed_loop,
+    decay_of,
+    loop_factors,
+    normalised_factors,
+    one_thread,
+    poles_of,
+    right_quotient,
+)
+from robustid.data import FrequencyResponse
+from robustid.errors import InputError, RobustIdError
+from robustid.fitting import fit_mfd
+from robustid.identification import Identification, Loop, largest_ratio
+from robustid.reduction.balanced import balanced_truncation, balanced_truncations
+
+if TYPE_CHECKING:
+    import control
+
+_CANCELS = 1e-9  # of the largest Hankel singular value: states below cancel
+_SAME = 1e-6  # of its bound: what the margin of the nominal model may be exceeded by
+_LARGEST_FIT, _NEAR, _ROUNDS = (
+    20,
+    3.0,
+    8,
+)  # states; times the limit at which a fit is drawn inside, by so many changes of its weights
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class PlantReduction(Frozen):
+    """A small model of a plant in a loop.
+
+    Attributes
+    ----------
+    model : control.StateSpace
+        Of the plant, stable or not; the controller that ran stabilises it.
+    residual : control.StateSpace
+        Its R.
+    order : int
+        States of the model.
+    margin : float
+        Largest part of any sample's bound that R misses it by: at most 1, or what the data contradict their class by.
+    loop_poles : (n,) complex array
+        Of the controller and the model.
+    """
+
+    model: control.StateSpace
+    residual: control.StateSpace
+    order: int
+    margin: float
+    loop_poles: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"<PlantReduction: order {self.order}, margin {self.margin:.4g}>"
+
+
+def plant_of(loop: Loop, residual: control.StateSpace) -> control.StateSpace:
+    """The plant P(R) without the states that cancel, which are stable: those that neither inputs move nor outputs show."""
+    return balanced_truncation(loop.plant_of(residual), tol=_CANCELS, unstable="keep").model
+
+
+@one_thread()
+def reduce_plant(
+    identification: Identification, loop: Loop, *, residual: control.StateSpace | None = None
+) -> PlantReduction:
+    """The smallest model of the plant that the controller stabilises, and whose R keeps every sample within its bound.
+
+    Where there is a frequency response, least-squares fits of that of the plant are tried, from order one upwards, and drawn inside
+    by their weights. Else, or if none is, normalised factors of P(R) are truncated, until R of what is left is stable and inside.
+
+    Parameters
+    ----------
+    identification : Identification
+        Of the stable system R of the loop.
+    loop : Loop
+        The controller that ran, with its auxiliary plant.
+    residual : control.StateSpace, optional
+        The model of R to begin with. Default: that of the identification.
+
+    Returns
+    -------
+    PlantReduction
+
+    Raises
+    ------
+    InputError
+        If signals do not fit.
+
+    References
+    ----------
+    `zhou1996`, section 19.4; `tay1989`.
+
+    Examples
+    --------
+    >>> import control, numpy as np, robustid as rid
+    >>> plant, gain = control.ss(1.1, 1.0, 1.0, 0.0, 0.01), control.ss([], [], [], 0.5, 0.01)
+    >>> loop = rid.Loop(gain)
+    >>> R, omega = loop.residual_of(plant), np.linspace(5.0, 300.0, 30)
+    >>> closed = rid.FrequencyResponse(omega, [R(np.exp(0.01j * w)) for w in omega], bound=0.02, dt=0.01)
+    >>> result = rid.identify(rid.MixedProblem(frequency=closed, prior=rid.Prior(gain_bound=10.0, decay_rate=1.4)))
+    >>> found = rid.reduce_plant(result, loop)
+    >>> found.order, bool(abs(found.model.poles()[0] - 1.1) < 0.02)
+    (1, True)
+    """
+    start = identification.model if residual is None else residual
+    if start.D.shape != loop.shape[::-1]:
+        raise InputError(f"`identification` must be of the R of `loop`, {loop.shape[1]} x {loop.shape[0]}")
+    limit = max(1.0, largest_ratio(identification.problem, start)) * (1 + _SAME)
+    return _fitted(identification, loop, limit) or _truncated(identification, loop, start, limit)
+
+
+def _truncated(identification: Identification, loop: Loop, start: control.StateSpace, limit: float) -> PlantReduction:
+    """The smallest truncation of the factors of the plant that is inside."""
+    whole = plant_of(loop, start)
+    try:
+        factors = normalised_factors(StateMatrices.of(whole), loop.dt)
+    except (np.linalg.LinAlgError, InputError):  # poles that almost cancel, on or outside the stability boundary
+        factors = loop_factors(StateMatrices.of(whole), loop.as_controller(loop.controller), loop.dt)
+        nu = loop.shape[0]
+        factors = StateMatrices(factors.A, factors.B[:, :nu], factors.C, factors.D[:, :nu])
+    truncate, nu = balanced_truncations(factors.model(loop.dt)), loop.shape[0]
+    for order in range(len(factors.A)):
+        small = StateMatrices.of(truncate(order).model)
+        if np.linalg.cond(small.D[:nu]) > 1 / _CANCELS:  # not proper
+            continue
+        found = _judged(identification, loop, right_quotient(small, nu))
+        if found is not None and found.margin <= limit:
+            return found
+    poles = poles_of(closed_loop(StateMatrices.of(whole), loop.as_controller(loop.controller)).A)
+    return PlantReduction(whole, start, whole.nstates, largest_ratio(identification.problem, start), poles)
+
+
+def _fitted(identification: Identification, loop: Loop, limit: float) -> PlantReduction | None:
+    """The smallest fit of the plant's response that is inside; None where none is."""
+    responses = [one for one in identification.problem.frequency if isinstance(one, FrequencyResponse)]
+    if not responses:
+        return None
+    frf = loop.plant_response(responses[0])
+    weight: Real = 1 / frf.bound.outer_radius
+    for order in range(1, min(_LARGEST_FIT, frf.omega.size // 3) + 1):
+        own, model = weight, None
+        for turn in range(_ROUNDS):
+            try:
+                how: Record = {"stable": False, "weight": own, "restart": turn == 0, "start": model}
+                model = fit_mfd(frf, order=order, **how).model
+                found = _judged(identification, loop, StateMatrices.of(model))
+            except (RobustIdError, np.linalg.LinAlgError):  # too few points for so many states
+                break
+            if found is not None and found.margin <= limit:
+                return found
+            if found is None or found.margin > _NEAR * limit:
+                break
+            missed = weight * np.abs(identification.problem.plane.values_at(model, frf.omega) - frf.values)
+            own = own * np.sqrt(missed / missed.max() + _SAME)
+    return None
+
+
+def _judged(identification: Identification, loop: Loop, plant: StateMatrices) -> PlantReduction | None:
+    """The plant with its R, if the controller stabilises it."""
+    poles = poles_of(closed_loop(plant, loop.as_controller(loop.controller)).A)
+    if decay_of(poles, loop.dt) <= 0:
+        return None
+    model = plant.model(loop.dt)
+    residual = loop.residual_of(model)
+    if decay_of(residual.poles(), loop.dt) <= 0:  # a state that cancels only almost
+        return None
+    margin = largest_ratio(identification.problem, residual)
+    return PlantReduction(model, residual, len(plant.A), margin, poles)

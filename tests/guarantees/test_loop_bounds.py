@@ -1,0 +1,252 @@
+"""Worst cases of a loop over every consistent plant: against brute force, truths at the edge, margins, other controllers."""
+
+import dataclasses
+import functools
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import StateMatrices, response_at
+from robustid.guarantees.loop_values import Balls, LoopValues, delay_of, worst_of
+from support.loops import measured_machine
+
+DT = 0.01
+
+
+@functools.cache
+def case_of(seed):
+    """A machine in its loop, and the band of R about a small model that is near to its centre."""
+    case = measured_machine(seed)
+    result = rid.identify(case.problem)
+    model = rid.balanced_truncation(result.model, order=min(12, result.model.nstates)).model
+    return case, result, rid.band(result).with_model(model)
+
+
+def random_values(rng, nu, ny, count):
+    size = count, 2 * nu + ny, nu + 2 * ny
+    values = rng.standard_normal(size) + 1j * rng.standard_normal(size)
+    values[:, nu + ny :, nu : nu + ny] *= 0.5
+    return LoopValues.at(values, (nu, ny))
+
+
+def through(values, change):
+    """All maps with one E, from its definition."""
+    V, (nu, ny) = values.values, values.shape
+    x, e = slice(nu + ny, None), slice(nu, nu + ny)
+    whole = V + V[:, :, e] @ change @ np.linalg.inv(np.eye(nu) - V[:, x, e] @ change) @ V[:, x, :]
+    u, y, r, d = slice(0, nu), slice(nu, nu + ny), slice(0, nu), slice(nu + ny, None)
+    S = whole[:, y, d]
+    return {
+        "sensitivity": S,
+        "complementary_sensitivity": np.eye(ny) - S,
+        "process_sensitivity": whole[:, y, r],
+        "control_sensitivity": whole[:, u, d],
+    }
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 1), (2, 3)])
+def test_no_change_within_the_bounds_leaves_the_balls(shape):
+    nu, ny = shape
+    rng = np.random.default_rng(shape)
+    values = random_values(rng, nu, ny, 40)
+    bound = rng.uniform(0.01, 0.15, (40, ny, nu))
+    balls, farthest = values.balls(bound), dict.fromkeys(("sensitivity", "process_sensitivity"), np.zeros(40))
+    for _ in range(400):
+        size = np.where(rng.uniform(size=bound.shape) < 0.8, 1.0, rng.uniform(size=bound.shape))
+        change = bound * size * np.exp(2j * np.pi * rng.uniform(size=bound.shape))
+        for name, value in through(values, change).items():
+            distance = np.linalg.norm(value - balls[name].centre, 2, axis=(1, 2))
+            assert np.all(distance <= balls[name].radius * (1 + 1e-12))
+            if name in farthest:
+                farthest[name] = np.maximum(farthest[name], distance / balls[name].radius)
+    if shape == (1, 1):  # the disc is exactly the set
+        assert min(one.min() for one in farthest.values()) > 0.999
+
+
+def test_values_about_another_centre_are_those_of_the_sum():
+    rng = np.random.default_rng(0)
+    values = random_values(rng, 2, 3, 10)
+    first, second = (0.1 * (rng.standard_normal((10, 3, 2)) + 1j * rng.standard_normal((10, 3, 2))) for _ in range(2))
+    found = through(values.shifted(first), second)
+    for name, value in through(values, first + second).items():
+        assert np.abs(found[name] - value).max() < 1e-12
+
+
+def test_radii_around_the_values_are_covered():
+    rng = np.random.default_rng(1)
+    for nu, ny in ((1, 1), (2, 2)):
+        values = random_values(rng, nu, ny, 30)
+        reach = 0.05 * rng.uniform(size=values.values.shape)
+        bound = rng.uniform(0.01, 0.1, (30, ny, nu))
+        balls = LoopValues(values.values, reach, (nu, ny)).balls(bound)
+        for _ in range(200):
+            moved = values.values + reach * np.exp(2j * np.pi * rng.uniform(size=reach.shape))
+            change = bound * np.exp(2j * np.pi * rng.uniform(size=bound.shape))
+            for name, value in through(LoopValues.at(moved, (nu, ny)), change).items():
+                distance = np.linalg.norm(value - balls[name].centre, 2, axis=(1, 2))
+                assert np.all(distance <= balls[name].radius)
+
+
+def test_margins_of_a_disc_are_those_of_its_worst_member():
+    """Gains, phases and delays at which ``1 + f L = 0`` for some S = 1/(1 + L) of the disc, against a fine grid of the disc."""
+    rng = np.random.default_rng(2)
+    omega = 7.0
+    turn = np.exp(2j * np.pi * np.arange(100000) / 100000)
+    for _ in range(40):
+        centre, radius = rng.uniform(-1, 2) + 1j * rng.uniform(-1, 1), rng.uniform(0.05, 1.0)
+        found = worst_of(Balls(np.array([[[centre]]]), np.array([radius])), np.array([omega]))
+        edge = centre + radius * turn
+        # Where the circle crosses the real axis, and the line of real part 1/2.
+        real = edge.real[:-1][np.diff(np.sign(edge.imag)) != 0]
+        half = edge.imag[:-1][np.diff(np.sign(edge.real - 0.5)) != 0]
+        above, below = (real.max() - 1, -real.min()) if real.size else (-1, -1)
+        assert max(found.gain_above[0], 0) == pytest.approx(max(above, 0), abs=1e-3)
+        assert max(found.gain_below[0], 0) == pytest.approx(max(below, 0), abs=1e-3)
+        largest = np.abs(half).max() if half.size else 0
+        assert max(found.phase[0], 0) == pytest.approx(largest, abs=1e-3)
+        if half.size:
+            t = half.max()
+            L = (1 - (0.5 + 1j * t)) / (0.5 + 1j * t)
+            left = np.mod(np.angle(L) + np.pi, 2 * np.pi)  # what a delay may turn L by until it is -1
+            assert omega / found.delay[0] == pytest.approx(left, rel=1e-3)
+        else:
+            assert found.delay[0] == 0
+
+
+def test_a_delay_of_many_outputs_is_bounded_by_the_complementary_sensitivity():
+    balls = Balls(np.array([[[2.0 + 0j, 0], [0, 1.0]], [[0.1 + 0j, 0], [0, 0.2]]]), np.zeros(2))
+    found = delay_of(balls, np.array([3.0, 3.0]))
+    assert found[0] == pytest.approx(3.0 / (2 * np.arcsin(0.25)))
+    assert found[1] == 0  # no delay turns it that far
+
+
+def edge_case(seed, frequencies):
+    """Largest distance of the true loop from the centres of its balls, in radii; and its peaks over their bounds."""
+    case, _, band = case_of(seed)
+    found = rid.loop_bounds(band, case.loop)
+    omega = np.linspace(0, np.pi / DT, frequencies)
+    true = case.maps(omega)
+    far = {
+        name: np.max(np.abs(true[name] - centre)[:, 0, 0] / radius)
+        for name, (centre, radius) in found.at(omega).items()
+    }
+    centre, radius = found.plant_at(omega)
+    plant = response_at(StateMatrices.of(case.plant), np.exp(1j * omega * DT))
+    far["plant"] = np.max(np.abs(plant - centre)[:, 0, 0] / radius)
+    over = {name: np.abs(true[name]).max() / found.peaks[name].value for name in true}
+    return case, found, far, over
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+def test_a_truth_at_the_edge_of_the_class_of_r_is_inside_every_band(seed):
+    case, found, far, over = edge_case(seed, 2001)
+    assert max(far.values()) <= 1 + 1e-9, far
+    assert max(over.values()) <= 1, over
+    low, high = found.margins.gain
+    loop = case.plant * case.controller
+    for gain in (low * 1.001, 1.0, high * 0.999):
+        assert np.abs(control.feedback(gain * loop, 1).poles()).max() < 1
+    # At any frequency that is not one of the grid the peak on the whole axis is no smaller than the bounds there.
+    omega = np.random.default_rng(seed).uniform(0, np.pi / DT, 500)
+    for name, (centre, radius) in found.at(omega).items():
+        assert np.all(np.abs(centre[:, 0, 0]) + radius <= found.peaks[name].value * 1.001)
+
+
+@pytest.mark.slow
+def test_a_hundred_truths_at_the_edge():
+    """Of one hundred machines with one to three unstable poles, at 10^4 frequencies, none is outside."""
+    far, over = [], []
+    for seed in range(100):
+        _, _, distances, peaks = edge_case(seed, 10001)
+        far.append(max(distances.values()))
+        over.append(max(peaks.values()))
+    assert sum(one <= 1 + 1e-9 for one in far) == 100, max(far)
+    assert max(over) <= 1
+
+
+def test_of_a_loop_that_is_known_almost_exactly_the_bounds_are_its_own():
+    plant, gain = control.ss(1.1, 1.0, 1.0, 0.0, DT), control.ss([], [], [], 0.5, DT)
+    loop = rid.Loop(gain)
+    R, omega = loop.residual_of(plant), np.linspace(5.0, 300.0, 20)
+    values = response_at(StateMatrices.of(R), np.exp(1j * omega * DT))
+    problem = rid.MixedProblem(
+        frequency=rid.FrequencyResponse(omega, values, bound=1e-4, dt=DT),
+        prior=rid.Prior(gain_bound=8.8, decay_rate=1.4),
+    )
+    band = rid.band(rid.identify(problem))
+    found = rid.loop_bounds(band.with_model(R), loop)
+    # L = .5/(z - 1.1): S = (z - 1.1)/(z - .6), largest at z = -1, T at z = 1.
+    assert found.peaks["sensitivity"].value == pytest.approx(2.1 / 1.6, rel=5e-3)
+    assert found.peaks["complementary_sensitivity"].value == pytest.approx(1.25, rel=5e-3)
+    assert found.peaks["process_sensitivity"].value == pytest.approx(2.5, rel=5e-3)
+    assert found.peaks["control_sensitivity"].value == pytest.approx(0.5 * 2.1 / 1.6, rel=5e-3)
+    # Stable for gains k with |1.1 - .5 k| < 1.
+    assert found.margins.gain == pytest.approx((0.2, 4.2), rel=2e-2)
+    margins = control.stability_margins(plant * gain)
+    assert found.margins.phase == pytest.approx(np.radians(margins[1]), rel=1e-2)
+    assert found.margins.modulus == pytest.approx(1.6 / 2.1, rel=5e-3)
+    assert found.margins.delay == pytest.approx(np.radians(margins[1]) / margins[4], rel=1e-2)
+    assert found.zone == "A"
+    assert found.guaranteed
+    assert "zone       A" in found.summary()
+    assert repr(found) == "<LoopBounds: the controller that ran, peak of S 1.313>"
+
+
+def verdicts(seed, factors):
+    """Verdicts on gains near those up to which stability is proved, each with its proof or its counterexample checked."""
+    case, result, band = case_of(seed)
+    low, high = rid.loop_bounds(band, case.loop).margins.gain
+    omega, said = np.linspace(0, np.pi / DT, 3000), []
+    for factor in factors:
+        gain = high * factor if factor > 0 else -low * factor
+        controller = gain * case.controller
+        found = rid.loop_bounds(band, case.loop, controller)
+        stable = np.abs(control.feedback(case.plant, controller).poles()).max() < 1
+        wrong = found.unstable_plant(result)
+        if found.guaranteed:
+            assert stable
+            assert wrong is None
+            true = np.abs(1 / (1 + response_at(StateMatrices.of(case.plant * controller), np.exp(1j * omega * DT))))
+            assert true.max() <= found.peaks["sensitivity"].value
+            said.append("stable")
+        elif wrong is not None:
+            assert np.abs(control.feedback(wrong.plant, controller).poles()).max() > 1
+            assert np.abs(control.feedback(wrong.plant, case.controller).poles()).max() < 1
+            assert np.abs(wrong.residual.poles()).max() < 1
+            frf = case.problem.frequency[0]
+            missed = frf.values - response_at(StateMatrices.of(wrong.residual), np.exp(1j * frf.omega * DT))
+            assert np.abs(missed).max() <= frf.bound.outer_radius.max() * (1 + 1e-6)
+            said.append("unstable")
+        else:
+            said.append("undecided")
+    return said
+
+
+def test_another_controller_is_proved_stable_or_refused_with_a_plant_that_shows_it():
+    said = verdicts(0, (0.9, 1.6, -0.5))
+    assert said == ["stable", "unstable", "unstable"]
+
+
+@pytest.mark.slow
+def test_two_hundred_controllers_around_the_limit():
+    said = [
+        one for seed in range(20) for one in verdicts(seed, (0.5, 0.8, 0.95, 1.05, 1.2, 1.5, -0.6, -0.85, -1.15, -1.5))
+    ]
+    assert len(said) == 200
+    assert said.count("undecided") <= 20, said
+    assert said.count("stable") > 40
+    assert said.count("unstable") > 40
+
+
+def test_what_does_not_fit_is_refused():
+    case, _, band = case_of(0)
+    plain = dataclasses.replace(band, model=None)
+    with pytest.raises(rid.InputError, match="must be about a model of R"):
+        rid.loop_bounds(plain, case.loop)
+    other = rid.Loop(control.ss([], [], [], [[0.1, 0.1]], DT))
+    with pytest.raises(rid.InputError, match="must be of the R of `loop`"):
+        rid.loop_bounds(band, other)
+    with pytest.raises(rid.InputError, match="sample time of the controller"):
+        rid.loop_bounds(band, case.loop, control.ss(0.5, 1.0, 1.0, 0.0, 2 * DT))
