@@ -69,8 +69,8 @@ def slow_poles(frf: FrequencyResponse, delay: int | None = None) -> RealPoles | 
     """
     if not frf.dt or frf.omega.size < 2 * _POINTS_A_POLE:
         return None
-    delays = range(_most(frf) + 1) if delay is None else (delay,)
-    found = [_behind(frf, one) for one in delays]
+    delays = range(_most(frf, frf.dt) + 1) if delay is None else (delay,)
+    found = [_behind(frf, frf.dt, one) for one in delays]
     best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
     slow = (best.damping > _HEAVY) & (best.omega * frf.dt < _FAST) & (best.omega > _SLOWEST * lowest)
@@ -80,21 +80,21 @@ def slow_poles(frf: FrequencyResponse, delay: int | None = None) -> RealPoles | 
     return RealPoles(omega, np.ones(omega.size), best.left, best.largest, best.delay)
 
 
-def _behind(frf: FrequencyResponse, delay: int) -> RealPoles:
+def _behind(frf: FrequencyResponse, dt: float, delay: int) -> RealPoles:
     """The poles behind a delay."""
-    turned = frf.values * np.exp(1j * delay * frf.dt * frf.omega)[:, None, None]
+    turned = frf.values * np.exp(1j * delay * dt * frf.omega)[:, None, None]
     ahead = dataclasses.replace(frf, values=turned)
     return _fractions(ahead, PoleFit(ahead, feedthrough=True), 1)._replace(delay=delay)
 
 
-def _most(frf: FrequencyResponse) -> int:
+def _most(frf: FrequencyResponse, dt: float) -> int:
     """Largest delay in samples to try: the mean slope of the phase of an entry, which lags behind a dead time of its own accord."""
     used = ~frf.missing.any(axis=(1, 2))
     if used.sum() < 2:
         return 0
     omega, phase = frf.omega[used], np.unwrap(np.angle(frf.values[used]), axis=0)
     slope = (phase[0] - phase[-1]).max() / (omega[-1] - omega[0])
-    return int(np.clip(slope / frf.dt, 0, _LATEST))
+    return int(np.clip(slope / dt, 0, _LATEST))
 
 
 def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
