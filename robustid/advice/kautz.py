@@ -126,7 +126,8 @@ def suggest_kautz(
         heavier one of two that the points do not tell apart, are left to the gain bound. Where none remains, a sampled plant is
         one without modes, a process: the slow real poles of partial fractions that keep to the bounds.
     delay : int, samples
-        Of the pairs; default: the one of 0 to 3 that leaves the smallest remainder beside the modes.
+        Of the pairs; default: the one of 0 to 3 that leaves the smallest remainder beside the modes; of a process, the one with
+        which the fewest real poles keep to the bounds.
     repeat : int
         Multiplicity of each pole in `basis` (see `kautz`).
 
@@ -201,8 +202,8 @@ def suggest_kautz(
             )
         boxes = [box for k, box in enumerate(boxes) if k in apart]
         kept, edges = kept[apart], edges[apart]
-        if len(poles) and not len(kept) and (slow := slow_poles(frf)) is not None:
-            return _of_process(fit, slow, repeat, 0 if fixed_delay is None else fixed_delay)
+        if len(poles) and not len(kept) and (slow := slow_poles(frf, fixed_delay)) is not None:
+            return _of_process(fit, slow, repeat)
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     if step and np.any(omega < frf.omega[0]):
         reason += (
@@ -280,11 +281,13 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
     )
 
 
-def _of_process(fit: LineData, found: RealPoles, repeat: int, delay: int) -> KautzSuggestion:
+def _of_process(fit: LineData, found: RealPoles, repeat: int) -> KautzSuggestion:
     """Real poles of a sampled plant without modes: what decays faster is left to the gain bound."""
     count, repeat, one = found.omega.size, max(repeat, _TWICE), np.ones(found.omega.size)
     step, lowest = fit.plane.dt, float(fit.plane.omega(fit.angle[fit.angle > 0][:1])[0])
     poles = f"{count} real pole{'s' * (count > 1)}"
+    if found.delay:
+        poles += f" behind {found.delay} sample{'s' * (found.delay > 1)} of delay"
     reason = (
         f"no mode; {poles} and what decays faster leave at most {found.largest:.3g} times the bound. Each is taken"
         f" {repeat} times, which absorbs small errors of its place; others nearby follow the frequency points as well"
@@ -296,9 +299,9 @@ def _of_process(fit: LineData, found: RealPoles, repeat: int, delay: int) -> Kau
         damping_interval=np.ones((count, 2)),
         level=one,
         undetermined=np.ones(count, bool),
-        basis=kautz(found.omega, one, dt=step, repeat=repeat, delay=delay),
+        basis=kautz(found.omega, one, dt=step, repeat=repeat, delay=found.delay),
         repeat=repeat,
-        delay=delay,
+        delay=found.delay,
         reason=reason,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ _log = logging.getLogger("robustid")
 _FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
 _FAST = 0.7  # decay of a real pole per sample that the gain bound holds as well
 _HEAVY = 0.5
+_LATEST = 100  # samples of delay
 _SLOWEST = 0.1  # part of the lowest frequency point: a slower pole is a drift, or a machine that is free to move
 _POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
 # Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
@@ -29,6 +31,12 @@ class RealPoles(NamedTuple):
     damping: Real
     left: float  # sum of squares
     largest: float
+    delay: int = 0  # samples
+
+    @property
+    def order(self) -> int:
+        """Poles, both of every pair."""
+        return self.omega.size + int(np.sum(self.damping < 1))
 
 
 def explain_more(found: RealPoles, left: Real, pairs: int) -> bool:
@@ -52,20 +60,41 @@ def over_decades(frf: FrequencyResponse) -> RealPoles | None:
     return best if np.any(best.damping == 1) else None
 
 
-def slow_poles(frf: FrequencyResponse) -> RealPoles | None:
+def slow_poles(frf: FrequencyResponse, delay: int | None = None) -> RealPoles | None:
     """Real poles of partial fractions that keep a sampled response inside its bounds, those that decay slowly, by rising frequency.
 
-    None of a response in continuous time, of too few points, or without such a pole.
+    Behind the delay with which the fewest do, or leave least: poles that stand for a dead time follow it on the frequency points,
+    and a class around them is too small for the plant. None of a response in continuous time, of too few points, or without such
+    a pole.
     """
     if not frf.dt or frf.omega.size < 2 * _POINTS_A_POLE:
         return None
-    best = _fractions(frf, PoleFit(frf, feedthrough=True), 1)
+    delays = range(_most(frf, frf.dt) + 1) if delay is None else (delay,)
+    found = [_behind(frf, frf.dt, one) for one in delays]
+    best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
     slow = (best.damping > _HEAVY) & (best.omega * frf.dt < _FAST) & (best.omega > _SLOWEST * lowest)
     if not slow.any():
         return None
     omega = np.sort(best.omega[slow])
-    return RealPoles(omega, np.ones(omega.size), best.left, best.largest)
+    return RealPoles(omega, np.ones(omega.size), best.left, best.largest, best.delay)
+
+
+def _behind(frf: FrequencyResponse, dt: float, delay: int) -> RealPoles:
+    """The poles behind a delay."""
+    turned = frf.values * np.exp(1j * delay * dt * frf.omega)[:, None, None]
+    ahead = dataclasses.replace(frf, values=turned)
+    return _fractions(ahead, PoleFit(ahead, feedthrough=True), 1)._replace(delay=delay)
+
+
+def _most(frf: FrequencyResponse, dt: float) -> int:
+    """Largest delay in samples to try: the mean slope of the phase of an entry, which lags behind a dead time of its own accord."""
+    used = ~frf.missing.any(axis=(1, 2))
+    if used.sum() < 2:
+        return 0
+    omega, phase = frf.omega[used], np.unwrap(np.angle(frf.values[used]), axis=0)
+    slope = (phase[0] - phase[-1]).max() / (omega[-1] - omega[0])
+    return int(np.clip(slope / dt, 0, _LATEST))
 
 
 def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
@@ -83,9 +112,10 @@ def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
         found = _left(fit, poles)
         gain = best.left - found.left
         _log.debug("%d poles: largest |residual|/bound %.3g", order, found.largest)
-        if gain <= 0 or (gain < _WORTH * whole and gain < _WORTH_LEFT * best.left):
+        if gain > 0 and (gain >= _WORTH * whole or gain >= _WORTH_LEFT * best.left):
+            best = found
+        elif order > step:  # the first alone may win nothing where two follow the response
             break
-        best = found
     return best
 
 

@@ -1,4 +1,4 @@
-"""Records of processes: one to three real poles, side by side or in series, behind a dead time, about a point of operation."""
+"""Processes: one to three real poles, side by side or in series, behind a dead time; their records, and responses beside them."""
 
 from __future__ import annotations
 
@@ -60,3 +60,28 @@ def process_of(seed: int) -> tuple[Process, rid.TimeRecord]:
     y = plant.output(u)[before:]
     y = y + np.exp(rng.uniform(*np.log(NOISE))) * y.std() * rng.standard_normal(samples)
     return plant, rid.TimeRecord(u[before:] + 5, y + 3, dt=1.0, initial="free")
+
+
+def beside(seed: int) -> tuple[Process, rid.FrequencyResponse]:
+    """A random process, and the response of one beside it: smoothly, 0.2 to 0.8 of bounds of 0.03 to 3 % away."""
+    rng = np.random.default_rng([seed, 555])
+    count = int(rng.integers(1, 4))
+    constants = np.sort(np.exp(rng.uniform(*np.log(CONSTANTS), count)))[::-1]
+    gains = np.concatenate([[1.0], rng.uniform(0.3, 1, count - 1) * rng.choice([-1, 1], count - 1)])
+    plant = Process(constants, gains, bool(rng.random() < 0.5), int(rng.integers(0, 11)))
+    lines, top = int(rng.integers(20, 80)), 2 * np.pi * np.exp(rng.uniform(*np.log([0.03, 0.3])))
+    omega = np.linspace(top / lines, top, lines)
+    values = plant.response(omega)
+    bound = np.full(lines, np.abs(values).max() * np.exp(rng.uniform(*np.log([3e-4, 0.03]))))
+    slower, larger, part = rng.standard_normal(count), rng.standard_normal(count), rng.uniform(0.2, 0.8)
+
+    def moved(size: float) -> np.ndarray:
+        changed = {"constants": constants * np.exp(size * slower), "gains": gains * (1 + size * larger)}
+        return dataclasses.replace(plant, **changed).response(omega)
+
+    low, high = 0.0, 0.5
+    for _ in range(40):
+        size = (low + high) / 2
+        low, high = (size, high) if np.max(np.abs(moved(size) - values) / bound) < part else (low, size)
+    noise = 0.1 * bound * np.exp(2j * np.pi * rng.random(lines))
+    return plant, rid.FrequencyResponse(omega, moved(low) + noise, bound=bound, dt=1.0)
