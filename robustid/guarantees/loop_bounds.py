@@ -407,7 +407,7 @@ class _Axis:
         )
 
     def _sizes(self, pieces: Pieces, reach: Real) -> Real:
-        """What limits a peak or a margin where the values are within their reach, (N, names)."""
+        """Sizes that limit peaks and margins where the values are within their reach, (N, names)."""
         bound = self.band.circle.entries[pieces.cell]
         values = LoopValues(pieces.values, reach, self.shape)
         balls = values.balls(bound)
