@@ -82,7 +82,7 @@ def inverse_response(frf: FrequencyResponse) -> FrequencyResponse:
 
 def _radius(frf: FrequencyResponse, size: np.ndarray) -> np.ndarray:
     """Bounds of the entries of the inverse, whose moduli are `size`."""
-    loss = size @ frf.bound.outer_radius
+    loss: np.ndarray = size @ np.asarray(frf.bound.outer_radius, dtype=float)
     reach = np.max(np.abs(np.linalg.eigvals(loss)), axis=1)
     if np.any(reach >= 1):
         k = int(np.argmax(reach))

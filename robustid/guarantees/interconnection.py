@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Real, one_thread, responses
+from robustid.core import Budget, Complex, Real, as_positive, one_thread, responses
 from robustid.guarantees.interconnection_result import Interconnection, InterconnectionStatus
 from robustid.guarantees.loop_errors import are_discs, closing_error, factor_alone, loci, passive_factors
 from robustid.guarantees.loop_sides import Cells, Side, Uncertainty, as_side, check_pair, common_cells, uncertainty_of
@@ -34,9 +34,9 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
 
     .. math:: \det(I + G(s) H(s)), \qquad \text{for instance } G = Z_s,\; H = Y_l = Z_l^{-1}.
 
-    Both are stable standing alone, and each of both sets of consistent systems is convex. Where the determinant is not zero for any
-    values of both bands at any frequency, up to infinity or pi/dt, no pole can cross the axis on the way from one pair to
-    another: all loops are stable if that of the two models is. At every frequency the determinant is kept from zero by small gain,
+    Both are stable standing alone, and within its band each consistent system is joined with the model through stable ones. Where
+    the determinant is not zero for any values of both bands at any frequency, up to infinity or pi/dt, no pole can cross the axis
+    on the way from one pair to another: all loops are stable if that of the two models is. At every frequency the determinant is kept from zero by small gain,
     scaled for both errors entry by entry (of two SISO sides exact: no product of values of both discs is -1), or by passivity.
 
     Parameters
@@ -84,6 +84,7 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
     >>> found.status.name, bool(found.margin > 1)
     ('STABLE', True)
     """
+    limit = None if time_limit is None else as_positive("time_limit", time_limit)
     sides = as_side("source", source), as_side("load", load)
     dt = check_pair(*sides)
     cells = common_cells(*sides, dt)
@@ -103,7 +104,7 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
     edge, shares, needed = _limit(loop, cells, uncertain, angle)
     pair = None
     if not (least > 1 and nominal.stable):
-        pair = unstable_pair(sides, edge, dt, Budget(time_limit))
+        pair = unstable_pair(sides, edge, dt, Budget(limit))
     return _result(cells, nominal, (least, edge, shares, needed), (margins, passive), pair, sides)
 
 
@@ -146,10 +147,14 @@ def _limit(
             if place is not None:
                 errors[side], shares[side] = found.errors[place], found.shares[place]
                 needed[side] = factor_alone(here, bound, place)
-    first, second = (
-        tuple(part[side] * unit for part in (values, errors, limits)) for side, unit in enumerate(cells.units)
+    first, second = cells.units
+    edge = Edge(
+        cells.omega(angle),
+        factor,
+        (values[0] * first, values[1] * second),
+        (errors[0] * first, errors[1] * second),
+        (limits[0] * first, limits[1] * second),
     )
-    edge = Edge(cells.omega(angle), factor, *zip(first, second, strict=True))
     return edge, (shares[0], shares[1]), (needed[0], needed[1])
 
 

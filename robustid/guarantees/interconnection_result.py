@@ -116,7 +116,7 @@ class Interconnection(Frozen, Drawable):
             lines.append(
                 f"passive    {int(self.passive.sum())} of {self.passive.size} arcs are proved by passivity of both sides"
             )
-        if self.margin <= 1 and self.status is not InterconnectionStatus.UNSTABLE:
+        if self.margin <= 1:
             lines += [f"measure    {one}" for one in self.wanted]
         lines.append(
             "assumed    both sides stable standing alone, and what their bands assume: class, poles, bounds of the samples"
@@ -127,15 +127,17 @@ class Interconnection(Frozen, Drawable):
     def _margin_words(self) -> str:
         hz = f"{self.frequency / (2 * np.pi):.5g} Hz"
         if np.isinf(self.margin):
-            return "infinite: both sides are known, or errors do not reach the loop"
+            return "infinite: both sides are known, or no error that is left to them closes the loop"
         if self.margin > 1:
             return f"both errors could be {self.margin:.4g} times as large; least at {hz}, where the {self.limited_by} limits"
+        if not self.margin:
+            return f"none; {hz} stands in the way"
         words = f"proved if both errors were at most {self.margin:.4g} times as large"
         return f"{words}; {hz} stands in the way, the {self.limited_by} most"
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """Sentences on what to measure better, side by side: by how much the bounds must shrink where nothing is proved."""
+        """Sentences on what to measure better, side by side: how narrow a band must become where nothing is proved."""
         hz = f"{self.frequency / (2 * np.pi):.5g} Hz"
         if self.margin > 1:
             return ()
@@ -144,11 +146,14 @@ class Interconnection(Frozen, Drawable):
             if not share.any():
                 continue
             i, j = np.unravel_index(np.argmax(share), share.shape)
-            there = f"its band at {hz} is {bound[i, j]:.4g} wide at either side in entry ({i + 1}, {j + 1})"
+            if np.isinf(bound[i, j]):
+                found.append(f"{name}: nothing bounds entry ({i + 1}, {j + 1}) at {hz}")
+                continue
+            there = f"at {hz} entry ({i + 1}, {j + 1}) is known to {bound[i, j]:.4g}"
             if factor == 0:
-                found.append(f"{name}: {there}; a narrower band of this side alone does not do")
+                found.append(f"{name}: {there}; knowing this side better does not do alone")
             else:
                 found.append(
-                    f"{name}: {there}; {factor:.3g} times that, in all entries, would do with the other side as it is"
+                    f"{name}: {there}; {factor:.3g} times that, in all entries, does with the other side as it is"
                 )
         return tuple(found)

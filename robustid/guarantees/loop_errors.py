@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _STEPS, _BISECTIONS = 60, 40
 _CURVE = 0.05  # relative accuracy of the least eigenvalue on an arc
-_TINY = np.finfo(float).tiny
+_ROUNDING = 100 * np.finfo(float).eps  # of eigenvalues
 
 
 def structured_gain(loop: Complex, bound: Real) -> float:
@@ -120,16 +120,22 @@ def passive_factors(
     return found
 
 
+def _finite(entries: Real) -> tuple[NDArray[np.bool_], Real]:
+    """True where all bounds of a cell are finite, and the bounds with zeros elsewhere."""
+    finite = np.asarray(np.all(np.isfinite(entries), axis=(1, 2)))
+    return finite, np.where(finite[:, None, None], entries, 0.0)
+
+
 def _positive_factor(model: control.StateSpace, angles: Real, entries: Real) -> Real:
     """Factor on the bounds at which the Hermitian part of one side stays positive, on every cell."""
-    finite = np.isfinite(entries).all(axis=(1, 2))
-    known = np.where(finite[:, None, None], entries, 0.0)
+    finite, known = _finite(entries)
     sizes = np.where(finite, norm_of_bounds((known + known.swapaxes(1, 2)) / 2), np.inf)
 
     def least(pieces: Pieces) -> tuple[Real, Real]:
         values = pieces.values
-        middle = np.linalg.eigvalsh((values + values.conj().swapaxes(1, 2)) / 2)[:, 0]
-        return middle, middle - norm_of_bounds((pieces.radius + pieces.radius.swapaxes(1, 2)) / 2)
+        middle: Real = np.asarray(np.linalg.eigvalsh((values + values.conj().swapaxes(1, 2)) / 2)[:, 0], dtype=float)
+        around = pieces.radius + _ROUNDING * np.abs(values)
+        return middle, middle - norm_of_bounds((around + around.swapaxes(1, 2)) / 2)
 
     def coarse(pieces: Pieces) -> NDArray[np.bool_]:
         middle, arc = least(pieces)
@@ -149,13 +155,12 @@ def loci(source: Complex, load: Complex, bounds: tuple[Real, Real]) -> tuple[Com
     Gershgorin's theorem in the coordinates of the eigenvectors V of the nominal product: rows of ``|V^-1| B |V|``, B a bound of the
     entries of G H - G0 H0. Infinite where the eigenvectors are dependent.
     """
-    product, infinite = source @ load, [~np.isfinite(bound).all(axis=(1, 2)) for bound in bounds]
-    first, second = (np.where(one[:, None, None], 0.0, bound) for one, bound in zip(infinite, bounds, strict=True))
+    product, ((some, first), (others, second)) = source @ load, (_finite(bound) for bound in bounds)
     sizes = first @ np.abs(load) + np.abs(source) @ second + first @ second
     values, vectors = np.linalg.eig(product)
     radius = np.full(values.shape, np.inf)
     good = np.linalg.cond(vectors) < 1 / np.sqrt(np.finfo(float).eps)
-    good &= ~np.any(infinite, axis=0)
+    good &= some & others
     back = np.abs(np.linalg.inv(vectors[good]))
     found = back @ sizes[good] @ np.abs(vectors[good])
     # The rounding of the diagonal form itself, to first order.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, Real, StateMatrices, freeze, responses
+from robustid.core import Frozen, Real, StateMatrices, freeze, is_well_posed, poles_of, responses
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band import band
 from robustid.guarantees.band_result import Band
@@ -139,6 +139,8 @@ def check_pair(source: Side, load: Side) -> float:
             f"`load` must have {ny} inputs and {nu} outputs, those of `source` reversed (an admittance beside an impedance);"
             f" got {load.model.ninputs} and {load.model.noutputs}"
         )
+    if not is_well_posed(*(StateMatrices.of(side.model) for side in (source, load))):
+        raise InputError("`source` and `load` make no loop: I + G H is singular for infinite frequencies")
     first, second = source.dt, load.dt
     if first is None or second is None:
         return first or second or 0.0
@@ -193,7 +195,7 @@ def _times(model: control.StateSpace, factor: float) -> control.StateSpace:
 
 def _corner(source: Side, load: Side) -> float:
     """Middle of the poles of two known systems, rad/s."""
-    poles = np.abs(np.concatenate([np.linalg.eigvals(side.model.A) for side in (source, load)]))
+    poles = np.abs(np.concatenate([poles_of(np.asarray(side.model.A)) for side in (source, load)]))
     return float(np.sqrt(poles.min() * poles.max())) if poles.size else 1.0
 
 

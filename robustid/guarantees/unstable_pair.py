@@ -122,9 +122,10 @@ def _with_value(
     top = np.pi / problem.dt if problem.dt else np.inf
     if edge.omega in (0.0, top):
         wanted = wanted.real + 0j
-    radius = np.maximum(near * edge.bounds[side], 1e-9 * np.abs(wanted)).reshape(1, *size)
+    bound = np.where(np.isfinite(edge.bounds[side]), edge.bounds[side], np.abs(edge.errors[side]))
+    radius = np.maximum(near * bound, 1e-9 * np.abs(wanted)).reshape(1, *size)
     sample = FrequencyResponse(
-        [edge.omega],
+        np.array([edge.omega]),
         wanted.reshape(1, *size),
         bound=radius,
         dt=problem.dt or None,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from robustid.guarantees import Interconnection
-from robustid.report.charts import ALERT, FAINT, NOMINAL, Chart
+from robustid.report.charts import ALERT, FAINT, FINE, NOMINAL, Chart
 from robustid.report.value_sets import TURN, plane_layer, square_panel, with_gaps
 from robustid.report.words import HZ, number
 
-_MOST = 400  # discs
+_MOST = 60  # discs
 _WIDE = 3.0  # times the largest eigenvalue, or 1: larger discs say nothing
 
 
@@ -19,7 +19,11 @@ def loci_chart(result: Interconnection) -> Chart:
     shown = np.flatnonzero(radii <= _WIDE * max(1.0, float(np.abs(values).max())))
     shown = shown[:: max(1, shown.size // _MOST)]
     outlines = [value + radius * TURN for value, radius in zip(values[shown], radii[shown], strict=True)]
-    layers = [plane_layer("holds those of every pair", with_gaps(outlines), FAINT, dash="solid")] if outlines else []
+    layers = (
+        [plane_layer("holds those of every pair", with_gaps(outlines), FAINT, dash="solid", size=FINE)]
+        if outlines
+        else []
+    )
     place = int(np.argmin(np.abs(result.omega - result.frequency)))
     words = f"models at {number(float(result.omega[place]) / HZ, 5)} Hz, which limits"
     layers += [

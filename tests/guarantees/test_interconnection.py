@@ -1,5 +1,7 @@
 """Two measured things in one loop: verdicts on all pairs against pairs, exact conditions, passivity, refusals."""
 
+from types import SimpleNamespace
+
 import control
 import numpy as np
 import pytest
@@ -56,7 +58,7 @@ def test_two_discs_are_decided_exactly():
 
 def test_the_least_error_that_closes_a_loop_of_two_discs_is_found():
     rng = np.random.default_rng(4)
-    for _ in range(50):
+    for _ in range(25):
         g, h = rng.normal(size=2) + 1j * rng.normal(size=2)
         bound = np.diag(10 ** rng.uniform(-2, 0, 2))
         loop = loop_of_discs(g, h)
@@ -123,19 +125,21 @@ def test_two_known_systems_are_judged_by_their_poles():
 
 @pytest.mark.parametrize("dt", [0.1, 0.0])
 @pytest.mark.parametrize("size", [(1, 1), (2, 2), (1, 2)])
-def test_stable_is_never_wrong_and_beyond_the_margin_of_discs_a_pair_is_not(dt, size):
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 40), marks=pytest.mark.slow)])
+def test_stable_is_never_wrong_and_beyond_the_margin_of_discs_a_pair_is_not(dt, size, seeds):
     """Pairs with errors at the edge of both bands, which are of different grids."""
     ny, nu = size
     proved = 0
-    for seed in range(4):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         top = np.pi / dt if dt else np.inf
+        wide = (-2.0, -1.3) if seed % 2 == 0 else (-1.5, 0.0)
         edges = [np.append(np.append(0, np.sort(rng.uniform(0.1, 30, count))), top) for count in (3, 5)]
         source = Around(
-            stable_model(rng, ny, nu, dt, 1.5), edges[0], np.tile(10 ** rng.uniform(-1.5, 0, (1, ny, nu)), (4, 1, 1))
+            stable_model(rng, ny, nu, dt, 1.5), edges[0], np.tile(10 ** rng.uniform(*wide, (1, ny, nu)), (4, 1, 1))
         )
         load = Around(
-            stable_model(rng, nu, ny, dt, 1.0), edges[1], np.tile(10 ** rng.uniform(-1.5, 0, (1, nu, ny)), (6, 1, 1))
+            stable_model(rng, nu, ny, dt, 1.0), edges[1], np.tile(10 ** rng.uniform(*wide, (1, nu, ny)), (6, 1, 1))
         )
         found = rid.interconnection(source, load)
         nominal = loop_is_stable(source.model, load.model)
@@ -150,17 +154,18 @@ def test_stable_is_never_wrong_and_beyond_the_margin_of_discs_a_pair_is_not(dt, 
                     assert loop_is_stable(edge_member(rng, source, part), edge_member(rng, load, part)) == nominal
         if size == (1, 1) and 0 < found.frequency < top:
             at_edge(source, load, found)
-    assert proved >= 1
+    assert proved >= len(seeds) // 2 - len(seeds) // 8
 
 
 def at_edge(source, load, found):
-    """All-pass errors with the phases that close the loop: at 0.98 of the margin all is as with the models, at 1.02 not."""
+    """All-pass errors with the phases that close the loop: at 0.98 of them all is as with the models, at 1.02 not."""
     dt = source.model.dt
     point = np.exp(1j * found.frequency * dt) if dt else 1j * found.frequency
     g, h = (complex(one.model(point)) for one in (source, load))
     a, b = (one.entries[0, 0, 0] for one in (source, load))
     delta, factor, _ = closing_error(loop_of_discs(g, h), np.diag([a, b]))
-    assert factor == pytest.approx(found.margin, rel=2e-3)
+    assert found.margin <= factor * (1 + 1e-9)
+    assert factor <= 1.01 * found.margin  # the frequency is the middle of the arc that limits
     delta = factor * delta
     errors = [with_phase(delta[k, k], point, dt) * abs(delta[k, k]) for k in (0, 1)]
     before = unstable_poles(source.model, load.model)
@@ -227,7 +232,7 @@ def test_members_within_the_factor_of_passivity_are_passive_and_beyond_it_one_is
 
 
 def test_two_lossy_networks_are_stable_with_errors_below_their_losses():
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         source, load = (Around(port(rng, 3.0), [0, np.inf], np.full((1, 2, 2), 1.4)) for _ in range(2))
         found = rid.interconnection(source, load)
@@ -237,15 +242,28 @@ def test_two_lossy_networks_are_stable_with_errors_below_their_losses():
 
 def test_a_passive_class_needs_no_band_beside_a_positive_side():
     """Nothing bounds a positive-real class beyond its lines; with a resistor at its port it is stable all the same."""
+    edges, entries = [0.0, 1.0, 30.0, np.inf], np.array([0.5, 2.0, np.inf])[:, None, None]
+    source = Around(control.ss(control.tf([1.2, 1.0], [1, 1])), edges, entries)
+    resistor = control.ss([], [], [], 3.0, 0.0)
+    assert rid.interconnection(source, resistor).status is UNDECIDED
+    source.problem = SimpleNamespace(prior=rid.PositiveReal(decay=0.2))
+    found = rid.interconnection(source, resistor)
+    assert found.status is STABLE
+    assert found.passive[-1]
+    against = rid.interconnection(source, -1 * resistor)
+    assert against.status is not STABLE
+    assert against.margin == 0
+    assert "nothing bounds entry (1, 1)" in against.summary()
+
+
+@pytest.mark.slow
+def test_a_positive_real_class_from_data_beside_a_resistor():
     omega = np.geomspace(0.3, 30, 12)
     frf = rid.FrequencyResponse(omega, 1 / (1j * omega + 1) + 0.2, bound=0.02)
     problem = rid.MixedProblem(frequency=frf, prior=rid.PositiveReal(decay=0.2))
     error = rid.worst_case_error(rid.identify(problem), omega=omega[::3], directions=4, rtol=0.3)
     assert np.isinf(error.circle.entries[-1]).all()
-    found = rid.interconnection(error, control.ss([], [], [], 3.0, 0.0))
-    assert found.status is STABLE
-    assert found.passive[-1]
-    assert rid.interconnection(error, control.ss([], [], [], -3.0, 0.0)).status is not STABLE
+    assert rid.interconnection(error, control.ss([], [], [], 3.0, 0.0)).status is STABLE
 
 
 # ------------------------------------------------------------------------------------------------------------- from data
@@ -384,11 +402,16 @@ def test_sides_that_make_no_loop_are_refused():
         (lag, frf, TypeError, "`load` must be a Band"),
         (frf, lag, TypeError, "`source` must be a Band"),
         (integrating, lag, rid.InputError, "integrator"),
-        (control.ss([], [], [], -1.0, 0.0), control.ss([], [], [], 1.0, 0.0), rid.InputError, "well-posed"),
+        (control.ss([], [], [], -1.0, 0.0), control.ss([], [], [], 1.0, 0.0), rid.InputError, "singular for infinite"),
     ]
     for source, load, kind, words in cases:
         with pytest.raises(kind, match=words):
             rid.interconnection(source, load)
+
+
+def test_a_time_limit_is_a_time():
+    with pytest.raises(rid.InputError, match="`time_limit`"):
+        rid.interconnection(control.tf([1], [1, 1]), control.tf([1], [1, 1]), time_limit=-1.0)
 
 
 def test_a_band_without_a_model_is_refused():
