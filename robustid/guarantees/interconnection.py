@@ -36,8 +36,9 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
 
     Both are stable standing alone, and within its band each consistent system is joined with the model through stable ones. Where
     the determinant is not zero for any values of both bands at any frequency, up to infinity or pi/dt, no pole can cross the axis
-    on the way from one pair to another: all loops are stable if that of the two models is. At every frequency the determinant is kept from zero by small gain,
-    scaled for both errors entry by entry (of two SISO sides exact: no product of values of both discs is -1), or by passivity.
+    on the way from one pair to another: all loops are stable if that of the two models is. At every frequency the determinant is
+    kept from zero by small gain, scaled for both errors entry by entry (of two SISO sides exact: no product of values of both
+    discs is -1), or by passivity.
 
     Parameters
     ----------
