@@ -304,6 +304,40 @@ def test_identified_pairs(gain, bound, wanted):
     assert "unstable" in found.summary()
 
 
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 30), marks=pytest.mark.slow)])
+def test_no_verdict_on_noisy_data_is_wrong(seeds):
+    """The truth is consistent with both: stable for all pairs means that its own loop is; a pair that is shown is consistent."""
+    verdicts = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        gain, poles, bound = 10 ** rng.uniform(-0.3, 1.0), rng.uniform(0.3, 0.75, 2), 10 ** rng.uniform(-2.0, -0.7)
+        sides = []
+        for k, omega in enumerate(GRIDS):
+            truth = plant_at(gain if k else 1.0, poles[k], k, np.exp(0.1j * omega))
+            noise = bound * (gain if k else 1.0) * np.exp(2j * np.pi * rng.random(omega.size))
+            frf = rid.FrequencyResponse(omega, truth + noise, bound=np.abs(noise) * (1 + 1e-9), dt=0.1)
+            prior = rid.Prior(gain_bound=3.0 * (gain if k else 1.0), decay_rate=1.2)
+            sides.append(rid.identify(rid.MixedProblem(frequency=frf, prior=prior)))
+        found = rid.interconnection(*sides, time_limit=20.0)
+        verdicts.append(found.status)
+        loop = [
+            control.ss(control.tf(top, [1, -pole], 0.1))
+            for top, pole in (([1 - poles[0], 0], poles[0]), ([gain * (1 - poles[1])], poles[1]))
+        ]
+        if found.status is STABLE:
+            assert loop_is_stable(*loop)
+        if found.margin > 1:
+            assert loop_is_stable(*loop) == (found.status is STABLE)
+        if found.pair is not None:
+            assert not loop_is_stable(*found.pair)
+            for model, side in zip(found.pair, sides, strict=True):
+                (frf,) = side.problem.frequency
+                error = np.abs(values(model, frf.omega) - frf.values)
+                assert np.all(error <= np.asarray(frf.bound) * (1 + 1e-6))
+    if len(verdicts) > 10:
+        assert {STABLE, UNSTABLE} <= set(verdicts)
+
+
 def test_a_band_beside_a_known_system(rng):
     """As the robust stability margin of that system, taken as a controller, says."""
     band = rid.band(measured(1.0, 0.5, GRIDS[0], 0.05))
