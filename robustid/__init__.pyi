@@ -50,6 +50,7 @@ from .guarantees import contradiction as contradiction
 from .guarantees import coprime as coprime
 from .guarantees import coverage as coverage
 from .guarantees import family as family
+from .guarantees import interconnection as interconnection
 from .guarantees import loop_bounds as loop_bounds
 from .guarantees import ncf_margin as ncf_margin
 from .guarantees import nu_gap as nu_gap

@@ -1,7 +1,7 @@
 """Records and responses before they are used: excitations, faults and corrections, delays, drifts, noise floors."""
 
 from robustid.core import Signal
-from robustid.data import Fault, decimate, detrend, multisine, nonlinear_records, sample_time
+from robustid.data import Fault, decimate, detrend, inverse_response, multisine, nonlinear_records, sample_time
 from robustid.estimation import (
     bounds_from_noise_floor,
     correct,
@@ -21,6 +21,7 @@ __all__ = [
     "detrend",
     "estimate_delay",
     "experiment_faults",
+    "inverse_response",
     "multisine",
     "nonlinear_records",
     "record_faults",

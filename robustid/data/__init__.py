@@ -9,6 +9,7 @@ from robustid.data.faults import Fault, FaultKind, PlacedFault, Undoing, as_faul
 from robustid.data.feedthrough import FeedThrough, expected_feedthrough
 from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, points_at, signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
+from robustid.data.inverse_response import inverse_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time, uniform_step
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
@@ -44,6 +45,7 @@ __all__ = [
     "detrend",
     "expected_feedthrough",
     "flexible_structure",
+    "inverse_response",
     "joint_radius",
     "multisine",
     "nonlinear_records",

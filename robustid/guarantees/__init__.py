@@ -12,6 +12,8 @@ from robustid.guarantees.coverage_result import Coverage
 from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
+from robustid.guarantees.interconnection import interconnection
+from robustid.guarantees.interconnection_result import Interconnection, InterconnectionStatus
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
@@ -54,6 +56,8 @@ __all__ = [
     "Diameter",
     "Driver",
     "Family",
+    "Interconnection",
+    "InterconnectionStatus",
     "Judgement",
     "LoopBounds",
     "LoopDistance",
@@ -97,6 +101,7 @@ __all__ = [
     "frequencies_of",
     "growing_error",
     "has_box",
+    "interconnection",
     "loop_bounds",
     "magnitude_weight",
     "ncf_margin",

@@ -313,7 +313,7 @@ def _at_frequencies(band: Band, around: StateMatrices, loop: Loop, omega: Real) 
     points = np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega
     values = LoopValues.at(response_at(around, points), loop.shape)
     nominal, (centre, radius) = band.problem.plane.values_at(band.model, omega), band.at(omega)
-    known = np.isfinite(radius).all(axis=(1, 2))[:, None, None]
+    known: Mask = np.asarray(np.isfinite(radius).all(axis=(1, 2)), dtype=bool)[:, None, None]
     about_model = values.balls(band.error_at(omega))
     about_centre = values.shifted(np.where(known, centre - nominal, 0.0)).balls(np.where(known, radius, np.inf))
     return {name: _smaller(about_centre[name], about_model[name]) for name in about_model}

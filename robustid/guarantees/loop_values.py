@@ -38,7 +38,7 @@ class Balls(NamedTuple):
         """Bound of the largest singular value, (N,)."""
         return _norms(self.centre) + self.radius
 
-    def about(self, centre: Complex) -> Balls:
+    def about(self, centre: Complex | Real) -> Balls:
         """The same values less a matrix."""
         return Balls(self.centre - centre, self.radius)
 
@@ -128,8 +128,8 @@ def _by_entries(left: Part, right: Part, inner: Part, bound: Real) -> Real:
 
 
 def _by_norms(left: Part, right: Part, inner: Part, bound: Real) -> Real:
-    sizes = [_norms(values) + _norms(reach) for values, reach in (left, right, inner)]
-    return _closed(*sizes, norm_of_bounds(bound))
+    outer, last, through = (_norms(values) + _norms(reach) for values, reach in (left, right, inner))
+    return _closed(outer, last, through, norm_of_bounds(bound))
 
 
 def _scaled(left: Part, right: Part, inner: Part, bound: Real) -> Real:
@@ -137,15 +137,15 @@ def _scaled(left: Part, right: Part, inner: Part, bound: Real) -> Real:
     fed_back = np.any(inner[0], axis=(1, 2))[:, None, None]
     scaling = perron_scaling(np.where(fed_back, inner[0], _outer(right, left)), bound)
     alpha, beta = np.exp(scaling.rows), np.exp(scaling.columns)
-    sides = [
+    outer, last, through = (
         _norms(values) + _norms(reach)
         for values, reach in (
             (left[0] * alpha[:, None, :], left[1] * alpha[:, None, :]),
             (right[0] * beta[:, :, None], right[1] * beta[:, :, None]),
             (scaling.loop(inner[0]), scaling.loop(inner[1])),
         )
-    ]
-    return _closed(*sides, norm_of_bounds(scaling.uncertainty(bound)))
+    )
+    return _closed(outer, last, through, norm_of_bounds(scaling.uncertainty(bound)))
 
 
 def _outer(right: Part, left: Part) -> Complex:

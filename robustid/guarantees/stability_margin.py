@@ -179,7 +179,7 @@ def robust_stability_margin(
         raise InputError(f"`bound` of kind {kind!r} must have shape (C,): one bound of the largest singular value")
     controller = _check_controller(controller, plant)
     # K F_id (I + K F_id)^-1 is what the loop with both exchanged has at its outputs.
-    loop = _loop(controller, plant, "multiplicative") if kind == INPUT else _loop(plant, controller, kind)
+    loop = loop_of(controller, plant, "multiplicative") if kind == INPUT else loop_of(plant, controller, kind)
     loop.dt = plant.dt  # a static controller may have none
     poles, doubt = doubtful_distance(loop.A)
     if np.any(1 - np.abs(poles) <= doubt):
@@ -187,7 +187,7 @@ def robust_stability_margin(
         frequency, shares = float(np.abs(np.angle(worst)) / plant.dt), np.zeros((plant.noutputs, plant.ninputs))
         none = np.zeros(cells.edges.size - 1)
         return RobustStabilityMargin(0.0, frequency, MarginStatus.UNSTABLE, "full", shares, cells.edges, none)
-    condition = _Condition(loop, cells.angles, bounds)
+    condition = Condition(loop, cells.angles, bounds)
     gain, angle = condition.largest()
     margin = 1 / gain if gain else np.inf
     status = MarginStatus.GUARANTEED if margin > 1 else MarginStatus.OPEN
@@ -228,7 +228,7 @@ def _check_controller(controller: control.StateSpace, plant: control.StateSpace)
     return system
 
 
-def _loop(plant: control.StateSpace, controller: control.StateSpace, kind: str) -> control.StateSpace:
+def loop_of(plant: control.StateSpace, controller: control.StateSpace, kind: str) -> control.StateSpace:
     """KS, T or S as a state space, from a signal added to the output."""
     import control
 
@@ -251,12 +251,13 @@ def _loop(plant: control.StateSpace, controller: control.StateSpace, kind: str) 
 
 
 @dataclasses.dataclass(frozen=True)
-class _Condition:
+class Condition:
     """The left side of the condition, on pieces of arc."""
 
     loop: control.StateSpace  # KS, T or S
     angles: Real  # (C + 1,), rad
     bounds: tuple[Real, ...]  # (C, p, q) each; all of them hold
+    improved: bool = True  # False: the scaling of Perron is the best one already
 
     def largest(self) -> tuple[float, float]:
         """Guaranteed maximum over the circle, and where."""
@@ -315,7 +316,7 @@ class _Condition:
             here = bound[pieces.cell]
             scaling = perron_scaling(pieces.values, here)
             size, bounded = _scaled_gain(pieces, here, scaling)
-            open_ = (np.minimum(arc, bounded) > enough) & (bound.shape[1:] != (1, 1))
+            open_ = (np.minimum(arc, bounded) > enough) & (bound.shape[1:] != (1, 1)) & self.improved
             # Pieces too wide for any scaling are halved first: what is known of their middle is that it isn't less than nothing.
             wide = open_ & (bounded > _WIDE * size)
             better = open_ & ~wide

@@ -148,7 +148,7 @@ class Loop(Frozen):
 
     @property
     def law(self) -> str:
-        """What the controller does, with the place of the excitation r."""
+        """Law of the controller, with the place of the excitation r."""
         return _SENTENCES[self.excitation]
 
     @property
@@ -193,31 +193,20 @@ class Loop(Frozen):
         Of another controller too. At the one that ran x does not answer to e.
         """
         nu, ny = self.shape
-        A, B, C, D = residual
-        # [x; e] to [u; y; x], without a controller.
-        inner = StateMatrices(
-            A,
-            np.hstack([B, np.zeros((len(A), ny))]),
-            np.vstack([np.zeros((nu, len(A))), C]),
-            np.block([[np.eye(nu), np.zeros((nu, ny))], [D, np.eye(ny)]]),
-        )
-        A, B, C, D = series(inner, self.factors)
-        below = np.hstack([np.eye(nu), np.zeros((nu, ny))])
-        plant = StateMatrices(A, B, np.vstack([C, np.zeros((nu, len(A)))]), np.vstack([D, below]))
-        # [x; e; d] to [u + C y; u; y; x], y with d.
-        A, B, C, D = plant
-        B = np.hstack([B, np.zeros((len(A), ny))])
-        D = np.hstack([D, np.vstack([np.zeros((nu, ny)), np.eye(ny), np.zeros((nu, ny))])])
         E, F, G, H = self._controller if controller is None else controller
-        top = np.hstack([np.eye(nu), H, np.zeros((nu, nu))])
-        after = StateMatrices(
-            E,
-            np.hstack([np.zeros((len(E), nu)), F, np.zeros((len(E), nu))]),
-            np.vstack([G, np.zeros((2 * nu + ny, len(E)))]),
-            np.vstack([top, np.eye(2 * nu + ny)]),
-        )
-        whole = exchanged(series(StateMatrices(A, B, C, D), after), nu)
-        return StateMatrices(whole.A, whole.B, whole.C[nu:], whole.D[nu:])
+        one, other = np.eye(nu), np.eye(ny)
+        # From [x; e] to [x; R x + e], from there to [u; y], with x beside them, and d: [x; e; d] to [u; y; x].
+        direct = np.block([[one, np.zeros((nu, ny))], [residual.D, other]])
+        inner = _widened(residual, np.hstack([residual.B, 0 * residual.C.T]), direct, rows=(nu, 0))
+        plant = series(inner, self.factors)
+        direct = np.block([[plant.D, np.vstack([np.zeros((nu, ny)), other])], [one, np.zeros((nu, 2 * ny))]])
+        whole = _widened(plant, np.hstack([plant.B, np.zeros((len(plant.A), ny))]), direct, rows=(0, nu))
+        # To u + C y before them, which is what r makes it.
+        seen = np.hstack([np.zeros((len(E), nu)), F, np.zeros((len(E), nu))])
+        direct = np.vstack([np.hstack([one, H, np.zeros((nu, nu))]), np.eye(2 * nu + ny)])
+        after = _widened(StateMatrices(E, F, G, H), seen, direct, rows=(0, 2 * nu + ny))
+        found = exchanged(series(whole, after), nu)
+        return StateMatrices(found.A, found.B, found.C[nu:], found.D[nu:])
 
     def opened(self, record: TimeRecord) -> TimeRecord:
         """Record of R: its input x and output z from the input and output of the plant; no bound, whose noise is another one.
@@ -325,6 +314,12 @@ class Loop(Frozen):
 
 
 _SENTENCES = {"input": "r - C y", "reference": "C (r - y)", "output": "-C (y + r)"}
+
+
+def _widened(system: StateMatrices, inputs: Real, direct: Real, *, rows: tuple[int, int]) -> StateMatrices:
+    """The states of a system with other inputs and feedthrough, and outputs without states before and after its own."""
+    none = [np.zeros((count, len(system.A))) for count in rows]
+    return StateMatrices(system.A, inputs, np.vstack([none[0], system.C, none[1]]), direct)
 
 
 def _nothing(ny: int, nu: int) -> StateMatrices:

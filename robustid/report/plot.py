@@ -14,6 +14,7 @@ from robustid.fitting import MatrixFraction, OrderSweep
 from robustid.guarantees import (
     Band,
     Family,
+    Interconnection,
     ResponseTube,
     RobustStabilityMargin,
     StructuredWeight,
@@ -27,6 +28,7 @@ from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
 from robustid.report.guarantee import guaranteed_bode
+from robustid.report.loci import loci_chart
 from robustid.report.order_sweep_section import order_chart, stabilisation_chart
 from robustid.report.pages import kind_of, refuse_foreign
 from robustid.report.pole_box import pole_box_chart
@@ -72,7 +74,7 @@ def of(result: Any, **options: Any) -> Figure:
     """Draw the figure that shows a result best; ``result.plot()`` is this.
 
     Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a
-    RobustStabilityMargin the `stability`, of everything else `bode`.
+    RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of everything else `bode`.
 
     Parameters
     ----------
@@ -92,13 +94,9 @@ def of(result: Any, **options: Any) -> Figure:
     >>> [axes.get_ylabel() for axes in frf.plot().axes]
     ['magnitude [m]', 'phase [°]']
     """
-    if isinstance(result, ResponseTube):
-        return time_response(result, **options)
-    if isinstance(result, RobustStabilityMargin):
-        return stability(result, **options)
-    if isinstance(result, OrderSweep | Reduction):
-        return orders(result, **options)
-    return bode(result, **options)
+    figures: dict[type, Callable[..., Figure]] = {ResponseTube: time_response, RobustStabilityMargin: stability}
+    figures |= {OrderSweep: orders, Reduction: orders, Interconnection: nyquist}
+    return next((figure for kind, figure in figures.items() if isinstance(result, kind)), bode)(result, **options)
 
 
 def bode(
@@ -238,11 +236,12 @@ def residuals(result: Identification, *, models: Models = None, ax: Where = None
     return _drawn({Identification: (identified_residuals, ("models",))}, result, {"models": models}, ax)
 
 
-def nyquist(result: WorstCaseError, *, ax: Where = None) -> Figure:
+def nyquist(result: WorstCaseError | Interconnection, *, ax: Where = None) -> Figure:
     """Draw at every frequency the polygon that holds every consistent value, values that are reached, and the discs of the data.
 
     Beside it the polygons of the largest errors around the model, to scale. Of a MIMO problem a row for every entry, at the
-    frequencies at which the largest singular value of the error is largest.
+    frequencies at which the largest singular value of the error is largest. Of an Interconnection: eigenvalues of the product of
+    both models, with discs that hold those of every pair.
 
     Parameters and errors as for `bode`.
 
@@ -255,7 +254,7 @@ def nyquist(result: WorstCaseError, *, ax: Where = None) -> Figure:
     >>> [axes.get_title(loc="left") for axes in figure.axes]
     ['Values at the frequencies', 'Largest errors, around the model']
     """
-    return _drawn({WorstCaseError: (nyquist_chart, ())}, result, {}, ax)
+    return _drawn({WorstCaseError: (nyquist_chart, ()), Interconnection: (loci_chart, ())}, result, {}, ax)
 
 
 def poles(

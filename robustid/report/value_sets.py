@@ -24,7 +24,7 @@ from robustid.report.charts import (
 from robustid.report.identified import bounded_model, entry_unit, responses, shown_band, transfer
 from robustid.report.words import HZ, number
 
-_TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 73))
+TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 73))
 _CLOSE_UP = 4  # frequencies drawn around the model
 
 
@@ -46,11 +46,11 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
     problem = error.identification.problem
     sets, nominal = error.of_entry(*entry), error.nominal.reshape(error.upper.shape)[:, *entry]
     layers = [
-        _plane(name, response, NOMINAL, dash="solid", size=FINE),
+        plane_layer(name, response, NOMINAL, dash="solid", size=FINE),
         *data_discs(problem, entry),
-        _plane("holds every consistent value", _joined([_outline(v) for v in sets]), ALERT, dash="solid"),
-        _plane(REACHED, np.concatenate([v.points for v in sets]), DATA, marker=MARKERS[2], size=0.6),
-        _plane(f"model at the {error.omega.size} frequencies", nominal, NOMINAL, marker="circle", size=0.6),
+        plane_layer("holds every consistent value", with_gaps([_outline(v) for v in sets]), ALERT, dash="solid"),
+        plane_layer(REACHED, np.concatenate([v.points for v in sets]), DATA, marker=MARKERS[2], size=0.6),
+        plane_layer(f"model at the {error.omega.size} frequencies", nominal, NOMINAL, marker="circle", size=0.6),
     ]
     worst: list[int] = np.argsort(-error.sigma_upper)[
         :_CLOSE_UP
@@ -58,20 +58,23 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
     near: list[Layer] = []
     for colour, k in zip((ALERT, *FURTHER), worst, strict=False):
         words = f"{number(float(error.omega[k]) / HZ, 5)} Hz"
-        near.append(_plane(words, _outline(sets[k]) - nominal[k], colour, dash="solid"))
+        near.append(plane_layer(words, _outline(sets[k]) - nominal[k], colour, dash="solid"))
     points = np.concatenate([sets[k].points - nominal[k] for k in worst])
     near += [
-        _plane(REACHED, points, DATA, marker=MARKERS[2], size=0.6),
-        _plane("model", np.zeros(1), NOMINAL, marker="x"),
+        plane_layer(REACHED, points, DATA, marker=MARKERS[2], size=0.6),
+        plane_layer("model", np.zeros(1), NOMINAL, marker="x"),
     ]
     what = entry_unit(error.identification, *entry) or " [–]"
     return [
-        _square("Values at the frequencies", f"of {transfer(error.identification, *entry)}", layers),
-        _square("Largest errors, around the model", f"of F − model{what}", near),
+        square_panel("Values at the frequencies", f"of {transfer(error.identification, *entry)}", layers),
+        square_panel("Largest errors, around the model", f"of F − model{what}", near),
     ]
 
 
-def _plane(name: str, values: np.ndarray, colour: str, *, dash: str = "", marker: str = "", size: float = 1.0) -> Layer:
+def plane_layer(
+    name: str, values: np.ndarray, colour: str, *, dash: str = "", marker: str = "", size: float = 1.0
+) -> Layer:
+    """A layer of values in the complex plane."""
     return Layer(name, np.real(values), np.imag(values), colour, dash=dash, marker=marker, size=size)
 
 
@@ -79,7 +82,7 @@ def _outline(values: ValueSet) -> np.ndarray:
     return np.append(values.vertices, values.vertices[0])
 
 
-def _joined(outlines: list[np.ndarray]) -> np.ndarray:
+def with_gaps(outlines: list[np.ndarray]) -> np.ndarray:
     """One curve with gaps."""
     return np.concatenate([np.append(outline, np.nan) for outline in outlines])
 
@@ -94,11 +97,11 @@ def data_discs(problem: MixedProblem, entry: tuple[int, int]) -> list[Layer]:
         tilt = np.zeros(frf.omega.size) if frf.bound.tilt is None else frf.bound.tilt[place]
         for value, bound, kappa in zip(frf.values[place], frf.bound.radius[place], tilt, strict=True):
             if np.isfinite(bound):
-                outlines.append(value + bound * (_TURN - kappa * _TURN.conj()) / (1 - abs(kappa) ** 2))
-    return [_plane("bounds of the data", _joined(outlines), FAINT, dash="solid")] if outlines else []
+                outlines.append(value + bound * (TURN - kappa * TURN.conj()) / (1 - abs(kappa) ** 2))
+    return [plane_layer("bounds of the data", with_gaps(outlines), FAINT, dash="solid")] if outlines else []
 
 
-def _square(title: str, what: str, layers: list[Layer]) -> Panel:
+def square_panel(title: str, what: str, layers: list[Layer]) -> Panel:
     """A panel of the complex plane with equal axes around everything that is drawn."""
     axes = [np.concatenate([getattr(layer, part) for layer in layers]) for part in "xy"]
     lows, highs = (np.array([limit(values) for values in axes]) for limit in (np.nanmin, np.nanmax))

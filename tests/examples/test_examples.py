@@ -4,7 +4,9 @@ Two on measured data, the torsion margin and the steering mirror, run whole with
 """
 
 import functools
+import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +28,7 @@ def fewer_samples(monkeypatch):
     [
         ("motor_torsion", [], "HoriFujimotoLab/FdiTools"),
         ("torsion_margin", [], "HoriFujimotoLab/FdiTools"),
+        ("converters", [], "wenboklose/TPEL_GNC"),
         ("beam_damping", [], "flavioluiz/MIMO-FRF"),
         ("beam_mimo", [], "flavioluiz/MIMO-FRF"),
         ("beam_mimo", ["--fsm"], "merijnfloren/fsm-benchmark-data"),
@@ -137,6 +140,20 @@ def test_small_models_of_short_records_predict_the_other_half(tmp_path, name):
     assert share > 0.99  # of the samples within the stated bounds
     assert np.all(small > best - 2)  # per cent, of the fits of any order up to 12
     check_files(tmp_path, [f"{name}.png"])
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("seconds", [1e-3, pytest.param(300.0, marks=pytest.mark.slow)])
+def test_converters(run, monkeypatch, undrawn, seconds):
+    """Without a search for a pair; whole: the sweeps leave a pair that is unstable between two of their lines."""
+    if not (Path(os.environ.get("ROBUSTID_DATA", "")) / "converter_dq" / "source_impedance.npz").exists():
+        pytest.skip("converter_dq/source_impedance.npz is not in ROBUSTID_DATA")
+    example = load("converters")
+    monkeypatch.setattr(example, "SEARCH", seconds)
+    printed = run(example, ["loci.png"])
+    assert ("verdict    undecided" if seconds < 1 else "verdict    unstable: a pair") in printed
+    low, high = map(float, re.search(r"but between ([\d.]+) and ([\d.]+) Hz", printed).groups())
+    assert 1000 < low < 2200 < high < 5000  # elsewhere it is proved up to infinity
 
 
 @pytest.mark.slow
