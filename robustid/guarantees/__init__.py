@@ -17,7 +17,8 @@ from robustid.guarantees.interconnection_result import Interconnection, Intercon
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
-from robustid.guarantees.loop_bounds import LoopBounds, LoopMargins, Peak, loop_bounds
+from robustid.guarantees.loop_axis import LoopMargins, Peak
+from robustid.guarantees.loop_bounds import LoopBounds, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked

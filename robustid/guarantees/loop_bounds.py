@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustid.core import (
     Complex,
@@ -22,59 +21,21 @@ from robustid.core import (
     one_thread,
     poles_of,
     response_at,
-    responses,
 )
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.band_result import Band
-from robustid.guarantees.bilinear import Image
-from robustid.guarantees.cells import Pieces, enclose
-from robustid.guarantees.loop_values import MAPS, Balls, LoopValues, delay_of, worst_of
+from robustid.guarantees.loop_axis import LoopAxis, LoopMargins, Peak
+from robustid.guarantees.loop_values import MAPS, Balls, LoopValues
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin
 from robustid.guarantees.unstable_plant import UnstablePlant, unstable_plant
 from robustid.identification import Identification, Loop, identify
-from robustid.reduction import balanced_truncation
 
 if TYPE_CHECKING:
     import control
 
-_TOLERANCE = 2e-3  # of peaks and margins on the whole axis: how far they are above what they have at single frequencies
-_LOST, _GRID, _BALANCING = 1e-6, 400, 4  # what a smaller model may lose, points and steps for the units of its signals
-_FEW = 200_000  # pieces of arc, beyond which the bounds are left as they are
-_FLOORS = {"gain_above": 1e-3, "gain_below": 1e-3, "phase": 1e-2, "delay": 0.0}  # smaller ones limit nothing
 # Peaks of the sensitivity up to which a bearing is in zone A, B, C of ISO 14839-3 (first edition, 2006): 9.5, 12 and 14 dB.
 _ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
-
-
-class Peak(NamedTuple):
-    """Largest value that a map of the loop has for any consistent plant: an upper bound, and the frequency near which it is."""
-
-    value: float
-    omega: float  # rad/s
-
-
-class LoopMargins(NamedTuple):
-    """Margins that every consistent plant has with the controller, at least; at the outputs of the plant.
-
-    Attributes
-    ----------
-    modulus : float
-        Distance of the open loop from -1: the reciprocal of the peak of the sensitivity.
-    gain : (float, float)
-        Factors of the gain between which every loop is stable.
-    phase : float
-        In rad, on both sides.
-    delay : float
-        In s.
-    disk : float
-        alpha: gain and phase in all loops may change at the same time within the disc ``|f - 1|/|f + 1| < alpha/2``.
-    """
-
-    modulus: float
-    gain: tuple[float, float]
-    phase: float
-    delay: float
-    disk: float
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -146,7 +107,7 @@ class LoopBounds(Frozen, Drawable):
 
     def _at(self, omega: ArrayLike, controller: StateMatrices | None) -> dict[str, tuple[Complex, Real]]:
         omega = np.atleast_1d(as_array("omega", omega))
-        around = self.loop.about(StateMatrices.of(self.band.model), controller)
+        around = self.loop.about(StateMatrices.of(_nominal(self.band)), controller)
         return dict(_at_frequencies(self.band, around, self.loop, omega))
 
     def unstable_plant(self, identification: Identification | None = None) -> UnstablePlant | None:
@@ -257,9 +218,7 @@ def loop_bounds(
     """
     as_kind("band", band, Band, "a Band")
     as_kind("loop", loop, Loop, "a Loop")
-    if band.model is None:
-        raise InputError("`band` must be about a model of R; use band.with_model(result.model)")
-    model = StateMatrices.of(band.model)
+    model = StateMatrices.of(_nominal(band))
     nu, ny = loop.shape
     if model.D.shape != (ny, nu) or not np.isclose(band.problem.dt or 0.0, loop.dt, rtol=1e-9, atol=0.0):
         got = f"{model.D.shape[0]} outputs, {model.D.shape[1]} inputs, dt = {band.problem.dt or 0:g} s"
@@ -275,7 +234,7 @@ def loop_bounds(
     if decay_of(poles_of(around.A), loop.dt) <= 0:  # the nominal loop is not stable: nothing is bounded
         return _without(band, loop, controller, stability)
     here = _at_frequencies(band, around, loop, band.omega)
-    whole = _Axis(band, loop.shape, around).enclosed()
+    peaks, margins = LoopAxis(band, loop.shape, around).enclosed()
     return LoopBounds(
         band=band,
         loop=loop,
@@ -283,9 +242,15 @@ def loop_bounds(
         stability=stability,
         omega=band.omega,
         **{name: here[name].largest for name in MAPS},
-        peaks=whole.peaks,
-        margins=whole.margins,
+        peaks=peaks,
+        margins=margins,
     )
+
+
+def _nominal(band: Band) -> control.StateSpace:
+    if band.model is None:
+        raise InputError("`band` must be about a model of R; use band.with_model(result.model)")
+    return band.model
 
 
 def _without(band: Band, loop: Loop, controller: object, stability: RobustStabilityMargin | None) -> LoopBounds:
@@ -312,8 +277,8 @@ def _at_frequencies(band: Band, around: StateMatrices, loop: Loop, omega: Real) 
     """The four maps at frequencies, from discs about the centres of the band and about its model."""
     points = np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega
     values = LoopValues.at(response_at(around, points), loop.shape)
-    nominal, (centre, radius) = band.problem.plane.values_at(band.model, omega), band.at(omega)
-    known: Mask = np.asarray(np.isfinite(radius).all(axis=(1, 2)), dtype=bool)[:, None, None]
+    nominal, (centre, radius) = band.problem.plane.values_at(_nominal(band), omega), band.at(omega)
+    known = np.asarray(np.isfinite(radius).all(axis=(1, 2), keepdims=True), dtype=bool)
     about_model = values.balls(band.error_at(omega))
     about_centre = values.shifted(np.where(known, centre - nominal, 0.0)).balls(np.where(known, radius, np.inf))
     return {name: _smaller(about_centre[name], about_model[name]) for name in about_model}
@@ -323,122 +288,3 @@ def _smaller(one: Balls, other: Balls) -> Balls:
     """At every point the one of two that says more."""
     first = one.largest <= other.largest
     return Balls(np.where(first[:, None, None], one.centre, other.centre), np.where(first, one.radius, other.radius))
-
-
-def _smaller_model(model: control.StateSpace) -> tuple[control.StateSpace, Real]:
-    """A model of lower order in discrete time, and by how much its entries may differ, (p, q): they are enclosed much faster."""
-    angles = np.linspace(0.0, np.pi, _GRID)
-    sizes = np.abs(responses(model, angles)).max(axis=0) + np.finfo(float).tiny
-    rows, columns = np.ones(sizes.shape[0]), np.ones(sizes.shape[1])
-    for _ in range(_BALANCING):
-        rows = 1 / (sizes * columns).max(axis=1)
-        columns = 1 / (sizes * rows[:, None]).max(axis=0)
-    A, B, C, D = StateMatrices.of(model)
-    scaled = StateMatrices(A, B * columns, C * rows[:, None], D * rows[:, None] * columns).model(1.0)
-    found = balanced_truncation(scaled, tol=_LOST)
-    if found.order >= len(A):
-        return model, np.zeros(sizes.shape)
-    A, B, C, D = StateMatrices.of(found.model)
-    small = StateMatrices(A, B / columns, C / rows[:, None], D / rows[:, None] / columns).model(1.0)
-    return small, found.bound / rows[:, None] / columns
-
-
-class _Found(NamedTuple):
-    peaks: dict[str, Peak]
-    margins: LoopMargins
-
-
-@dataclasses.dataclass(frozen=True)
-class _Axis:
-    """The maps of the loop on the whole axis: on pieces of arc, halved where they may set a peak or a margin."""
-
-    band: Band
-    shape: tuple[int, int]
-    around: StateMatrices
-
-    @functools.cached_property
-    def _image(self) -> Image | None:
-        return Image.of(self._model, self.band.circle.edges)
-
-    @functools.cached_property
-    def _model(self) -> control.StateSpace:
-        return self.around.model(self.band.problem.dt or 0.0)
-
-    @functools.cached_property
-    def _angles(self) -> Real:
-        if self._image is not None:
-            return self._image.edges
-        angles = self.band.circle.edges * float(self.band.problem.dt or 0.0)
-        angles[-1] = np.pi
-        return angles
-
-    def enclosed(self) -> _Found:
-        """Peaks and margins."""
-        edges = self.band.circle.edges
-        if edges[0] > 0:
-            raise InputError(f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s: R has no integrator")
-        model, lost = _smaller_model(self._model if self._image is None else self._image.model("band", self._model))
-        reached = np.array([_FLOORS.get(name, 0.0) for name in self._names])
-        count = 0
-
-        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
-            nonlocal reached, count
-            middle, arc = self._sizes(pieces, 0.0 * pieces.radius), self._sizes(pieces, pieces.radius + lost)
-            finite = np.where(np.isfinite(middle), middle, -np.inf)
-            reached = np.maximum(reached, finite.max(axis=0))
-            count += len(arc)
-            limits = np.any(arc > reached * (1 + _TOLERANCE), axis=1) & np.all(np.isfinite(middle), axis=1)
-            wide = np.any(pieces.radius > lost, axis=(1, 2))  # narrower ones say no more
-            return limits & wide & (count < _FEW)
-
-        pieces = enclose(model, self._angles, coarse)
-        sizes = self._sizes(pieces, pieces.radius + lost)
-        worst = np.argmax(sizes, axis=0)
-        largest = dict(zip(self._names, sizes.max(axis=0).tolist(), strict=True))
-        where = dict(zip(self._names, self._omega(pieces.middle[worst]).tolist(), strict=True))
-        return _Found({name: Peak(largest[name], where[name]) for name in MAPS}, self._margins(largest))
-
-    @property
-    def _names(self) -> tuple[str, ...]:
-        return (
-            *MAPS,
-            "disk",
-            *(("gain_above", "gain_below", "phase", "delay") if self.shape == (1, 1) else ("delay",)),
-        )
-
-    def _sizes(self, pieces: Pieces, reach: Real) -> Real:
-        """Sizes that limit peaks and margins where the values are within their reach, (N, names)."""
-        bound = self.band.circle.entries[pieces.cell]
-        values = LoopValues(pieces.values, reach, self.shape)
-        balls = values.balls(bound)
-        sensitivity = balls["sensitivity"]
-        found = [balls[name].largest for name in MAPS]
-        found.append(sensitivity.about(np.eye(self.shape[1]) / 2).largest)
-        top = self._omega(self._angles[pieces.cell + 1])
-        if self.shape == (1, 1):
-            found += worst_of(sensitivity, top)
-        else:
-            found.append(delay_of(balls["complementary_sensitivity"], top))
-        return np.stack(found, axis=1)
-
-    def _omega(self, angles: Real) -> Real:
-        if self._image is None:
-            return angles / float(self.band.problem.dt or 1.0)
-        found = np.full(angles.shape, np.inf)
-        found[angles < np.pi] = self._image.plane.omega(angles[angles < np.pi])
-        return found
-
-    def _margins(self, largest: dict[str, float]) -> LoopMargins:
-        modulus, disk = 1 / largest["sensitivity"], 1 / largest["disk"]
-        delay = 1 / largest["delay"] if largest["delay"] else np.inf
-        if self.shape == (1, 1):
-            above, below, t = (max(largest[name], _FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
-            up, down = (
-                (1 + 1 / above if np.isfinite(above) else 1.0),
-                (below / (1 + below) if np.isfinite(below) else 1.0),
-            )
-            return LoopMargins(modulus, (down, up), math.pi - 2 * math.atan(2 * t), delay, disk)
-        alpha = min(disk, 2 * (1 - 1e-9))
-        return LoopMargins(
-            modulus, ((2 - alpha) / (2 + alpha), (2 + alpha) / (2 - alpha)), 2 * math.atan(alpha / 2), delay, disk
-        )

@@ -197,7 +197,7 @@ class Loop(Frozen):
         one, other = np.eye(nu), np.eye(ny)
         # From [x; e] to [x; R x + e], from there to [u; y], with x beside them, and d: [x; e; d] to [u; y; x].
         direct = np.block([[one, np.zeros((nu, ny))], [residual.D, other]])
-        inner = _widened(residual, np.hstack([residual.B, 0 * residual.C.T]), direct, rows=(nu, 0))
+        inner = _widened(residual, np.hstack([residual.B, np.zeros(residual.C.T.shape)]), direct, rows=(nu, 0))
         plant = series(inner, self.factors)
         direct = np.block([[plant.D, np.vstack([np.zeros((nu, ny)), other])], [one, np.zeros((nu, 2 * ny))]])
         whole = _widened(plant, np.hstack([plant.B, np.zeros((len(plant.A), ny))]), direct, rows=(0, nu))

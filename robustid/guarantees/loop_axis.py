@@ -1,0 +1,174 @@
+"""Peaks of the maps of a loop, and its margins, over all R of a band on the whole axis: on pieces of arc."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustid.core import Real, StateMatrices, responses
+from robustid.errors import InputError
+from robustid.guarantees.band_result import Band
+from robustid.guarantees.bilinear import Image
+from robustid.guarantees.cells import Pieces, enclose
+from robustid.guarantees.loop_values import MAPS, LoopValues, delay_of, worst_of
+from robustid.reduction import balanced_truncation
+
+if TYPE_CHECKING:
+    import control
+
+_TOLERANCE = 2e-3  # of peaks and margins on the whole axis: how far they are above what they have at single frequencies
+_LOST, _GRID, _BALANCING = 1e-6, 400, 4  # what a smaller model may lose, points and steps for the units of its signals
+_FEW = 200_000  # pieces of arc, beyond which the bounds are left as they are
+_FLOORS = {"gain_above": 1e-3, "gain_below": 1e-3, "phase": 1e-2, "delay": 0.0}  # smaller ones limit nothing
+
+
+class Peak(NamedTuple):
+    """Largest value that a map of the loop has for any consistent plant: an upper bound, and the frequency near which it is."""
+
+    value: float
+    omega: float  # rad/s
+
+
+class LoopMargins(NamedTuple):
+    """Margins that every consistent plant has with the controller, at least; at the outputs of the plant.
+
+    Attributes
+    ----------
+    modulus : float
+        Distance of the open loop from -1: the reciprocal of the peak of the sensitivity.
+    gain : (float, float)
+        Factors of the gain between which every loop is stable.
+    phase : float
+        In rad, on both sides.
+    delay : float
+        In s.
+    disk : float
+        alpha: gain and phase in all loops may change at the same time within the disc ``|f - 1|/|f + 1| < alpha/2``.
+    """
+
+    modulus: float
+    gain: tuple[float, float]
+    phase: float
+    delay: float
+    disk: float
+
+
+@dataclasses.dataclass(frozen=True)
+class LoopAxis:
+    """The maps of the loop on the whole axis: on pieces of arc, halved where they may set a peak or a margin."""
+
+    band: Band
+    shape: tuple[int, int]
+    around: StateMatrices
+
+    @functools.cached_property
+    def _image(self) -> Image | None:
+        return Image.of(self._model, self.band.circle.edges)
+
+    @functools.cached_property
+    def _model(self) -> control.StateSpace:
+        return self.around.model(self.band.problem.dt or 0.0)
+
+    @functools.cached_property
+    def _angles(self) -> Real:
+        if self._image is not None:
+            return self._image.edges
+        angles = self.band.circle.edges * float(self.band.problem.dt or 0.0)
+        angles[-1] = np.pi
+        return angles
+
+    def enclosed(self) -> tuple[dict[str, Peak], LoopMargins]:
+        """Peaks and margins."""
+        edges = self.band.circle.edges
+        if edges[0] > 0:
+            raise InputError(f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s: R has no integrator")
+        model, lost = _smaller_model(self._model if self._image is None else self._image.model("band", self._model))
+        reached = np.array([_FLOORS.get(name, 0.0) for name in self._names])
+        count = 0
+
+        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+            nonlocal reached, count
+            middle, arc = self._sizes(pieces, 0.0 * pieces.radius), self._sizes(pieces, pieces.radius + lost)
+            finite = np.where(np.isfinite(middle), middle, -np.inf)
+            reached = np.maximum(reached, finite.max(axis=0))
+            count += len(arc)
+            limits = np.any(arc > reached * (1 + _TOLERANCE), axis=1) & np.all(np.isfinite(middle), axis=1)
+            wide = np.any(pieces.radius > lost, axis=(1, 2))  # narrower ones say no more
+            return limits & wide & (count < _FEW)
+
+        pieces = enclose(model, self._angles, coarse)
+        sizes = self._sizes(pieces, pieces.radius + lost)
+        worst = np.argmax(sizes, axis=0)
+        largest = dict(zip(self._names, sizes.max(axis=0).tolist(), strict=True))
+        where = dict(zip(self._names, self._omega(pieces.middle[worst]).tolist(), strict=True))
+        return {name: Peak(largest[name], where[name]) for name in MAPS}, self._margins(largest)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return (
+            *MAPS,
+            "disk",
+            *(("gain_above", "gain_below", "phase", "delay") if self.shape == (1, 1) else ("delay",)),
+        )
+
+    def _sizes(self, pieces: Pieces, reach: Real) -> Real:
+        """Sizes that limit peaks and margins where the values are within their reach, (N, names)."""
+        bound = self.band.circle.entries[pieces.cell]
+        values = LoopValues(pieces.values, reach, self.shape)
+        balls = values.balls(bound)
+        sensitivity = balls["sensitivity"]
+        found = [balls[name].largest for name in MAPS]
+        found.append(sensitivity.about(np.eye(self.shape[1]) / 2).largest)
+        top = self._omega(self._angles[pieces.cell + 1])
+        if self.shape == (1, 1):
+            found += worst_of(sensitivity, top)
+        else:
+            found.append(delay_of(balls["complementary_sensitivity"], top))
+        return np.stack(found, axis=1)
+
+    def _omega(self, angles: Real) -> Real:
+        if self._image is None:
+            return angles / float(self.band.problem.dt or 1.0)
+        found = np.full(angles.shape, np.inf)
+        found[angles < np.pi] = self._image.plane.omega(angles[angles < np.pi])
+        return found
+
+    def _margins(self, largest: dict[str, float]) -> LoopMargins:
+        modulus, disk = 1 / largest["sensitivity"], 1 / largest["disk"]
+        delay = 1 / largest["delay"] if largest["delay"] else np.inf
+        if self.shape == (1, 1):
+            above, below, t = (max(largest[name], _FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
+            up, down = (
+                (1 + 1 / above if np.isfinite(above) else 1.0),
+                (below / (1 + below) if np.isfinite(below) else 1.0),
+            )
+            return LoopMargins(modulus, (down, up), math.pi - 2 * math.atan(2 * t), delay, disk)
+        alpha = min(disk, 2 * (1 - 1e-9))
+        return LoopMargins(
+            modulus, ((2 - alpha) / (2 + alpha), (2 + alpha) / (2 - alpha)), 2 * math.atan(alpha / 2), delay, disk
+        )
+
+
+def _smaller_model(model: control.StateSpace) -> tuple[control.StateSpace, Real]:
+    """A model of lower order in discrete time, and by how much its entries may differ, (p, q): they are enclosed much faster."""
+    angles = np.linspace(0.0, np.pi, _GRID)
+    sizes: Real = np.abs(responses(model, angles)).max(axis=0) + np.finfo(float).tiny
+    rows, columns = np.ones(len(sizes)), np.ones(len(sizes.T))
+    for _ in range(_BALANCING):
+        rows = 1 / (sizes * columns).max(axis=1)
+        columns = 1 / (sizes * rows[:, None]).max(axis=0)
+    found = balanced_truncation(_in_units(model, rows, columns), tol=_LOST)
+    if found.order >= model.nstates:
+        return model, np.zeros(sizes.shape)
+    lost: Real = found.bound / (rows[:, None] * columns)
+    return _in_units(found.model, 1 / rows, 1 / columns), lost
+
+
+def _in_units(model: control.StateSpace, rows: Real, columns: Real) -> control.StateSpace:
+    A, B, C, D = StateMatrices.of(model)
+    return StateMatrices(A, B * columns, C * rows[:, None], D * rows[:, None] * columns).model(1.0)
