@@ -7,7 +7,8 @@ Ask:                  kautz, integrators, Prior, MixedProblem, identify, validat
 Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robustid.advise: classes, roll-off, scaling, poles
 What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
                       weights, stability margins
-Plants in a loop:     Loop, loop_bounds, reduce_plant, interconnection, nu_gap, ncf_margin, coprime
+Plants in a loop:     Loop, loop_from_data, loop_response, loop_bounds, reduce_plant, interconnection, nu_gap,
+                      ncf_margin, coprime
 Fit:                  fit_mfd, fit_records, RigidBody; robustid.fits: orders, modes, exact conditions, covariance
 Small models:         reduce_within_bounds, balanced_truncation, to_continuous, prove_passive; robustid.passive: the nearest one
 See and keep:         plot, write_report, show_progress; run and identify_reduced for the whole way in one call

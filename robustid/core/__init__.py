@@ -18,6 +18,7 @@ from robustid.core.coprime import (
     right_factors,
     right_quotient,
     series,
+    stabilised_by,
 )
 from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
@@ -146,6 +147,7 @@ __all__ = [
     "show_progress",
     "simulate",
     "singular_parts",
+    "stabilised_by",
     "stored",
     "threads_for",
     "time_words",

@@ -86,6 +86,21 @@ def mirroring_feedback(system: StateMatrices, dt: float, decay: float) -> Real:
     return -np.real(drive.conj().T @ after @ basis.conj().T[kept:])
 
 
+def stabilised_by(controller: StateMatrices, dt: float, decay: float) -> StateMatrices:
+    """A plant that a controller stabilises: an observer of it and a feedback of its states, which decay at least so fast.
+
+    Raises
+    ------
+    InputError
+        If a pole of the controller that is not stable is hidden.
+    """
+    E, F, G, H = controller
+    feedback = mirroring_feedback(controller, dt, decay)
+    gain = -mirroring_feedback(StateMatrices(E.T, G.T, F.T, H.T), dt, decay).T
+    nu, ny = H.shape
+    return StateMatrices(E + F @ feedback - gain @ (G + H @ feedback), -gain, feedback, np.zeros((ny, nu)))
+
+
 def balanced_scales(system: StateMatrices) -> StateMatrices:
     """The system with states scaled by powers of two, so that the matrices of its Riccati equations are balanced."""
     A, B, C, D = system

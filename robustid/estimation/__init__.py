@@ -4,7 +4,7 @@ from robustid.estimation.corrections import MISTAKES, correct, leaving_out
 from robustid.estimation.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.estimation.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.estimation.experiment_faults import experiment_faults
-from robustid.estimation.frf import estimate_frf, first_response
+from robustid.estimation.frf import estimate_frf, response_alone
 from robustid.estimation.noise_floor import NoiseFloor, bounds_from_noise_floor
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.record_faults import operating_point, record_faults
@@ -25,10 +25,10 @@ __all__ = [
     "estimate_delay",
     "estimate_frf",
     "experiment_faults",
-    "first_response",
     "leaving_out",
     "operating_point",
     "record_faults",
+    "response_alone",
     "response_faults",
     "with_delay",
 ]

@@ -124,6 +124,32 @@ def estimate_frf(
     >>> frf.freq_hz, bool(abs(frf.values[0, 0, 0] - 2) < frf.bound[0, 0, 0])
     (array([6.]), True)
     """
+    records, method, probability = _checked(record, period, method, probability, about)
+    faults = record_faults(records, period=_period(records, method, period))
+    for fault in faults:
+        _log.warning("%s", fault)
+    found = _finished(records[0], _estimated(records, method, period, lines), probability, about)
+    return dataclasses.replace(found, faults=faults)
+
+
+def response_alone(
+    record: TimeRecord | Sequence[TimeRecord],
+    *,
+    period: int | None = None,
+    method: str | None = None,
+    lines: ArrayLike | None = None,
+    probability: float = 0.95,
+    about: str = "mean",
+) -> FrequencyResponse:
+    """The same as `estimate_frf`, of records that are made of others: nothing is said of their faults."""
+    records, method, probability = _checked(record, period, method, probability, about)
+    return _finished(records[0], _estimated(records, method, period, lines), probability, about)
+
+
+def _checked(
+    record: TimeRecord | Sequence[TimeRecord], period: int | None, method: str | None, probability: float, about: str
+) -> tuple[list[TimeRecord], str, float]:
+    """Records, the method, the probability."""
     if method not in (None, *_METHODS):
         raise InputError(f"`method` must be one of {_METHODS}; got {method!r}")
     if about not in ABOUT:
@@ -134,24 +160,7 @@ def estimate_frf(
     method = method or _usual(records, period)
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
-    faults = record_faults(records, period=_period(records, method, period))
-    for fault in faults:
-        _log.warning("%s", fault)
-    found = _finished(records[0], _estimated(records, method, period, lines), probability, about)
-    return dataclasses.replace(found, faults=faults)
-
-
-def first_response(records: Sequence[TimeRecord]) -> FrequencyResponse:
-    """The response of records for a first model, by the usual method: nothing is said of their faults, which the user knows.
-
-    Raises
-    ------
-    InputError
-        As `estimate_frf`.
-    """
-    checked = checked_records(records)
-    _refuse_dead(checked)
-    return _finished(checked[0], _estimated(checked, _usual(checked, None), None, None), 0.95, "mean")
+    return records, method, probability
 
 
 def _usual(records: Sequence[TimeRecord], period: int | None) -> str:

@@ -213,7 +213,7 @@ def loop_bounds(
     >>> problem = rid.MixedProblem(frequency=closed, prior=rid.Prior(gain_bound=10.0, decay_rate=1.4))
     >>> result = rid.identify(problem)
     >>> found = rid.loop_bounds(rid.band(result), loop)
-    >>> found.guaranteed, bool(1.6 < found.peaks["sensitivity"].value < 2.2)
+    >>> found.guaranteed, bool(1.31 < found.peaks["sensitivity"].value < 1.4)
     (True, True)
     """
     as_kind("band", band, Band, "a Band")

@@ -279,6 +279,10 @@ class Loop(Frozen):
         bound = None if frf.bound is None else np.abs(slope) @ frf.bound.outer_radius @ np.abs(down)
         return FrequencyResponse(frf.omega, values, bound=bound, dt=frf.dt, note=frf.note)
 
+    def response_of(self, model: control.StateSpace, omega: Real) -> Complex:
+        """Response of a model with the time base of the loop at frequencies in rad/s."""
+        return response_at(StateMatrices.of(model), points_of(omega, self.dt))
+
     def _beside(self, system: StateMatrices) -> StateMatrices:
         """``[I; system]``."""
         nu, ny = self.shape

@@ -5,6 +5,7 @@ from robustid.reduction.doubtful_modes import DoubtfulMode, without_doubtful_mod
 from robustid.reduction.error_norm import PeakError, hinf_error, hinf_norm
 from robustid.reduction.gramians import Parts, doubtful_distance, gramian_factors, is_stable
 from robustid.reduction.inverse_hold import ContinuousModel, to_continuous
+from robustid.reduction.loop_from_data import any_loop, loop_from_data, with_auxiliary
 from robustid.reduction.model_worth import ModelWorth, model_worth_having
 from robustid.reduction.plant import PlantReduction, plant_of, reduce_plant
 from robustid.reduction.response_comparison import why_not_compared
@@ -20,6 +21,7 @@ __all__ = [
     "Reduction",
     "ReductionStatus",
     "SearchStatus",
+    "any_loop",
     "balanced_truncation",
     "doubtful_distance",
     "gramian_factors",
@@ -27,11 +29,13 @@ __all__ = [
     "hinf_error",
     "hinf_norm",
     "is_stable",
+    "loop_from_data",
     "model_worth_having",
     "plant_of",
     "reduce_plant",
     "reduce_within_bounds",
     "to_continuous",
     "why_not_compared",
+    "with_auxiliary",
     "without_doubtful_modes",
 ]

@@ -7,6 +7,7 @@ in the gap metric (`zhou1996`, section 19.4).
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from robustid.core import (
     closed_loop,
     decay_of,
     loop_factors,
+    loop_is_stable,
     normalised_factors,
     one_thread,
     poles_of,
@@ -134,12 +136,16 @@ def _truncated(identification: Identification, loop: Loop, start: control.StateS
         factors = loop_factors(StateMatrices.of(whole), loop.as_controller(loop.controller), loop.dt)
         nu = loop.shape[0]
         factors = StateMatrices(factors.A, factors.B[:, :nu], factors.C, factors.D[:, :nu])
+
+    def margin(residual: control.StateSpace) -> float:
+        return largest_ratio(identification.problem, residual)
+
     truncate, nu = balanced_truncations(factors.model(loop.dt)), loop.shape[0]
     for order in range(len(factors.A)):
         small = StateMatrices.of(truncate(order).model)
         if np.linalg.cond(small.D[:nu]) > 1 / _CANCELS:  # not proper
             continue
-        found = _judged(identification, loop, right_quotient(small, nu))
+        found = _judged(loop, right_quotient(small, nu), margin)
         if found is not None and found.margin <= limit:
             return found
     poles = poles_of(closed_loop(StateMatrices.of(whole), loop.as_controller(loop.controller)).A)
@@ -151,34 +157,50 @@ def _fitted(identification: Identification, loop: Loop, limit: float) -> PlantRe
     responses = [one for one in identification.problem.frequency if isinstance(one, FrequencyResponse)]
     if not responses:
         return None
-    frf = loop.plant_response(responses[0])
-    weight: Real = 1 / frf.bound.outer_radius
-    for order in range(1, min(_LARGEST_FIT, frf.omega.size // 3) + 1):
-        own, model = weight, None
+
+    def margin(residual: control.StateSpace) -> float:
+        return largest_ratio(identification.problem, residual)
+
+    found = fitted_plant(loop, responses[0], margin, limit)
+    return found if found is not None and found.margin <= limit else None
+
+
+def fitted_plant(
+    loop: Loop, frf: FrequencyResponse, margin: Callable[[control.StateSpace], float], limit: float
+) -> PlantReduction | None:
+    """The smallest fit of the plant's response that the controller stabilises and that keeps a limit; else the best one.
+
+    `frf` is that of R. A fit near to the limit is drawn to it by larger weights where it misses most.
+    """
+    own, best = loop.plant_response(frf), None
+    weight: Real = 1 / own.bound.outer_radius
+    for order in range(1, min(_LARGEST_FIT, own.omega.size // 3) + 1):
+        now, model = weight, None
         for turn in range(_ROUNDS):
             try:
-                how: Record = {"stable": False, "weight": own, "restart": turn == 0, "start": model}
-                model = fit_mfd(frf, order=order, **how).model
-                found = _judged(identification, loop, StateMatrices.of(model))
+                how: Record = {"stable": False, "weight": now, "restart": turn == 0, "start": model}
+                model = fit_mfd(own, order=order, **how).model
+                found = _judged(loop, StateMatrices.of(model), margin)
             except (RobustIdError, np.linalg.LinAlgError):  # too few points for so many states
                 break
             if found is not None and found.margin <= limit:
                 return found
+            best = found if found is not None and (best is None or found.margin < best.margin) else best
             if found is None or found.margin > _NEAR * limit:
                 break
-            missed = weight * np.abs(identification.problem.plane.values_at(model, frf.omega) - frf.values)
-            own = own * np.sqrt(missed / missed.max() + _SAME)
-    return None
+            values = loop.response_of(model, own.omega)
+            missed = weight * np.abs(values - own.values)
+            now = now * np.sqrt(missed / missed.max() + _SAME)
+    return best
 
 
-def _judged(identification: Identification, loop: Loop, plant: StateMatrices) -> PlantReduction | None:
+def _judged(loop: Loop, plant: StateMatrices, margin: Callable[[control.StateSpace], float]) -> PlantReduction | None:
     """The plant with its R, if the controller stabilises it."""
     poles = poles_of(closed_loop(plant, loop.as_controller(loop.controller)).A)
-    if decay_of(poles, loop.dt) <= 0:
+    if not loop_is_stable(poles, loop.dt):
         return None
     model = plant.model(loop.dt)
     residual = loop.residual_of(model)
     if decay_of(residual.poles(), loop.dt) <= 0:  # a state that cancels only almost
         return None
-    margin = largest_ratio(identification.problem, residual)
-    return PlantReduction(model, residual, len(plant.A), margin, poles)
+    return PlantReduction(model, residual, len(plant.A), margin(residual), poles)

@@ -12,7 +12,7 @@ import scipy.linalg
 from robustid.core import Budget, Real, StateMatrices, balancing, lengths, points_of
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
-from robustid.estimation import first_response
+from robustid.estimation import response_alone
 from robustid.fitting.fraction.householder import triangle
 from robustid.fitting.state_space.given_poles import reflected
 from robustid.fitting.state_space.subspace import subspace_estimate
@@ -47,7 +47,7 @@ def _responses(
     responses = [] if frf is None else [frf]
     longest = max(len(record.u) for record in records)
     with contextlib.suppress(InputError):  # too short, or inputs that don't tell the entries apart
-        responses.append(first_response([record for record in records if len(record.u) == longest]))
+        responses.append(response_alone([record for record in records if len(record.u) == longest]))
     for response in responses:
         response = response.select(~np.any(response.missing, axis=(1, 2)))
         if not response.omega.size:

@@ -1,0 +1,77 @@
+"""loop_response(): from records of a loop to the response of its stable system R, with its bound."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from robustid.core import one_thread
+from robustid.data import FaultKind, FrequencyResponse, TimeRecord
+from robustid.estimation import record_faults, response_alone
+from robustid.identification.loop import Loop
+
+_log = logging.getLogger("robustid")
+
+
+@one_thread()
+def loop_response(
+    record: TimeRecord | Sequence[TimeRecord],
+    loop: Loop,
+    *,
+    period: int | None = None,
+    method: str | None = None,
+    lines: ArrayLike | None = None,
+    probability: float = 0.95,
+    about: str = "mean",
+) -> FrequencyResponse:
+    """Estimate the response of R from records of its loop, with a bound: `estimate_frf` of ``loop.opened(record)``.
+
+    The input x of R does not depend on the noise, so that nothing biases the response, as the loop does that from u to y. Faults
+    are looked for in the records as they were measured.
+
+    Parameters
+    ----------
+    record : TimeRecord or sequence of TimeRecord
+        u and y of the plant.
+    loop : Loop
+        The controller that ran.
+    period, method, lines, probability, about : optional
+        As in `estimate_frf`.
+
+    Returns
+    -------
+    FrequencyResponse
+        Of R, outputs by inputs of the plant.
+
+    Raises
+    ------
+    InputError, InputTypeError
+        As `estimate_frf` and `Loop.opened`.
+
+    References
+    ----------
+    `tay1989`.
+
+    Examples
+    --------
+    >>> import control, numpy as np, robustid as rid
+    >>> plant, gain = control.ss(1.1, 1.0, 1.0, 0.0, 0.01), control.ss([], [], [], 0.5, 0.01)
+    >>> r, v = np.random.default_rng(0).standard_normal((2, 2000))
+    >>> closed, seen = control.feedback(plant, gain), control.feedback(1, plant * gain)
+    >>> y = control.forced_response(closed, inputs=r).outputs + control.forced_response(seen, inputs=0.05 * v).outputs
+    >>> loop = rid.Loop(gain)
+    >>> frf = rid.loop_response(rid.TimeRecord(r - 0.5 * y, y, dt=0.01), loop)
+    >>> R = loop.response_of(loop.residual_of(plant), frf.omega)
+    >>> bool((abs(frf.values - R) <= frf.bound.outer_radius).all())
+    True
+    """
+    records = [record] if isinstance(record, TimeRecord) else list(record)
+    opened = [loop.opened(one) for one in records]
+    found = response_alone(opened, period=period, method=method, lines=lines, probability=probability, about=about)
+    faults = tuple(one for one in record_faults(records, period=period) if one.kind is not FaultKind.FEEDBACK)
+    for fault in faults:
+        _log.warning("%s", fault)
+    return dataclasses.replace(found, faults=faults)
