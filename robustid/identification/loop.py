@@ -21,6 +21,7 @@ from robustid.core import (
     Real,
     StateMatrices,
     closed_loop,
+    decay_of,
     exchanged,
     inverse,
     left_quotient,
@@ -145,6 +146,11 @@ class Loop(Frozen):
         nu, ny = self.shape
         time = f"dt={self.dt:.6g} s" if self.dt else "continuous time"
         return f"<Loop: {ny}x{nu} plant, u = {self.law}, {time}>"
+
+    @property
+    def auxiliary_is_stable(self) -> bool:
+        """True if the auxiliary plant is stable by itself."""
+        return self.auxiliary is None or decay_of(poles_of(as_system("auxiliary", self.auxiliary)[0].A), self.dt) > 0
 
     @property
     def law(self) -> str:

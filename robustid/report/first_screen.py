@@ -16,6 +16,7 @@ from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import at_largest, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
 from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, scope, siso
+from robustid.report.loop_section import loop_glance
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
 from robustid.report.time_response import time_chart
@@ -45,6 +46,8 @@ def glance(
     """Return numbers, words, plot and next steps; `advice`: what would make inconsistent data consistent, `drawn`: the words
     stand beside the plot, `bounding`: the command that bounds the error.
     """
+    if (looped := parts.get("loop")) is not None:
+        return loop_glance(identification, looped, parts)
     reduction, band, withheld = parts.get("reduction"), parts.get("band"), parts.get("withheld")
     worst_case, over_poles = parts.get("worst_case"), parts.get("over_poles")
     bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case

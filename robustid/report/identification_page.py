@@ -31,6 +31,7 @@ from robustid.report.first_screen import glance
 from robustid.report.frequency import frequency_section
 from robustid.report.guarantee import guarantee_section
 from robustid.report.identified import Parts, further_models, scope, siso, unit
+from robustid.report.loop_section import loop_section, loop_verdict
 from robustid.report.pole_box import pole_box_section
 from robustid.report.poles import modes_table, poles_section, slowest_poles
 from robustid.report.proved_band import proved_band_section
@@ -56,7 +57,7 @@ def identification_page(identification: Identification, title: str | None, parts
     shown = further_models(reduction, parts.get("models"))
     return Document(
         title or words.title("Identification", problem.outputs, problem.inputs),
-        head=[*_verdicts(identification, parts), *_warnings(identification)],
+        head=[*_verdicts(identification, parts), *_warnings(identification, parts.get("loop") is None)],
         body=[
             *findings_section(findings),
             *([Heading("What would help"), Code(diagnosis.summary())] if diagnosis is not None else []),
@@ -107,7 +108,7 @@ def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
         found += tube_section(identification, tube)
     if (sensitivity := parts.get("sensitivity")) is not None:
         found += sensitivity_section(identification, sensitivity)
-    return found
+    return [*loop_section(identification, parts.get("loop"), parts.get("plant")), *found]
 
 
 def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:
@@ -129,6 +130,8 @@ def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
     first = problem_verdict(identification.problem)
+    if (looped := parts.get("loop")) is not None:
+        first = [*first, loop_verdict(looped)]
     first = first + others if withheld is not None and withheld.contradicted else first
     first = first + said if content is not None and content.empty else first
     return [*first, own, *(verdict for verdict in others + said + model if verdict not in first)]
@@ -174,11 +177,13 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
     return rows
 
 
-def _warnings(identification: Identification) -> list[Text]:
+def _warnings(identification: Identification, alone: bool = True) -> list[Text]:
+    """Warnings of the data and of the class, which may say little of the R of a loop: it does not stand `alone`."""
     problem = identification.problem
     about = [Text(sentence, "warning") for sentence in problem.about]
     about += problem_warnings(problem)
-    return about + [Text(f"{sentence}.", "warning", head="Warning") for sentence in identification.warnings]
+    own = identification.warnings if alone else ()
+    return about + [Text(f"{sentence}.", "warning", head="Warning") for sentence in own]
 
 
 def identification_verdict(identification: Identification, reduction: Reduction | None = None) -> Verdict:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from robustid.advice import Content, Diagnosis, Sensitivity
     from robustid.data import TimeRecord, Undoing
     from robustid.fitting import OrderSweep
-    from robustid.guarantees import Band, Coverage, ResponseTube, RobustStabilityMargin, StructuredWeight
-    from robustid.reduction import ModelWorth, Reduction
+    from robustid.guarantees import Band, Coverage, LoopBounds, ResponseTube, RobustStabilityMargin, StructuredWeight
+    from robustid.reduction import ModelWorth, PlantReduction, Reduction
 
 Models = Mapping[str, "control.StateSpace"] | None
 Bounded = WorstCaseError | WorstCaseOverPoles
@@ -56,6 +56,8 @@ class Parts(TypedDict, total=False):
     band: Band | None
     unfinished: Unfinished | None
     undoing: Undoing | None
+    loop: LoopBounds | None
+    plant: PlantReduction | None
 
 
 class Posed(Protocol):

@@ -118,6 +118,10 @@ def write_report(
         What Ctrl-C or the time limit of a run has left out: the first line.
     undoing : Undoing, optional
         What undoes a fault of the data, as it is pasted: the first of the next steps.
+    loop : LoopBounds, optional
+        Of a plant in a loop, from `loop_bounds(band, loop)`: worst cases and margins over every consistent plant, a section.
+    plant : PlantReduction, optional
+        Of a plant in a loop, from `reduce_plant(identification, loop)`: its small model, in the same section.
 
     Raises
     ------

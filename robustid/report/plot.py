@@ -15,6 +15,7 @@ from robustid.guarantees import (
     Band,
     Family,
     Interconnection,
+    LoopBounds,
     ResponseTube,
     RobustStabilityMargin,
     StructuredWeight,
@@ -22,13 +23,14 @@ from robustid.guarantees import (
     WorstCaseOverPoles,
 )
 from robustid.identification import Identification
-from robustid.reduction import ModelWorth, Reduction
+from robustid.reduction import ModelWorth, PlantReduction, Reduction
 from robustid.report.charts import Chart
 from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
 from robustid.report.guarantee import guaranteed_bode
 from robustid.report.loci import loci_chart
+from robustid.report.loop_section import loop_chart
 from robustid.report.order_sweep_section import order_chart, stabilisation_chart
 from robustid.report.pages import kind_of, refuse_foreign
 from robustid.report.pole_box import pole_box_chart
@@ -54,6 +56,7 @@ __all__ = [
     "bode",
     "convergence",
     "hankel",
+    "loop",
     "nyquist",
     "of",
     "orders",
@@ -74,7 +77,8 @@ def of(result: Any, **options: Any) -> Figure:
     """Draw the figure that shows a result best; ``result.plot()`` is this.
 
     Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a
-    RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of everything else `bode`.
+    RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of LoopBounds the `loop`, of everything else
+    `bode`.
 
     Parameters
     ----------
@@ -95,7 +99,7 @@ def of(result: Any, **options: Any) -> Figure:
     ['magnitude [m]', 'phase [°]']
     """
     figures: dict[type, Callable[..., Figure]] = {ResponseTube: time_response, RobustStabilityMargin: stability}
-    figures |= {OrderSweep: orders, Reduction: orders, Interconnection: nyquist}
+    figures |= {OrderSweep: orders, Reduction: orders, Interconnection: nyquist, LoopBounds: loop}
     return next((figure for kind, figure in figures.items() if isinstance(result, kind)), bode)(result, **options)
 
 
@@ -362,6 +366,25 @@ def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin
     'upper bound [–]'
     """
     return draw(stability_chart(result), ax)
+
+
+def loop(result: LoopBounds, *, plant: PlantReduction | None = None, ax: Where = None) -> Figure:
+    """Draw the plant of a loop with the range of every consistent one, and the largest S and T.
+
+    Parameters
+    ----------
+    result : LoopBounds
+        From `loop_bounds`.
+    plant : PlantReduction, optional
+        From `reduce_plant`: the model that is drawn in the range. Default: its centre.
+    ax : matplotlib axes, optional
+        One for each panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    return _drawn({LoopBounds: (loop_chart, ("plant",))}, result, {"plant": plant}, ax)
 
 
 def stabilisation(result: OrderSweep, *, ax: Where = None) -> Figure:

@@ -15,6 +15,7 @@ from robustid.app.cli.command_options import First, Force, Output, Report, Stati
 from robustid.app.cli.screen import say, telling
 from robustid.app.run.checks import too_large
 from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.loop_settings import LoopChoice
 from robustid.app.run.settings import FrequencyPoints, General, Identify, Modes, Withheld
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.work import Step, Work
     from robustid.data import FrequencyResponse, TimeRecord
+    from robustid.identification import Loop
 
 
 class Stated(TypedDict, total=False):
@@ -59,6 +61,7 @@ def identify(
     modes: Modes,
     prior: PriorChoice,
     how: Identify,
+    loop: LoopChoice,
     output: Output = Path("result"),
     report: Report = None,
     apply: Annotated[
@@ -82,7 +85,7 @@ def identify(
     """
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_folder import Surroundings
-    from robustid.app.run.sequence import diagnosed, proved, reduced, refined
+    from robustid.app.run.sequence import diagnosed, in_loop, proved, reduced, refined
     from robustid.app.run.undoing import again, in_command
     from robustid.app.run.work import carry_out
     from robustid.core import Budget
@@ -99,6 +102,7 @@ def identify(
     asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
     lines, samples = asked_lines.read(console), asked_samples.read(console)
     _warn_of_faults(console, lines, samples)
+    running, lines = _opened(loop, lines, samples)
     modes = _with_pairs(modes, mode, (*lines, *samples)[0].dt)
     changed: list[Step] = [lambda work: _apply(console, work)] if apply else []
     smaller: list[Step] = [reduced] if reduce else []
@@ -106,12 +110,30 @@ def identify(
         around = Surroundings(progress, budget=Budget(general.time_limit))
         with around.stops.listening():
             work = work_on(lines, samples, around, modes=modes, prior=prior, identify=how)
-            carry_out(work, [*changed, proved, *smaller, diagnosed, refined])
+            work.loop = running
+            carry_out(work, [*changed, proved, *smaller, diagnosed, refined, in_loop])
     origins = asked_lines.origins, asked_samples.origins
     work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
     conclude(console, work, output, report, static=static)
     found = work.identification
     raise typer.Exit(screen.exit_code(found.verified_status, bool(found.problem.open_faults)))
+
+
+def _opened(
+    choice: LoopChoice, lines: list[FrequencyResponse], samples: list[TimeRecord]
+) -> tuple[Loop | None, list[FrequencyResponse]]:
+    """The loop that responses from r to y were measured in, and those of its R; without one as they are."""
+    choice.check("--loop:")
+    if not choice.is_stated:
+        return None, lines
+    if samples or not lines:
+        raise InputError(
+            "--loop takes the response of the closed loop, --frequency; of records `robustid run` with [loop] estimates that of R"
+        )
+    from robustid.app.run.looped import loop_of
+
+    running = loop_of(choice, Path(), [], lines, {})
+    return running, [running.opened_response(one) for one in lines]
 
 
 def _warn_of_faults(console: Console, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> None:

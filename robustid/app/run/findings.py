@@ -14,9 +14,18 @@ from robustid.app.run.work import Work
 from robustid.core import Real, Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
-from robustid.guarantees import Band, Coverage, Judgement, WorstCaseError, WorstCaseOverPoles, checked_box, coverage
+from robustid.guarantees import (
+    Band,
+    Coverage,
+    Judgement,
+    LoopBounds,
+    WorstCaseError,
+    WorstCaseOverPoles,
+    checked_box,
+    coverage,
+)
 from robustid.identification import Identification, MixedProblem, model_residuals, validate
-from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
+from robustid.reduction import DoubtfulMode, ModelWorth, PlantReduction, Reduction, is_stable
 from robustid.report import at_most, stands_on
 
 if TYPE_CHECKING:
@@ -42,6 +51,8 @@ def sentences(work: Work) -> tuple[str, ...]:
     """Everything that can be said of a run: what refutes the class or the band first, then what was found."""
     run, result, left, small, said = work.run, work.identification, work.left, work.small, work.content
     found = [*model_warnings(small, work.doubtful), *class_words(run, result)]
+    if work.plant is not None:  # a small R of order 0 is no fault: the auxiliary plant says it all
+        found = [plant_words(work.plant, work.looped), *class_words(run, result)]
     if said is not None and said.empty:
         found.insert(0, said.summary())
     if work.band is not None:
@@ -73,6 +84,26 @@ def sentences(work: Work) -> tuple[str, ...]:
     if work.refuted is not None and not result.consistent:
         found.insert(0, work.refuted.summary())
     return tuple(found)
+
+
+def plant_words(plant: PlantReduction, looped: LoopBounds | None) -> str:
+    """Sentences on the plant of a loop, and what holds of the loop."""
+    unstable = int(np.sum(~is_stable(plant.model.A, plant.model.dt)[1]))
+    poles = f"with {unstable} unstable pole{'s' * (unstable > 1)}" if unstable else "stable"
+    found = "What follows is about the stable system R of the loop, the deviation from the auxiliary plant. The plant: a model of"
+    found += (
+        f" order {plant.order}, {poles}, which the controller that ran stabilises and whose R keeps every sample within"
+    )
+    found += f" {plant.margin:.4g} of its bound."
+    if looped is None:
+        return found
+    peak, margins = looped.peaks["sensitivity"], looped.margins
+    low, high = margins.gain
+    return (
+        f"{found} With every consistent plant the sensitivity is at most {peak.value:.4g} (zone {looped.zone} of ISO 14839-3:2006),"
+        f" and the loop is stable for gains from {low:.3g} to {high:.3g} times that of the controller and phases up to"
+        f" {np.degrees(margins.phase):.3g} degrees either way."
+    )
 
 
 def class_words(run: RunFile, result: Identification) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from robustid.app.run.run_file import RunFile
 from robustid.core import Plane, Real
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError
-from robustid.estimation import estimate_frf
+from robustid.estimation import estimate_frf, response_alone
 from robustid.guarantees import Band, Coverage, Family, WorstCaseError, coverage
 
 _DENSE = 60  # frequency points from which on some are withheld
@@ -66,11 +66,18 @@ def split(run: RunFile, records: list[TimeRecord]) -> tuple[RunFile, Split]:
     return run.changed("withheld", periods=spared, every=0), Split(used, found, "periods")
 
 
+def estimate_of(run: RunFile) -> Callable[..., FrequencyResponse]:
+    """The estimate of a response; of records that were opened faults are looked for before."""
+    return response_alone if run.loop.is_stated else estimate_frf
+
+
 def _estimated(run: RunFile, parts: Sequence[list[TimeRecord]], stated: bool) -> tuple[FrequencyResponse, ...]:
     """The response of each part by itself; none where a part alone gives none, unless it was asked for."""
     how = run.estimate
     try:
-        return tuple(estimate_frf(p, method=how.method, period=how.period, probability=how.probability) for p in parts)
+        return tuple(
+            estimate_of(run)(p, method=how.method, period=how.period, probability=how.probability) for p in parts
+        )
     except InputError:
         if stated:
             raise

@@ -11,15 +11,17 @@ from typing import Literal, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from robustid.advice import Experiment
-from robustid.app.run.kept_out import Split, split
+from robustid.app.run.kept_out import Split, estimate_of, split
+from robustid.app.run.looped import auxiliary_words, faults_of, loop_of, with_faults
 from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, read_source
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import USES, RecordSource, ResponseSource
 from robustid.core import Source, digest
-from robustid.data import FrequencyResponse, TimeRecord, decimate, detrend, points_at
+from robustid.data import Fault, FrequencyResponse, TimeRecord, decimate, detrend, points_at
 from robustid.errors import FileFormatError, InputError, InputTypeError
-from robustid.estimation import bounds_from_noise_floor, estimate_delay, estimate_frf, response_faults
+from robustid.estimation import bounds_from_noise_floor, estimate_delay, response_faults
+from robustid.identification import Loop
 
 S = TypeVar("S", RecordSource, ResponseSource)
 Used = list[tuple[str, list[TimeRecord]]]  # records, with what they are used for
@@ -60,6 +62,7 @@ class Measured(NamedTuple):
     kind: str = "records"
     excited: tuple[TimeRecord, ...] = ()
     origins: Origins = Origins()
+    loop: Loop | None = None  # that responses and records are opened from
 
     @property
     def dt(self) -> float | None:
@@ -102,9 +105,12 @@ def measured(
     run, records = _records(run, folder, around, tables)
     run, read = _responses(run, folder, around, tables)
     run = _with_method(run, records)
+    loop, records, read, faults = _opened(run, folder, around, records, read)
     run, data = _bounded(run, records)
+    if loop is not None:
+        data = data._replace(responses=tuple(with_faults(one, faults) for one in data.responses))
     origins = _origins(records, len(data.responses), len(read))
-    data = data._replace(responses=(*data.responses, *read), origins=origins)
+    data = data._replace(responses=(*data.responses, *read), origins=origins, loop=loop)
     if (entry := run.entry) is not None:
         if any(len(record.inputs) > 1 for record in data.excited):  # the output answers to the other inputs too
             data = data._replace(excited=())
@@ -189,6 +195,25 @@ def _responses(
         _say_bound(around, str(source.file), source.bound, found.bound, frf)
         responses.append(frf)
     return dataclasses.replace(run, frequency=tuple(sources)), responses
+
+
+def _opened(
+    run: RunFile, folder: Path, around: Surroundings, records: Used, read: list[FrequencyResponse]
+) -> tuple[Loop | None, Used, list[FrequencyResponse], tuple[Fault, ...]]:
+    """The loop that the data were measured in, records and responses of R, and faults of the records as they were; without one as
+    they are.
+    """
+    if not run.loop.is_stated:
+        return None, records, read, ()
+    excited, how = [one for _, made in records for one in made], run.estimate
+    estimate: dict[str, object] = {"period": how.period, "method": how.method, "probability": how.probability}
+    loop = loop_of(run.loop, folder, excited, read, estimate)
+    around.say(auxiliary_words(loop, run.loop))
+    faults = faults_of(excited, how.period) if excited else ()
+    for fault in faults:
+        around.say(f"records: {fault}")
+    opened = [(use, [loop.opened(one) for one in made]) for use, made in records]
+    return loop, opened, [loop.opened_response(one) for one in read], faults
 
 
 def _origins(records: Used, estimated: int, read: int) -> Origins:
@@ -294,7 +319,7 @@ def _bounded(run: RunFile, records: Used) -> tuple[RunFile, Measured]:
     if excited:
         run, kept = split(run, excited)
         how = run.estimate
-        frf = estimate_frf(
+        frf = estimate_of(run)(
             kept.used, period=how.period, method=how.method, probability=how.probability, about=how.about
         )
         estimated = [frf if noise is None else noise.bound_response(frf, kept.used, period=how.period)]

@@ -11,9 +11,9 @@ from robustid.app.run.run_file import RunFile
 from robustid.core import Choice, Frozen, Savable, Unfinished
 from robustid.data import Undoing
 from robustid.errors import Status
-from robustid.guarantees import Band, Coverage, Family, Judgement, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Band, Coverage, Family, Judgement, LoopBounds, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification
-from robustid.reduction import ModelWorth, Reduction
+from robustid.reduction import ModelWorth, PlantReduction, Reduction
 
 if TYPE_CHECKING:
     import control
@@ -63,6 +63,10 @@ class IdentifiedReduced(Frozen):
         What Ctrl-C or the time limit has left out.
     undoing : Undoing or None
         The line of the run file that undoes a fault of the data; None where there is none, or no run file.
+    loop : LoopBounds or None
+        Of a plant in a loop: worst cases and margins of the controller that ran, over every consistent plant.
+    plant : PlantReduction or None
+        Of a plant in a loop: its small model; `model` is that of the stable system R.
     """
 
     identification: Identification
@@ -80,6 +84,8 @@ class IdentifiedReduced(Frozen):
     diagnosis: Diagnosis | None = None
     unfinished: Unfinished | None = None
     undoing: Undoing | None = None
+    loop: LoopBounds | None = None
+    plant: PlantReduction | None = None
 
     @property
     def choices(self) -> dict[str, Choice]:
@@ -143,6 +149,8 @@ class IdentifiedReduced(Frozen):
             band=self.band,
             unfinished=self.unfinished,
             undoing=self.undoing,
+            loop=self.loop,
+            plant=self.plant,
         )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from robustid._version import __version__
 from robustid.app.run.checks import AUTO, options, refuse_unknown, section
 from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.loop_settings import LoopChoice
 from robustid.app.run.settings import (
     LISTS,
     SECTIONS,
@@ -52,6 +53,7 @@ class RunFile(Frozen, General):
     frequency: tuple[ResponseSource, ...] = ()
     members: tuple[MemberChoice, ...] = ()
     family: FamilyChoice = dataclasses.field(default_factory=FamilyChoice)
+    loop: LoopChoice = dataclasses.field(default_factory=LoopChoice)
     estimate: Estimate = dataclasses.field(default_factory=Estimate)
     delay: Delay = dataclasses.field(default_factory=Delay)
     frequency_points: FrequencyPoints = dataclasses.field(default_factory=FrequencyPoints)
@@ -66,6 +68,7 @@ class RunFile(Frozen, General):
     def __post_init__(self) -> None:
         _check_fit(self)
         _check_modes(self)
+        _check_loop(self)
         self.prior.check({"gain_bound": "[prior] gain_bound", "passive": "[prior] passive"})
         points = self.frequency_points
         if points.near_hz is not None and points.every == 1:
@@ -111,18 +114,22 @@ class RunFile(Frozen, General):
     def moved(self, old: Path, new: Path) -> RunFile:
         """With the names of files as seen from another folder."""
 
-        def seen(source: S) -> S:
-            if source.file is None:
-                return source
-            path = (old / source.file).resolve()
+        def name(file: str) -> str:
+            path = (old / file).resolve()
             try:
-                name = Path(os.path.relpath(path, new.resolve())).as_posix()
+                return Path(os.path.relpath(path, new.resolve())).as_posix()
             except ValueError:  # another drive
-                name = str(path)
-            return dataclasses.replace(source, file=name)
+                return str(path)
 
+        def seen(source: S) -> S:
+            return source if source.file is None else dataclasses.replace(source, file=name(source.file))
+
+        record, frequency = tuple(map(seen, self.record)), tuple(map(seen, self.frequency))
+        named = {
+            one: name(file) for one in ("controller", "auxiliary") if (file := getattr(self.loop, one)) is not None
+        }
         return dataclasses.replace(
-            self, record=tuple(map(seen, self.record)), frequency=tuple(map(seen, self.frequency))
+            self, record=record, frequency=frequency, loop=dataclasses.replace(self.loop, **named)
         )
 
     def of_member(self, name: str) -> RunFile:
@@ -174,6 +181,25 @@ def _check_fit(run: RunFile) -> None:
         raise InputError("[fit] symmetric and quantity belong to a structure of the modes: give modal too")
     if modes.count is not None or (modes.hz is not None and modes.source != Source.DATA):
         raise InputError("[fit] takes the modes from a fit, [modes] states them otherwise: give one of them")
+
+
+def _check_loop(run: RunFile) -> None:
+    """Refuse what does not go with a plant in a loop."""
+    run.loop.check("[loop]")
+    if not run.loop.is_stated:
+        return
+    others = [source.use for source in run.record if source.use != "response"]
+    wrong = {
+        "[[members]]": bool(run.members),
+        "entry": run.entry is not None,
+        "[delay]": run.delay.seconds != 0.0,
+        f"[[record]] use = {others[0] if others else ''!r}": bool(others),
+    }
+    for name, is_there in wrong.items():
+        if is_there:
+            raise InputError(
+                f"{name} does not go with [loop]: records of a loop give the response of its stable system R, of all entries"
+            )
 
 
 def _check_poles(place: str, modes: Modes | MemberChoice) -> None:

@@ -23,9 +23,10 @@ from robustid.identification import Identification, MixedProblem
 
 RUN_FILE = "run.toml"
 _NUMBERS = ("identification", "band", "wider_band", "worst_case", "over_poles", "family", "fit")
-_PAGE, _MODEL, _SUMMARY, _RESPONSE, _UNFINISHED = (
+_PAGE, _MODEL, _PLANT, _SUMMARY, _RESPONSE, _UNFINISHED = (
     "report.html",
     "small_model.npz",
+    "plant.npz",
     "summary.txt",
     "response-{}.csv",
     "unfinished",
@@ -61,7 +62,7 @@ class RunFolder:
         if self.folder is None:
             return []
         names = [name for part in _NUMBERS for name in paths(self.folder / part)]
-        names += [self.folder / name for name in (RUN_FILE, _PAGE, _MODEL, _SUMMARY)]
+        names += [self.folder / name for name in (RUN_FILE, _PAGE, _MODEL, _PLANT, _SUMMARY)]
         return [path for path in (*names, *self.folder.glob(_RESPONSE.format("*"))) if path.is_file()]
 
     def _clear(self) -> None:
@@ -140,6 +141,8 @@ class RunFolder:
             if numbers is not None:
                 numbers.save(self.folder / name)
         save_model(result.model, self.folder / _MODEL)
+        if isinstance(result, IdentifiedReduced) and result.plant is not None:
+            save_model(result.plant.model, self.folder / _PLANT)
         result.report(self.folder / _PAGE, static=self.static)
         self._clear()
 

@@ -29,11 +29,18 @@ from robustid.guarantees import (
     band,
     contradiction,
     default_grid,
+    loop_bounds,
     worst_case_error,
     worst_case_over_poles,
 )
-from robustid.identification import Identification, MixedProblem, identify, largest_ratio
-from robustid.reduction import model_worth_having, reduce_within_bounds, why_not_compared, without_doubtful_modes
+from robustid.identification import Identification, Loop, MixedProblem, identify, largest_ratio
+from robustid.reduction import (
+    model_worth_having,
+    reduce_plant,
+    reduce_within_bounds,
+    why_not_compared,
+    without_doubtful_modes,
+)
 
 _PREDICTED = 2000  # samples that are compared with what the others leave, before the margin
 _MANY = 400  # coefficients whose decision takes minutes
@@ -48,7 +55,7 @@ _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
 
 def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedReduced:
     """The result with modes, frequency points, bounds and prior as the run file says, or chosen."""
-    return _whole(*posed(run, data, around), around)
+    return _whole(*posed(run, data, around), around, data.loop)
 
 
 def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> IdentifiedReduced:
@@ -56,10 +63,15 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
     return _whole(*posed_as_stated(run, problem, around), around)
 
 
-def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings) -> IdentifiedReduced:
+def _whole(
+    run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings, loop: Loop | None = None
+) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
     work, asked = decided(run, problem, left, around), run.worst_case
+    work.loop = loop
     small: list[Step] = [reduced, compared_with_fits, without_doubtful]
+    if loop is not None:  # fits are those of the plant
+        small = [reduced]
     if not work.identification.consistent:
         carry_out(work, [*([proved_if_wider] if asked.compute else []), *small, diagnosed])
     else:
@@ -71,6 +83,7 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
             carry_out(work, [*([narrowed] if chosen and not (asked.over_poles or asked.circle) else swept), judged])
         if asked.over_poles:
             carry_out(work, [bounded_over_box, refined])
+    carry_out(work, [in_loop])
     return IdentifiedReduced(
         withheld=work.withheld,
         identification=work.identification,
@@ -86,6 +99,8 @@ def _whole(run: RunFile, problem: MixedProblem, left: Untouched, around: Surroun
         diagnosis=work.diagnosis,
         run_file=work.run,
         unfinished=around.unfinished,
+        loop=work.looped,
+        plant=work.plant,
     )
 
 
@@ -228,6 +243,16 @@ def refined(work: Work) -> None:
     if work.band is not None:
         work.band = refined_band(work.band.with_model(work.model), work.error, work.over_poles)
         work.around.folder.proved(work.band)
+
+
+def in_loop(work: Work) -> None:
+    """The plant of a loop, and what holds of the loop for every consistent plant."""
+    if work.loop is None:
+        return
+    work.around.say("the plant, and what holds of its loop")
+    work.plant = reduce_plant(work.identification, work.loop, residual=work.model)
+    if work.band is not None and work.identification.consistent:
+        work.looped = loop_bounds(work.band.with_model(work.model), work.loop)
 
 
 def refined_band(found: Band, error: WorstCaseError | None, over_poles: WorstCaseOverPoles | None = None) -> Band:

@@ -25,6 +25,7 @@ from robustid.app.run.checks import (
     whole,
 )
 from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.loop_settings import LoopChoice
 from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.errors import InputError
 
@@ -362,6 +363,7 @@ LISTS: dict[str, type[DataclassInstance]] = {
 }
 SECTIONS: dict[str, type[DataclassInstance]] = {
     "family": FamilyChoice,
+    "loop": LoopChoice,
     "estimate": Estimate,
     "delay": Delay,
     "frequency_points": FrequencyPoints,

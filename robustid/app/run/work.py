@@ -13,9 +13,9 @@ from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.core import Real
 from robustid.data import FrequencyResponse, TimeRecord, Undoing
-from robustid.guarantees import Band, Contradiction, Coverage, WorstCaseError, WorstCaseOverPoles
-from robustid.identification import Identification
-from robustid.reduction import DoubtfulMode, ModelWorth, Reduction
+from robustid.guarantees import Band, Contradiction, Coverage, LoopBounds, WorstCaseError, WorstCaseOverPoles
+from robustid.identification import Identification, Loop
+from robustid.reduction import DoubtfulMode, ModelWorth, PlantReduction, Reduction
 
 if TYPE_CHECKING:
     import control
@@ -65,6 +65,9 @@ class Work:
     withheld: Coverage | None = None
     diagnosis: Diagnosis | None = None
     undoing: Undoing | None = None
+    loop: Loop | None = None  # that the data were opened from
+    looped: LoopBounds | None = None
+    plant: PlantReduction | None = None
 
     @property
     def model(self) -> control.StateSpace:
@@ -89,6 +92,8 @@ class Work:
             "diagnosis": self.diagnosis,
             "unfinished": self.around.unfinished,
             "undoing": self.undoing,
+            "loop": self.looped,
+            "plant": self.plant,
         }
 
 

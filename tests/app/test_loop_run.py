@@ -1,0 +1,103 @@
+"""A plant in a loop, from its files to the page: run file, command line, refusals."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.app.run.run_file import read_run_file
+from robustid.core import StateMatrices, closed_loop, response_at, simulate
+from robustid.errors import InputError
+from support.command_line import refused, words
+
+DT = 0.001
+PLANT = control.ss(control.c2d(control.tf([2e4], [1, 10, -2.5e3]), DT))  # a levitated mass
+CONTROLLER = control.tf([5.61, -5.39], [1, -0.6], DT)
+ASK = """
+[[record]]
+file = "record.csv"
+[loop]
+numerator = [5.61, -5.39]
+denominator = [1, -0.6]
+[frequency_points]
+every = 12
+[modes]
+hz = []
+damping = []
+[prior]
+gain_bound = 0.01
+decay_rate = 1.3
+[worst_case]
+at_hz = [20.0, 100.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A record of the loop, its response from r to y with a bound, and the controller."""
+    place, rng = tmp_path_factory.mktemp("loop"), np.random.default_rng(0)
+    r, v = rng.standard_normal((1500, 1)), 0.002 * rng.standard_normal((1500, 1))
+    loop = closed_loop(StateMatrices.of(PLANT), StateMatrices.of(control.ss(CONTROLLER)))
+    found = simulate(loop, np.hstack([r, v]))[0]
+    rid.save(place / "record.csv", rid.TimeRecord(found[:, 0], found[:, 1], dt=DT, reference=r[:, 0]))
+    omega = np.linspace(20, 3000, 60)
+    closed = response_at(StateMatrices.of(control.ss(control.feedback(PLANT, CONTROLLER))), np.exp(1j * omega * DT))
+    rid.save(place / "closed.csv", rid.FrequencyResponse(omega, closed, bound=1e-3 * np.abs(closed).max(), dt=DT))
+    rid.save(place / "controller.npz", control.ss(CONTROLLER))
+    (place / "ask.toml").write_text(ASK)
+    return place
+
+
+def test_a_run_gives_the_unstable_plant_and_what_holds_of_its_loop(folder):
+    result = rid.run(folder / "ask.toml", folder / "out")
+    plant = result.plant.model
+    assert np.abs(plant.poles()).max() == pytest.approx(np.abs(PLANT.poles()).max(), rel=5e-3)
+    assert result.plant.order <= 3  # the plant itself: 2
+    assert np.abs(control.feedback(plant, CONTROLLER).poles()).max() < 1
+    omega = np.linspace(1, 3000, 500)
+    true = 1 / (1 + response_at(StateMatrices.of(control.ss(PLANT * CONTROLLER)), np.exp(1j * omega * DT)))
+    assert np.abs(true).max() < result.loop.peaks["sensitivity"].value < 2
+    page = (folder / "out" / "report.html").read_text()
+    assert "Stable with every consistent plant" in page
+    assert "ISO 14839-3" in page
+    again = rid.load(folder / "out" / "plant.npz")
+    np.testing.assert_allclose(sorted(again.poles()), sorted(plant.poles()))
+    assert "with 1 unstable pole, which the controller" in result.summary()
+
+
+def test_the_response_of_the_closed_loop_and_a_controller_in_a_file(folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    asked = ["identify", "--frequency", "closed.csv", "--loop", "controller.npz"]
+    code, out, err = words([*asked, "--report", "page.html"], capsys, monkeypatch)
+    assert code == 0, (out, err)
+    assert "Stable with every consistent plant" in (folder / "page.html").read_text()
+
+
+def test_a_response_with_another_sample_time_than_the_controller_is_refused(folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    frf = rid.load(folder / "closed.csv", kind="frequency")
+    rid.save("slow.csv", rid.FrequencyResponse(frf.omega / 2, frf.values, bound=frf.bound, dt=2 * DT))
+    asked = ["identify", "--frequency", "slow.csv", "--loop", "controller.npz", "-o", "slow"]
+    refused(words(asked, capsys, monkeypatch), "sample time of the controller")
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[loop]\nnumerator = [1.0]\n", "numerator and denominator make one controller"),
+        ('[loop]\ncontroller = "c.npz"\nnumerator = [1]\ndenominator = [1]\n', "the same controller again"),
+        ('[loop]\nauxiliary = "p.npz"\n', "needs the controller that ran"),
+        ('[loop]\ncontroller = "c.npz"\n[delay]\nseconds = 0.1\n', "does not go with \\[loop\\]"),
+        ('[loop]\ncontroller = "c.npz"\n[[record]]\nfile = "r.csv"\nuse = "samples"\n', "does not go with \\[loop\\]"),
+    ],
+)
+def test_contradictions_are_refused_before_any_file_is_opened(tmp_path, text, sentence):
+    (tmp_path / "ask.toml").write_text(text)
+    with pytest.raises(InputError, match=sentence):
+        read_run_file(tmp_path / "ask.toml", sources=False)
+
+
+def test_a_controller_that_is_missing_is_named(folder):
+    (folder / "missing.toml").write_text('[[record]]\nfile = "record.csv"\n[loop]\ncontroller = "none.npz"\n')
+    with pytest.raises(InputError, match=r"there is no file .*none\.npz"):
+        rid.run(folder / "missing.toml", folder / "missing")
