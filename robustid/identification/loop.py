@@ -122,11 +122,11 @@ class Loop(Frozen):
         self._set(_controller=controller, dt=float(time), poles=poles, factors=factors, _back=inverse(factors))
 
     if TYPE_CHECKING:
-        _controller: StateMatrices
-        _back: StateMatrices
-        dt: float
-        poles: Complex
-        factors: StateMatrices
+        _controller: StateMatrices = dataclasses.field(init=False)
+        _back: StateMatrices = dataclasses.field(init=False)
+        dt: float = dataclasses.field(init=False)
+        poles: Complex = dataclasses.field(init=False)
+        factors: StateMatrices = dataclasses.field(init=False)
 
     def _refuse(self, controller: StateMatrices, poles: Complex, dt: float) -> None:
         poles = poles[poles.imag >= 0]

@@ -35,6 +35,8 @@ from robustid.reduction.balanced import balanced_truncation, balanced_truncation
 if TYPE_CHECKING:
     import control
 
+    Margin = Callable[[control.StateSpace], float]  # of an R
+
 _CANCELS = 1e-9  # of the largest Hankel singular value: states below cancel
 _SAME = 1e-6  # of its bound: what the margin of the nominal model may be exceeded by
 _LARGEST_FIT, _NEAR, _ROUNDS = (
@@ -124,10 +126,20 @@ def reduce_plant(
     if start.D.shape != loop.shape[::-1]:
         raise InputError(f"`identification` must be of the R of `loop`, {loop.shape[1]} x {loop.shape[0]}")
     limit = max(1.0, largest_ratio(identification.problem, start)) * (1 + _SAME)
-    return _fitted(identification, loop, limit) or _truncated(identification, loop, start, limit)
+
+    def margin(model: control.StateSpace) -> float:
+        return largest_ratio(identification.problem, model)
+
+    responses = [one for one in identification.problem.frequency if isinstance(one, FrequencyResponse)]
+    if not responses:
+        return _truncated(loop, start, margin, limit)
+    found = fitted_plant(loop, responses[0], margin, limit)
+    if found is not None and found.margin <= limit:
+        return found
+    return _below(loop, loop.plant_response(responses[0]), _truncated(loop, start, margin, limit), margin, limit)
 
 
-def _truncated(identification: Identification, loop: Loop, start: control.StateSpace, limit: float) -> PlantReduction:
+def _truncated(loop: Loop, start: control.StateSpace, margin: Margin, limit: float) -> PlantReduction:
     """The smallest truncation of the factors of the plant that is inside."""
     whole = plant_of(loop, start)
     try:
@@ -136,9 +148,6 @@ def _truncated(identification: Identification, loop: Loop, start: control.StateS
         factors = loop_factors(StateMatrices.of(whole), loop.as_controller(loop.controller), loop.dt)
         nu = loop.shape[0]
         factors = StateMatrices(factors.A, factors.B[:, :nu], factors.C, factors.D[:, :nu])
-
-    def margin(residual: control.StateSpace) -> float:
-        return largest_ratio(identification.problem, residual)
 
     truncate, nu = balanced_truncations(factors.model(loop.dt)), loop.shape[0]
     for order in range(len(factors.A)):
@@ -149,52 +158,65 @@ def _truncated(identification: Identification, loop: Loop, start: control.StateS
         if found is not None and found.margin <= limit:
             return found
     poles = poles_of(closed_loop(StateMatrices.of(whole), loop.as_controller(loop.controller)).A)
-    return PlantReduction(whole, start, whole.nstates, largest_ratio(identification.problem, start), poles)
+    return PlantReduction(whole, start, whole.nstates, margin(start), poles)
 
 
-def _fitted(identification: Identification, loop: Loop, limit: float) -> PlantReduction | None:
-    """The smallest fit of the plant's response that is inside; None where none is."""
-    responses = [one for one in identification.problem.frequency if isinstance(one, FrequencyResponse)]
-    if not responses:
-        return None
-
-    def margin(residual: control.StateSpace) -> float:
-        return largest_ratio(identification.problem, residual)
-
-    found = fitted_plant(loop, responses[0], margin, limit)
-    return found if found is not None and found.margin <= limit else None
-
-
-def fitted_plant(
-    loop: Loop, frf: FrequencyResponse, margin: Callable[[control.StateSpace], float], limit: float
-) -> PlantReduction | None:
+def fitted_plant(loop: Loop, frf: FrequencyResponse, margin: Margin, limit: float) -> PlantReduction | None:
     """The smallest fit of the plant's response that the controller stabilises and that keeps a limit; else the best one.
 
-    `frf` is that of R. A fit near to the limit is drawn to it by larger weights where it misses most.
+    `frf` is that of R. Fits begin anew, order by order; then at truncations of the best one, below its order.
     """
     own, best = loop.plant_response(frf), None
-    weight: Real = 1 / own.bound.outer_radius
     for order in range(1, min(_LARGEST_FIT, own.omega.size // 3) + 1):
-        now, model = weight, None
-        for turn in range(_ROUNDS):
-            try:
-                how: Record = {"stable": False, "weight": now, "restart": turn == 0, "start": model}
-                model = fit_mfd(own, order=order, **how).model
-                found = _judged(loop, StateMatrices.of(model), margin)
-            except (RobustIdError, np.linalg.LinAlgError):  # too few points for so many states
-                break
-            if found is not None and found.margin <= limit:
-                return found
-            best = found if found is not None and (best is None or found.margin < best.margin) else best
-            if found is None or found.margin > _NEAR * limit:
-                break
-            values = loop.response_of(model, own.omega)
-            missed = weight * np.abs(values - own.values)
-            now = now * np.sqrt(missed / missed.max() + _SAME)
+        found = _drawn(loop, own, order, None, margin, limit)
+        best = found if found is not None and (best is None or found.margin < best.margin) else best
+        if best is not None and best.margin <= limit:
+            break
+    return best if best is None else _below(loop, own, best, margin, limit)
+
+
+def _below(loop: Loop, own: FrequencyResponse, best: PlantReduction, margin: Margin, limit: float) -> PlantReduction:
+    """A fit of lower order that begins at a truncation of a plant, if one keeps the limit; else the plant."""
+    plant = StateMatrices.of(best.model)
+    try:
+        factors = normalised_factors(plant, loop.dt)
+    except (np.linalg.LinAlgError, InputError):
+        return best
+    truncate, nu = balanced_truncations(factors.model(loop.dt)), loop.shape[0]
+    for order in range(1, best.order):
+        small = StateMatrices.of(truncate(order).model)
+        if np.linalg.cond(small.D[:nu]) > 1 / _CANCELS:
+            continue
+        found = _drawn(loop, own, order, right_quotient(small, nu).model(loop.dt), margin, limit)
+        if found is not None and found.margin <= limit:
+            return found
     return best
 
 
-def _judged(loop: Loop, plant: StateMatrices, margin: Callable[[control.StateSpace], float]) -> PlantReduction | None:
+def _drawn(
+    loop: Loop, own: FrequencyResponse, order: int, model: control.StateSpace | None, margin: Margin, limit: float
+) -> PlantReduction | None:
+    """A fit of the plant's response; near to the limit it is drawn to it by larger weights where it misses most."""
+    best: PlantReduction | None = None
+    weight: Real = 1 / own.bound.outer_radius
+    now, first = weight, model is None
+    for turn in range(_ROUNDS):
+        try:
+            how: Record = {"stable": False, "weight": now, "restart": first and turn == 0, "start": model}
+            fit = fit_mfd(own, order=order, **how)
+            found = _judged(loop, StateMatrices.of(fit.model), margin)
+        except (RobustIdError, np.linalg.LinAlgError):  # too few points for so many states
+            break
+        best = found if found is not None and (best is None or found.margin < best.margin) else best
+        if found is None or found.margin <= limit or found.margin > _NEAR * limit:
+            break
+        model = fit.model
+        missed = weight * np.abs(loop.response_of(fit.model, own.omega) - own.values)
+        now = now * np.sqrt(missed / missed.max() + _SAME)
+    return best
+
+
+def _judged(loop: Loop, plant: StateMatrices, margin: Margin) -> PlantReduction | None:
     """The plant with its R, if the controller stabilises it."""
     poles = poles_of(closed_loop(plant, loop.as_controller(loop.controller)).A)
     if not loop_is_stable(poles, loop.dt):
