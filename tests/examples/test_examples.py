@@ -157,6 +157,18 @@ def test_converters(run, monkeypatch, undrawn, seconds):
 
 
 @pytest.mark.slow
+def test_levitation(run, undrawn):
+    printed = run(load("levitation"), [])
+    rows = [line for line in printed.splitlines() if "the true loop is" in line]
+    assert len(rows) == 5
+    for row in rows:  # what is proved is true, and what is refused is not safe
+        assert "proved" not in row or "is stable)" in row
+    assert "refused" in rows[-1]
+    assert "is unstable)" in rows[-1]
+    assert re.search(r" 5\d deg", rows[-1])  # as a Bode plot says
+
+
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_torsion_margin(tmp_path, run, monkeypatch, undrawn):
     """Ten lines, a coarse circle and three controllers: enough for the claims."""
