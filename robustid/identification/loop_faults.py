@@ -23,22 +23,26 @@ _CHANCE = 40.0  # and the same times the number of samples
 _ATTENUATED = 4.0  # times what noise in the term itself explains
 _OTHER_SAMPLES = 0.5  # part of the energy that is left where other samples are compared: they scatter
 _ALIKE = 1.02  # energies of changes that explain equally well
-_WORTH = 10.0  # energy that a fitted number must explain, in that of a sample
 _RATIOS = (2, 3, 4, 5, 8, 10)  # of sample times
 _FEWEST = 60  # samples that are compared
 _EDGES = (1e-9, 0.02, 0.05, 0.1)  # parts of the range of an input within which it is at its limit
 _LAGS = 30  # taps of the response from r
 _MOSTLY, _CLEAR = 0.5, 0.03  # part of e that r explains, and of the signals that e has, where no change is found
+_STILL = 0.03  # part of what a change explains that follows r after it at most
+_PARTS, _STANDS_OUT = 8, 8.0  # of a record, and deviations by which its mean is not that of slow noise
 _ENOUGH = 0.7  # of the part of e that follows r: a change that explains less is not what is wrong
 _SAME = 0.02  # part by which a unit may miss a usual one
 _UNITS = (1e-6, 1e-3, 0.01, 0.1, np.pi / 180, 1 / (2 * np.pi), 1 / 9.80665)
 
 
 class Trial(NamedTuple):
-    """A change that may explain the record: energy that it leaves, fitted numbers, whether it counts, and the fault."""
+    """A change that may explain the record: the error that it leaves, with its terms, and what would be said."""
 
+    terms: Terms
+    left: Real
     energy: float
-    numbers: int
+    numbers: int  # that are fitted
+    needed: float  # part of the energy that it must explain
     counts: bool
     kind: FaultKind
     words: str
@@ -62,38 +66,50 @@ def loop_faults(controller: StateMatrices, decay: float, excitation: str, record
     energy = terms.energy(before)
     if energy <= _ROUNDING:
         return ()
-    found = [
-        one._replace(energy=max(one.energy, _ROUNDING))
-        for one in _Trials(terms, decay, before, record).all()
-        if one.counts
-    ]
-    follows = energy * _explained_by_reference(terms, before)
-    found = [one for one in found if energy - one.energy >= _ENOUGH * follows]
+    follows = energy * _follows_reference(terms, before)
+    tried = [one for one in _Trials(terms, decay, before, record).all() if one.counts]
+    found = _best([one for one in tried if energy - one.energy >= _ENOUGH * follows])
+    if found:
+        still = _follows_reference(found[0].terms, found[0].left)
+        if still > _MOSTLY and still * found[0].energy > _STILL * (energy - found[0].energy):
+            found = []
+    share = float(np.sqrt(energy))
+    evidence = f"{_percent(share)} of the signals are left of u = {LAWS[excitation]}"
     if not found:
-        share = float(np.sqrt(energy))
         if follows < _MOSTLY * energy or share < _CLEAR:
             return ()
         words = (
-            f"the record does not keep u = {LAWS[excitation]}: {_percent(share)} of the signals are left of it, and follow r."
-            " No single change of sign, gain, delay, place, unit or sample time explains it: another controller ran"
+            "another controller ran than the stated one: the record does not keep its equation, and no single change of sign, gain,"
+            " delay, place of r, unit or sample time makes it so"
         )
-        return (Fault(FaultKind.CONTROLLER, words, where="controller", size=share),)
-    cost = {id(one): one.energy * (1 + _WORTH * one.numbers / terms.count) for one in found}
-    found.sort(key=lambda one: cost[id(one)])
-    best = found[0]
-    alike = [one for one in found if cost[id(one)] <= _ALIKE * cost[id(best)] and one.numbers == best.numbers]
-    shares = np.sqrt([energy, best.energy])
-    evidence = f"{_percent(shares[0])} of the signals are left of u = {LAWS[excitation]}, {_percent(shares[1])} with this change"
-    if len(alike) > 1:
-        evidence += f"; {len(alike)} changes explain it equally well, and one of them is right"
-    return tuple(Fault(one.kind, one.words, evidence, where=one.where, size=one.size) for one in alike)
+        return (Fault(FaultKind.CONTROLLER, words, f"{evidence}, and follow r", where="controller", size=share),)
+    evidence += f", {_percent(float(np.sqrt(found[0].energy)))} with this change"
+    if len(found) > 1:
+        evidence += f"; {len(found)} changes explain it equally well, and one of them is right"
+    return tuple(Fault(one.kind, one.words, evidence, where=one.where, size=one.size) for one in found)
+
+
+def _best(tried: list[Trial]) -> list[Trial]:
+    """The change that leaves least, and those that leave as little; a number is fitted where it explains clearly more."""
+    costs = [max(one.energy, _ROUNDING) * (1 + (one.needed if one.numbers else 0.0)) for one in tried]
+    least = min(costs, default=0.0)
+    best = [one for one, cost in zip(tried, costs, strict=True) if cost == least]
+    return [
+        one for one, cost in zip(tried, costs, strict=True) if cost <= _ALIKE * least and one.numbers == best[0].numbers
+    ]
+
+
+def _peaked(error: Real) -> float:
+    """Times by which the scatter of a sum over an error exceeds that of white noise: 1 for white noise."""
+    lines = np.sum(np.abs(np.fft.rfft(error - error.mean(axis=0), axis=0)[1:]) ** 2, axis=1)
+    return max(1.0, float(np.mean(lines**2) / max(np.mean(lines) ** 2, np.finfo(float).tiny)) / 2)
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.2g} %"
 
 
-def _explained_by_reference(terms: Terms, left: Real) -> float:
+def _follows_reference(terms: Terms, left: Real) -> float:
     """Part of an error that follows r by a short response, beyond what as many unrelated columns do."""
     r, nu = terms.signals.r, terms.error.shape[1]
     late = np.stack([np.roll(one, lag) for one in r.T for lag in range(_LAGS)], axis=1)
@@ -112,6 +128,7 @@ class _Trials:
     def __init__(self, terms: Terms, decay: float, before: Real, record: TimeRecord) -> None:
         self.terms, self.decay, self.before = terms, decay, before
         self.energy = terms.energy(before)
+        self.count = terms.count / _peaked(before.reshape(-1, terms.error.shape[1]))
         self.inputs = [f"input {one.name}" for one in record.inputs]
         self.outputs = [f"output {one.name}" for one in record.outputs]
 
@@ -132,16 +149,15 @@ class _Trials:
         *,
         size: float | None = None,
         term: float = np.inf,
+        noisy: float | None = None,
         numbers: int = 0,
     ) -> Trial:
-        """A change that leaves an error, beside the energy of the term that it changes."""
+        """A change that leaves an error, beside the energies of the term that it changes and, at most, of the noise of it."""
         energy = self.terms.energy(error)
-        return Trial(energy, numbers, self.counts(energy, energy / term, numbers), kind, words, where, size)
-
-    def counts(self, energy: float, noise: float, numbers: int = 0) -> bool:
-        """True where a change explains more than chance, and than the noise of its own term."""
-        needed = max(_LEAST, (1 + numbers) * _CHANCE / self.terms.count, _ATTENUATED * noise)
-        return self.energy > (1 + needed) * energy
+        noise = (energy if noisy is None else noisy) / max(term, np.finfo(float).tiny)
+        needed = max(_LEAST, (1 + numbers) * _CHANCE / self.count, _ATTENUATED * noise)
+        counts = self.energy > (1 + needed) * energy
+        return Trial(self.terms, error, energy, numbers, needed, counts, kind, words, where, size)
 
     # --- sign, factor and delay of a term ---
 
@@ -177,15 +193,15 @@ class _Trials:
             self.before - 2 * moving, FaultKind.SIGN, _sign_words(where, own), where, size=-1.0, term=energy
         )
         factor = 1 - float(self.before @ moving) / float(moving @ moving)
-        drawn = self.energy / energy if 0 < factor < 1 else 0.0
         found = 1 / factor if inverse and factor else factor
         usual = next((one for unit in _UNITS for one in (unit, 1 / unit) if abs(abs(found) / one - 1) < _SAME), None)
         kind = FaultKind.CONTROLLER if own and usual is None else FaultKind.UNIT
         number = float(np.copysign(usual, found)) if usual else float(f"{found:.4g}")
-        one = self.trial(
-            self.before + (factor - 1) * moving, kind, _factor_words(where, number, own), where, size=number, numbers=1
-        )
-        yield one._replace(counts=self.counts(one.energy, max(drawn, one.energy / energy), 1))
+        # Noise draws a factor from 1 into 0 to 1.
+        noisy, reached = (self.energy, energy) if 0 < factor < 1 else (None, factor**2 * energy)
+        left = self.before + (factor - 1) * moving
+        words = _factor_words(where, number, own)
+        yield self.trial(left, kind, words, where, size=number, term=reached, noisy=noisy, numbers=1)
         for shift in [*range(-SHIFTS, 0), *range(1, SHIFTS + 1)]:
             moved = self.before + self.terms.left(self.terms.moved(term, shift)) - moving
             late = -shift if inverse else shift
@@ -233,7 +249,14 @@ class _Trials:
             " in the record. Subtract it, or count all signals from the point of operation"
         )
         size = float(of_y[np.argmax(np.abs(of_y))]) if of_y.size else None
-        yield self.trial(error, FaultKind.OFFSET, words, "output", size=size, numbers=basis.shape[1])
+        one = self.trial(error, FaultKind.OFFSET, words, "output", size=size, numbers=basis.shape[1])
+        yield one._replace(counts=one.counts and self.lasts())
+
+    def lasts(self) -> bool:
+        """True where a mean stands out of those of parts of the record: of slow noise it does not."""
+        parts = np.array_split(self.before.reshape(-1, self.terms.error.shape[1]), _PARTS)
+        means = np.stack([one.mean(axis=0) for one in parts])
+        return bool(np.any(np.abs(means.mean(axis=0)) > _STANDS_OUT * means.std(axis=0, ddof=1) / np.sqrt(_PARTS)))
 
     # --- sample times ---
 
@@ -264,9 +287,10 @@ class _Trials:
             terms = Terms(Observer.of(controller, self.decay), signals, self.terms.place)
         except InputError:  # an unstable pole that does not show
             return
-        energy = terms.energy(terms.left(terms.error)) * float(np.mean(terms.sizes / self.terms.sizes) ** 2)
+        left = terms.left(terms.error)
+        energy = terms.energy(left) * float(np.mean(terms.sizes / self.terms.sizes) ** 2)
         counts = energy < _OTHER_SAMPLES * self.energy and terms.count >= _FEWEST
-        yield Trial(energy, 0, counts, FaultKind.SAMPLE_TIME, words, "controller", ratio)
+        yield Trial(terms, left, energy, 0, 0.0, counts, FaultKind.SAMPLE_TIME, words, "controller", ratio)
 
     # --- limits ---
 
@@ -290,7 +314,7 @@ class _Trials:
                 " it isn't what the controller asks for: excite less, or leave these stretches out"
             )
             counts = energy < _OTHER_SAMPLES * self.energy
-            yield Trial(energy, 0, counts, FaultKind.SATURATED, words, "input", share)
+            yield Trial(terms, left, energy, 0, 0.0, counts, FaultKind.SATURATED, words, "input", share)
 
 
 def _channels(error: Real) -> Iterator[Real]:
