@@ -29,7 +29,6 @@ _EDGES = (1e-9, 0.02, 0.05, 0.1)  # parts of the range of an input within which 
 _LAGS = 30  # taps of the response from r
 _MOSTLY, _CLEAR = 0.5, 0.03  # part of e that r explains, and of the signals that e has, where no change is found
 _STILL = 0.03  # part of what a change explains that follows r after it at most
-_PARTS, _STANDS_OUT = 8, 8.0  # of a record, and deviations by which its mean is not that of slow noise
 _ENOUGH = 0.7  # of the part of e that follows r: a change that explains less is not what is wrong
 _SAME = 0.02  # part by which a unit may miss a usual one
 _UNITS = (1e-6, 1e-3, 0.01, 0.1, np.pi / 180, 1 / (2 * np.pi), 1 / 9.80665)
@@ -128,7 +127,6 @@ class _Trials:
     def __init__(self, terms: Terms, decay: float, before: Real, record: TimeRecord) -> None:
         self.terms, self.decay, self.before = terms, decay, before
         self.energy = terms.energy(before)
-        self.count = terms.count / _peaked(before.reshape(-1, terms.error.shape[1]))
         self.inputs = [f"input {one.name}" for one in record.inputs]
         self.outputs = [f"output {one.name}" for one in record.outputs]
 
@@ -155,7 +153,8 @@ class _Trials:
         """A change that leaves an error, beside the energies of the term that it changes and, at most, of the noise of it."""
         energy = self.terms.energy(error)
         noise = (energy if noisy is None else noisy) / max(term, np.finfo(float).tiny)
-        needed = max(_LEAST, (1 + numbers) * _CHANCE / self.count, _ATTENUATED * noise)
+        peaked = _peaked(error.reshape(-1, self.terms.error.shape[1]))
+        needed = max(_LEAST, (1 + numbers) * _CHANCE * peaked / self.terms.count, _ATTENUATED * noise)
         counts = self.energy > (1 + needed) * energy
         return Trial(self.terms, error, energy, numbers, needed, counts, kind, words, where, size)
 
@@ -201,7 +200,8 @@ class _Trials:
         noisy, reached = (self.energy, energy) if 0 < factor < 1 else (None, factor**2 * energy)
         left = self.before + (factor - 1) * moving
         words = _factor_words(where, number, own)
-        yield self.trial(left, kind, words, where, size=number, term=reached, noisy=noisy, numbers=1)
+        if abs(factor + 1) > _SAME:  # it is that sign
+            yield self.trial(left, kind, words, where, size=number, term=reached, noisy=noisy, numbers=1)
         for shift in [*range(-SHIFTS, 0), *range(1, SHIFTS + 1)]:
             moved = self.before + self.terms.left(self.terms.moved(term, shift)) - moving
             late = -shift if inverse else shift
@@ -249,14 +249,7 @@ class _Trials:
             " in the record. Subtract it, or count all signals from the point of operation"
         )
         size = float(of_y[np.argmax(np.abs(of_y))]) if of_y.size else None
-        one = self.trial(error, FaultKind.OFFSET, words, "output", size=size, numbers=basis.shape[1])
-        yield one._replace(counts=one.counts and self.lasts())
-
-    def lasts(self) -> bool:
-        """True where a mean stands out of those of parts of the record: of slow noise it does not."""
-        parts = np.array_split(self.before.reshape(-1, self.terms.error.shape[1]), _PARTS)
-        means = np.stack([one.mean(axis=0) for one in parts])
-        return bool(np.any(np.abs(means.mean(axis=0)) > _STANDS_OUT * means.std(axis=0, ddof=1) / np.sqrt(_PARTS)))
+        yield self.trial(error, FaultKind.OFFSET, words, "output", size=size, numbers=basis.shape[1])
 
     # --- sample times ---
 

@@ -8,7 +8,7 @@ import scipy.linalg
 
 import robustid as rid
 from robustid.core import StateMatrices, closed_loop, decay_of, poles_of, response_at, simulate
-from support.loops import measured_machine, pair_of
+from support.loops import machine, measured_machine, pair_of, regulator
 
 SIZES = ((1, 1), (1, 1), (2, 1), (2, 2))
 NOISES = (0.0, 0.001, 0.005, 0.02)
@@ -55,8 +55,32 @@ def truth_of(seed):
     raise AssertionError("no loop")
 
 
-def run_of(truth, rng, *, place="input", periodic=False, samples=600, extra=None, low=-np.inf, high=np.inf):
-    """u, y and r of a loop that runs, step by step where u has limits; `extra`: delays of the controller in samples."""
+def process_of(seed, ratio):
+    """A slow process under a PI controller with a filter, and what the controller is at so many times the sample time."""
+    rng = np.random.default_rng([seed, 3])
+    dt, (slow, fast) = 0.1, rng.uniform([2.0, 0.3], [6.0, 1.0])
+    plant = control.c2d(control.tf([rng.uniform(0.5, 2.0)], np.polymul([slow, 1], [fast, 1])), dt)
+    own = control.tf([2.0 * slow / 3, 2.0 / 3], [rng.uniform(0.2, 0.6), 1.0, rng.choice([0.0, 0.05])])
+    method = rng.choice(["zoh", "tustin"])
+    running, stated = (StateMatrices.of(control.ss(control.c2d(own, time, method))) for time in (dt, ratio * dt))
+    return Truth(StateMatrices.of(control.ss(plant)), running, dt), stated
+
+
+def slower_of(seed, step):
+    """A machine whose controller runs at every so many samples of the record."""
+    for attempt in range(100):
+        plant = StateMatrices.of(machine(1000 * seed + attempt, 0.005, 1 + seed % 3, 1))
+        try:
+            controller = regulator(powered(plant, step))
+        except np.linalg.LinAlgError:
+            continue
+        if runs(powered(plant, step), controller):
+            return Truth(plant, controller, 0.005)
+    raise AssertionError("no loop")
+
+
+def run_of(truth, rng, *, place="input", periodic=False, samples=600, low=-np.inf, high=np.inf, step=1):
+    """u, y and r of a loop that runs; u within limits, the controller at every so many samples."""
     plant, controller, _ = truth
     nu, ny = plant.B.shape[1], plant.C.shape[0]
     columns = nu if place == "input" else ny
@@ -69,21 +93,20 @@ def run_of(truth, rng, *, place="input", periodic=False, samples=600, extra=None
             )[0]
         )
     r = np.tile(r, (6, 1)) if periodic else r
-    running = controller
-    for _ in range(extra or 0):
-        running = delayed(running)
-    x, z = np.zeros(len(plant.A)), np.zeros(len(running.A))
+    x, z = np.zeros(len(plant.A)), np.zeros(len(controller.A))
     if not periodic:
-        z = 0.3 * rng.standard_normal(len(running.A)) * (rng.uniform() < 0.5)  # a controller starts anyhow
+        z = 0.3 * rng.standard_normal(len(controller.A)) * (rng.uniform() < 0.5)  # a controller starts anyhow
     sign = {"input": 0.0, "reference": -1.0, "output": 1.0}[place]
-    both = np.linalg.inv(np.eye(nu) + running.D @ plant.D)
+    both = np.linalg.inv(np.eye(nu) + controller.D @ plant.D)
     u, y = np.empty((len(r), nu)), np.empty((len(r), ny))
     for k, push in enumerate(r):
-        seen = plant.C @ x + (sign * push if sign else 0.0)
-        ask = (0.0 if sign else push) - running.C @ z - running.D @ seen
-        u[k] = np.clip(both @ ask, low, high)
+        added = sign * push if sign else 0.0
+        if k % step == 0:
+            held = both @ (controller.C @ z + controller.D @ (plant.C @ x + added + (0.0 if sign else plant.D @ push)))
+        u[k] = np.clip((0.0 if sign else push) - held, low, high)
         y[k] = plant.C @ x + plant.D @ u[k]
-        z = running.A @ z + running.B @ (y[k] + (sign * push if sign else 0.0))
+        if k % step == 0:
+            z = controller.A @ z + controller.B @ (y[k] + added)
         x = plant.A @ x + plant.B @ u[k]
     kept = slice(-samples, None)
     return u[kept], y[kept], r[kept]
@@ -167,11 +190,14 @@ def case_of(mistake, seed, *, samples=600):
         size = rng.choice([0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 1.5])
         stated, kinds = scaled(running, 1 / size), ("controller",)
     elif mistake == "discretisation":
-        ratio = rng.choice([0.5, 2.0])  # of 0.5, fast poles can't be told from slow ones
-        stated, about, kinds = powered(running, 1 / ratio), powered(plant, 1 / ratio), ("sample time",)
-        turned = np.abs(np.angle(poles_of(running.A)))
-        if stated is None or about is None or not turned.size or (ratio == 0.5 and turned.max() > np.pi / 2):
-            return None
+        ratio = rng.choice([0.5, 2.0])
+        truth, stated = process_of(seed, ratio)
+        plant, running, dt = truth
+        about, nu, ny, kinds = plant, 1, 1, ("sample time",)
+    elif mistake == "slower controller":
+        truth, place, kinds, size = slower_of(seed, 2), "input", ("sample time",), 2.0
+        plant, running, dt = truth
+        stated, about, nu, ny, limits = running, powered(plant, 2), 1, 1, {"step": 2}
     elif mistake == "place":
         places = list(("input", "reference", "output") if nu == ny else ("reference", "output"))
         place = places.pop(rng.integers(len(places)))
@@ -186,8 +212,6 @@ def case_of(mistake, seed, *, samples=600):
         u = run_of(truth, np.random.default_rng([seed, 5]), place=place, periodic=periodic, samples=samples)[0]
         limit, kinds = rng.uniform(0.6, 0.85) * np.abs(u[len(u) // 2 :]).max(axis=0), ("saturated",)
         limits = {"low": -limit, "high": limit}
-    if mistake == "slower controller":
-        return None
     source = np.random.default_rng([seed, 5])
     u, y, r = run_of(
         truth._replace(controller=running), source, place=place, periodic=periodic, samples=samples, **limits
