@@ -375,8 +375,12 @@ class Loop(Frozen):
 
     def _check_time(self, dt: float, name: str) -> None:
         if not np.isclose(dt, self.dt, rtol=_SAME_TIME, atol=0.0):
-            words = f"the sample time of the controller, {self.dt:g} s" if self.dt else "a controller in discrete time"
-            raise InputError(f"`{name}` must have {words}; got {dt:g} s")
+            if not self.dt:
+                raise InputError(
+                    f"`{name}` has samples, each {dt:g} s, and the loop is in continuous time: give the controller as it runs, in"
+                    " discrete time, as by control.c2d"
+                )
+            raise InputError(f"`{name}` must have the sample time of the controller, {self.dt:g} s; got {dt:g} s")
 
     def _filtered(self, signals: Real, system: StateMatrices) -> Real:
         """Steady answer to periodic signals."""

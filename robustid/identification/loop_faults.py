@@ -21,7 +21,7 @@ _ROUNDING = 1e-18  # of the energy of the largest term: below, the equation is k
 _LEAST = 0.15  # part of what a change leaves that it must explain
 _CHANCE = 40.0  # and the same times the number of samples
 _ATTENUATED = 4.0  # times what noise in the term itself explains
-_OTHER_SAMPLES = 0.5  # part of the energy that is left where other samples are compared: they scatter
+_HALF = 0.5  # of the energy is left at most where other samples or controllers are compared, or a constant is rounded
 _ALIKE = 1.02  # energies of changes that explain equally well
 _RATIOS = (2, 3, 4, 5, 8, 10)  # of sample times
 _FEWEST = 60  # samples that are compared
@@ -31,6 +31,7 @@ _MOSTLY, _CLEAR = 0.5, 0.03  # part of e that r explains, and of the signals tha
 _STILL = 0.03  # part of what a change explains that follows r after it at most
 _ENOUGH = 0.7  # of the part of e that follows r: a change that explains less is not what is wrong
 _SAME = 0.02  # part by which a unit may miss a usual one
+_OPPOSITE = 0.05  # part by which a factor may miss -1
 _UNITS = (1e-6, 1e-3, 0.01, 0.1, np.pi / 180, 1 / (2 * np.pi), 1 / 9.80665)
 
 
@@ -90,7 +91,7 @@ def loop_faults(controller: StateMatrices, decay: float, excitation: str, record
 
 def _best(tried: list[Trial]) -> list[Trial]:
     """The change that leaves least, and those that leave as little; a number is fitted where it explains clearly more."""
-    costs = [max(one.energy, _ROUNDING) * (1 + (one.needed if one.numbers else 0.0)) for one in tried]
+    costs = [max(one.energy, _ROUNDING) * (1 + one.numbers * max(_LEAST, _CHANCE / one.terms.count)) for one in tried]
     least = min(costs, default=0.0)
     best = [one for one, cost in zip(tried, costs, strict=True) if cost == least]
     return [
@@ -168,6 +169,8 @@ class _Trials:
         yield from self.scaled(c, "reference")
         if within:
             yield from self.scaled(a, self.inputs[0] if len(self.inputs) == 1 else "all inputs")
+        if len(terms.b) > 1 and not within:
+            yield from self.scaled(b, "all outputs")
         if len(terms.b) > 1 or not within:
             for name, one in zip(self.outputs, terms.b, strict=True):
                 yield from self.scaled(one, name)
@@ -200,7 +203,7 @@ class _Trials:
         noisy, reached = (self.energy, energy) if 0 < factor < 1 else (None, factor**2 * energy)
         left = self.before + (factor - 1) * moving
         words = _factor_words(where, number, own)
-        if abs(factor + 1) > _SAME:  # it is that sign
+        if abs(factor + 1) > _OPPOSITE:  # it is that sign
             yield self.trial(left, kind, words, where, size=number, term=reached, noisy=noisy, numbers=1)
         for shift in [*range(-SHIFTS, 0), *range(1, SHIFTS + 1)]:
             moved = self.before + self.terms.left(self.terms.moved(term, shift)) - moving
@@ -249,7 +252,8 @@ class _Trials:
             " in the record. Subtract it, or count all signals from the point of operation"
         )
         size = float(of_y[np.argmax(np.abs(of_y))]) if of_y.size else None
-        yield self.trial(error, FaultKind.OFFSET, words, "output", size=size, numbers=basis.shape[1])
+        one = self.trial(error, FaultKind.OFFSET, words, "output", size=size, numbers=basis.shape[1])
+        yield one._replace(counts=one.counts and one.energy < _HALF * self.energy)
 
     # --- sample times ---
 
@@ -282,7 +286,10 @@ class _Trials:
             return
         left = terms.left(terms.error)
         energy = terms.energy(left) * float(np.mean(terms.sizes / self.terms.sizes) ** 2)
-        counts = energy < _OTHER_SAMPLES * self.energy and terms.count >= _FEWEST
+        counts = energy < _HALF * self.energy and terms.count >= _FEWEST
+        if counts and signals is self.terms.signals:  # a controller that amplifies noise less leaves less, too
+            followed = self.energy * _follows_reference(self.terms, self.before)
+            counts = followed - energy * _follows_reference(terms, left) > _HALF * (self.energy - energy)
         yield Trial(terms, left, energy, 0, 0.0, counts, FaultKind.SAMPLE_TIME, words, "controller", ratio)
 
     # --- limits ---
@@ -297,17 +304,23 @@ class _Trials:
             share = float(np.mean(skipped))
             if np.sum(skipped) < 4 or share > 0.6:
                 continue
-            error, free = terms.observer.skipping(known, seen, skipped)
-            basis, flat = span(terms.columns(free)), terms.columns(error[:, :, None])[:, 0]
-            left = flat - basis @ (basis.T @ flat)
-            count = max(1, np.sum(~skipped[terms.kept]) - basis.shape[1])
-            energy = float(left @ left) / count
+            (left, energy), (_, before) = (
+                self.left_beside(known, seen, ignored) for ignored in (skipped, np.zeros_like(skipped))
+            )
             words = (
                 f"u stays at its limits, {_numbers(low)} and {_numbers(high)}, in {_percent(share)} of the samples, and only there"
                 " it isn't what the controller asks for: excite less, or leave these stretches out"
             )
-            counts = energy < _OTHER_SAMPLES * self.energy
+            counts = energy < _HALF * before
+            energy *= self.energy / max(before, np.finfo(float).tiny)
             yield Trial(terms, left, energy, 0, 0.0, counts, FaultKind.SATURATED, words, "input", share)
+
+    def left_beside(self, known: Real, seen: Real, skipped: Real) -> tuple[Real, float]:
+        """Error where nothing is skipped, and its energy."""
+        error, free = self.terms.observer.skipping(known, seen, skipped)
+        basis, flat = span(self.terms.columns(free)), self.terms.columns(error[:, :, None])[:, 0]
+        left = flat - basis @ (basis.T @ flat)
+        return left, float(left @ left) / max(1, np.sum(~skipped[self.terms.kept]) - basis.shape[1])
 
 
 def _channels(error: Real) -> Iterator[Real]:
