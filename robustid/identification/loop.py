@@ -276,9 +276,9 @@ class Loop(Frozen):
         >>> record = rid.TimeRecord(r - 2 * y, y, dt=0.01, reference=r)
         >>> rid.Loop(control.ss([], [], [], 2.0, 0.01)).faults(record)
         ()
-        >>> (fault,) = rid.Loop(control.ss([], [], [], -2.0, 0.01)).faults(record)
-        >>> fault.kind == "sign", fault.where
-        (True, 'controller')
+        >>> (fault,) = rid.Loop(control.ss([], [], [], 1.6, 0.01)).faults(record)
+        >>> fault.kind == "controller", fault.size
+        (True, 1.25)
         """
         self._signals(record)
         if record.reference is not None:
