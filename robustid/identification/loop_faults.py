@@ -11,12 +11,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Real, StateMatrices
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.errors import InputError
 from robustid.identification.loop_terms import LAWS, SHIFTS, Observer, Signals, Terms, resampled, span, total
 
+Mask = NDArray[np.bool_]
 _ROUNDING = 1e-18  # of the energy of the largest term: below, the equation is kept exactly
 _LEAST = 0.15  # part of what a change leaves that it must explain
 _CHANCE = 40.0  # and the same times the number of samples
@@ -26,6 +28,7 @@ _ALIKE = 1.02  # energies of changes that explain equally well
 _RATIOS = (2, 3, 4, 5, 8, 10)  # of sample times
 _FEWEST = 60  # samples that are compared
 _EDGES = (1e-9, 0.02, 0.05, 0.1)  # parts of the range of an input within which it is at its limit
+_INTEGRATES = 1e-6  # D~ at frequency 0, below which the controller integrates and no constant of u shows
 _LAGS = 30  # taps of the response from r
 _MOSTLY, _CLEAR = 0.5, 0.03  # part of e that r explains, and of the signals that e has, where no change is found
 _STILL = 0.03  # part of what a change explains that follows r after it at most
@@ -238,15 +241,15 @@ class _Trials:
         columns = np.stack(ones, axis=1)
         basis = span(columns)
         error = self.before - basis @ (basis.T @ self.before)
-        level = np.linalg.lstsq(columns, self.before, rcond=None)[0]
+        level: Real = np.asarray(np.linalg.lstsq(columns, self.before, rcond=None)[0], dtype=float)
         at_one = np.eye(len(terms.observer.states)) - terms.observer.states
         D, N = (
             one.D + one.C @ np.linalg.solve(at_one, one.B) for one in (terms.observer.inputs, terms.observer.outputs)
         )
-        of_y: Real = np.linalg.lstsq(N, level, rcond=None)[0]
+        of_y: Real = np.asarray(np.linalg.lstsq(N, level, rcond=None)[0], dtype=float)
         said = [f"{_numbers(of_y)} in y"] if np.linalg.norm(N @ of_y - level) < 0.1 * np.linalg.norm(level) else []
-        if np.linalg.cond(D) < 1e6:
-            said.append(f"{_numbers(np.linalg.solve(D, level))} in u - r")
+        if np.linalg.svd(D, compute_uv=False).min() > _INTEGRATES:
+            said.append(f"{_numbers(np.asarray(np.linalg.solve(D, level), dtype=float))} in u - r")
         words = (
             f"a constant is left, {' or '.join(said) or _numbers(level)}: an offset of a sensor, or a setpoint, that is still"
             " in the record. Subtract it, or count all signals from the point of operation"
@@ -297,10 +300,10 @@ class _Trials:
     def saturated(self) -> Iterator[Trial]:
         """Inputs at their limits, where nothing is asked of the controller."""
         terms, u = self.terms, self.terms.signals.u
-        low, high = u.min(axis=0), u.max(axis=0)
+        low, high = np.min(u, axis=0), np.max(u, axis=0)
         known, seen = terms.signals.balance(terms.place)
         for edge in _EDGES:
-            skipped = (u >= high - edge * (high - low)) | (u <= low + edge * (high - low))
+            skipped: Mask = (u >= high - edge * (high - low)) | (u <= low + edge * (high - low))
             share = float(np.mean(skipped))
             if np.sum(skipped) < 4 or share > 0.6:
                 continue
@@ -315,12 +318,12 @@ class _Trials:
             energy *= self.energy / max(before, np.finfo(float).tiny)
             yield Trial(terms, left, energy, 0, 0.0, counts, FaultKind.SATURATED, words, "input", share)
 
-    def left_beside(self, known: Real, seen: Real, skipped: Real) -> tuple[Real, float]:
+    def left_beside(self, known: Real, seen: Real, skipped: Mask) -> tuple[Real, float]:
         """Error where nothing is skipped, and its energy."""
         error, free = self.terms.observer.skipping(known, seen, skipped)
         basis, flat = span(self.terms.columns(free)), self.terms.columns(error[:, :, None])[:, 0]
         left = flat - basis @ (basis.T @ flat)
-        return left, float(left @ left) / max(1, np.sum(~skipped[self.terms.kept]) - basis.shape[1])
+        return left, float(left @ left) / max(1, np.count_nonzero(~skipped[self.terms.kept]) - basis.shape[1])
 
 
 def _channels(error: Real) -> Iterator[Real]:

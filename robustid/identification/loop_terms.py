@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.core import (
     Real,
@@ -42,7 +43,7 @@ class Signals(NamedTuple):
     periodic: bool
 
     def balance(self, place: str) -> tuple[Real, Real]:
-        """What is known and what the controller sees, ``known = -C seen``, with r at a place."""
+        """Known side and what the controller sees, ``known = -C seen``, with r at a place."""
         if place == "input":
             return self.u - self.r, self.y
         return self.u, self.y - self.r if place == "reference" else self.y + self.r
@@ -60,7 +61,7 @@ class Observer(NamedTuple):
 
     @classmethod
     def of(cls, controller: StateMatrices, decay: float) -> Observer:
-        """Of a decay within a sample: slower poles are mirrored at half of it.
+        """Factors of a decay within a sample: slower poles are mirrored at half of it.
 
         Raises
         ------
@@ -89,21 +90,22 @@ class Observer(NamedTuple):
     def free(self, samples: int) -> Real:
         """Answers to unit states at the first sample, (T, nu, n)."""
         found, state = np.empty((samples, *self.controller.C.shape)), np.eye(len(self.states))
-        for one in found:
-            one[:] = self.controller.C @ state
+        for k in range(samples):
+            found[k] = self.controller.C @ state
             state = self.states @ state
         return found
 
-    def skipping(self, known: Real, seen: Real, skipped: Real) -> tuple[Real, Real]:
+    def skipping(self, known: Real, seen: Real, skipped: NDArray[np.bool_]) -> tuple[Real, Real]:
         """Innovation of ``known = -C seen``, (T, nu), where what is skipped corrects nothing and is 0, and its free answers."""
         E, F, G, H = self.controller
         answers, pushes = known + seen @ H.T, seen @ F.T
         state = np.hstack([np.zeros((len(E), 1)), np.eye(len(E))])
         found = np.empty((*known.shape, state.shape[1]))
-        for now, answer, push, ignored in zip(found, answers, pushes, skipped, strict=True):
-            now[:] = G @ state
+        for k, (answer, push, ignored) in enumerate(zip(answers, pushes, skipped, strict=True)):
+            now: Real = G @ state
             now[:, 0] += answer
             now[ignored] = 0.0
+            found[k] = now
             state = E @ state + self.gain @ now
             state[:, 0] += push
         return found[:, :, 0], found[:, :, 1:]
@@ -185,8 +187,8 @@ def resampled(controller: StateMatrices, ratio: float) -> Iterator[StateMatrices
     both = np.block([[E, F], [np.zeros((m, n)), np.eye(m)]])
     if np.all(np.abs(poles_of(E)) > 1e-6):
         power = np.asarray(scipy.linalg.fractional_matrix_power(both, ratio), dtype=complex)
-        if np.all(np.isfinite(power)) and np.abs(power.imag).max() < 1e-8 * np.abs(power).max():
-            yield StateMatrices(power.real[:n, :n], power.real[:n, n:], G, H)
+        if np.all(np.isfinite(power)) and np.abs(np.imag(power)).max() < 1e-8 * np.abs(power).max():
+            yield StateMatrices(np.real(power)[:n, :n], np.real(power)[:n, n:], G, H)
     if np.all(np.abs(poles_of(E) + 1) > 1e-6):
         image = bilinear_in_s(controller, 1.0)
         if np.all(np.abs(poles_of(image.A) - 2 / ratio) > 1e-6):
