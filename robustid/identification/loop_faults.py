@@ -16,7 +16,17 @@ from numpy.typing import NDArray
 from robustid.core import Real, StateMatrices
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.errors import InputError
-from robustid.identification.loop_terms import LAWS, SHIFTS, Observer, Signals, Terms, resampled, span, total
+from robustid.identification.loop_terms import (
+    LAWS,
+    SHIFTS,
+    Observer,
+    Signals,
+    Terms,
+    resampled,
+    separately,
+    span,
+    total,
+)
 
 Mask = NDArray[np.bool_]
 _ROUNDING = 1e-18  # of the energy of the largest term: below, the equation is kept exactly
@@ -30,6 +40,7 @@ _FEWEST = 60  # samples that are compared
 _EDGES = (1e-9, 0.02, 0.05, 0.1)  # parts of the range of an input within which it is at its limit
 _INTEGRATES = 1e-6  # D~ at frequency 0, below which the controller integrates and no constant of u shows
 _LAGS = 30  # taps of the response from r
+_SLOW = tuple(np.exp(-1 / np.array([10.0, 30.0, 100.0, 300.0])))  # and its slow poles
 _MOSTLY, _CLEAR = 0.5, 0.03  # part of e that r explains, and of the signals that e has, where no change is found
 _STILL = 0.03  # part of what a change explains that follows r after it at most
 _ENOUGH = 0.7  # of the part of e that follows r: a change that explains less is not what is wrong
@@ -104,8 +115,9 @@ def _best(tried: list[Trial]) -> list[Trial]:
 
 def _peaked(error: Real) -> float:
     """Times by which the scatter of a sum over an error exceeds that of white noise: 1 for white noise."""
-    lines = np.sum(np.abs(np.fft.rfft(error - error.mean(axis=0), axis=0)[1:]) ** 2, axis=1)
-    return max(1.0, float(np.mean(lines**2) / max(np.mean(lines) ** 2, np.finfo(float).tiny)) / 2)
+    lines: Real = np.sum(np.abs(np.fft.rfft(error - np.mean(error, axis=0), axis=0)[1:]) ** 2, axis=1)
+    mean = max(float(np.mean(lines)), np.finfo(float).tiny)
+    return max(1.0, float(np.mean((lines / mean) ** 2)) / 2)
 
 
 def _percent(share: float) -> str:
@@ -115,7 +127,11 @@ def _percent(share: float) -> str:
 def _follows_reference(terms: Terms, left: Real) -> float:
     """Part of an error that follows r by a short response, beyond what as many unrelated columns do."""
     r, nu = terms.signals.r, terms.error.shape[1]
-    late = np.stack([np.roll(one, lag) for one in r.T for lag in range(_LAGS)], axis=1)
+    slow = StateMatrices(np.diag(_SLOW), np.ones((len(_SLOW), 1)), np.eye(len(_SLOW)), np.zeros((len(_SLOW), 1)))
+    late = np.hstack(
+        [np.stack([np.roll(one, lag) for one in r.T for lag in range(_LAGS)], axis=1)]
+        + [separately(slow, one[:, None], periodic=terms.signals.periodic)[0] for one in r.T]
+    )
     late = late[terms.kept][_LAGS:]
     basis, error = span(late), left.reshape(-1, nu)[_LAGS:]
     if len(late) < 3 * late.shape[1]:
