@@ -290,8 +290,8 @@ class _Trials:
         """The controller at every so many samples of the record."""
         for step in _RATIOS:
             words = (
-                f"the controller runs once in {step} samples of the record: take one sample of {step}, those at which it runs, and give"
-                " their sample time to record and controller"
+                f"the controller runs once in {step} samples of the record: take one sample of {step}, those at which it runs, and"
+                " give their sample time to record and controller"
             )
             for first in range(step if len(self.terms.signals.u) >= step * (_FEWEST + 2 * SHIFTS) else 0):
                 signals = self.terms.signals.every(step, first)
