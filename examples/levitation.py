@@ -66,10 +66,10 @@ def phase_margin(response, omega, law):
     return float(np.degrees(np.angle(-L[crossings[-1]]))) if crossings.size else np.inf
 
 
-def main(arguments=None):
+def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=None, help="folder for the page; default: a temporary one")
-    out = parser.parse_args(arguments).out or Path(tempfile.mkdtemp())
+    out = parser.parse_args(argv).out or Path(tempfile.mkdtemp())
     out.mkdir(parents=True, exist_ok=True)
     plant = machine()
     record = measured(plant)

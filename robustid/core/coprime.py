@@ -230,6 +230,8 @@ def left_quotient(system: StateMatrices, count: int) -> StateMatrices:
 
 def is_well_posed(plant: StateMatrices, controller: StateMatrices) -> bool:
     """Say whether the loop of two systems has a solution: I + C P is regular for infinite frequencies, in any units."""
+    if not plant.D.any() or not controller.D.any():  # it is I; units cannot balance a triangle
+        return True
     balanced, _ = scipy.linalg.matrix_balance(_algebraic(plant, controller))
     return bool(np.linalg.cond(balanced) <= 1 / _SINGULAR)
 

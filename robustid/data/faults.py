@@ -51,6 +51,9 @@ class FaultKind(enum.StrEnum):
     OUTLIER = "outlier"  # a frequency point, or a sample, against all others
     SEAM = "seam"  # between two parts of the frequency axis
     NOISE_ONLY = "noise only"  # frequency points that nothing excited
+    CONTROLLER = "controller"  # that ran, unlike the stated one
+    EXCITATION = "excitation"  # of a loop, at another place
+    NO_REFERENCE = "no reference"
 
 
 # Kinds that a response shows by itself.

@@ -34,15 +34,15 @@ from robustid.core import (
     series,
     simulate,
 )
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import Fault, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.identification.loop_faults import loop_faults
+from robustid.identification.loop_terms import LAWS, controller_output
 from robustid.identification.validation import as_system, describe_poles
 
 if TYPE_CHECKING:
     import control
 
-# What is added is r at the input, u = r - C y; C r at the reference, u = C (r - y); or -C r at the output, u = -C (y + r).
-PLACES = ("input", "reference", "output")
 _SAME_TIME = 1e-9  # relative
 
 
@@ -100,8 +100,8 @@ class Loop(Frozen):
 
     def __post_init__(self) -> None:
         controller, dt = as_system("controller", self.controller)
-        if self.excitation not in PLACES:
-            raise InputError(f"`excitation` must be one of {PLACES}; got {self.excitation!r}")
+        if self.excitation not in LAWS:
+            raise InputError(f"`excitation` must be one of {tuple(LAWS)}; got {self.excitation!r}")
         nu, ny = controller.D.shape
         if self.auxiliary is None:
             auxiliary, other = _nothing(ny, nu), None
@@ -155,7 +155,7 @@ class Loop(Frozen):
     @property
     def law(self) -> str:
         """Law of the controller, with the place of the excitation r."""
-        return _SENTENCES[self.excitation]
+        return LAWS[self.excitation]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -235,14 +235,8 @@ class Loop(Frozen):
 
         ``D~_c (u + C y - r)``, which is stable where C is not; r at its place, `excitation`.
         """
-        signals, reference = self._signals(record), record.reference
-        nu, ny = self.shape
-        wanted = nu if self.excitation == "input" else ny
-        if reference is None or reference.shape[1] != wanted:
-            got = "none" if reference is None else f"{reference.shape[1]} signals"
-            raise InputError(
-                f"`record` must have a `reference` of {wanted} signals, what is added at the {self.excitation}; got {got}"
-            )
+        signals, reference = self._signals(record), self._check_reference(record.reference)
+        nu, _ = self.shape
         A, B, C, D = self._back
         columns, sign = (
             slice(0, nu) if self.excitation == "input" else slice(nu, None),
@@ -253,6 +247,63 @@ class Loop(Frozen):
         )
         driven = np.hstack([signals, reference])
         return self._filtered(driven, both) if record.initial == "periodic" else simulate(both, driven)[0]
+
+    def faults(self, record: TimeRecord) -> tuple[Fault, ...]:
+        """Mistake about the controller, or about the signals of a record, for which the loop's equation does not hold.
+
+        Each is tried, and what leaves the least of the `residual` is told, where it explains most of what follows r, and clearly
+        more than chance and the noise that is recorded with the signals. The state in which the controller began is free.
+        Several, if they explain the record equally well: one of them is right. Two at once are told of as another controller.
+
+        Returns
+        -------
+        tuple of Fault
+            Empty where this controller ran, to the noise. Kinds: "sign", "late", "controller" (its gain, with `size` times the
+            stated one; or nothing that was tried), "unit", "offset", "excitation" (the place of r), "exchanged", "sample time",
+            "saturated", "no reference".
+
+        Examples
+        --------
+        >>> import control, numpy as np, robustid as rid
+        >>> r = np.random.default_rng(0).standard_normal(400)
+        >>> y = control.forced_response(control.ss(0.5, 0.2, 1.0, 0.0, 0.01), inputs=r).outputs  # of 0.2/(z - 0.9), C = 2
+        >>> record = rid.TimeRecord(r - 2 * y, y, dt=0.01, reference=r)
+        >>> rid.Loop(control.ss([], [], [], 2.0, 0.01)).faults(record)
+        ()
+        >>> (fault,) = rid.Loop(control.ss([], [], [], 1.6, 0.01)).faults(record)
+        >>> fault.kind == "controller", fault.size
+        (True, 1.25)
+        """
+        self._signals(record)
+        if record.reference is not None:
+            self._check_reference(record.reference)
+        return loop_faults(self._controller, decay_of(self.poles, self.dt) * self.dt, self.excitation, record)
+
+    def with_reference(self, record: TimeRecord) -> TimeRecord:
+        """The record with the reference that its signals imply, r = u + C y; nothing tests the controller then.
+
+        The controller begins at zero initial conditions, or in periodic steady state; the mean of r is unknown there if the
+        controller integrates, and is 0.
+
+        Raises
+        ------
+        InputError
+            If r is added elsewhere than at the input, or the controller is not stable, so that noise of y would grow without end.
+
+        Examples
+        --------
+        >>> import control, robustid as rid
+        >>> loop = rid.Loop(control.ss([], [], [], 2.0, 0.01))
+        >>> loop.with_reference(rid.TimeRecord([1.0, 0.0], [0.0, 0.5], dt=0.01)).reference.ravel()
+        array([1., 1.])
+        """
+        signals = self._signals(record)
+        if self.excitation != "input":
+            raise InputError(f"`record` needs its reference: r follows from u and y only at the input; got {self.law}")
+        u, y = np.split(signals, [self.shape[0]], axis=1)
+        return dataclasses.replace(
+            record, reference=u + controller_output(self._controller, y, periodic=record.initial == "periodic")
+        )
 
     def opened_response(self, frf: FrequencyResponse) -> FrequencyResponse:
         r"""Response of R from that of the closed loop, from r (at the input) to y: ``R = D_c^-1 (T_y D~_c^-1 - N_x)``.
@@ -310,10 +361,24 @@ class Loop(Frozen):
         self._check_time(record.dt, "record")
         return np.hstack([record.u, record.y])
 
+    def _check_reference(self, reference: Real | None) -> Real:
+        nu, ny = self.shape
+        wanted = nu if self.excitation == "input" else ny
+        if reference is None or reference.shape[1] != wanted:
+            got = "none" if reference is None else f"{reference.shape[1]} signals"
+            raise InputError(
+                f"`record` must have a `reference` of {wanted} signals, what is added at the {self.excitation}; got {got}"
+            )
+        return reference
+
     def _check_time(self, dt: float, name: str) -> None:
         if not np.isclose(dt, self.dt, rtol=_SAME_TIME, atol=0.0):
-            words = f"the sample time of the controller, {self.dt:g} s" if self.dt else "a controller in discrete time"
-            raise InputError(f"`{name}` must have {words}; got {dt:g} s")
+            if not self.dt:
+                raise InputError(
+                    f"`{name}` has samples, each {dt:g} s, and the loop is in continuous time: give the controller as it runs, in"
+                    " discrete time, as by control.c2d"
+                )
+            raise InputError(f"`{name}` must have the sample time of the controller, {self.dt:g} s; got {dt:g} s")
 
     def _filtered(self, signals: Real, system: StateMatrices) -> Real:
         """Steady answer to periodic signals."""
@@ -321,9 +386,6 @@ class Loop(Frozen):
         points = np.exp(2j * np.pi * np.arange(len(lines)) / len(signals))
         answers = response_at(system, points) @ lines[:, :, None]
         return np.asarray(np.fft.irfft(answers[:, :, 0], len(signals), axis=0), dtype=float)
-
-
-_SENTENCES = {"input": "r - C y", "reference": "C (r - y)", "output": "-C (y + r)"}
 
 
 def _widened(system: StateMatrices, inputs: Real, direct: Real, *, rows: tuple[int, int]) -> StateMatrices:
