@@ -149,7 +149,7 @@ class Loop(Frozen):
 
     @property
     def law(self) -> str:
-        """What the controller does, with the place of the excitation r."""
+        """Action of the controller, with the place of the excitation r."""
         return LAWS[self.excitation]
 
     @property
