@@ -204,7 +204,7 @@ class _Trials:
                 yield from self.scaled(one, f"controller, {name}", inverse=True)
 
     def scaled(self, term: Real, where: str, *, inverse: bool = False) -> Iterator[Trial]:
-        """One term with another sign, factor or delay; `inverse`: the rest of its channel has them."""
+        """One term with another sign, factor or delay; `inverse`: the rest of its input has them."""
         moving = self.terms.left(term)
         energy = self.terms.energy(moving)
         if energy == 0:
@@ -251,7 +251,7 @@ class _Trials:
     # --- levels ---
 
     def offsets(self) -> Iterator[Trial]:
-        """A constant of every channel."""
+        """A constant beside every input of the plant."""
         terms = self.terms
         ones = [terms.left(one) for one in _channels(terms.error)]
         columns = np.stack(ones, axis=1)
@@ -343,7 +343,7 @@ class _Trials:
 
 
 def _channels(error: Real) -> Iterator[Real]:
-    """Constants, one channel after another."""
+    """Constants, beside one input after another."""
     for i in range(error.shape[1]):
         one = np.zeros_like(error)
         one[:, i] = 1.0

@@ -28,7 +28,6 @@ damping = []
 gain_bound = 0.01
 decay_rate = 1.3
 [worst_case]
-at_hz = [20.0, 100.0]
 """
 
 
@@ -44,7 +43,7 @@ def folder(tmp_path_factory):
     closed = response_at(StateMatrices.of(control.ss(control.feedback(PLANT, CONTROLLER))), np.exp(1j * omega * DT))
     rid.save(place / "closed.csv", rid.FrequencyResponse(omega, closed, bound=1e-3 * np.abs(closed).max(), dt=DT))
     rid.save(place / "controller.npz", control.ss(CONTROLLER))
-    (place / "ask.toml").write_text(ASK)
+    (place / "ask.toml").write_text(ASK + "at_hz = [20.0, 100.0]\n")
     return place
 
 
@@ -63,6 +62,15 @@ def test_a_run_gives_the_unstable_plant_and_what_holds_of_its_loop(folder):
     again = rid.load(folder / "out" / "plant.npz")
     np.testing.assert_allclose(sorted(again.poles()), sorted(plant.poles()))
     assert "with 1 unstable pole, which the controller" in result.summary()
+
+
+def test_a_controller_that_is_not_what_ran_is_a_fault_of_the_data(folder):
+    text = ASK.replace("5.61, -5.39", "6.171, -5.929").replace("every = 12", "every = 60") + "compute = false\n"
+    (folder / "wrong.toml").write_text(text)
+    result = rid.run(folder / "wrong.toml", folder / "wrong")
+    kinds = {str(one.kind) for one in result.identification.problem.open_faults}
+    assert kinds & {"controller", "unit"}, kinds
+    assert "times the stated gain" in (folder / "wrong" / "report.html").read_text()
 
 
 def test_the_response_of_the_closed_loop_and_a_controller_in_a_file(folder, capsys, monkeypatch):

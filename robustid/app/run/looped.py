@@ -61,9 +61,13 @@ def _model(name: str, folder: Path, place: str) -> control.StateSpace:
     return load(path, kind="model")
 
 
-def faults_of(records: Sequence[TimeRecord], period: int | None) -> tuple[Fault, ...]:
-    """Faults of the records as they were measured; that the loop is closed is none."""
-    return tuple(one for one in record_faults(records, period=period) if one.kind is not FaultKind.FEEDBACK)
+def faults_of(loop: Loop, records: Sequence[TimeRecord], period: int | None) -> tuple[Fault, ...]:
+    """Faults of the records as they were measured, with mistakes about the controller that ran; that the loop is closed is none."""
+    found = [one for one in record_faults(records, period=period) if one.kind is not FaultKind.FEEDBACK]
+    for k, record in enumerate(records, start=1):
+        if record.reference is not None:
+            found += [one._replace(record=k if len(records) > 1 else 0) for one in loop.faults(record)]
+    return tuple(found)
 
 
 def with_faults(frf: FrequencyResponse, faults: tuple[Fault, ...]) -> FrequencyResponse:

@@ -209,7 +209,7 @@ def _opened(
     estimate: dict[str, object] = {"period": how.period, "method": how.method, "probability": how.probability}
     loop = loop_of(run.loop, folder, excited, read, estimate)
     around.say(auxiliary_words(loop, run.loop))
-    faults = faults_of(excited, how.period) if excited else ()
+    faults = faults_of(loop, excited, how.period) if excited else ()
     for fault in faults:
         around.say(f"records: {fault}")
     opened = [(use, [loop.opened(one) for one in made]) for use, made in records]
