@@ -45,13 +45,13 @@ def rows(dt):
         one, two, three = (as_model(system, dt) for system in (first, second, controller))
         calls = {
             "nu-gap": (lambda p=one, q=two: rid.nu_gap(p, q).value, chordal, second),
-            "margin": (lambda p=one, c=three: 1 / rid.ncf_margin(p, c).value, margin_gain, controller),
+            "margin": (lambda p=one, c=three: 1 / rid.guarantee.ncf_margin(p, c).value, margin_gain, controller),
         }
         for name, (call, formula, other) in calls.items():
             value, own = milliseconds(call, CALLS)
             grid, its = milliseconds(lambda f=formula, p=first, o=other: f(p, o, points(dt)).max(), GRIDS)
             yield name, f"{size}x{size}", order, own, its, 1 - grid / value
-        _, own = milliseconds(lambda p=one: rid.coprime(p), CALLS)
+        _, own = milliseconds(lambda p=one: rid.guarantee.coprime(p), CALLS)
         yield "coprime", f"{size}x{size}", order, own, np.nan, np.nan
 
 

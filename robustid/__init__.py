@@ -7,8 +7,7 @@ Ask:                  kautz, integrators, Prior, MixedProblem, identify, validat
 Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robustid.advise: classes, roll-off, scaling, poles
 What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
                       weights, stability margins
-Plants in a loop:     Loop, loop_from_data, loop_response, loop_bounds, reduce_plant, interconnection, nu_gap,
-                      ncf_margin, coprime
+Plants in a loop:     Loop, loop_from_data, loop_response, loop_bounds, reduce_plant, interconnection, nu_gap
 Fit:                  fit_mfd, fit_records, RigidBody; robustid.fits: orders, modes, exact conditions, covariance
 Small models:         reduce_within_bounds, balanced_truncation, to_continuous, prove_passive; robustid.passive: the nearest one
 See and keep:         plot, write_report, show_progress; run and identify_reduced for the whole way in one call
@@ -51,9 +50,9 @@ _MEANT = {
     "robstab": "guarantee.robust_stability_margin",
     "margin": "guarantee.robust_stability_margin",
     "gapmetric": "nu_gap",
-    "ncfmargin": "ncf_margin",
-    "rncf": "coprime",
-    "lncf": "coprime",
+    "ncfmargin": "guarantee.ncf_margin",
+    "rncf": "guarantee.coprime",
+    "lncf": "guarantee.coprime",
     "reduce": "reduce_within_bounds",
     "balred": "balanced_truncation",
     "hsvd": "balanced_truncation",

@@ -110,7 +110,7 @@ def coprime(model: control.StateSpace | control.TransferFunction, *, normalised:
     Examples
     --------
     >>> import control, robustid as rid
-    >>> factors = rid.coprime(control.tf([1], [1, 0]))  # 1/s = [1/(s + 1)] / [s/(s + 1)]
+    >>> factors = rid.guarantee.coprime(control.tf([1], [1, 0]))  # 1/s = [1/(s + 1)] / [s/(s + 1)]
     >>> factors.denominator.poles().real, factors.denominator.zeros().real + 0.0
     (array([-1.]), array([0.]))
     >>> float(round(abs(factors.numerator(2j)) ** 2 + abs(factors.denominator(2j)) ** 2, 12))
@@ -170,7 +170,7 @@ def ncf_margin(
     Examples
     --------
     >>> import control, robustid as rid
-    >>> round(rid.ncf_margin(control.tf([1], [1, 0]), control.tf([1], [1])).value, 6)  # 1/sqrt(2): none is better for 1/s
+    >>> round(rid.guarantee.ncf_margin(control.tf([1], [1, 0]), control.tf([1], [1])).value, 6)  # 1/sqrt(2): none is better for 1/s
     0.707107
     """
     system, dt, feedback = _pair(("plant", plant), ("controller", controller), opposite=True)

@@ -123,9 +123,9 @@ def test_two_known_systems_are_judged_by_their_poles():
     assert "infinite" in found.summary()
 
 
-@pytest.mark.parametrize("dt", [0.1, 0.0])
-@pytest.mark.parametrize("size", [(1, 1), (2, 2), (1, 2)])
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 40), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dt", [0.1, pytest.param(0.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), pytest.param((1, 2), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 40), marks=pytest.mark.slow)])
 def test_stable_is_never_wrong_and_beyond_the_margin_of_discs_a_pair_is_not(dt, size, seeds):
     """Pairs with errors at the edge of both bands, which are of different grids."""
     ny, nu = size
@@ -178,6 +178,7 @@ def outputs_times(model, factor):
     return control.ss(model.A, model.B, factor * model.C, factor * model.D, model.dt)
 
 
+@pytest.mark.slow
 def test_units_scale_nothing_but_the_bounds():
     rng = np.random.default_rng(1)
     edges, entries = [0.0, 3.0, np.inf], np.full((2, 2, 2), 0.05)
@@ -192,6 +193,7 @@ def test_units_scale_nothing_but_the_bounds():
         assert other.frequency == pytest.approx(found.frequency, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_exchanging_both_sides_changes_nothing():
     rng = np.random.default_rng(2)
     edges = [0.0, 3.0, np.inf]
@@ -231,6 +233,7 @@ def test_members_within_the_factor_of_passivity_are_passive_and_beyond_it_one_is
                 assert np.any(least <= 1.1 * factor * worst)
 
 
+@pytest.mark.slow
 def test_two_lossy_networks_are_stable_with_errors_below_their_losses():
     for seed in range(2):
         rng = np.random.default_rng(seed)
@@ -304,7 +307,7 @@ def test_identified_pairs(gain, bound, wanted):
     assert "unstable" in found.summary()
 
 
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 30), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 30), marks=pytest.mark.slow)])
 def test_no_verdict_on_noisy_data_is_wrong(seeds):
     """The truth is consistent with both: stable for all pairs means that its own loop is; a pair that is shown is consistent."""
     verdicts = []

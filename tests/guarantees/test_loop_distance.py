@@ -109,7 +109,7 @@ def test_a_loop_loses_no_more_than_the_gap(dt, seeds):
         rng = np.random.default_rng([seed, 3])
         first = plant_of(rng, 3, *rng.integers(1, 3, 2), dt)
         second, controller = moved(rng, first, 10 ** rng.uniform(-3, -0.5)), as_model(controller_of(first, dt), dt)
-        before, after = (rid.ncf_margin(as_model(one, dt), controller).value for one in (first, second))
+        before, after = (rid.guarantee.ncf_margin(as_model(one, dt), controller).value for one in (first, second))
         apart = gap_of(first, second, dt)
         used += apart < before
         assert np.arcsin(after) >= np.arcsin(before) - np.arcsin(apart) - 1e-8
@@ -124,14 +124,14 @@ def test_margin_is_what_brute_force_finds_and_the_same_with_both_exchanged(dt, s
         rng = np.random.default_rng([seed, 5])
         plant = plant_of(rng, int(rng.integers(1, 6)), *rng.integers(1, 4, 2), dt)
         controller = controller_of(plant, dt)
-        found = rid.ncf_margin(as_model(plant, dt), as_model(controller, dt))
+        found = rid.guarantee.ncf_margin(as_model(plant, dt), as_model(controller, dt))
         marks = np.concatenate([np.linalg.eigvals(one.A) for one in (plant, controller)])
         gain = largest(lambda at, pair=(plant, controller): margin_gain(*pair, at), dt, np.abs(marks))
         assert found.value == pytest.approx(1 / gain, rel=1e-8), seed
         if np.isfinite(found.omega):
             there = np.exp(1j * found.omega * dt) if dt else 1j * found.omega
             assert 1 / margin_gain(plant, controller, np.array([there]))[0] == pytest.approx(found.value, rel=1e-8)
-        exchanged = rid.ncf_margin(as_model(controller, dt), as_model(plant, dt)).value
+        exchanged = rid.guarantee.ncf_margin(as_model(controller, dt), as_model(plant, dt)).value
         assert exchanged == pytest.approx(found.value, rel=1e-8)
 
 
@@ -140,16 +140,16 @@ def test_closed_forms():
         expected = abs(a - b) / np.sqrt((1 + a * a) * (1 + b * b))
         assert rid.nu_gap(tf([a], [1]), tf([b], [1])).value == pytest.approx(expected, rel=1e-12)
         loop = 0.0 if 1 + a * b == 0 else abs(1 + a * b) / np.sqrt((1 + a * a) * (1 + b * b))
-        assert rid.ncf_margin(tf([a], [1]), tf([b], [1])).value == pytest.approx(loop, rel=1e-12)
+        assert rid.guarantee.ncf_margin(tf([a], [1]), tf([b], [1])).value == pytest.approx(loop, rel=1e-12)
     for eps in (1e-9, 1e-4, 0.3, 100.0, -1e-6, -0.5):  # eps/sqrt((1 + w^2)(1 + w^2 + eps^2))
         for pair in ((tf([1], [1, 0]), tf([1], [1, eps])), (tf([1], [1, eps]), tf([1], [1, 0]))):
             found = rid.nu_gap(*pair)
             assert found.value == pytest.approx(abs(eps) / np.hypot(1, eps), rel=1e-6 if abs(eps) < 1e-8 else 1e-9)
     stable, unstable = tf([1], [1, 0.02]), tf([1], [1, -0.02])
     assert rid.nu_gap(stable, unstable).value == pytest.approx(0.04 / 1.0004, rel=1e-12)
-    assert rid.ncf_margin(tf([1], [1, 0]), tf([1], [1])).value == pytest.approx(np.sqrt(0.5), rel=1e-12)
-    assert rid.ncf_margin(tf([1], [1, 0]), tf([-1], [1])) == (0.0, pytest.approx(np.nan, nan_ok=True))
-    assert rid.ncf_margin(tf([1], [1]), tf([-1], [1])) == (0.0, np.inf)  # no loop at all
+    assert rid.guarantee.ncf_margin(tf([1], [1, 0]), tf([1], [1])).value == pytest.approx(np.sqrt(0.5), rel=1e-12)
+    assert rid.guarantee.ncf_margin(tf([1], [1, 0]), tf([-1], [1])) == (0.0, pytest.approx(np.nan, nan_ok=True))
+    assert rid.guarantee.ncf_margin(tf([1], [1]), tf([-1], [1])) == (0.0, np.inf)  # no loop at all
     # 1 + P2* P1 turns around zero once although no frequency shows a distance of 1.
     winding = rid.nu_gap(tf([10], [1]), tf([10, -10], [1, 1]))
     assert winding.value == 1
@@ -187,7 +187,7 @@ def test_factors_are_stable_coprime_and_have_the_system_as_quotient(dt, normalis
         ny = int(rng.integers(1, 4))
         plant = plant_of(rng, int(rng.integers(0, 5)) + 1, ny, int(rng.integers(1, ny + 1)), dt)
         plant = with_axis_poles(plant, dt, rng) if seed % 2 else plant
-        found = rid.coprime(as_model(plant, dt), normalised=normalised)
+        found = rid.guarantee.coprime(as_model(plant, dt), normalised=normalised)
         at = points(dt)
         N, D, left_N, left_D = (values(part, at) for part in found)
         P = values(as_model(plant, dt), at)
@@ -211,14 +211,14 @@ def test_factors_are_stable_coprime_and_have_the_system_as_quotient(dt, normalis
 
 
 def test_unnormalised_factors_mirror_what_is_not_stable_and_move_nothing_else():
-    found = rid.coprime(tf([1], np.poly([1.0, -2.0])), normalised=False)
+    found = rid.guarantee.coprime(tf([1], np.poly([1.0, -2.0])), normalised=False)
     np.testing.assert_allclose(np.sort(found.denominator.poles().real), [-2, -1], rtol=1e-12)
-    found = rid.coprime(tf([1], np.poly([2.0, 0.5]), 0.1), normalised=False)
+    found = rid.guarantee.coprime(tf([1], np.poly([2.0, 0.5]), 0.1), normalised=False)
     np.testing.assert_allclose(found.denominator.poles().real, [0.5, 0.5], rtol=1e-7)
     # A pole on the axis: to the decay of the slowest other pole, of the plant or of the normalised factors.
-    found = rid.coprime(tf([1], np.poly([0.0, -0.02])), normalised=False)
+    found = rid.guarantee.coprime(tf([1], np.poly([0.0, -0.02])), normalised=False)
     np.testing.assert_allclose(np.sort(found.left_denominator.poles().real), [-0.02, -0.02], rtol=1e-6)
-    found = rid.coprime(tf([0.03], [1, 0]), normalised=False)
+    found = rid.guarantee.coprime(tf([0.03], [1, 0]), normalised=False)
     np.testing.assert_allclose(found.denominator.poles().real, [-0.03], rtol=1e-9)
 
 
@@ -238,20 +238,20 @@ test_bad_input_is_named = refusals(
     (lambda: rid.nu_gap(LAG, control.ss(-1, 1, np.nan, 0)), "`second` must be finite"),
     (lambda: rid.nu_gap(HIDDEN, LAG), r"`first` .* hidden pole at 0 Hz \(real part \+1 1/s\)"),
     (lambda: rid.nu_gap(LAG, UNSEEN), "`second` must be moved by its inputs and seen in its outputs"),
-    (lambda: rid.coprime(UNSEEN), "`model` must be moved by its inputs and seen in its outputs"),
-    (lambda: rid.coprime(tf([1, 0, 0], [1, 1])), "`model` must be proper"),
+    (lambda: rid.guarantee.coprime(UNSEEN), "`model` must be moved by its inputs and seen in its outputs"),
+    (lambda: rid.guarantee.coprime(tf([1, 0, 0], [1, 1])), "`model` must be proper"),
     (
-        lambda: rid.coprime(WIDE),
+        lambda: rid.guarantee.coprime(WIDE),
         "`model` must be a control.StateSpace: a TransferFunction with 1 outputs and 2",
         InputTypeError,
     ),
-    (lambda: rid.coprime(LAG, normalised="no"), "`normalised` must be True or False", InputTypeError),
-    (lambda: rid.coprime(tf([1e-9], [1, 0, 1e8])), "`model` must"),
+    (lambda: rid.guarantee.coprime(LAG, normalised="no"), "`normalised` must be True or False", InputTypeError),
+    (lambda: rid.guarantee.coprime(tf([1e-9], [1, 0, 1e8])), "`model` must"),
     (
-        lambda: rid.ncf_margin(ROW, LAG),
+        lambda: rid.guarantee.ncf_margin(ROW, LAG),
         "`controller` must have 2 outputs and 1 inputs, those of `plant` reversed; got 1 and 1",
     ),
-    (lambda: rid.ncf_margin(LAG, tf([1], [1, 0.5], 0.1)), "`controller` must have the time base of `plant`"),
+    (lambda: rid.guarantee.ncf_margin(LAG, tf([1], [1, 0.5], 0.1)), "`controller` must have the time base of `plant`"),
 )
 
 
@@ -259,5 +259,5 @@ def test_hidden_states_that_are_stable_and_static_gains_of_any_time_base_are_tak
     shown = control.ss([[-5.0, 0], [0, -1]], [[1.0], [1]], [[0.0, 1]], 0)
     assert rid.nu_gap(LAG, shown).value < 1e-12
     assert rid.nu_gap(tf([1], [1, -0.5], 0.1), GAIN).value == rid.nu_gap(GAIN, tf([1], [1, -0.5], 0.1)).value <= 1
-    assert rid.ncf_margin(ROW, control.ss([], [], [], [[1.0], [2.0]])).value == pytest.approx(1)
+    assert rid.guarantee.ncf_margin(ROW, control.ss([], [], [], [[1.0], [2.0]])).value == pytest.approx(1)
     assert rid.nu_gap(tf([1], [1, 0], True), tf([1], [1, 0.1], True)).value > 0

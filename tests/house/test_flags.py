@@ -31,7 +31,7 @@ CALLS = [
     ("TimeRecord", "held", lambda **flag: rid.TimeRecord(np.ones(4), np.ones(4), dt=1.0, **flag)),
     ("WorstCaseError.on_circle", "everywhere", lambda **flag: rid.guarantee.WorstCaseError.on_circle(None, **flag)),
     ("WorstCaseError.verify", "exact", lambda **flag: rid.guarantee.WorstCaseError.verify(None, **flag)),
-    ("coprime", "normalised", lambda **flag: rid.coprime(None, **flag)),
+    ("coprime", "normalised", lambda **flag: rid.guarantee.coprime(None, **flag)),
     ("datasets.find", "verify", lambda **flag: rid.datasets.find("daisy/hairdryer.mat", **flag)),
     ("estimate_delay", "feedthrough", lambda **flag: rid.prepare.estimate_delay(FRF, **flag)),
     ("fit_mfd", "feedthrough modal restart stable", lambda **flag: rid.fit_mfd(FRF, order=2, **flag)),

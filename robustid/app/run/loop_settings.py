@@ -25,10 +25,9 @@ class LoopChoice:
         " else of s.",
     )
     denominator: tuple[float, ...] | None = key(several(number()), help="Its denominator.")
-    excitation: str = key(
+    excitation: str | None = key(
         text(("input", "reference", "output")),
-        "input",
-        help="Where r is added: u = r - C y, u = C (r - y), or u = -C (y + r).",
+        help="Where r is added: input, u = r - C y (default), reference, u = C (r - y), or output, u = -C (y + r).",
         flag="--excitation",
     )
     auxiliary: str | None = key(
@@ -42,6 +41,11 @@ class LoopChoice:
     def is_stated(self) -> bool:
         """Return whether there is a loop."""
         return self.controller is not None or self.numerator is not None
+
+    @property
+    def place(self) -> str:
+        """Place of the excitation, as `Loop` takes it."""
+        return self.excitation or "input"
 
     def check(self, place: str) -> None:
         """Refuse what is half stated."""

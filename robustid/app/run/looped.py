@@ -37,8 +37,8 @@ def loop_of(
     controller = _controller(choice, folder, dt)
     if choice.auxiliary is not None:
         auxiliary = _model(choice.auxiliary, folder, "[loop] auxiliary")
-        return Loop(controller, auxiliary, excitation=choice.excitation)
-    first = any_loop(controller, data, choice.excitation)
+        return Loop(controller, auxiliary, excitation=choice.place)
+    first = any_loop(controller, data, choice.place)
     if records:
         opened = response_alone([first.opened(one) for one in records], **how)  # type: ignore[arg-type]
     else:
