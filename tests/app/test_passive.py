@@ -80,6 +80,7 @@ def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
         assert np.median(band / np.abs(battery(other))) < 0.06, passive
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unreduced")
 def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
     found, again = ran(tmp_path, cell(points=28), 1.0)

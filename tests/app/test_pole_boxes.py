@@ -60,6 +60,7 @@ def test_by_default_polygons_cover_the_box_of_poles_that_the_data_leave(tmp_path
     assert found.band.certified
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unreduced")
 def test_a_sweep_at_exact_poles_is_no_part_of_the_band_over_their_box(tmp_path, response):
     found = ran(tmp_path, response, at_hz=[6.37, 11.14], directions=16, circle=True)

@@ -82,8 +82,8 @@ def test_dead_time_is_found_with_the_poles(bound):
     np.testing.assert_allclose(1 / found.omega, [60, 15], rtol=1e-6)
 
 
-@pytest.mark.parametrize("dead", [0, 7])
-@pytest.mark.parametrize("constants", [[20.0], [60.0, 15.0], [90.0, 30.0, 8.0]])
+@pytest.mark.parametrize("dead", [pytest.param(0, marks=pytest.mark.slow), 7])
+@pytest.mark.parametrize("constants", [[20.0], pytest.param([60.0, 15.0], marks=pytest.mark.slow), [90.0, 30.0, 8.0]])
 def test_real_poles_of_exact_data_are_exact(constants, dead):
     plant = Process(np.array(constants), np.array([1.0, -0.4, 0.3])[: len(constants)], False, dead)
     frf = rid.FrequencyResponse(OMEGA, plant.response(OMEGA), bound=1e-6, dt=1.0)

@@ -150,6 +150,7 @@ def test_clean_experiments_are_accused_of_nothing(name, seeds):
     assert len(accused) <= TOLD * len(seeds), accused
 
 
+@pytest.mark.slow
 def test_a_step_that_tells_what_the_response_cannot_is_innocent():
     """A slow mode far below the lines of the response: the static gain is ten times what these show."""
     dt, rng = 0.01, np.random.default_rng(0)

@@ -78,8 +78,11 @@ def coloured(rng, count, colour):
 @pytest.mark.parametrize(
     ("colour", "seeds", "least"),
     [
-        ("resonant", 10, 7),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("resonant", 40, 34), ("red", 40, 26))),
+        ("resonant", 5, 3),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (("resonant", 10, 7), ("resonant", 40, 34), ("red", 40, 26))
+        ),
     ],
 )
 def test_bounds_hold_in_coloured_noise(colour, seeds, least):

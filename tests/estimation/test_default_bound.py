@@ -40,6 +40,7 @@ def test_scatter_bounds_hold_the_noise_and_are_near_those_of_the_known_noise(kin
     assert 1 <= np.median(wide) <= 1.8
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 @realdata[1]
 def test_scatter_of_the_measured_mirror_is_that_of_its_repetitions():

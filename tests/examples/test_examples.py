@@ -372,6 +372,7 @@ def test_limits_gain_where_they_are_meant_to(run):
 # --- proved band
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_bands_hold_the_plant(tmp_path, capsys, monkeypatch):
     example = load("proved_band")

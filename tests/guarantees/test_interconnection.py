@@ -287,7 +287,8 @@ GRIDS = np.linspace(0.5, 31.0, 16), np.linspace(0.2, 30.0, 11)
 
 
 @pytest.mark.parametrize(
-    ("gain", "bound", "wanted"), [(2.0, 0.02, STABLE), (4.0, 0.2, UNSTABLE), (80.0, 0.02, UNSTABLE)]
+    ("gain", "bound", "wanted"),
+    [(2.0, 0.02, STABLE), (4.0, 0.2, UNSTABLE), pytest.param(80.0, 0.02, UNSTABLE, marks=pytest.mark.slow)],
 )
 def test_identified_pairs(gain, bound, wanted):
     """A pair that is returned keeps all samples within their bounds, and its loop is unstable by python-control."""

@@ -130,10 +130,10 @@ def judged(kinds, seeds):
 
 def test_of_whole_cases_few_that_are_too_narrow_are_supported():
     kinds = [("records", "scaled"), ("periods", "moved"), ("lines", "scaled")]
-    true, narrow, allowed = judged(kinds, range(2))
+    true, narrow, allowed = judged(kinds, range(1))
     assert narrow[Judgement.SUPPORTED] == 0
     assert true[Judgement.CONTRADICTED] <= allowed
-    assert true[Judgement.SUPPORTED] >= 3  # 5 of 6: of the other the withheld data are a few periods
+    assert true[Judgement.SUPPORTED] >= 2  # of 3: of one the withheld data may be a few periods
 
 
 @pytest.mark.slow

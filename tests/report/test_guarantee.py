@@ -103,7 +103,10 @@ def test_misuse_is_named(error, tmp_path):
     other = identified(np.full(7, 0.1))
     with pytest.raises(rid.InputError, match="`worst_case` is about another identification"):
         write_report(other, tmp_path / "a.html", worst_case=error)
-    with pytest.raises(rid.errors.InputTypeError, match="`result` must be of class WorstCaseError; got Identification"):
+    with pytest.raises(
+        rid.errors.InputTypeError,
+        match="`result` must be of class WorstCaseError or Interconnection; got Identification",
+    ):
         plot.nyquist(other)
     assert list(tmp_path.iterdir()) == []
 

@@ -131,6 +131,7 @@ def test_polygons_bound_the_error_of_any_model_and_of_the_centres():
         np.testing.assert_allclose(upper, np.minimum(judged, discs[:, 0, 0]), rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_between_solved_frequencies_the_band_is_as_narrow_as_a_polygon_there():
     """Discs around polygons that are solved there, at 10 random frequencies between 24: 1.05 times these in the median."""
     solved, between = np.linspace(1, 25, 24), np.sort(np.random.default_rng(0).uniform(1, 25, 10))
