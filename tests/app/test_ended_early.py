@@ -81,7 +81,8 @@ def test_a_run_in_its_time_leaves_nothing_out(folder):
     assert "Unfinished" not in "".join(first_screen(folder / "out" / "report.html"))
 
 
-@pytest.mark.parametrize("kept", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", [True, False])
 def test_an_interrupted_run_is_gone_on_with_where_something_keeps_it(folder, kept):
     def stop(text, done, count):
         if count and "smallest order" in text:

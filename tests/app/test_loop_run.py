@@ -35,7 +35,7 @@ decay_rate = 1.3
 def folder(tmp_path_factory):
     """A record of the loop, its response from r to y with a bound, and the controller."""
     place, rng = tmp_path_factory.mktemp("loop"), np.random.default_rng(0)
-    r, v = rng.standard_normal((1500, 1)), 0.002 * rng.standard_normal((1500, 1))
+    r, v = rng.standard_normal((1000, 1)), 0.002 * rng.standard_normal((1000, 1))
     loop = closed_loop(StateMatrices.of(PLANT), StateMatrices.of(control.ss(CONTROLLER)))
     found = simulate(loop, np.hstack([r, v]))[0]
     rid.save(place / "record.csv", rid.TimeRecord(found[:, 0], found[:, 1], dt=DT, reference=r[:, 0]))

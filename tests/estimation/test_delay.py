@@ -62,7 +62,7 @@ def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
 
 
 @pytest.mark.parametrize(("seeds", "most"), [(2, 2.6), slow(8, 1.9)])
-@pytest.mark.parametrize(("respond", "dt"), [(continuous, None), (held, DT)])
+@pytest.mark.parametrize(("respond", "dt"), [slow(continuous, None), (held, DT)])
 def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, dt, seeds, most):
     """Order unknown for the first of the continuous plants (slow: of the others, too), known for the others."""
     errors, scaled = [], []

@@ -145,6 +145,7 @@ def test_between_solved_frequencies_the_band_is_as_narrow_as_a_polygon_there():
     assert found.verify(exact=importlib.util.find_spec("flint") is not None)
 
 
+@pytest.mark.slow
 def test_polygons_stand_where_they_gain(monkeypatch):
     """Six of them at most, chosen two at a time, in the range of the data: as much as six that are equally spaced."""
     monkeypatch.setattr(placement, "_MOST", 6)
@@ -161,6 +162,7 @@ def test_polygons_stand_where_they_gain(monkeypatch):
     assert found.verify()
 
 
+@pytest.mark.slow
 def test_over_a_box_polygons_that_are_no_better_are_not_pursued(monkeypatch):
     monkeypatch.setattr(placement, "_MOST", 4)
     monkeypatch.setattr(placement, "_CELLS", 2)
