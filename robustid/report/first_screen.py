@@ -46,9 +46,9 @@ def glance(
     """Return numbers, words, plot and next steps; `advice`: what would make inconsistent data consistent, `drawn`: the words
     stand beside the plot, `bounding`: the command that bounds the error.
     """
-    if (looped := parts.get("loop")) is not None:
-        return loop_glance(identification, looped, parts)
     reduction, band, withheld = parts.get("reduction"), parts.get("band"), parts.get("withheld")
+    if (looped := parts.get("loop")) is not None and not (withheld is not None and withheld.contradicted):
+        return loop_glance(identification, looped, parts)
     worst_case, over_poles = parts.get("worst_case"), parts.get("over_poles")
     bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case
     if band is not None and band.bounded.any():

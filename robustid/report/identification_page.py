@@ -130,10 +130,10 @@ def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
     first = problem_verdict(identification.problem)
-    if (looped := parts.get("loop")) is not None:
-        first = [*first, loop_verdict(looped)]
     first = first + others if withheld is not None and withheld.contradicted else first
     first = first + said if content is not None and content.empty else first
+    if (looped := parts.get("loop")) is not None:
+        first = [*first, loop_verdict(looped)]
     return [*first, own, *(verdict for verdict in others + said + model if verdict not in first)]
 
 

@@ -11,6 +11,8 @@ from robustid.guarantees import LoopBounds
 from robustid.report.charts import ALERT, BAND, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
 from robustid.report.data_faults import steps_with_faults
 from robustid.report.document import Block, Column, Drawing, Facts, Glance, Heading, Table, Text, Verdict, of_numbers
+from robustid.report.identified import scope
+from robustid.report.proved_band import poles_words
 from robustid.report.words import HZ, at_least, at_most, number
 
 if TYPE_CHECKING:
@@ -58,7 +60,8 @@ def loop_glance(identification: Identification, bounds: LoopBounds, parts: Parts
     if plant is not None:
         numbers.insert(0, ("model of the plant, order", str(plant.order)))
     words = "Every plant that agrees with the data and the assumptions is in the range that is drawn, and keeps these margins with"
-    words += f" the controller that ran, u = {bounds.loop.law}, proved at every frequency."
+    words += f" the controller that ran, u = {bounds.loop.law}, proved at every frequency{scope(identification)}"
+    words += f"; of R {poles_words(bounds.band)}." if bounds.band.problem.parametric is not None else "."
     own = [
         Text(
             "Try another controller: loop_bounds(band, loop, controller)", code=("loop_bounds(band, loop, controller)",)
