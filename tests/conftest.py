@@ -7,6 +7,8 @@ import pytest
 os.environ.setdefault("MPLBACKEND", "Agg")
 # The matrices of the tests are small: threads only wait for each other, many times longer on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Recorded numbers are compared: processors with wider instructions sum in another order, in kernels of their own.
+os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
 sys.path.insert(0, str(pathlib.Path(__file__).parent))  # `support`, also where a test runs alone
 
 

@@ -264,7 +264,7 @@ def fit_mfd(
             raise InputError("`constraints`: a static gain and a rigid body exclude each other")
         held = constraint_of(constraint, form, shape)
         problem, others = held.apply(problem), tuple((held.apply(other), samples) for other, samples in others)
-    begin = functools.partial(first_model, start=start, form=form, body=rigid_body, budget=budget)
+    begin = functools.partial(first_model, start=start, form=form, body=rigid_body, stable=stable, budget=budget)
     with Interruptible() as choosing:
         problem, data = chosen([(problem, data), *others], begin, settings)
     if choosing.interrupted:
@@ -341,9 +341,8 @@ def _second(problem: FractionProblem, data: Samples, settings: Settings) -> FitE
     try:
         richer = dataclasses.replace(problem, order=problem.order + EXTRA)
         quiet = dataclasses.replace(settings, progress=None)
-        found = fit_from(
-            richer, data, first_model(richer, data, None, settings.form, settings.body, settings.budget), quiet
-        ).found
+        start = first_model(richer, data, None, settings.form, settings.body, settings.stable, settings.budget)
+        found = fit_from(richer, data, start, quiet).found
     except (InputError, np.linalg.LinAlgError):
         return None
     model = strongest(found, data, problem.feedthrough)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,6 +20,8 @@ from robustid.reduction import balanced_truncation
 
 if TYPE_CHECKING:
     import control
+
+    Sizes = Callable[[Pieces, Real, Real], Real]  # pieces, reach of their values, frequencies at their ends to (N, S)
 
 _TOLERANCE = 2e-3  # of peaks and margins on the whole axis: how far they are above what they have at single frequencies
 _LOST, _GRID, _BALANCING = 1e-6, 400, 4  # what a smaller model may lose, points and steps for the units of its signals
@@ -59,41 +61,34 @@ class LoopMargins(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class LoopAxis:
-    """The maps of the loop on the whole axis: on pieces of arc, halved where they may set a peak or a margin."""
+class BandAxis:
+    """The whole axis, on the cells of a band, and on pieces of them where sizes are to be bounded."""
 
     band: Band
-    shape: tuple[int, int]
-    around: StateMatrices
 
-    @functools.cached_property
-    def _image(self) -> Image | None:
-        return Image.of(self._model, self.band.circle.edges)
+    def largest(self, system: StateMatrices, sizes: Sizes, floors: Real) -> tuple[Real, Real]:
+        """Bounds of sizes that follow from the values of a stable system and the bounds of the band, and frequencies near them.
 
-    @functools.cached_property
-    def _model(self) -> control.StateSpace:
-        return self.around.model(self.band.problem.dt or 0.0)
-
-    @functools.cached_property
-    def _angles(self) -> Real:
-        if self._image is not None:
-            return self._image.edges
-        angles = self.band.circle.edges * float(self.band.problem.dt or 0.0)
-        angles[-1] = np.pi
-        return angles
-
-    def enclosed(self) -> tuple[dict[str, Peak], LoopMargins]:
-        """Peaks and margins."""
+        `sizes`: of pieces and how far the values may be from those in their middles, (N, S). `floors` (S,): smaller ones limit
+        nothing.
+        """
         edges = self.band.circle.edges
         if edges[0] > 0:
             raise InputError(f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s: R has no integrator")
-        model, lost = _smaller_model(self._model if self._image is None else self._image.model("band", self._model))
-        reached = np.array([_FLOORS.get(name, 0.0) for name in self._names])
-        count = 0
+        whole = system.model(self.band.problem.dt or 0.0)
+        image = Image.of(whole, edges)
+        if image is None:
+            angles = edges * float(self.band.problem.dt or 0.0)
+            angles[-1] = np.pi
+        else:
+            angles = image.edges
+        model, lost = _smaller_model(whole if image is None else image.model("band", whole))
+        reached, count = floors, 0
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
             nonlocal reached, count
-            middle, arc = self._sizes(pieces, 0.0 * pieces.radius), self._sizes(pieces, pieces.radius + lost)
+            top = omega(angles[pieces.cell + 1])
+            middle, arc = sizes(pieces, 0.0 * pieces.radius, top), sizes(pieces, pieces.radius + lost, top)
             finite = np.where(np.isfinite(middle), middle, -np.inf)
             reached = np.maximum(reached, finite.max(axis=0))
             count += len(arc)
@@ -101,11 +96,36 @@ class LoopAxis:
             wide = np.any(pieces.radius > lost, axis=(1, 2))  # narrower ones say no more
             return limits & wide & (count < _FEW)
 
-        pieces = enclose(model, self._angles, coarse)
-        sizes = self._sizes(pieces, pieces.radius + lost)
-        worst = np.argmax(sizes, axis=0)
-        largest = dict(zip(self._names, sizes.max(axis=0).tolist(), strict=True))
-        where = dict(zip(self._names, self._omega(pieces.middle[worst]).tolist(), strict=True))
+        def omega(places: Real) -> Real:
+            if image is None:
+                return places / float(self.band.problem.dt or 1.0)
+            found = np.full(places.shape, np.inf)
+            found[places < np.pi] = image.plane.omega(places[places < np.pi])
+            return found
+
+        pieces = enclose(model, angles, coarse)
+        found = sizes(pieces, pieces.radius + lost, omega(angles[pieces.cell + 1]))
+        return found.max(axis=0), omega(pieces.middle[np.argmax(found, axis=0)])
+
+    def bounds(self, pieces: Pieces) -> Real:
+        """Bounds of the entries on the cell of every piece, (N, ny, nu)."""
+        return self.band.circle.entries[pieces.cell]
+
+
+@dataclasses.dataclass(frozen=True)
+class LoopAxis:
+    """The maps of the loop on the whole axis: on pieces of arc, halved where they may set a peak or a margin."""
+
+    band: Band
+    shape: tuple[int, int]
+    around: StateMatrices
+
+    def enclosed(self) -> tuple[dict[str, Peak], LoopMargins]:
+        """Peaks and margins."""
+        floors = np.array([_FLOORS.get(name, 0.0) for name in self._names])
+        sizes, omega = BandAxis(self.band).largest(self.around, self._sizes, floors)
+        largest = dict(zip(self._names, sizes.tolist(), strict=True))
+        where = dict(zip(self._names, omega.tolist(), strict=True))
         return {name: Peak(largest[name], where[name]) for name in MAPS}, self._margins(largest)
 
     @property
@@ -116,27 +136,17 @@ class LoopAxis:
             *(("gain_above", "gain_below", "phase", "delay") if self.shape == (1, 1) else ("delay",)),
         )
 
-    def _sizes(self, pieces: Pieces, reach: Real) -> Real:
+    def _sizes(self, pieces: Pieces, reach: Real, top: Real) -> Real:
         """Sizes that limit peaks and margins where the values are within their reach, (N, names)."""
-        bound = self.band.circle.entries[pieces.cell]
-        values = LoopValues(pieces.values, reach, self.shape)
-        balls = values.balls(bound)
+        balls = LoopValues(pieces.values, reach, self.shape).balls(BandAxis(self.band).bounds(pieces))
         sensitivity = balls["sensitivity"]
         found = [balls[name].largest for name in MAPS]
         found.append(sensitivity.about(np.eye(self.shape[1]) / 2).largest)
-        top = self._omega(self._angles[pieces.cell + 1])
         if self.shape == (1, 1):
             found += worst_of(sensitivity, top)
         else:
             found.append(delay_of(balls["complementary_sensitivity"], top))
         return np.stack(found, axis=1)
-
-    def _omega(self, angles: Real) -> Real:
-        if self._image is None:
-            return angles / float(self.band.problem.dt or 1.0)
-        found = np.full(angles.shape, np.inf)
-        found[angles < np.pi] = self._image.plane.omega(angles[angles < np.pi])
-        return found
 
     def _margins(self, largest: dict[str, float]) -> LoopMargins:
         modulus, disk = 1 / largest["sensitivity"], 1 / largest["disk"]

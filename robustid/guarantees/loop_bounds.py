@@ -26,6 +26,7 @@ from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.loop_axis import LoopAxis, LoopMargins, Peak
+from robustid.guarantees.loop_radius import farthest_plant
 from robustid.guarantees.loop_values import MAPS, Balls, LoopValues
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin
 from robustid.guarantees.unstable_plant import UnstablePlant, unstable_plant
@@ -104,6 +105,13 @@ class LoopBounds(Frozen, Drawable):
         nu, ny = self.loop.shape
         open_loop = StateMatrices(np.zeros((0, 0)), np.zeros((0, ny)), np.zeros((nu, 0)), np.zeros((nu, ny)))
         return self._at(omega, open_loop)["process_sensitivity"]
+
+    def largest_nu_gap(self) -> Peak:
+        """Largest `nu_gap` of consistent plants from that of the band's model, on the whole axis; 1 where nothing is known.
+
+        A controller whose `ncf_margin` with that plant is larger stabilises all of them. It depends on the units of the signals.
+        """
+        return farthest_plant(self.band, self.loop, _nominal(self.band))
 
     def _at(self, omega: ArrayLike, controller: StateMatrices | None) -> dict[str, tuple[Complex, Real]]:
         omega = np.atleast_1d(as_array("omega", omega))

@@ -119,7 +119,7 @@ def coprime(model: control.StateSpace | control.TransferFunction, *, normalised:
     as_flag("normalised", normalised)
     system, dt = as_system("model", model)
     pair = system, system.transposed()
-    both = [_normalised("model", one, dt) for one in pair]
+    both = [graph_factors("model", one, dt) for one in pair]
     if not normalised:
         decay = _mirror(system, both, dt)
         both = [right_factors(one, mirroring_feedback(one, dt or 0.0, decay)) for one in pair]
@@ -240,8 +240,8 @@ def nu_gap(
     LoopDistance(value=1.0, omega=nan)
     """
     one, dt, two = _pair(("first", first), ("second", second), opposite=False)
-    right = _normalised("first", one, dt)
-    left = _complement(_normalised("second", two.transposed(), dt).transposed())
+    right = graph_factors("first", one, dt)
+    left = graph_complement(graph_factors("second", two.transposed(), dt).transposed())
     if not _winds_alike(right, left, dt):
         return LoopDistance(1.0, np.nan)
     omega = hinf_norm(series(right, left), dt).omega
@@ -267,7 +267,7 @@ def _pair(
     return first, dt if base is None else base, last
 
 
-def _normalised(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
+def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
     """The normalised right factors ``[D; N]``, checked: stable, and an isometry where rounding weighs most."""
     poles, stable = is_stable(system.A, dt or 0)
     hidden = [pole for pole in poles[~stable] if _is_hidden(system, pole)]
@@ -326,7 +326,7 @@ def _parts(factors: StateMatrices, count: int) -> tuple[StateMatrices, StateMatr
     return StateMatrices(A, B, C[:count], D[:count]), StateMatrices(A, B, C[count:], D[count:])
 
 
-def _complement(left: StateMatrices) -> StateMatrices:
+def graph_complement(left: StateMatrices) -> StateMatrices:
     """``[-N, D]`` from the left factors ``[D, N]``: 0 times the right factors ``[D; N]`` of the same system."""
     A, B, C, D = left
     ny = len(C)

@@ -91,13 +91,24 @@ class LoopValues(NamedTuple):
         if self.shape == (1, 1):
             found = _disc(fixed, left, right, inner, bound)
         else:
-            added = np.fmin.reduce([one(left, right, inner, bound) for one in (_by_entries, _by_norms, _scaled)])
-            found = Balls(fixed[0], added + _norms(fixed[1]))
+            found = Balls(fixed[0], _added(left, right, inner, bound) + _norms(fixed[1]))
         rounding = _ROUNDING * (_norms(found.centre) + np.where(np.isfinite(found.radius), found.radius, 0.0))
         return Balls(found.centre, found.radius + rounding)
 
 
 Part = tuple[Complex, Real]  # values, and radii that hold around them
+
+
+def image_ball(left: Part, right: Part, inner: Part, bound: Real) -> Real:
+    """Bound of the largest singular value of ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``, (N,)."""
+    if bound.shape[1:] != (1, 1):
+        return _added(left, right, inner, bound)
+    none = 0.0 * left[0], 0.0 * left[1]
+    return _disc(none, left, right, inner, bound).largest
+
+
+def _added(left: Part, right: Part, inner: Part, bound: Real) -> Real:
+    return np.fmin.reduce([one(left, right, inner, bound) for one in (_by_entries, _by_norms, _scaled)])
 
 
 def _disc(fixed: Part, left: Part, right: Part, inner: Part, bound: Real) -> Balls:

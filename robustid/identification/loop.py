@@ -119,11 +119,11 @@ class Loop(Frozen):
         if not loop_is_stable(poles, float(time)):
             self._refuse(controller, poles, float(time))
         factors = loop_factors(auxiliary, controller, float(time))
-        self._set(_controller=controller, dt=float(time), poles=poles, factors=factors, _back=inverse(factors))
+        self._set(_controller=controller, dt=float(time), poles=poles, factors=factors, back=inverse(factors))
 
     if TYPE_CHECKING:
         _controller: StateMatrices = dataclasses.field(init=False)
-        _back: StateMatrices = dataclasses.field(init=False)
+        back: StateMatrices = dataclasses.field(init=False)
         dt: float = dataclasses.field(init=False)
         poles: Complex = dataclasses.field(init=False)
         factors: StateMatrices = dataclasses.field(init=False)
@@ -165,7 +165,7 @@ class Loop(Frozen):
     def residual_of(self, plant: control.StateSpace | control.TransferFunction) -> control.StateSpace:
         """R of a plant: ``Z X^-1`` of ``[X; Z] = M^-1 [I; P]``; stable where the controller stabilises the plant."""
         system, _ = as_system("plant", plant)
-        return self._quotient(self._beside(system), self._back)
+        return self._quotient(self._beside(system), self.back)
 
     def plant_of(self, residual: control.StateSpace | control.TransferFunction) -> control.StateSpace:
         """The plant P(R): ``Y U^-1`` of ``[U; Y] = M [I; R]``; the controller stabilises it if R is stable."""
@@ -222,9 +222,9 @@ class Loop(Frozen):
         """
         signals = self._signals(record)
         if record.initial == "periodic":
-            found = self._filtered(signals, self._back)
+            found = self._filtered(signals, self.back)
         else:
-            found = simulate(self._back, signals)[0]
+            found = simulate(self.back, signals)[0]
         nu, _ = self.shape
         return dataclasses.replace(
             record, u=found[:, :nu], y=found[:, nu:], bound=None, reference=None, past_input_bound=None
@@ -237,7 +237,7 @@ class Loop(Frozen):
         """
         signals, reference = self._signals(record), self._check_reference(record.reference)
         nu, _ = self.shape
-        A, B, C, D = self._back
+        A, B, C, D = self.back
         columns, sign = (
             slice(0, nu) if self.excitation == "input" else slice(nu, None),
             1.0 - 2.0 * (self.excitation == "output"),
@@ -316,7 +316,7 @@ class Loop(Frozen):
             raise InputError(f"`frf` must have {ny} outputs and {nu} inputs, from r to y; got {got}")
         self._check_time(frf.dt or 0.0, "frf")
         points = points_of(frf.omega, self.dt)
-        M, back = response_at(self.factors, points), response_at(self._back, points)
+        M, back = response_at(self.factors, points), response_at(self.back, points)
         left, right = np.linalg.inv(M[:, nu:, nu:]), np.linalg.inv(back[:, :nu, :nu])
         values = left @ (frf.values @ right - M[:, nu:, :nu])
         bound = None if frf.bound is None else np.abs(left) @ frf.bound.outer_radius @ np.abs(right)

@@ -182,6 +182,11 @@ def _model_of(thing: object) -> object:
 def check_model(name: str, model: object) -> Model:
     """`model` itself, if it is a finite `control.StateSpace` whose time base is known."""
     if not _is_state_space(model):
+        if hasattr(model, "frdata"):
+            raise InputTypeError(
+                f"`{name}` must be a control.StateSpace; got a frequency response. Give the model that it is the response of, or"
+                " one that fits it, fit_mfd(...).model; loop_from_data finds that of a controller"
+            )
         raise InputTypeError(
             f"`{name}` must be a control.StateSpace; got {type(model).__name__}. Convert it with control.ss(...)"
         )

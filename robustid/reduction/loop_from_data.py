@@ -12,10 +12,13 @@ from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputTypeError
 from robustid.estimation import response_alone
 from robustid.identification import Loop, as_system
+from robustid.reduction.controller_model import controller_model
 from robustid.reduction.plant import fitted_plant
 
 if TYPE_CHECKING:
     import control
+
+    from robustid.reduction.controller_model import Controller
 
 _GOOD = 2.0  # times its bound that R may miss a point by: the rest is for R
 _DECAY = 0.2  # of the middle of the frequencies that a record shows: of a plant that is made for an unstable controller
@@ -23,10 +26,7 @@ _DECAY = 0.2  # of the middle of the frequencies that a record shows: of a plant
 
 @one_thread()
 def loop_from_data(
-    data: TimeRecord | Sequence[TimeRecord] | FrequencyResponse,
-    controller: control.StateSpace | control.TransferFunction,
-    *,
-    excitation: str = "input",
+    data: TimeRecord | Sequence[TimeRecord] | FrequencyResponse, controller: Controller, *, excitation: str = "input"
 ) -> Loop:
     """The loop of a controller about an auxiliary plant from the data, so that R is what this plant leaves: small and smooth.
 
@@ -38,8 +38,9 @@ def loop_from_data(
     ----------
     data : TimeRecord, sequence of TimeRecord, or FrequencyResponse
         Records of u and y in the loop; or the response of the closed loop from r, at the input, to y, with a bound.
-    controller : control.StateSpace or control.TransferFunction
-        As it ran; see `Loop`.
+    controller : control.StateSpace, control.TransferFunction, control.FRD or FrequencyResponse
+        As it ran; see `Loop`. Of a frequency response, computed and not measured, the model of fewest states is taken whose
+        response it is to one millionth.
     excitation : {"input", "reference", "output"}
         As in `Loop`.
 
@@ -50,7 +51,7 @@ def loop_from_data(
     Raises
     ------
     InputError, InputTypeError
-        As `Loop` and `estimate_frf`.
+        As `Loop` and `estimate_frf`; a response of a controller that no model has.
 
     References
     ----------
@@ -67,7 +68,7 @@ def loop_from_data(
     >>> bool(abs(abs(loop.auxiliary.poles()).max() - 1.1) < 0.02)
     True
     """
-    first = any_loop(controller, data, excitation)
+    first = any_loop(controller_model("controller", controller), data, excitation)
     return with_auxiliary(first, opened_response(first, data))
 
 

@@ -5,8 +5,10 @@ import dataclasses
 import control
 import numpy as np
 import pytest
+import scipy.linalg
 
 import robustid as rid
+from robustid.core import StateMatrices, points_of, response_at
 from robustid.errors import InputTypeError
 from robustid.fitting import FractionProblem, Weight, fit_fraction, fit_mfd, retract
 from support.mfd_systems import OMEGA as FEW
@@ -199,3 +201,22 @@ def test_poles_are_a_start(form, every):
         best = fit_mfd(frf, order=8, form=form)
         other = fit_mfd(frf, order=8, form=form, start=system.poles * 1.02)
         assert other.cost == pytest.approx(best.cost, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 60))])
+def test_machines_with_flexible_modes_and_unstable_poles_are_found(seed):
+    """At the noise, from a start that knows nothing; poles that are reflected at the start end elsewhere in half of them."""
+    rng, dt = np.random.default_rng(seed), (0, 0.01)[seed % 2]
+    ny, nu = rng.integers(1, 3, 2)
+    blocks = [[[-0.02 * f, f], [-f, -0.02 * f]] for f in rng.uniform(20, 200, rng.integers(1, 4))]
+    real = rng.uniform(2, 40, rng.integers(1, 4))
+    A = scipy.linalg.block_diag(*blocks, *(real * rng.choice([1, 1, -1], real.size))[:, None, None])
+    model = control.ss(A, rng.standard_normal((len(A), nu)), rng.standard_normal((ny, len(A))), np.zeros((ny, nu)))
+    model = control.c2d(model, dt, "tustin") if dt else model
+    omega = np.geomspace(1, 250, 80)
+    true = response_at(StateMatrices.of(model), points_of(omega, dt))
+    noise = rng.standard_normal(true.shape) + 1j * rng.standard_normal(true.shape)
+    frf = rid.FrequencyResponse(omega, true + 1e-3 * np.abs(true) * noise, dt=dt or None)
+    fit = fit_mfd(frf, order=len(A), stable=False, feedthrough=bool(dt), weight=1 / np.abs(true))
+    found = response_at(StateMatrices.of(fit.model), points_of(omega, dt))
+    assert np.sqrt(np.mean(np.abs((found - true) / true) ** 2)) < 2e-3

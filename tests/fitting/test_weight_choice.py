@@ -29,7 +29,7 @@ def question(weight, *, values=TRUTH, order=2):
 
 
 def begin(problem, data):
-    return first_model(problem, data, None, "right", None, UNLIMITED)
+    return first_model(problem, data, None, "right", None, True, UNLIMITED)
 
 
 def test_a_weight_that_takes_the_wrong_mode_is_left():

@@ -13,7 +13,7 @@ from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.estimation import record_faults, response_alone
 from robustid.identification import Loop
-from robustid.reduction import any_loop, with_auxiliary
+from robustid.reduction import any_loop, controller_model, with_auxiliary
 
 if TYPE_CHECKING:
     import control
@@ -48,17 +48,37 @@ def loop_of(
 
 def _controller(choice: LoopChoice, folder: Path, dt: float) -> control.StateSpace:
     if choice.controller is not None:
-        return _model(choice.controller, folder, "[loop] controller")
+        return _controller_in(choice.controller, folder, dt)
     import control
 
     return control.ss(control.tf(list(choice.numerator or ()), list(choice.denominator or ()), dt))
 
 
+def _controller_in(name: str, folder: Path, dt: float) -> control.StateSpace:
+    """The controller in a file that holds a model, or the response of one."""
+    place = "[loop] controller"
+    path = _found(name, folder, place)
+    try:
+        return load(path, kind="model")
+    except InputError:
+        try:
+            frf = load(path, kind="frequency", dt=dt or None)
+        except InputError:
+            frf = None
+        if frf is None:
+            raise
+        return controller_model(place, frf)
+
+
 def _model(name: str, folder: Path, place: str) -> control.StateSpace:
+    return load(_found(name, folder, place), kind="model")
+
+
+def _found(name: str, folder: Path, place: str) -> Path:
     path = folder / name
     if not path.is_file():
         raise InputError(f"{place}: there is no file {path}; names are seen from the folder of the run file")
-    return load(path, kind="model")
+    return path
 
 
 def faults_of(loop: Loop, records: Sequence[TimeRecord], period: int | None) -> tuple[Fault, ...]:

@@ -24,7 +24,7 @@ _POINTS_PER_OUTPUT = 4  # frequency points for every output that an estimate tak
 EXTRA = 2  # states that the richer fit has more
 
 
-def _estimates(problem: FractionProblem, data: Samples, budget: Budget) -> list[StateMatrices]:
+def _estimates(problem: FractionProblem, data: Samples, stable: bool, budget: Budget) -> list[StateMatrices]:
     """Subspace estimates with the entries' weights, with those of the noise, and relative, where they are something else: the
     estimate wants the inverse noise, and factors for bands of interest that differ by 1000 ruin it.
     """
@@ -48,6 +48,7 @@ def _estimates(problem: FractionProblem, data: Samples, budget: Budget) -> list[
                 weight=reduced,
                 feedthrough=problem.feedthrough,
                 domain=data.domain,
+                stable=stable,
                 budget=budget,
             )
             outputs = one.C, one.D
@@ -107,11 +108,12 @@ def first_model(
     start: Any,  # a model or poles, not checked yet
     form: str,
     body: RigidBody | None,
+    stable: bool,
     budget: Budget,
 ) -> StateMatrices:
     """The subspace estimate, the model that was given, or what SK makes of poles."""
     if start is None:
-        return min(_estimates(problem, data, budget), key=lambda model: _start_cost(problem, data, model))
+        return min(_estimates(problem, data, stable, budget), key=lambda model: _start_cost(problem, data, model))
     import control
 
     if not isinstance(start, control.StateSpace):

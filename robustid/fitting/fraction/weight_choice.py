@@ -139,7 +139,7 @@ def levelled(
         problem, data = dataclasses.replace(problem, weight=weight), data._replace(weight=weight.entrywise)
         model = level.found.matrices
         if not again and start is None:
-            model = first_model(problem, data, None, settings.form, settings.body, settings.budget)
+            model = first_model(problem, data, None, settings.form, settings.body, settings.stable, settings.budget)
         level = search(problem, data, model, settings if not again else dataclasses.replace(settings, rounds=0))
         if not white(level.fit.problem.residual(level.fit.fraction.response)):
             return None

@@ -253,7 +253,7 @@ class Outputs:
             here = slice(block * width, (block + 1) * width)
             S, c = inverse[:, here], coefficients[:, here, None]
             if V is None:
-                out[block] = float(np.sum(c * np.linalg.solve(S @ S.transpose(0, 2, 1), c)))
+                out[block] = _risen(S @ S.transpose(0, 2, 1), c)
             else:
                 SV = np.einsum("gwu,rgu->gwr", S, V).reshape(groups * width, -1)
                 gram = diagonal_blocks(*(S @ S.transpose(0, 2, 1))) - SV @ SV.T
@@ -354,3 +354,11 @@ def _sum(spectrum: Complex, samples: int, first: int = 0) -> Real:
 def _real(rows: Numbers) -> Real:
     """Real parts over imaginary ones, (G, 2 rows, T)."""
     return np.concatenate([np.real(rows), np.imag(rows)], axis=1)
+
+
+def _risen(gram: Real, c: Real) -> float:
+    """``c^T gram^-1 c``, summed; poles that a part of the data does not see cost nothing there."""
+    try:
+        return float(np.sum(c * np.linalg.solve(gram, c)))
+    except np.linalg.LinAlgError:
+        return float(np.sum(c * (np.linalg.pinv(gram, hermitian=True) @ c)))

@@ -76,7 +76,7 @@ def subspace_estimate(
         D = 0 costs nothing else.
     domain : {"s", "z"}
     stable : bool
-        Reflect unstable poles at the stability boundary and fit B and D anew.
+        Reflect unstable poles at the stability boundary and fit B and D anew. False: only where that fits better.
     budget : Budget, optional
         Of time, after which nothing further is tried.
 
@@ -125,10 +125,11 @@ def subspace_estimate(
                 return best
             dynamics, outputs, singular_values = _dynamics(data, order, choices[number])
             T, Z = scipy.linalg.schur(dynamics, output="real")[:2]
-            A, C = reflected(T, data.points, domain) if stable else T, outputs @ Z
-            B, D, residual = fit_inputs(data, A, C, feedthrough)
-            if math.isfinite(residual) and (best is None or residual < best.residual):
-                best, leading = SubspaceEstimate(A * scale, B * scale, C, D, singular_values, residual), number
+            C, inside = outputs @ Z, reflected(T, data.points, domain)
+            for A in [inside] if stable or np.array_equal(inside, T) else [inside, T]:
+                B, D, residual = fit_inputs(data, A, C, feedthrough)
+                if math.isfinite(residual) and (best is None or residual < best.residual):
+                    best, leading = SubspaceEstimate(A * scale, B * scale, C, D, singular_values, residual), number
     if best is None:
         raise InputError("`points` coincide with poles of the estimate, where no response is finite; set `stable`")
     return best
