@@ -76,12 +76,14 @@ GROUPS = {
     "guarantee": "robustid.guarantee: boxes, tubes, weights, margins",
     "fits": "robustid.fits: structure and results of fits",
     "passive": "robustid.passive: passive models",
+    "design": "robustid.design: controllers",
 }
 MODULES = ("errors", "datasets", "plot")
 ROOMS = {
     "Measurements and their bounds": ("data", "formats", "estimation", "core"),
     "The class, the question and its answer": ("identification", "bases"),
     "Guarantees": ("guarantees",),
+    "Controllers": ("controllers",),
     "Matrix fractions": ("fitting",),
     "Small models": ("reduction", "passivity"),
     "Choices, causes, the next measurement": ("advice",),

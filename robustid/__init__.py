@@ -8,6 +8,7 @@ Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robu
 What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
                       weights, stability margins
 Plants in a loop:     Loop, loop_from_data, loop_response, loop_bounds, reduce_plant, interconnection, nu_gap
+Controllers:          robustid.design: design_controller, PID, Notch, LowPass, Limits: of fixed structure, for every plant of a band
 Fit:                  fit_mfd, fit_records, RigidBody; robustid.fits: orders, modes, exact conditions, covariance
 Small models:         reduce_within_bounds, balanced_truncation, to_continuous, prove_passive; robustid.passive: the nearest one
 See and keep:         plot, write_report, show_progress; run and identify_reduced for the whole way in one call
@@ -22,7 +23,7 @@ import lazy_loader
 
 # The public names stand in __init__.pyi, each loaded on first use. There is no __all__: help(robustid) would print all their help.
 _found, __dir__, _NAMES = lazy_loader.attach_stub(__name__, __file__)
-_GROUPS = ("prepare", "advise", "guarantee", "fits", "passive", "datasets", "errors")
+_GROUPS = ("prepare", "advise", "guarantee", "fits", "passive", "design", "datasets", "errors")
 
 # Names that engineers type, of other programs or of parts of this one.
 _MEANT = {
@@ -49,6 +50,12 @@ _MEANT = {
     "uss": "guarantee.uncertainty_weight",
     "robstab": "guarantee.robust_stability_margin",
     "margin": "guarantee.robust_stability_margin",
+    "pidtune": "design.design_controller",
+    "looptune": "design.design_controller",
+    "systune": "design.design_controller",
+    "hinfstruct": "design.design_controller",
+    "hinfsyn": "design.design_controller",
+    "controller": "design.design_controller",
     "gapmetric": "nu_gap",
     "ncfmargin": "guarantee.ncf_margin",
     "rncf": "guarantee.coprime",

@@ -1,5 +1,6 @@
 # The names that most work needs, by task; the others stand in groups, and types of results in the rooms.
 from . import advise as advise
+from . import design as design
 from . import errors as errors
 from . import fits as fits
 from . import guarantee as guarantee

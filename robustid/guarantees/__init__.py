@@ -4,6 +4,7 @@ from robustid.guarantees import storage as storage  # registers the results that
 from robustid.guarantees.band import band
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import ControlPair
+from robustid.guarantees.cells import Pieces
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import Sample, consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction
@@ -17,9 +18,10 @@ from robustid.guarantees.interconnection_result import Interconnection, Intercon
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
-from robustid.guarantees.loop_axis import LoopMargins, Peak
+from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak
 from robustid.guarantees.loop_bounds import LoopBounds, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
+from robustid.guarantees.loop_values import LoopValues
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -49,6 +51,7 @@ __all__ = [
     "LEAST",
     "MOST",
     "Band",
+    "BandAxis",
     "CircleBound",
     "Contradiction",
     "ControlPair",
@@ -63,10 +66,12 @@ __all__ = [
     "LoopBounds",
     "LoopDistance",
     "LoopMargins",
+    "LoopValues",
     "MarginStatus",
     "Member",
     "ParameterIntervals",
     "Peak",
+    "Pieces",
     "PoleCell",
     "Ranked",
     "Refutation",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,7 +22,9 @@ from robustid.reduction import balanced_truncation
 if TYPE_CHECKING:
     import control
 
-    Sizes = Callable[[Pieces, Real, Real], Real]  # pieces, reach of their values, frequencies at their ends to (N, S)
+    Sizes = Callable[
+        [Pieces, Real, Real, Real], Real
+    ]  # pieces, reach of their values, where their cells begin and end: (N, S)
 
 _TOLERANCE = 2e-3  # of peaks and margins on the whole axis: how far they are above what they have at single frequencies
 _LOST, _GRID, _BALANCING = 1e-6, 400, 4  # what a smaller model may lose, points and steps for the units of its signals
@@ -62,9 +65,20 @@ class LoopMargins(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class BandAxis:
-    """The whole axis, on the cells of a band, and on pieces of them where sizes are to be bounded."""
+    """The whole axis, on the cells of a band, and on pieces of them where sizes are to be bounded.
+
+    Cells are parted where further frequencies are given.
+    """
 
     band: Band
+    parted: Real = dataclasses.field(default_factory=lambda: np.zeros(0))
+
+    @functools.cached_property
+    def _edges(self) -> Real:
+        edges = self.band.circle.edges
+        if not self.parted.size:
+            return edges
+        return np.unique(np.concatenate([edges, self.parted[(self.parted > edges[0]) & (self.parted < edges[-1])]]))
 
     def largest(self, system: StateMatrices, sizes: Sizes, floors: Real) -> tuple[Real, Real]:
         """Bounds of sizes that follow from the values of a stable system and the bounds of the band, and frequencies near them.
@@ -72,7 +86,7 @@ class BandAxis:
         `sizes`: of pieces and how far the values may be from those in their middles, (N, S). `floors` (S,): smaller ones limit
         nothing.
         """
-        edges = self.band.circle.edges
+        edges = self._edges
         if edges[0] > 0:
             raise InputError(f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s: R has no integrator")
         whole = system.model(self.band.problem.dt or 0.0)
@@ -87,8 +101,8 @@ class BandAxis:
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
             nonlocal reached, count
-            top = omega(angles[pieces.cell + 1])
-            middle, arc = sizes(pieces, 0.0 * pieces.radius, top), sizes(pieces, pieces.radius + lost, top)
+            ends = omega(angles[pieces.cell]), omega(angles[pieces.cell + 1])
+            middle, arc = sizes(pieces, 0.0 * pieces.radius, *ends), sizes(pieces, pieces.radius + lost, *ends)
             finite = np.where(np.isfinite(middle), middle, -np.inf)
             reached = np.maximum(reached, finite.max(axis=0))
             count += len(arc)
@@ -104,12 +118,16 @@ class BandAxis:
             return found
 
         pieces = enclose(model, angles, coarse)
-        found = sizes(pieces, pieces.radius + lost, omega(angles[pieces.cell + 1]))
-        return found.max(axis=0), omega(pieces.middle[np.argmax(found, axis=0)])
+        ends = omega(angles[pieces.cell]), omega(angles[pieces.cell + 1])
+        found, middle = (sizes(pieces, reach, *ends) for reach in (pieces.radius + lost, 0.0 * pieces.radius))
+        return found.max(axis=0), omega(pieces.middle[np.argmax(middle, axis=0)])
 
     def bounds(self, pieces: Pieces) -> Real:
         """Bounds of the entries on the cell of every piece, (N, ny, nu)."""
-        return self.band.circle.entries[pieces.cell]
+        if not self.parted.size:
+            return self.band.circle.entries[pieces.cell]
+        own = np.searchsorted(self.band.circle.edges, self._edges[:-1], side="right") - 1
+        return self.band.circle.entries[own[pieces.cell]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,7 +154,7 @@ class LoopAxis:
             *(("gain_above", "gain_below", "phase", "delay") if self.shape == (1, 1) else ("delay",)),
         )
 
-    def _sizes(self, pieces: Pieces, reach: Real, top: Real) -> Real:
+    def _sizes(self, pieces: Pieces, reach: Real, _: Real, top: Real) -> Real:
         """Sizes that limit peaks and margins where the values are within their reach, (N, names)."""
         balls = LoopValues(pieces.values, reach, self.shape).balls(BandAxis(self.band).bounds(pieces))
         sensitivity = balls["sensitivity"]

@@ -46,7 +46,7 @@ def farthest_plant(band: Band, loop: Loop, model: control.StateSpace) -> Peak:
     whole = StateMatrices(*(_beside([one[k] for one in parts]) for k in range(4)))
     axis = BandAxis(band)
 
-    def sizes(pieces: Pieces, reach: Real, _: Real) -> Real:
+    def sizes(pieces: Pieces, reach: Real, *_: Real) -> Real:
         complement, graph, second, inverse = _taken(pieces.values, reach, parts)
         outer, inner = _product(complement, second), _product(inverse, _product(_adjoint(graph), second))
         tangent = image_ball(outer, inverse, (-inner[0], inner[1]), axis.bounds(pieces))

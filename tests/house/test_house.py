@@ -13,7 +13,7 @@ from support.source_trees import nodes, tree
 ROOT = pathlib.Path(robustid.__file__).parent
 ROOMS = [
     *("core", "data", "formats", "estimation", "bases", "identification", "fitting"),
-    *("reduction", "passivity", "guarantees", "advice", "report", "app"),
+    *("reduction", "passivity", "guarantees", "controllers", "advice", "report", "app"),
 ]
 OPEN = ("_version", "errors", "figures")
 FILES = sorted(ROOT.rglob("*.py"))

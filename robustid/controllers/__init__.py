@@ -1,0 +1,18 @@
+"""Controllers of fixed structure for every plant that the data allow."""
+
+from robustid.controllers.controller_design import ControllerDesign, DesignStatus, design_controller
+from robustid.controllers.limits import Limits
+from robustid.controllers.structure import FIR, PID, Fixed, LeadLag, LowPass, Notch
+
+__all__ = [
+    "FIR",
+    "PID",
+    "ControllerDesign",
+    "DesignStatus",
+    "Fixed",
+    "LeadLag",
+    "Limits",
+    "LowPass",
+    "Notch",
+    "design_controller",
+]

@@ -1,0 +1,149 @@
+"""Plants that a controller is designed for: values of all consistent ones at frequencies, and proofs on the whole axis."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.controllers.limits import Discs, Limits
+from robustid.core import Complex, Real, StateMatrices, closed_loop, loop_is_stable, points_of, poles_of, response_at
+from robustid.errors import InputError, InputTypeError
+from robustid.guarantees import Band, BandAxis, LoopBounds, LoopValues, loop_bounds
+from robustid.identification import Loop
+
+if TYPE_CHECKING:
+    import control
+
+    from robustid.guarantees import Pieces
+
+_POINTS = 100  # frequencies that a design begins with, equally apart on a logarithmic axis
+_CHANGE, _HALVED, _MOST = 0.2, 8, 600  # of the plant from one to the next; rounds of halving, and frequencies at most
+_BELOW = 30.0  # times the lowest frequency of the data: where the axis begins
+_ROUNDING = 1e-9  # of the end of an interval
+_HALF = 0.5  # the real part of S up to which |L| is at least 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Plants:
+    """All plants that one band allows, measured in open loop or in the loop of a controller."""
+
+    band: Band
+    loop: Loop
+
+    @classmethod
+    def of(cls, given: object) -> Plants:
+        """The plants of a band about a model, or of the worst cases of a loop."""
+        if isinstance(given, LoopBounds):
+            return cls(given.band, given.loop)
+        if not isinstance(given, Band):
+            raise InputTypeError(
+                f"`bands` must be a Band, or LoopBounds of a plant in a loop, or a sequence of them; got {type(given).__name__}"
+            )
+        if given.model is None:
+            raise InputError("`bands` must be about models; use band.with_model(result.model)")
+        import control
+
+        ny, nu = given.model.D.shape
+        return cls(given, Loop(control.ss([], [], [], np.zeros((nu, ny)), given.problem.dt or 0)))
+
+    @property
+    def dt(self) -> float:
+        """Sample time in s; 0 in continuous time."""
+        return self.loop.dt
+
+    @property
+    def model(self) -> StateMatrices:
+        """The plant of the model of the band."""
+        return StateMatrices.of(self.loop.plant_of(self._nominal))
+
+    @property
+    def _nominal(self) -> control.StateSpace:
+        model = self.band.model
+        if model is None:
+            raise InputError("`bands` must be about models")
+        return model
+
+    def grid(self) -> Real:
+        """Frequencies to begin with: spread, and closer where the plant changes fast."""
+        edges = self.band.circle.edges
+        known = edges[(edges > 0) & np.isfinite(edges)]
+        low = max(float(known[0]), float(self.band.omega[self.band.omega > 0].min()) / _BELOW)
+        top = math.pi / self.dt if self.dt else float(known[-1])
+        omega = np.geomspace(low, top, _POINTS)
+        for _ in range(_HALVED):
+            discs = self.discs(omega)
+            size = np.abs(discs.centre) + discs.radius
+            far = np.abs(np.diff(discs.centre)) > _CHANGE * np.minimum(size[1:], size[:-1])
+            if not far.any() or omega.size > _MOST:
+                break
+            omega = np.sort(np.concatenate([omega, np.sqrt(omega[1:] * omega[:-1])[far]]))
+        return omega
+
+    def discs(self, omega: Real) -> Discs:
+        """Discs about the model that hold the values of all consistent plants at frequencies: those of the proof on arcs."""
+        edges, entries = self.band.circle.edges, self.band.circle.entries
+        right = np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, len(entries) - 1)
+        left = np.clip(np.searchsorted(edges, omega, side="left") - 1, 0, len(entries) - 1)
+        bound = np.maximum(entries[left], entries[right])
+        nu, ny = self.loop.shape
+        nothing = StateMatrices(np.zeros((0, 0)), np.zeros((0, ny)), np.zeros((nu, 0)), np.zeros((nu, ny)))
+        around = self.loop.about(StateMatrices.of(self._nominal), nothing)
+        values = response_at(around, points_of(omega, self.dt))
+        balls = LoopValues.at(values, self.loop.shape).balls(bound)["process_sensitivity"]
+        radius = balls.radius
+        if not np.all(np.isfinite(radius)):
+            first = float(omega[np.argmin(np.isfinite(radius))])
+            raise InputError(
+                f"`bands` must be bounded at every frequency; at {first:.5g} rad/s nothing is known of the plant. Measure there, or"
+                " state a class that is bounded there"
+            )
+        return Discs(omega, balls.centre[:, 0, 0], radius)
+
+    def running(self, omega: Real) -> Complex:
+        """Values of the controller that ran, which stabilises all of them."""
+        return response_at(self.loop.as_controller(self.loop.controller), points_of(omega, self.dt))[:, 0, 0]
+
+    def is_stable_with(self, controller: control.StateSpace) -> bool:
+        """Say whether a controller stabilises the model."""
+        poles = poles_of(closed_loop(self.model, self.loop.as_controller(controller)).A)
+        return loop_is_stable(poles, self.dt)
+
+    def proved(self, controller: control.StateSpace) -> LoopBounds:
+        """Worst cases of a controller over all plants, on the whole axis."""
+        return loop_bounds(self.band, self.loop, controller)
+
+    def shares(self, controller: control.StateSpace, limits: Limits, corner: float) -> dict[str, tuple[float, float]]:
+        """Largest share of every template and of the bandwidth that any consistent plant takes, on the whole axis; and where."""
+        rows = [("attenuation", low, high, value) for low, high, value in limits.attenuation]
+        rows += [("roll-off", low, high, value) for low, high, value in limits.roll_off]
+        if corner:
+            rows.append(("bandwidth", 0.0, corner, 1.0))
+        if not rows:
+            return {}
+        around = self.loop.about(StateMatrices.of(self._nominal), self.loop.as_controller(controller))
+        axis = BandAxis(self.band, np.array([end for _, *ends, _ in rows for end in ends if end > 0]))
+
+        def sizes(pieces: Pieces, reach: Real, low: Real, high: Real) -> Real:
+            balls = LoopValues(pieces.values, reach, self.loop.shape).balls(axis.bounds(pieces))
+            found: list[Real] = []
+            for name, begin, end, value in rows:
+                here = (high > begin * (1 + _ROUNDING)) & (low < end * (1 - _ROUNDING))
+                if name == "bandwidth":
+                    S = balls["sensitivity"]
+                    size = (np.real(S.centre[:, 0, 0]) + S.radius) / _HALF
+                else:
+                    size = (
+                        balls["sensitivity" if name == "attenuation" else "complementary_sensitivity"].largest / value
+                    )
+                found.append(np.where(here, np.maximum(size, 0.0), 0.0))
+            return np.stack(found, axis=1)
+
+        share, omega = axis.largest(around, sizes, np.zeros(len(rows)))
+        found: dict[str, tuple[float, float]] = {}
+        for (name, *_), one, where in zip(rows, share.tolist(), omega.tolist(), strict=True):
+            if one >= found.get(name, (0.0, 0.0))[0]:
+                found[name] = one, where
+        return found

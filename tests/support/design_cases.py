@@ -1,0 +1,98 @@
+"""Judges of designs: random plants in bands, and the best controller by search over its numbers alone."""
+
+import functools
+
+import control
+import numpy as np
+
+import robustid as rid
+from robustid.controllers import PID, Limits, LowPass
+from robustid.controllers.plants import Plants
+from robustid.controllers.structure import basis_of
+from robustid.core import StateMatrices, points_of, response_at
+
+DT = 0.01
+PEAK = 2.0
+
+
+@functools.cache
+def band_of(seed):
+    """The band of a random plant of one to three poles and up to two samples of delay, known to a few percent at 40 lines."""
+    rng = np.random.default_rng([45, seed])
+    poles = list(rng.uniform(0.5, 0.93, rng.integers(1, 3)))
+    if rng.random() < 0.6:
+        size, angle = rng.uniform(0.75, 0.93), rng.uniform(0.2, 1.5)
+        poles += [size * np.exp(1j * angle), size * np.exp(-1j * angle)]
+    zeros = list(rng.uniform(-0.8, 0.6, len(poles) - 1))
+    plant = control.ss(control.zpk(zeros, [*poles, *[0.0] * rng.integers(0, 3)], 1.0, DT))
+    plant = plant / plant(1.0).real
+    omega = np.linspace(3.0, 310.0, 40)
+    true = response_at(StateMatrices.of(plant), points_of(omega, DT))[:, 0, 0]
+    bound = rng.uniform(0.02, 0.05) * np.abs(true) + 0.005
+    values = true + bound * rng.uniform(0, 1, 40) * np.exp(2j * np.pi * rng.uniform(size=40))
+    rate = 1.04
+    edge = rate * np.exp(1j * np.linspace(0, np.pi, 2000))
+    gain = 1.1 * np.abs([plant(1 / np.conj(z)) for z in edge]).max()
+    problem = rid.MixedProblem(
+        frequency=rid.FrequencyResponse(omega, values, bound=bound, dt=DT),
+        prior=rid.Prior(gain_bound=float(gain), decay_rate=rate),
+    )
+    return plant, rid.band(problem, model=rid.balanced_truncation(plant, tol=1e-3).model)
+
+
+class Judge:
+    """The bandwidth that combinations of a structure reach within the same bounds, on a dense grid, and the best one."""
+
+    def __init__(self, band, structure, at=()):
+        self.plants = Plants.of(band)
+        self.basis = basis_of(structure, at, DT)
+        grid = np.unique(np.concatenate([self.plants.grid(), np.geomspace(0.1, np.pi / DT, 300)]))
+        self.discs = self.plants.discs(grid)
+        self.values = self.basis.response(grid)
+
+    def levels(self, factors):
+        """Of every row of factors (N, m), 0 where a limit is broken."""
+        C = factors @ self.values.T
+        size = self.discs.radius * np.abs(C)
+        kept = np.all(np.abs(1 + self.discs.centre * C) - size >= 1 / PEAK, axis=1)
+        high = np.abs(self.discs.centre * C) - size >= 1
+        count = np.where(high.all(axis=1), high.shape[1], np.argmin(high, axis=1))
+        return np.where(kept & (count > 0), self.discs.omega[np.maximum(count - 1, 0)], 0.0)
+
+    def best(self, rng, starts=40_000, rounds=14):
+        """The highest level of a controller that stabilises, by random search in ever smaller boxes about the best ones."""
+        m = self.basis.count
+        sizes = 1 / np.abs(self.discs.centre[:, None] * self.values).max(axis=0)
+        pool = rng.choice([-1, 1], (starts, m)) * sizes * 10 ** rng.uniform(-2.5, 1.5, (starts, m))
+        for k in range(rounds):
+            levels = self.levels(pool)
+            kept = np.flatnonzero(levels)
+            some = (
+                rng.permutation(kept)[:600] if k == 0 else kept
+            )  # the highest of all may stand on the wrong side of -1
+            order = sorted({*some.tolist(), *kept[np.argsort(-levels[kept])[:400]].tolist()}, key=lambda i: -levels[i])
+            order = [i for i in order[:1000] if self.stable(pool[i])][:30]
+            if not order:
+                return 0.0
+            best = pool[order]
+            spread = 0.7 ** (k + 1)
+            moved = best[rng.integers(0, len(best), 4000)]
+            moved = moved * (1 + spread * rng.standard_normal(moved.shape))
+            pool = np.concatenate([best, moved])
+        return float(levels[order[0]])
+
+    def stable(self, factors):
+        return self.plants.is_stable_with(self.basis.controller(factors))
+
+
+STRUCTURES = ([PID()], [PID(filter=150.0)], [PID(), LowPass(150.0, 1)])
+
+
+def reached(seed):
+    """(bandwidth of the design, bandwidth by search, the design) of a random problem."""
+    plant, band = band_of(seed)
+    structure = STRUCTURES[seed % len(STRUCTURES)]
+    design = rid.design.design_controller(band, structure, limits=Limits(sensitivity_peak=PEAK))
+    at = [one[0] for factor in structure for one in factor.free]
+    judge = Judge(band, structure, at)
+    return plant, design, judge.best(np.random.default_rng(seed))

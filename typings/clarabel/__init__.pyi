@@ -1,0 +1,14 @@
+from typing import Any
+
+class NonnegativeConeT:
+    def __init__(self, size: int) -> None: ...
+
+class SecondOrderConeT:
+    def __init__(self, size: int) -> None: ...
+
+class DefaultSettings:
+    verbose: bool
+
+class DefaultSolver:
+    def __init__(self, P: Any, q: Any, A: Any, b: Any, cones: Any, settings: DefaultSettings) -> None: ...
+    def solve(self) -> Any: ...
