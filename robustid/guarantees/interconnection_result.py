@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,12 @@ class Interconnection(Frozen, Drawable, Savable):
         self._set(**{name: freeze(getattr(self, name)) for name in arrays})
 
     @property
+    def dt(self) -> float:
+        """Sample time of both in s; 0 in continuous time."""
+        models: list[Any] = [getattr(one, "model", one) for one in (self.source, self.load)]
+        return float(next((one.dt for one in models if one.dt is not None), 0.0))
+
+    @property
     def stable(self) -> bool:
         """True where every pair is proved to be stable."""
         return self.status is InterconnectionStatus.STABLE
@@ -111,8 +118,9 @@ class Interconnection(Frozen, Drawable, Savable):
         gain, phase = as_positive("gain_margin_db", gain_margin_db), as_positive("phase_margin_deg", phase_margin_deg)
         if phase >= 90:
             raise InputError(f"`phase_margin_deg` must be below 90 degrees; got {phase:g}")
-        corner, angle = 10 ** (-gain / 20), np.radians(phase)
-        place = np.abs(self.loci) * np.exp(1j * np.abs(np.angle(-self.loci)))  # mirrored, with -1 at 1
+        corner, angle = 10 ** (-gain / 20), math.radians(phase)
+        turned: Real = np.abs(np.angle(-self.loci))
+        place = np.abs(self.loci) * np.exp(1j * turned)  # mirrored, with -1 at 1
         along = np.maximum(np.real(place * np.exp(-1j * angle)), corner)
         to_ray = np.abs(place - along * np.exp(1j * angle))
         inside = np.maximum(corner - np.abs(place), 0.0)

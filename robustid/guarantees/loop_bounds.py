@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 # Peaks of the sensitivity up to which a bearing is in zone A, B, C of ISO 14839-3 (first edition, 2006): 9.5, 12 and 14 dB.
 _ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
-_SHOWN = 3  # poles that are written out
 
 
 class LoopStatus(enum.Enum):
@@ -192,8 +191,9 @@ class LoopBounds(Frozen, Drawable, Savable):
         """The result in plain text."""
         lines = [f"loop       {self._verdict}{self.band.problem.scope}"]
         if (found := self.refuted_by) is not None:
-            poles = ", ".join(f"{pole:.5g}" for pole in found.unstable_poles[:_SHOWN])
-            lines.append(f"refuted    by a plant of order {found.plant.nstates}, whose closed loop has a pole at {poles}")
+            lines.append(
+                f"refuted    by a plant of order {found.plant.nstates}, whose closed loop has a {found.pole_words}"
+            )
         if self.stability is not None and not self.guaranteed:
             near = self.stability.frequency / (2 * np.pi)
             lines.append(
@@ -324,6 +324,7 @@ def loop_bounds(
         **{name: here[name].largest for name in MAPS},
         peaks=peaks,
         margins=margins,
+        refuted_by=None,
     )
 
 
@@ -332,7 +333,9 @@ def _without_controller(band: Band, controller: object) -> Loop:
     import control
 
     if controller is None:
-        raise InputError("`controller` is missing: of a plant in open loop (no `loop`) give the one that is to be tried")
+        raise InputError(
+            "`controller` is missing: of a plant in open loop (no `loop`) give the one that is to be tried"
+        )
     entries = band.problem.entries
     nothing = np.zeros((entries.inputs, entries.outputs))
     return Loop(control.StateSpace([], [], [], nothing, band.problem.dt or 0.0))
@@ -361,6 +364,7 @@ def _without(band: Band, loop: Loop, controller: object, stability: RobustStabil
         **given,
         peaks=peaks,
         margins=margins,
+        refuted_by=None,
     )
 
 

@@ -69,32 +69,21 @@ def _make_bounds(
 
 
 def _connection(found: Interconnection) -> Record:
-    sides = found.source, found.load
-    times = [None if one.dt is None else float(one.dt) for one in map(_model, sides)]
     return {
         "source": _side(found.source),
         "load": _side(found.load),
-        "times": tuple(times),
+        "time": found.dt,
         "pair": None if found.pair is None else tuple(StateMatrices.of(one) for one in found.pair),
     }
-
-
-def _model(side: AroundModel | control.StateSpace) -> control.StateSpace:
-    return side.model if isinstance(side, AroundModel) else side
 
 
 def _side(side: AroundModel | control.StateSpace) -> object:
     return side if isinstance(side, AroundModel) else StateMatrices.of(side)
 
 
-def _make_connection(
-    source: Side, load: Side, times: tuple[float | None, float | None], pair: Pair | None
-) -> Interconnection:
+def _make_connection(source: Side, load: Side, time: float, pair: Pair | None) -> Interconnection:
     """The verdict on two sides, evaluated anew; the pair that refutes that all loops are stable is judged again."""
-    sides: list[Any] = [
-        one.model(dt) if isinstance(one, StateMatrices) else one for one, dt in zip((source, load), times, strict=True)
-    ]
-    time = next((dt for dt in times if dt is not None), 0.0)
+    sides: list[Any] = [one.model(time) if isinstance(one, StateMatrices) else one for one in (source, load)]
     models = None if pair is None else (pair[0].model(time), pair[1].model(time))
     return interconnection_again(sides[0], sides[1], models)
 

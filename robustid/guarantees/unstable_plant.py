@@ -10,7 +10,7 @@ import numpy as np
 from robustid.core import Complex, Frozen, Real, StateMatrices, closed_loop, decay_of, poles_of, response_at
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
 from robustid.guarantees.value_set import along
-from robustid.identification import Identification, Loop, MixedProblem, largest_ratio, nominal_model
+from robustid.identification import Identification, Loop, MixedProblem, describe_poles, largest_ratio, nominal_model
 from robustid.identification.formulation import Candidate
 from robustid.reduction import plant_of
 
@@ -53,6 +53,11 @@ class UnstablePlant(Frozen):
         growth = np.abs(self.loop_poles) - 1 if self.plant.dt else np.real(self.loop_poles)
         order = np.argsort(-growth)
         return self.loop_poles[order][growth[order] > 0]
+
+    @property
+    def pole_words(self) -> str:
+        """Words on the fastest growing pole of the loop."""
+        return describe_poles(self.unstable_poles[:1].real + 1j * np.abs(self.unstable_poles[:1].imag), self.plant.dt)
 
     def __repr__(self) -> str:
         return f"<UnstablePlant: order {self.plant.nstates}, closed-loop pole at {self.unstable_poles[0]:.5g}>"

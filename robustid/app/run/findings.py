@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robustid.app.run.candidates import candidate_words
 from robustid.app.run.class_choice import SPARE
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
@@ -53,6 +54,9 @@ def sentences(work: Work) -> tuple[str, ...]:
     found = [*model_warnings(small, work.doubtful), *class_words(run, result)]
     if work.plant is not None:  # a small R of order 0 is no fault: the auxiliary plant says it all
         found = [plant_words(work.plant, work.looped), *class_words(run, result)]
+        found[1:1] = [candidate_words(name, one) for name, one in work.tried.items()]
+        if work.controllers and work.looped is None:
+            found.insert(1, "No controller was tried: there is no band of R that plants could be taken from.")
     if said is not None and said.empty:
         found.insert(0, said.summary())
     if work.band is not None:
@@ -97,6 +101,8 @@ def plant_words(plant: PlantReduction, looped: LoopBounds | None) -> str:
     found += f" {plant.margin:.4g} of its bound."
     if looped is None:
         return found
+    if looped.unbounded:
+        return f"{found} Of the loop with every consistent plant {looped.unbounded}."
     peak, margins = looped.peaks["sensitivity"], looped.margins
     low, high = margins.gain
     return (
