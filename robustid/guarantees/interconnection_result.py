@@ -120,7 +120,7 @@ class Interconnection(Frozen, Drawable, Savable):
             raise InputError(f"`phase_margin_deg` must be below 90 degrees; got {phase:g}")
         corner, angle = 10 ** (-gain / 20), math.radians(phase)
         turned: Real = np.abs(np.angle(-self.loci))
-        place = np.abs(self.loci) * np.exp(1j * turned)  # mirrored, with -1 at 1
+        place: Complex = np.abs(self.loci) * np.exp(1j * turned)  # mirrored, with -1 at 1
         along = np.maximum(np.real(place * np.exp(-1j * angle)), corner)
         to_ray = np.abs(place - along * np.exp(1j * angle))
         inside = np.maximum(corner - np.abs(place), 0.0)

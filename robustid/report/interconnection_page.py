@@ -6,7 +6,7 @@ import numpy as np
 
 from robustid.guarantees import Band, Interconnection, InterconnectionStatus
 from robustid.identification import describe_poles
-from robustid.report.charts import ALERT, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
+from robustid.report.charts import ALERT, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, first_panel
 from robustid.report.curves import span_of
 from robustid.report.document import (
     Block,
@@ -23,7 +23,7 @@ from robustid.report.document import (
 )
 from robustid.report.identified import Parts
 from robustid.report.loci import loci_chart
-from robustid.report.words import HZ, at_least, at_most, number
+from robustid.report.words import HZ, at_least, at_most, number, plural
 
 _KEYS = {
     InterconnectionStatus.STABLE: ("consistent", "Stable for every pair"),
@@ -31,14 +31,42 @@ _KEYS = {
     InterconnectionStatus.UNDECIDED: ("weak", "Undecided"),
 }
 _TALL = 1e3  # margins beyond are drawn there
+_NEAR = 5e-3  # relative: ranges so near to each other are told as one
 _ROWS = 12  # arcs in the table
 
 
 def interconnection_page(result: Interconnection, title: str | None, parts: Parts) -> Document:
     """Build the page of two things in one loop."""
     region = parts.get("forbidden")
-    body: list[Block] = [
-        *_limit(result),
+    drawn = loci_chart(result, region)
+    first = first_panel(margin_chart(result) if np.isfinite(result.margin) else drawn)
+    return Document(
+        title or "Source and load in one loop",
+        head=[interconnection_verdict(result)],
+        body=[
+            *_limit(result),
+            *_over_frequency(result),
+            Heading("Eigenvalue loci"),
+            Text(
+                "Eigenvalues of the product of both models at the middle of every arc, with some of the discs whose union holds"
+                " those of every pair there. They are wider than what proves the verdict: a disc over -1 refutes nothing.",
+                "soft",
+            ),
+            Drawing(drawn),
+            *_region(result, region),
+            Heading("What it stands on"),
+            Facts(_sides(result)),
+            *_proofs(result),
+        ],
+        glance=Glance(_numbers(result), _words(result), first, [Text(one) for one in _next(result)]),
+    )
+
+
+def _over_frequency(result: Interconnection) -> list[Block]:
+    """Section on the margin; none of two known systems, of which there is no margin."""
+    if np.isinf(result.margin):
+        return []
+    return [
         Heading("Margin over frequency", guarantee=True),
         Text(
             "The factor by which the bounds of both sides could grow before the determinant may vanish there, on whole arcs,"
@@ -46,26 +74,7 @@ def interconnection_page(result: Interconnection, title: str | None, parts: Part
         ),
         Drawing(margin_chart(result)),
         _open_arcs(result),
-        Heading("Eigenvalue loci"),
-        Text(
-            "Eigenvalues of the product of both models at the middle of every arc, with discs whose union holds those of every pair"
-            " there. They are wider than what proves the verdict: a disc over -1 refutes nothing.",
-            "soft",
-        ),
-        Drawing(loci_chart(result, region)),
-        *_region(result, region),
-        Heading("What it stands on"),
-        Facts(_sides(result)),
-        *_proofs(result),
     ]
-    return Document(
-        title or "Source and load in one loop",
-        head=[interconnection_verdict(result)],
-        body=body,
-        glance=Glance(
-            _numbers(result), _words(result), loci_chart(result, region), [Text(one) for one in _next(result)]
-        ),
-    )
 
 
 def interconnection_verdict(result: Interconnection) -> Verdict:
@@ -99,6 +108,8 @@ def _numbers(result: Interconnection) -> list[tuple[str, str]]:
 
 
 def _words(result: Interconnection) -> str:
+    if _known(result):
+        return "Both sides are taken as known without error: this is about these two models alone."
     if result.stable:
         words = "No source and no load that agree with their data and assumptions make an unstable loop"
         return f"{words}, whatever lies between the lines."
@@ -109,12 +120,16 @@ def _words(result: Interconnection) -> str:
     return f"{words} ({share} of {result.margins.size} arcs)."
 
 
+def _known(result: Interconnection) -> bool:
+    return not any(hasattr(side, "problem") or hasattr(side, "members") for side in (result.source, result.load))
+
+
 def _open(result: Interconnection) -> tuple[str, int]:
     """Ranges in which nothing is proved, and the number of their arcs."""
     ranges = _ranges(result)
     words = [f"{number(low / HZ, 4)} to {number(high / HZ, 4)} Hz" for low, high, _ in ranges[:3]]
-    more = f" and {len(ranges) - 3} ranges more" if len(ranges) > 3 else ""
-    return " and ".join(words) + more, int(np.sum(result.margins <= 1))
+    more = f" and {len(ranges) - 3} range{plural(len(ranges) - 3)} more" if len(ranges) > 3 else ""
+    return ", ".join(words) + more, int(np.sum(result.margins <= 1))
 
 
 def _ranges(result: Interconnection) -> list[tuple[float, float, float]]:
@@ -122,7 +137,7 @@ def _ranges(result: Interconnection) -> list[tuple[float, float, float]]:
     found: list[tuple[float, float, float]] = []
     for k in np.flatnonzero(result.margins <= 1).tolist():
         low, high, margin = float(result.edges[k]), float(result.edges[k + 1]), float(result.margins[k])
-        if found and found[-1][1] == low:
+        if found and low <= found[-1][1] * (1 + _NEAR):
             found[-1] = found[-1][0], high, min(margin, found[-1][2])
         else:
             found.append((low, high, margin))
@@ -130,14 +145,16 @@ def _ranges(result: Interconnection) -> list[tuple[float, float, float]]:
 
 
 def _next(result: Interconnection) -> list[str]:
+    if _known(result):
+        return ["Measure them, or state how far they are known: a band of each takes the place of its model."]
     if result.stable:
-        near = f" first near {number(result.frequency / HZ, 4)} Hz" if np.isfinite(result.margin) else ""
+        near = f" Its margin is least near {number(result.frequency / HZ, 4)} Hz." if np.isfinite(result.margin) else ""
         return [
-            f"The verdict holds for these two as they were measured: measure again where a setting changes,{near or ' both'}."
+            f"The verdict holds for these two as they were measured; after a setting was changed measure again.{near}"
         ]
     if result.status is InterconnectionStatus.UNSTABLE and result.pair is None:
         return ["Change one of the two: no better measurement makes this loop stable."]
-    return [f"Measure better: {one}" for one in result.wanted]
+    return [f"Measure better: {one}." for one in result.wanted]
 
 
 def _limit(result: Interconnection) -> list[Block]:
@@ -160,9 +177,9 @@ def _limit(result: Interconnection) -> list[Block]:
 
 def margin_chart(result: Interconnection) -> Chart:
     """The margin of every arc; those that passivity proves in another colour."""
-    finite = result.edges[np.isfinite(result.edges) & (result.edges > 0)]
-    axis = frequency_axis(finite)
-    low, high = axis.range or (0.0, 1.0)
+    inside = result.edges[np.isfinite(result.edges) & (result.edges > 0)] / HZ
+    low, high = float(inside.min(initial=1.0)), float(inside.max(initial=1.0))
+    axis = Axis("frequency [Hz]", log=True, range=(low, high))
     hz = np.clip(np.repeat(result.edges, 2)[1:-1] / HZ, low, high)
     sizes = np.repeat(np.clip(result.margins, 1e-3, _TALL), 2)
     passive = np.repeat(result.passive, 2)
@@ -198,8 +215,8 @@ def _region(result: Interconnection, region: tuple[float, float] | None) -> list
     else:
         hz = result.omega[~out] / HZ
         words += (
-            f"proved to be kept out of at {int(out.sum())} of {out.size} frequencies; not from {number(float(hz.min()), 4)} to"
-            f" {number(float(hz.max()), 4)} Hz."
+            f"proved to be kept out of at {int(out.sum())} of {out.size} frequencies; not at some between"
+            f" {number(float(hz.min()), 4)} and {number(float(hz.max()), 4)} Hz."
         )
     return [Text(words, id="forbidden"), Text("Between the frequencies nothing is said of it.", "soft")]
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robustid.core import response_at
+from robustid.core import Complex, Real, response_at
 from robustid.guarantees import Interconnection, LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import ALERT, FAINT, FINE, FURTHER, NOMINAL, Chart, Layer
@@ -14,6 +14,7 @@ from robustid.report.value_sets import TURN, plane_layer, square_panel, with_gap
 from robustid.report.words import HZ, number
 
 _MOST = 60  # discs
+_APART = 0.5  # of the larger radius: centres of discs that are drawn
 _WIDE = 3.0  # times the largest eigenvalue, or 1: larger discs say nothing
 
 
@@ -24,8 +25,7 @@ def loci_chart(result: Interconnection, region: tuple[float, float] | None = Non
     """
     values, radii = result.loci.ravel(), result.radius.ravel()
     shown = np.flatnonzero(radii <= _WIDE * max(1.0, float(np.abs(values).max())))
-    shown = shown[:: max(1, shown.size // _MOST)]
-    outlines = [value + radius * TURN for value, radius in zip(values[shown], radii[shown], strict=True)]
+    outlines = _outlines(values[shown], radii[shown])
     layers = (
         [plane_layer("holds those of every pair", with_gaps(outlines), FAINT, dash="solid", size=FINE)]
         if outlines
@@ -34,14 +34,25 @@ def loci_chart(result: Interconnection, region: tuple[float, float] | None = Non
     place = int(np.argmin(np.abs(result.omega - result.frequency)))
     words = f"models at {number(float(result.omega[place]) / HZ, 5)} Hz, which limits"
     layers += [
-        plane_layer("models", values, NOMINAL, marker="circle", size=0.4),
-        plane_layer(words, result.loci[place], ALERT, marker="diamond"),
+        plane_layer("models", values, NOMINAL, marker="circle", size=0.25),
+        *([plane_layer(words, result.loci[place], ALERT, marker="diamond")] if np.isfinite(result.margin) else []),
         plane_layer("-1", np.array([-1.0 + 0j]), ALERT, marker="x"),
     ]
     if region is not None:
         layers.append(_forbidden(*region, float(np.abs(values).max())))
     title = "Eigenvalues of source times load"
     return Chart("loci", [square_panel(title, "of the eigenvalues [–]", layers)])
+
+
+def _outlines(values: Complex, radii: Real) -> list[Complex]:
+    """Borders of discs, a few that are apart from each other."""
+    kept: list[int] = []
+    for k in range(len(values)):
+        away = np.abs(values[k] - values[kept])
+        if np.all(away > _APART * np.maximum(radii[k], radii[kept])):
+            kept.append(k)
+    kept = kept[:: max(1, len(kept) // _MOST)]
+    return [values[k] + radii[k] * TURN for k in kept]
 
 
 def _forbidden(gain: float, phase: float, largest: float) -> Layer:
@@ -69,8 +80,7 @@ def open_loop_chart(bounds: LoopBounds) -> Chart | None:
     shown = np.flatnonzero(near)
     if not shown.size:
         return None
-    discs = shown[:: max(1, shown.size // _MOST)]
-    outlines = [values[k] + radii[k] * TURN for k in discs]
+    outlines = _outlines(values[shown], radii[shown])
     line = np.where(np.abs(values) <= _WIDE + 0.5, values, np.nan)
     layers = [
         plane_layer("holds that of every consistent plant", with_gaps(outlines), FAINT, dash="solid", size=FINE),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
+
 import numpy as np
 
 from robustid.guarantees import LoopBounds, LoopStatus
 from robustid.report.charts import first_panel
-from robustid.report.document import Block, Document, Drawing, Facts, Glance, Heading, Text, proved
+from robustid.report.document import Block, Document, Drawing, Facts, Glance, Heading, Text, Verdict, proved
 from robustid.report.identified import Parts
 from robustid.report.loci import open_loop_chart
 from robustid.report.loop_section import (
@@ -47,15 +50,24 @@ def loop_page(bounds: LoopBounds, title: str | None, parts: Parts) -> Document:
     ]
     return Document(
         title or heading("Loop", problem.outputs, problem.inputs),
-        head=[loop_verdict(bounds)],
+        head=[loop_verdict(bounds), *_others(bounds, candidates)],
         body=body,
         glance=Glance(
             numbers=[*loop_numbers(bounds), *_margin(bounds)],
             words=_words(bounds),
-            chart=first_panel(drawn) if nyquist is None else nyquist,
+            chart=first_panel(drawn if nyquist is None else nyquist),
             next=[Text(one) for one in _next(bounds)],
         ),
     )
+
+
+def _others(bounds: LoopBounds, candidates: Mapping[str, LoopBounds] | None) -> list[Verdict]:
+    """Verdicts on the other controllers, each with its name."""
+    found = {name: loop_verdict(one) for name, one in (candidates or {}).items() if one is not bounds}
+    return [
+        dataclasses.replace(one, word=f"Controller {name}: {one.word.lower()}", id=f"loop-verdict-{k}")
+        for k, (name, one) in enumerate(found.items(), start=1)
+    ]
 
 
 def _margin(bounds: LoopBounds) -> list[tuple[str, str]]:
@@ -71,7 +83,7 @@ def _words(bounds: LoopBounds) -> str:
     if bounds.status is LoopStatus.STABLE and not bounds.unbounded:
         return f"Every plant that agrees with the data and the assumptions keeps these margins, proved at every frequency{about}."
     if bounds.refuted_by is not None:
-        return f"The data allow a plant that is not stabilised, so that nothing is promised of this controller{about}."
+        return "The data allow a plant that is not stabilised, so that nothing is promised of this controller."
     return f"{bounds.unbounded[:1].upper()}{bounds.unbounded[1:]}{about}." if bounds.unbounded else ""
 
 
@@ -102,7 +114,8 @@ def _stands_on(bounds: LoopBounds) -> str:
     law = "" if bounds.in_open_loop else f", u = {bounds.loop.law}"
     poles = f", {poles_words(band)}" if band.problem.parametric is not None else ""
     count = int(np.sum(band.bounded))
+    between = f", nothing is from {band.open_words}" if band.open_ranges else ", and all between and beyond them"
     return (
         f"A band of {who}{law}: {band.problem.samples} samples; {count} of {band.omega.size} frequencies of its table from {low} to"
-        f" {high} Hz are bounded, and everything between and beyond them{poles}."
+        f" {high} Hz are bounded{between}{poles}."
     )

@@ -43,7 +43,8 @@ def loop_section(
     if bounds is not None and bounds.band.problem.plane != identification.problem.plane:
         raise InputError("`loop` must be about the identification reported; take loop_bounds(band, loop) of its band")
     intro = "The identification is that of the stable system R of a loop: every plant that the controller stabilises is P(R), and R"
-    intro += " is seen in open loop, by a signal without noise."
+    intro += " is seen in open loop, by a signal without noise. R is what the auxiliary plant leaves: parts of its response, in"
+    intro += " the sections on R, say nothing of parts of the plant's."
     found: list[Block] = [Heading("The plant and its loop", guarantee=True), Text(intro)]
     if plant is not None:
         found.append(Facts(_plant_rows(plant)))
@@ -150,7 +151,7 @@ def loop_rows(bounds: LoopBounds) -> list[tuple[str, str]]:
     margins = bounds.margins
     low, high = margins.gain
     if bounds.unbounded:
-        return [("Margins", f"None is proved: {bounds.unbounded}."), assumed]
+        return [("Margins", f"None: {bounds.unbounded}."), assumed]
     return [
         (
             "Gain",
@@ -177,7 +178,7 @@ def refuting_plant(bounds: LoopBounds) -> list[Block]:
             [
                 ("Order", f"{found.plant.nstates}"),
                 ("Data", f"Every sample is within {at_most(found.margin)} of its bound."),
-                ("Closed loop", f"{describe_poles(found.unstable_poles, found.plant.dt)}.".capitalize()),
+                ("Closed loop", f"A {describe_poles(found.unstable_poles, found.plant.dt)}."),
             ]
         ),
     ]
@@ -187,7 +188,7 @@ def candidates_table(candidates: Mapping[str, LoopBounds]) -> Table:
     """Controllers that were tried: verdict, worst cases and margins of each."""
     rows: list[list[str]] = []
     for name, one in candidates.items():
-        word, margins = loop_verdict(one).word, one.margins
+        word, margins = loop_verdict(one).word.split()[0], one.margins
         if one.unbounded:
             rows.append([name, word, *["–"] * 4])
             continue
@@ -196,7 +197,7 @@ def candidates_table(candidates: Mapping[str, LoopBounds]) -> Table:
         rows.append(
             [name, word, at_most(peak, 3), f"{at_most(low, 3)} to {at_least(high, 3)}", at_least(phase, 3), one.zone]
         )
-    heads = Column("controller"), Column("with every consistent plant")
+    heads = Column("controller"), Column("verdict")
     return Table([*heads, *of_numbers("peak of S", "gain", "phase [°]"), Column("zone")], rows)
 
 
@@ -232,16 +233,11 @@ def loop_chart(bounds: LoopBounds, plant: PlantReduction | None = None) -> Chart
     drawn = np.concatenate([one.y for one in curves])
     known = drawn[np.isfinite(drawn) & (drawn > 0)]
     span = (max(1e-3 * known.max(), known.min() / 1.5), 1.5 * known.max()) if known.size else None
-    return Chart(
-        "loop",
-        (
-            Panel("Plant", axis, Axis("magnitude", log=True, range=(floor, top)), (area, line)),
-            Panel(
-                "Loop: largest for every consistent plant", axis, Axis("largest value", log=True, range=span), curves
-            ),
-        ),
-        linked=True,
-    )
+    panels = [Panel("Plant", axis, Axis("magnitude", log=True, range=(floor, top)), (area, line))]
+    if bounds.refuted_by is None:
+        largest = Axis("largest value", log=True, range=span)
+        panels.append(Panel("Loop: largest for every consistent plant", axis, largest, curves))
+    return Chart("loop", panels, linked=True)
 
 
 def _drawn(centre: np.ndarray, radius: np.ndarray) -> np.ndarray:

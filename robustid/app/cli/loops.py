@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robustid.core import Progress
-    from robustid.guarantees import Band, LoopBounds
+    from robustid.guarantees import Band, Interconnection, LoopBounds
     from robustid.identification import Identification, Loop
 
 _KINDS = ("loop bounds", "band", "identification")
@@ -97,7 +97,7 @@ class _Measured:
 
     @classmethod
     def of(cls, source: Path, progress: Progress) -> _Measured:
-        """What a folder or a file holds."""
+        """The contents of a folder or a file."""
         from robustid.app.load_save import load_result
         from robustid.core import paths
         from robustid.guarantees import Band, LoopBounds, band
@@ -206,7 +206,8 @@ def connect(
 ) -> None:
     """Decide whether two measured parts make a stable loop, whichever of their consistent systems they are.
 
-    The loop is closed by negative feedback, 1 + source times load: a source impedance and a load admittance, for instance.
+    The loop is closed by negative feedback, 1 + source times load: a source impedance and a load admittance, for instance. Systems
+    of an unstable pair are written as NAME-source.npz and NAME-load.npz.
 
     [bold]Example[/bold]: robustid connect source.npz load.npz -o pair --report pair.html
 
@@ -218,8 +219,7 @@ def connect(
 
     console, region = screen.console(), _region(keep_out)
     written_files.check_static(report, static)
-    files, names = written_files.result_files(output), [f"{part}-pair.npz" for part in ("source", "load")]
-    pair = [_beside(output, f"-{name}") for name in names]
+    files, pair = written_files.result_files(output), [_beside(output, f"-{part}.npz") for part in ("source", "load")]
     written_files.check_outputs([*files, *pair, report], [*_read(source), *_read(load)], force)
     words = words_of(connect, time_limit="--time-limit") | {"source": str(source), "load": str(load)}
     with in_words(words), telling(console) as progress:
@@ -227,8 +227,7 @@ def connect(
         progress("judging every pair", 0, 0)
         found = interconnection(parts[0], parts[1], time_limit=time_limit)
         found.save(output)
-        if found.pair is not None:
-            _keep_pair(found.pair, pair)
+        shown = _keep_pair(found, pair)
         say(console, found.summary())
         if region is not None:
             kept = found.keeps_out(*region)
@@ -239,7 +238,7 @@ def connect(
         if report is not None:
             progress("drawing the report", 0, 0)
             write_report(found, report, title=f"{source.stem} and {load.stem}", static=static, forbidden=region)
-    screen.say_written(console, *files, *(pair if found.pair is not None else []), report)
+    screen.say_written(console, *files, *shown, report)
     status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[
         found.status.name
     ]
@@ -284,8 +283,13 @@ def _faulty(part: Any) -> bool:
     return problem is not None and bool(problem.open_faults)
 
 
-def _keep_pair(pair: tuple[control.StateSpace, control.StateSpace], files: list[Path]) -> None:
+def _keep_pair(found: Interconnection, files: list[Path]) -> list[Path]:
+    """Write the systems of an unstable pair, but for those that are known; the files that were written."""
     from robustid.app.load_save import save
 
-    for file, model in zip(files, pair, strict=True):
-        save(file, model)
+    written: list[Path] = []
+    for file, model, side in zip(files, found.pair or (), (found.source, found.load), strict=False):
+        if model is not side:
+            save(file, model)
+            written.append(file)
+    return written
