@@ -121,7 +121,7 @@ class Interconnection(Frozen, Drawable, Savable):
         corner, angle = 10 ** (-gain / 20), math.radians(phase)
         turned: Real = np.abs(np.angle(-self.loci))
         place: Complex = np.abs(self.loci) * np.exp(1j * turned)  # mirrored, with -1 at 1
-        along: Real = np.maximum(np.real(place * np.exp(-1j * angle)), corner)
+        along: Real = np.maximum((place * np.exp(-1j * angle)).real, corner)
         to_ray = np.abs(place - along * np.exp(1j * angle))
         inside = np.maximum(corner - np.abs(place), 0.0)
         distance = np.where(np.angle(place) <= angle, inside, to_ray)
