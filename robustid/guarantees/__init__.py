@@ -1,6 +1,7 @@
 """Guarantees about every consistent plant: worst-case errors and responses with certificates, weights, margins."""
 
-from robustid.guarantees import storage as storage  # registers the results that can be saved
+from robustid.guarantees import loop_storage as loop_storage  # registers the results that can be saved
+from robustid.guarantees import storage as storage
 from robustid.guarantees.band import band
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import ControlPair
@@ -19,7 +20,7 @@ from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak
-from robustid.guarantees.loop_bounds import LoopBounds, loop_bounds
+from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
 from robustid.guarantees.loop_values import LoopValues
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
@@ -66,6 +67,7 @@ __all__ = [
     "LoopBounds",
     "LoopDistance",
     "LoopMargins",
+    "LoopStatus",
     "LoopValues",
     "MarginStatus",
     "Member",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from robustid.guarantees.interconnection_result import Interconnection, Intercon
 from robustid.guarantees.loop_errors import are_discs, closing_error, factor_alone, loci, passive_factors
 from robustid.guarantees.loop_sides import Cells, Side, Uncertainty, as_side, check_pair, common_cells, uncertainty_of
 from robustid.guarantees.stability_margin import Condition, loop_of
-from robustid.guarantees.unstable_pair import Edge, Pair, in_units, poles_of_loop, unstable_pair
+from robustid.guarantees.unstable_pair import Edge, Pair, in_units, pair_again, poles_of_loop, unstable_pair
 from robustid.reduction import doubtful_distance
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from robustid.identification import Identification
 
     Thing = Band | WorstCase | Identification | control.StateSpace | control.TransferFunction
+    Systems = tuple[control.StateSpace, control.StateSpace]
 
 _TOP = 1e12  # margins beyond are infinite
 
@@ -87,6 +89,32 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
     """
     limit = None if time_limit is None else as_positive("time_limit", time_limit)
     sides = as_side("source", source), as_side("load", load)
+
+    def searched(edge: Edge, dt: float) -> Pair | None:
+        return unstable_pair(sides, edge, dt, Budget(limit))
+
+    return _judged(sides, searched)
+
+
+@one_thread()
+def interconnection_again(source: Thing, load: Thing, pair: Systems | None) -> Interconnection:
+    """The verdict on two sides, evaluated anew, with an unstable pair that was found before in place of a search.
+
+    Raises
+    ------
+    ValueError
+        A pair that does not agree with the data, or whose loop is stable.
+    """
+    sides = as_side("source", source), as_side("load", load)
+
+    def found(_: Edge, dt: float) -> Pair | None:
+        return None if pair is None else pair_again(sides, pair, dt)
+
+    return _judged(sides, found)
+
+
+def _judged(sides: tuple[Side, Side], search: Callable[[Edge, float], Pair | None]) -> Interconnection:
+    """The verdict on two sides; a pair that is not stable is searched where it is not proved."""
     dt = check_pair(*sides)
     cells = common_cells(*sides, dt)
     nominal = poles_of_loop(sides[0].model, sides[1].model, dt)
@@ -105,7 +133,7 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
     edge, shares, needed = _limit(loop, cells, uncertain, angle)
     pair = None
     if not (least > 1 and nominal.stable):
-        pair = unstable_pair(sides, edge, dt, Budget(limit))
+        pair = search(edge, dt)
     return _result(cells, nominal, (least, edge, shares, needed), (margins, passive), pair, sides)
 
 
@@ -182,6 +210,8 @@ def _result(
     values = [responses(model, middle) for model in cells.models]
     places, radius = loci(values[0], values[1], cells.entries)
     return Interconnection(
+        source=sides[0].thing,
+        load=sides[1].thing,
         status=status,
         margin=least,
         frequency=edge.omega,

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, freeze
+from robustid.core import Complex, Frozen, Real, Savable, as_positive, freeze
+from robustid.errors import InputError
 from robustid.figures import Drawable
 
 if TYPE_CHECKING:
     import control
+
+    from robustid.guarantees.over_cells import AroundModel
 
 _ALL_UNSTABLE = "unstable: every pair of consistent systems makes an unstable loop, proved on the whole axis"
 _SHOWN = 3  # poles that are written out
@@ -28,11 +32,13 @@ class InterconnectionStatus(enum.Enum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Interconnection(Frozen, Drawable):
+class Interconnection(Frozen, Drawable, Savable):
     """Verdict on the loops of all pairs of a source and a load, and what it stands on.
 
     Attributes
     ----------
+    source, load : Band, WorstCaseError, WorstCaseOverPoles, Family or control.StateSpace
+        The two sides; of an identification its band.
     status : InterconnectionStatus
     margin : float
         Factor by which the bounds of both sides could grow about their models with ``det(I + G H)`` not zero at any frequency:
@@ -63,6 +69,8 @@ class Interconnection(Frozen, Drawable):
         Discs around them whose union holds the eigenvalues of the product of every pair.
     """
 
+    source: AroundModel | control.StateSpace
+    load: AroundModel | control.StateSpace
     status: InterconnectionStatus
     margin: float
     frequency: float
@@ -83,9 +91,41 @@ class Interconnection(Frozen, Drawable):
         self._set(**{name: freeze(getattr(self, name)) for name in arrays})
 
     @property
+    def dt(self) -> float:
+        """Sample time of both in s; 0 in continuous time."""
+        models: list[Any] = [getattr(one, "model", one) for one in (self.source, self.load)]
+        return float(next((one.dt for one in models if one.dt is not None), 0.0))
+
+    @property
     def stable(self) -> bool:
         """True where every pair is proved to be stable."""
         return self.status is InterconnectionStatus.STABLE
+
+    def keeps_out(self, gain_margin_db: float, phase_margin_deg: float) -> NDArray[np.bool_]:
+        r"""Proof, at each frequency of `omega`, that no eigenvalue of the product of any pair is in a forbidden region, (C,).
+
+        The region is that of a gain and phase margin, as impedance specifications state it: ``|z| >= 10^(-GM/20)`` within PM of
+        the negative real axis. A disc keeps out of it if its centre is farther from it than its radius. Between the frequencies
+        nothing is said, and False is no finding: the discs are not tight.
+
+        Parameters
+        ----------
+        gain_margin_db : float
+            GM in dB, positive.
+        phase_margin_deg : float
+            PM in degrees, above 0 and below 90.
+        """
+        gain, phase = as_positive("gain_margin_db", gain_margin_db), as_positive("phase_margin_deg", phase_margin_deg)
+        if phase >= 90:
+            raise InputError(f"`phase_margin_deg` must be below 90 degrees; got {phase:g}")
+        corner, angle = 10 ** (-gain / 20), math.radians(phase)
+        turned: Real = np.abs(np.angle(-self.loci))
+        place: Complex = np.abs(self.loci) * np.exp(1j * turned)  # mirrored, with -1 at 1
+        along: Real = np.maximum((place * np.exp(-1j * angle)).real, corner)
+        to_ray = np.abs(place - along * np.exp(1j * angle))
+        inside = np.maximum(corner - np.abs(place), 0.0)
+        distance = np.where(np.angle(place) <= angle, inside, to_ray)
+        return np.asarray(np.all(distance > self.radius, axis=1))
 
     @property
     def limited_by(self) -> str:

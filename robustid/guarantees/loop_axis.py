@@ -88,7 +88,10 @@ class BandAxis:
         """
         edges = self._edges
         if edges[0] > 0:
-            raise InputError(f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s: R has no integrator")
+            raise InputError(
+                f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s. R of a loop has no integrator, and a plant that"
+                " has one is measured in a loop"
+            )
         whole = system.model(self.band.problem.dt or 0.0)
         image = Image.of(whole, edges)
         if image is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from robustid.core import (
     Complex,
     Frozen,
     Real,
+    Savable,
     StateMatrices,
     as_array,
     as_kind,
@@ -30,7 +32,7 @@ from robustid.guarantees.loop_radius import farthest_plant
 from robustid.guarantees.loop_values import MAPS, Balls, LoopValues
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin
 from robustid.guarantees.unstable_plant import UnstablePlant, unstable_plant
-from robustid.identification import Identification, Loop, identify
+from robustid.identification import Identification, Loop, as_system, identify
 
 if TYPE_CHECKING:
     import control
@@ -39,8 +41,16 @@ if TYPE_CHECKING:
 _ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
 
 
+class LoopStatus(enum.Enum):
+    """Verdict on a controller; the value is the user's sentence."""
+
+    STABLE = "every consistent plant is stabilised, proved on the whole axis"
+    UNSTABLE = "a plant that the data allow is not stabilised"
+    UNDECIDED = "neither proved for every consistent plant nor refuted by one"
+
+
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LoopBounds(Frozen, Drawable):
+class LoopBounds(Frozen, Drawable, Savable):
     """Worst cases of a controller in the loop with every consistent plant.
 
     Attributes
@@ -48,7 +58,7 @@ class LoopBounds(Frozen, Drawable):
     band : Band
         Of R.
     loop : Loop
-        That R was measured in.
+        That R was measured in; of a plant measured in open loop the one without a controller, whose R is the plant.
     controller : control.StateSpace or control.TransferFunction
         The one that the bounds are about: that of the loop, or another one.
     stability : RobustStabilityMargin or None
@@ -62,6 +72,8 @@ class LoopBounds(Frozen, Drawable):
         Of these four on the whole axis.
     margins : LoopMargins
         On the whole axis.
+    refuted_by : UnstablePlant or None
+        A plant that the data allow and that the controller does not stabilise: see `refuted`.
     """
 
     band: Band
@@ -75,6 +87,7 @@ class LoopBounds(Frozen, Drawable):
     control_sensitivity: Real
     peaks: dict[str, Peak]
     margins: LoopMargins
+    refuted_by: UnstablePlant | None = None
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("omega", *MAPS)})
@@ -83,6 +96,18 @@ class LoopBounds(Frozen, Drawable):
     def guaranteed(self) -> bool:
         """True if the controller is proved to stabilise every consistent plant."""
         return self.stability is None or self.stability.guaranteed
+
+    @property
+    def status(self) -> LoopStatus:
+        """Proved stable, refuted by a plant, or neither; the first too of the controller that ran, which stabilises all."""
+        if self.guaranteed:
+            return LoopStatus.STABLE
+        return LoopStatus.UNDECIDED if self.refuted_by is None else LoopStatus.UNSTABLE
+
+    @property
+    def in_open_loop(self) -> bool:
+        """True of a plant that was measured without a controller: R is the plant itself."""
+        return self.loop.auxiliary is None and not as_system("controller", self.loop.controller)[0].D.any()
 
     @property
     def zone(self) -> str:
@@ -135,44 +160,82 @@ class LoopBounds(Frozen, Drawable):
         frequencies = np.concatenate([[self.stability.frequency], middle[worst]])
         return unstable_plant(thing, self.loop, self.loop.as_controller(self.controller), frequencies)
 
+    def refuted(self, identification: Identification | None = None) -> LoopBounds:
+        """Return the same with the plant of `unstable_plant`; itself where none is found, or none can be."""
+        found = self.unstable_plant(identification)
+        return self if found is None else dataclasses.replace(self, refuted_by=found)
+
     def __repr__(self) -> str:
-        return f"<LoopBounds: {self._verdict}, peak of S {self.peaks['sensitivity'].value:.4g}>"
+        said = "the controller that ran" if self.stability is None else self.status.name.lower()
+        return f"<LoopBounds: {said}, peak of S {self.peaks['sensitivity'].value:.4g}>"
 
     @property
     def _verdict(self) -> str:
         if self.stability is None:
-            return "the controller that ran"
-        return "every consistent plant is stabilised" if self.guaranteed else "not proved stable"
+            return "the controller that ran stabilises every consistent plant"
+        return self.status.value
+
+    @property
+    def unbounded(self) -> str:
+        """The reason for which the maps of the loop have no peak, in words with the frequencies; empty where they have."""
+        if np.isfinite(self.peaks["sensitivity"].value):
+            return ""
+        if self.stability is not None and np.isnan(self.peaks["sensitivity"].omega):
+            return "nothing is bounded: the loop with the model itself is not stable"
+        if self.band.open_ranges:
+            return f"nothing is proved from {self.band.open_words}, where the band is open"
+        hz = self.peaks["sensitivity"].omega / (2 * np.pi)
+        return f"nothing is proved near {hz:.5g} Hz, where a loop of the bounds may be singular"
 
     def summary(self) -> str:
         """The result in plain text."""
         lines = [f"loop       {self._verdict}{self.band.problem.scope}"]
+        if (found := self.refuted_by) is not None:
+            lines.append(
+                f"refuted    by a plant of order {found.plant.nstates}, whose closed loop has a {found.pole_words}"
+            )
         if self.stability is not None and not self.guaranteed:
             near = self.stability.frequency / (2 * np.pi)
             lines.append(
                 f"margin     {self.stability.margin:.4g}, limited at {near:.5g} Hz: above 1 it would be proved"
             )
-        names = {"sensitivity": "S", "complementary_sensitivity": "T", "process_sensitivity": "P S"}
-        names["control_sensitivity"] = "C S"
-        for name, letters in names.items():
-            peak = self.peaks[name]
-            where = f" near {peak.omega / (2 * np.pi):.5g} Hz" if np.isfinite(peak.value) else ""
-            lines.append(
-                f"{letters:10s} at most {peak.value:.4g} at every frequency, for every consistent plant{where}"
-            )
+        lines += self._peak_lines
         low, high = self.margins.gain
-        lines += [
+        who = "this controller" if self.stability is None else "the one stated"
+        ran = f", and that {who} ran: u = {self.loop.law}"
+        lines.append(
+            "assumed    the class of "
+            + ("the plant and the bounds of its samples" if self.in_open_loop else f"R, the bounds of its samples{ran}")
+        )
+        if self.unbounded:
+            return "\n".join(lines)
+        lines[-1:-1] = [
             f"margins    modulus {self.margins.modulus:.4g}, gain {low:.4g} to {high:.4g}, phase"
             f" {math.degrees(self.margins.phase):.4g} degrees, delay {self.margins.delay:.4g} s, disk {self.margins.disk:.4g}",
             f"zone       {self.zone} of ISO 14839-3:2006 (A up to 3, B up to 4, C up to 5)",
-            f"assumed    the class of R, the bounds of its samples, and that this controller ran: u = {self.loop.law}",
         ]
         return "\n".join(lines)
+
+    @property
+    def _peak_lines(self) -> list[str]:
+        """Lines on the peaks of the maps; where there is none, the reason, and what holds at the frequencies elsewhere."""
+        if self.unbounded:
+            known = self.sensitivity[np.isfinite(self.sensitivity)]
+            lines = [f"peaks      {self.unbounded}"]
+            if known.size and self.guaranteed:
+                count = f"{known.size} of {self.omega.size} frequencies"
+                lines.append(f"S          at most {known.max():.4g} at {count}, for every consistent plant")
+            return lines
+        return [
+            f"{letters:10s} at most {self.peaks[name].value:.4g} at every frequency, for every consistent plant, near"
+            f" {self.peaks[name].omega / (2 * np.pi):.5g} Hz"
+            for name, letters in zip(MAPS, ("S", "T", "P S", "C S"), strict=True)
+        ]
 
 
 @one_thread()
 def loop_bounds(
-    band: Band, loop: Loop, controller: control.StateSpace | control.TransferFunction | None = None
+    band: Band, loop: Loop | None = None, controller: control.StateSpace | control.TransferFunction | None = None
 ) -> LoopBounds:
     r"""Worst cases of S, T, PS and CS over every plant that the data allow, with peaks and margins that hold for all of them.
 
@@ -187,8 +250,9 @@ def loop_bounds(
     ----------
     band : Band
         Of the stable system R of the loop, around a model.
-    loop : Loop
-        The controller that ran while it was measured.
+    loop : Loop, optional
+        The controller that ran while it was measured. Default: none, of a stable plant that was measured in open loop, whose band
+        this is then.
     controller : control.StateSpace or control.TransferFunction, optional
         Another controller. Default: the one that ran.
 
@@ -223,9 +287,17 @@ def loop_bounds(
     >>> found = rid.loop_bounds(rid.band(result), loop)
     >>> found.guaranteed, bool(1.31 < found.peaks["sensitivity"].value < 1.4)
     (True, True)
+
+    A plant that was measured in open loop, and a controller for it:
+
+    >>> frf = rid.FrequencyResponse(omega, [1 / (np.exp(0.01j * w) - 0.5) for w in omega], bound=0.02, dt=0.01)
+    >>> stable = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=10.0, decay_rate=1.4))
+    >>> found = rid.loop_bounds(rid.band(rid.identify(stable)), controller=gain)
+    >>> found.status.name, bool(1.49 < found.peaks["sensitivity"].value < 1.7)
+    ('STABLE', True)
     """
     as_kind("band", band, Band, "a Band")
-    as_kind("loop", loop, Loop, "a Loop")
+    loop = _without_controller(band, controller) if loop is None else as_kind("loop", loop, Loop, "a Loop")
     model = StateMatrices.of(_nominal(band))
     nu, ny = loop.shape
     if model.D.shape != (ny, nu) or not np.isclose(band.problem.dt or 0.0, loop.dt, rtol=1e-9, atol=0.0):
@@ -252,7 +324,21 @@ def loop_bounds(
         **{name: here[name].largest for name in MAPS},
         peaks=peaks,
         margins=margins,
+        refuted_by=None,
     )
+
+
+def _without_controller(band: Band, controller: object) -> Loop:
+    """The loop of a plant that is measured in open loop: no controller and no auxiliary plant."""
+    import control
+
+    if controller is None:
+        raise InputError(
+            "`controller` is missing: of a plant in open loop (no `loop`) give the one that is to be tried"
+        )
+    entries = band.problem.entries
+    nothing = np.zeros((entries.inputs, entries.outputs))
+    return Loop(control.StateSpace([], [], [], nothing, band.problem.dt or 0.0))
 
 
 def _nominal(band: Band) -> control.StateSpace:
@@ -278,6 +364,7 @@ def _without(band: Band, loop: Loop, controller: object, stability: RobustStabil
         **given,
         peaks=peaks,
         margins=margins,
+        refuted_by=None,
     )
 
 

@@ -36,6 +36,7 @@ class Side(Frozen):
     entries: Real  # (C, ny, nu)
     passive: bool = False  # every system of the class has F + F^H >= 0 on the axis
     result: Any = None  # Identification, MixedProblem or None: what consistent systems are those of
+    thing: Any = None  # the band, or the known system
 
     def __post_init__(self) -> None:
         self._set(edges=freeze(self.edges), entries=freeze(self.entries))
@@ -44,6 +45,11 @@ class Side(Frozen):
     def known(self) -> bool:
         """True of a system without error."""
         return not self.entries.any()
+
+    @property
+    def problem(self) -> MixedProblem | None:
+        """Problem of the consistent systems; None of a known one."""
+        return self.result.problem if isinstance(self.result, Identification) else self.result
 
     @property
     def dt(self) -> float | None:
@@ -73,7 +79,7 @@ def as_side(name: str, thing: object) -> Side:
                 f"`{name}` must be stable, standing alone; nothing bounds it below {circle.edges[0]:g} rad/s, as it has an"
                 " integrator"
             )
-        return Side(name, thing.model, circle.edges, circle.entries, _is_passive(thing), _members_of(thing))
+        return Side(name, thing.model, circle.edges, circle.entries, _is_passive(thing), _members_of(thing), thing)
     if not hasattr(thing, "feedback") or hasattr(thing, "frdata"):
         raise InputTypeError(
             f"`{name}` must be a Band (rid.band of its identification), an Identification, a WorstCaseError or a known"
@@ -92,7 +98,8 @@ def _known(name: str, thing: Any) -> Side:
     if not np.all(is_stable(matrices.A, dt or 0)[1]):
         raise InputError(f"`{name}` must be stable, standing alone; it has a pole that is not")
     model = control.StateSpace(*matrices, dt, remove_useless_states=False)
-    return Side(name, model, np.array([0.0, np.pi / dt if dt else np.inf]), np.zeros((1, *matrices.D.shape)))
+    edges = np.array([0.0, np.pi / dt if dt else np.inf])
+    return Side(name, model, edges, np.zeros((1, *matrices.D.shape)), thing=model)
 
 
 def _is_passive(thing: AroundModel) -> bool:

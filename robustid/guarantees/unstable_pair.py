@@ -11,13 +11,14 @@ import scipy.linalg
 from robustid.core import Budget, Complex, Real, StateMatrices, closed_loop, is_well_posed
 from robustid.data import FrequencyResponse
 from robustid.guarantees.loop_sides import Side
-from robustid.identification import Identification, identify
-from robustid.reduction import doubtful_distance
+from robustid.identification import Identification, identify, largest_ratio
+from robustid.reduction import doubtful_distance, is_stable
 
 if TYPE_CHECKING:
     import control
 
 _PAST = (0.1, 0.4, 0.9)  # of the way from the least error that closes the loop to the whole bound
+_ROUNDED = 1e-5  # of a bound: what a model of a consistent system may miss it by more
 _NEAR = 0.3  # of that way beyond: how near a system comes to the value that it is asked to have
 
 
@@ -86,6 +87,27 @@ def unstable_pair(sides: tuple[Side, Side], edge: Edge, dt: float, budget: Budge
         if pair is not None:
             return pair
     return None
+
+
+def pair_again(sides: tuple[Side, Side], models: tuple[control.StateSpace, control.StateSpace], dt: float) -> Pair:
+    """The pair of systems that were found before, judged again: stable ones with every sample inside its bound.
+
+    Raises
+    ------
+    ValueError
+        A system that is not, or a loop that is stable.
+    """
+    for side, model in zip(sides, models, strict=True):
+        problem = side.problem
+        if side.known:
+            continue
+        if problem is None or largest_ratio(problem, model) > 1 + _ROUNDED or not np.all(is_stable(model.A, dt)[1]):
+            raise ValueError(f"the {side.name} of its unstable pair does not agree with the data")
+    known = [side.model if side.known else model for side, model in zip(sides, models, strict=True)]
+    poles = poles_of_loop(known[0], known[1], dt)
+    if not poles.unstable.size:
+        raise ValueError("the loop of its unstable pair is stable")
+    return Pair(known[0], known[1], poles.unstable)
 
 
 def _members(sides: tuple[Side, Side], budget: Budget) -> list[Identification | None] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from robustid.core import Complex, Frozen, Real, StateMatrices, closed_loop, decay_of, poles_of, response_at
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
 from robustid.guarantees.value_set import along
-from robustid.identification import Identification, Loop, largest_ratio, nominal_model
+from robustid.identification import Identification, Loop, MixedProblem, describe_poles, largest_ratio, nominal_model
 from robustid.identification.formulation import Candidate
 from robustid.reduction import plant_of
 
@@ -47,9 +47,20 @@ class UnstablePlant(Frozen):
     loop_poles: Complex
     omega: float
 
+    @property
+    def unstable_poles(self) -> Complex:
+        """Poles of the loop that are not stable, the fastest growing first."""
+        growth = np.abs(self.loop_poles) - 1 if self.plant.dt else np.real(self.loop_poles)
+        order = np.argsort(-growth)
+        return self.loop_poles[order][growth[order] > 0]
+
+    @property
+    def pole_words(self) -> str:
+        """Words on the fastest growing pole of the loop."""
+        return describe_poles(self.unstable_poles[:1].real + 1j * np.abs(self.unstable_poles[:1].imag), self.plant.dt)
+
     def __repr__(self) -> str:
-        worst = self.loop_poles[np.argmax(np.abs(self.loop_poles))]
-        return f"<UnstablePlant: order {self.plant.nstates}, closed-loop pole at {worst:.5g}>"
+        return f"<UnstablePlant: order {self.plant.nstates}, closed-loop pole at {self.unstable_poles[0]:.5g}>"
 
 
 def unstable_plant(
@@ -59,8 +70,8 @@ def unstable_plant(
 
     At each frequency the consistent R that goes farthest towards a singular loop is tried.
     """
-    nominal = identification.model
-    if (found := _judged(identification, loop, controller, nominal, np.nan)) is not None:
+    nominal, problem = identification.model, identification.problem
+    if (found := judged_plant(problem, loop, controller, nominal, np.nan)) is not None:
         return found
     every, around = consistent_set(identification), loop.about(StateMatrices.of(nominal), controller)
     nu, ny = loop.shape
@@ -73,7 +84,7 @@ def unstable_plant(
         residual = _farthest(every.with_node(float(omega)), float(omega), towards)
         if residual is None:
             continue
-        if (found := _judged(identification, loop, controller, residual, float(omega))) is not None:
+        if (found := judged_plant(problem, loop, controller, residual, float(omega))) is not None:
             return found
     return None
 
@@ -101,11 +112,11 @@ def _farthest(every: ConsistentSet, omega: float, towards: Complex) -> control.S
     return nominal_model(every.posed, Candidate(*point, none, none, ""), every.level).model
 
 
-def _judged(
-    identification: Identification, loop: Loop, controller: StateMatrices, residual: control.StateSpace, omega: float
+def judged_plant(
+    problem: MixedProblem, loop: Loop, controller: StateMatrices, residual: control.StateSpace, omega: float
 ) -> UnstablePlant | None:
     """The plant of R, if R is stable and inside the bounds, and the loop with the controller is not stable."""
-    margin = largest_ratio(identification.problem, residual)
+    margin = largest_ratio(problem, residual)
     if margin > 1 + _ROUNDED or decay_of(residual.poles(), loop.dt) <= 0:
         return None
     plant = plant_of(loop, residual)

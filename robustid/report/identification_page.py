@@ -108,7 +108,7 @@ def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
         found += tube_section(identification, tube)
     if (sensitivity := parts.get("sensitivity")) is not None:
         found += sensitivity_section(identification, sensitivity)
-    return [*loop_section(identification, parts.get("loop"), parts.get("plant")), *found]
+    return [*loop_section(identification, parts.get("loop"), parts.get("plant"), parts.get("candidates")), *found]
 
 
 def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:

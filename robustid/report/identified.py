@@ -58,6 +58,8 @@ class Parts(TypedDict, total=False):
     undoing: Undoing | None
     loop: LoopBounds | None
     plant: PlantReduction | None
+    candidates: Mapping[str, LoopBounds] | None
+    forbidden: tuple[float, float] | None
 
 
 class Posed(Protocol):

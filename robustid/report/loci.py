@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from robustid.guarantees import Interconnection
-from robustid.report.charts import ALERT, FAINT, FINE, NOMINAL, Chart
+from robustid.core import Complex, Real, response_at
+from robustid.guarantees import Interconnection, LoopBounds
+from robustid.identification import as_system
+from robustid.report.charts import ALERT, FAINT, FINE, FURTHER, NOMINAL, Chart, Layer
 from robustid.report.value_sets import TURN, plane_layer, square_panel, with_gaps
 from robustid.report.words import HZ, number
 
 _MOST = 60  # discs
+_APART = 0.5  # of the larger radius: centres of discs that are drawn
 _WIDE = 3.0  # times the largest eigenvalue, or 1: larger discs say nothing
 
 
-def loci_chart(result: Interconnection) -> Chart:
-    """Eigenvalues of the product of both models, the discs around them, and -1: kept from it where no disc holds it."""
+def loci_chart(result: Interconnection, region: tuple[float, float] | None = None) -> Chart:
+    """Eigenvalues of the product of both models, the discs around them, and -1: kept from it where no disc holds it.
+
+    `region` is a forbidden one, a gain margin in dB and a phase margin in degrees.
+    """
     values, radii = result.loci.ravel(), result.radius.ravel()
     shown = np.flatnonzero(radii <= _WIDE * max(1.0, float(np.abs(values).max())))
-    shown = shown[:: max(1, shown.size // _MOST)]
-    outlines = [value + radius * TURN for value, radius in zip(values[shown], radii[shown], strict=True)]
+    outlines = _outlines(values[shown], radii[shown])
     layers = (
         [plane_layer("holds those of every pair", with_gaps(outlines), FAINT, dash="solid", size=FINE)]
         if outlines
@@ -27,9 +34,57 @@ def loci_chart(result: Interconnection) -> Chart:
     place = int(np.argmin(np.abs(result.omega - result.frequency)))
     words = f"models at {number(float(result.omega[place]) / HZ, 5)} Hz, which limits"
     layers += [
-        plane_layer("models", values, NOMINAL, marker="circle", size=0.4),
-        plane_layer(words, result.loci[place], ALERT, marker="diamond"),
+        plane_layer("models", values, NOMINAL, marker="circle", size=0.25),
+        *([plane_layer(words, result.loci[place], ALERT, marker="diamond")] if np.isfinite(result.margin) else []),
         plane_layer("-1", np.array([-1.0 + 0j]), ALERT, marker="x"),
     ]
+    if region is not None:
+        layers.append(_forbidden(*region, float(np.abs(values).max())))
     title = "Eigenvalues of source times load"
     return Chart("loci", [square_panel(title, "of the eigenvalues [–]", layers)])
+
+
+def _outlines(values: Complex, radii: Real) -> list[Complex]:
+    """Borders of discs, a few that are apart from each other."""
+    kept: list[int] = []
+    for k in range(len(values)):
+        away = np.abs(values[k] - values[kept])
+        if np.all(away > _APART * np.maximum(radii[k], radii[kept])):
+            kept.append(k)
+    kept = kept[:: max(1, len(kept) // _MOST)]
+    return [values[k] + radii[k] * TURN for k in kept]
+
+
+def _forbidden(gain: float, phase: float, largest: float) -> Layer:
+    """Border of the region of a gain and phase margin about the negative real axis."""
+    corner, angle, end = 10 ** (-gain / 20), math.radians(phase), max(1.5, largest)
+    arc = corner * np.exp(1j * np.linspace(-angle, angle, 41))
+    border = -np.concatenate([[end * np.exp(-1j * angle)], arc, [end * np.exp(1j * angle)]])
+    return plane_layer(f"forbidden, {gain:g} dB and {phase:g}°", border, FURTHER[2], dash="dash")
+
+
+def open_loop_chart(bounds: LoopBounds) -> Chart | None:
+    """Nyquist plot of the open loop with discs that hold those of every consistent plant; None of matrices.
+
+    The part around -1: of larger values nothing is decided.
+    """
+    if bounds.loop.shape != (1, 1):
+        return None
+    omega = bounds.omega[bounds.omega > 0]
+    centre, radius = bounds.plant_at(omega)
+    law = as_system("controller", bounds.controller)[0]
+    dt = bounds.loop.dt
+    gain = response_at(law, np.exp(1j * omega * dt) if dt else 1j * omega)[:, 0, 0]
+    values, radii = centre[:, 0, 0] * gain, radius * np.abs(gain)
+    near = np.isfinite(radii) & (np.abs(values) <= _WIDE + 0.5) & (radii <= _WIDE)
+    shown = np.flatnonzero(near)
+    if not shown.size:
+        return None
+    outlines = _outlines(values[shown], radii[shown])
+    line = np.where(np.abs(values) <= _WIDE + 0.5, values, np.nan)
+    layers = [
+        plane_layer("holds that of every consistent plant", with_gaps(outlines), FAINT, dash="solid", size=FINE),
+        plane_layer("centre", line, NOMINAL, dash="solid", marker="circle", size=0.4),
+        plane_layer("-1", np.array([-1.0 + 0j]), ALERT, marker="x"),
+    ]
+    return Chart("open-loop", [square_panel("Open loop, plant times controller", "of the open loop [–]", layers)])

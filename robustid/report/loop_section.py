@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robustid.errors import InputError
 from robustid.guarantees import LoopBounds
+from robustid.identification import describe_poles
 from robustid.report.charts import ALERT, BAND, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
 from robustid.report.data_faults import steps_with_faults
 from robustid.report.document import Block, Column, Drawing, Facts, Glance, Heading, Table, Text, Verdict, of_numbers
@@ -30,7 +32,10 @@ _NAMES = {
 
 
 def loop_section(
-    identification: Identification, bounds: LoopBounds | None, plant: PlantReduction | None
+    identification: Identification,
+    bounds: LoopBounds | None,
+    plant: PlantReduction | None,
+    candidates: Mapping[str, LoopBounds] | None = None,
 ) -> list[Block]:
     """Build the section of a plant in a loop; nothing where there is none."""
     if bounds is None and plant is None:
@@ -38,42 +43,57 @@ def loop_section(
     if bounds is not None and bounds.band.problem.plane != identification.problem.plane:
         raise InputError("`loop` must be about the identification reported; take loop_bounds(band, loop) of its band")
     intro = "The identification is that of the stable system R of a loop: every plant that the controller stabilises is P(R), and R"
-    intro += " is seen in open loop, by a signal without noise."
+    intro += " is seen in open loop, by a signal without noise. R is what the auxiliary plant leaves: parts of its response, in"
+    intro += " the sections on R, say nothing of parts of the plant's."
     found: list[Block] = [Heading("The plant and its loop", guarantee=True), Text(intro)]
     if plant is not None:
         found.append(Facts(_plant_rows(plant)))
     if bounds is None:
         return [*found, Text("There is no band of R that worst cases of the loop could be taken from.", "soft")]
-    return [*found, loop_verdict(bounds), Drawing(loop_chart(bounds, plant)), peaks_table(bounds), Facts(_rows(bounds))]
+    found += [loop_verdict(bounds), Drawing(loop_chart(bounds, plant)), peaks_table(bounds), Facts(loop_rows(bounds))]
+    return [*found, *candidates_section(candidates)]
 
 
 def loop_glance(identification: Identification, bounds: LoopBounds, parts: Parts) -> Glance:
     """Build the first screen of a plant in a loop: its model, and what holds of the loop."""
-    margins, plant = bounds.margins, parts.get("plant")
-    low, high = margins.gain
-    numbers = [
-        ("peak of S, every consistent plant", f"≤ {at_most(bounds.peaks['sensitivity'].value, 3)}"),
-        ("gain", f"{at_most(low, 3)} … {at_least(high, 3)}"),
-        ("phase", f"≥ {at_least(float(np.degrees(margins.phase)), 3)}°"),
-        ("delay", f"≥ {at_least(margins.delay, 3)} s"),
-    ]
+    plant, candidates = parts.get("plant"), parts.get("candidates")
+    numbers = loop_numbers(bounds)
     if plant is not None:
         numbers.insert(0, ("model of the plant, order", str(plant.order)))
     words = "Every plant that agrees with the data and the assumptions is in the range that is drawn, and keeps these margins with"
     words += f" the controller that ran, u = {bounds.loop.law}, proved at every frequency{scope(identification)}"
+    if bounds.unbounded:
+        words = f"The controller that ran, u = {bounds.loop.law}, stabilises every plant that agrees with the data; of its margins"
+        words += f" {bounds.unbounded}{scope(identification)}"
     words += f"; of R {poles_words(bounds.band)}." if bounds.band.problem.parametric is not None else "."
-    own = [
-        Text(
-            "Try another controller: loop_bounds(band, loop, controller)", code=("loop_bounds(band, loop, controller)",)
+    if candidates:
+        words += (
+            " Tried: "
+            + "; ".join(f"{name}: {loop_verdict(one).word.lower()}" for name, one in candidates.items())
+            + "."
         )
-    ]
+    code = "robustid loop FOLDER --controller NEW.npz"
+    own = [Text(f"Try another controller: {code}", code=(code,))]
     steps = steps_with_faults(identification.problem.placed_faults, parts.get("undoing"), own)
     return Glance(numbers=numbers, words=words, chart=first_panel(loop_chart(bounds, plant)), next=steps)
 
 
+def loop_numbers(bounds: LoopBounds) -> list[tuple[str, str]]:
+    """Numbers of the first screen: peak and margins that hold for every consistent plant; none where nothing is bounded."""
+    if bounds.unbounded:
+        return []
+    low, high = bounds.margins.gain
+    return [
+        ("peak of S, every consistent plant", f"≤ {at_most(bounds.peaks['sensitivity'].value, 3)}"),
+        ("gain", f"{at_most(low, 3)} … {at_least(high, 3)}"),
+        ("phase", f"≥ {at_least(float(np.degrees(bounds.margins.phase)), 3)}°"),
+        ("delay", f"≥ {at_least(bounds.margins.delay, 3)} s"),
+    ]
+
+
 def loop_summary(bounds: LoopBounds) -> list[Block]:
     """Build the summary at the terminal."""
-    return [loop_verdict(bounds), peaks_table(bounds), Facts(_rows(bounds))]
+    return [loop_verdict(bounds), peaks_table(bounds), Facts(loop_rows(bounds))]
 
 
 def _plant_rows(plant: PlantReduction) -> list[tuple[str, str]]:
@@ -93,15 +113,22 @@ def _plant_rows(plant: PlantReduction) -> list[tuple[str, str]]:
 
 def loop_verdict(bounds: LoopBounds) -> Verdict:
     """Verdict on a controller with every consistent plant."""
-    peak = bounds.peaks["sensitivity"]
-    numbers = (("peak of S", at_most(peak.value, 3)), ("zone", bounds.zone))
+    peak, ran = bounds.peaks["sensitivity"], bounds.stability is None
+    numbers = () if bounds.unbounded else (("peak of S", at_most(peak.value, 3)), ("zone", bounds.zone))
+    if (plant := bounds.refuted_by) is not None:
+        words = f"A plant that the data allow is not stabilised by the controller: their loop has a {plant.pole_words}."
+        return Verdict("inconsistent", "Refused", words, (), id="loop-verdict")
     if not bounds.guaranteed:
-        words = "Not every consistent plant is proved to be stabilised by the controller."
-        return Verdict("weak", "Not guaranteed", words, numbers, id="loop-verdict")
-    which = "The controller that ran" if bounds.stability is None else "The controller"
-    words = (
-        f"{which} stabilises every consistent plant; the sensitivity is at most {at_most(peak.value)} with any of them."
-    )
+        margin = 0.0 if bounds.stability is None else bounds.stability.margin
+        words = (
+            "Not every consistent plant is proved to be stabilised by the controller, and none was found that is not."
+        )
+        size = (("margin (1 is needed)", at_least(margin, 3)),)
+        return Verdict("weak", "Undecided", words, size, id="loop-verdict")
+    words = f"The controller{' that ran' * ran} stabilises every consistent plant"
+    words += "." if bounds.unbounded else f"; the sensitivity is at most {at_most(peak.value)} with any of them."
+    if bounds.unbounded:
+        words += f" Of the maps of the loop {bounds.unbounded}."
     return Verdict("consistent", "Stable with every consistent plant", words, numbers, id="loop-verdict")
 
 
@@ -113,12 +140,18 @@ def peaks_table(bounds: LoopBounds) -> Table:
         if np.isfinite(bounds.peaks[name].value)
     ]
     heads = Column("map of the loop"), *of_numbers("largest, for every consistent plant", "near [Hz]")
-    return Table(heads, rows, empty="No peak is bounded.")
+    return Table(heads, rows, empty=f"No peak is bounded: {bounds.unbounded}.")
 
 
-def _rows(bounds: LoopBounds) -> list[tuple[str, str]]:
+def loop_rows(bounds: LoopBounds) -> list[tuple[str, str]]:
+    """Facts on the margins, the zone and what is assumed."""
+    ran = f", and that {'this controller' if bounds.stability is None else 'the controller stated'} ran: u = {bounds.loop.law}."
+    what = "The class of the plant and the bounds of its samples." if bounds.in_open_loop else None
+    assumed = ("Assumed", what or f"The class of R, the bounds of its samples{ran}")
     margins = bounds.margins
     low, high = margins.gain
+    if bounds.unbounded:
+        return [("Margins", f"None: {bounds.unbounded}."), assumed]
     return [
         (
             "Gain",
@@ -131,8 +164,51 @@ def _rows(bounds: LoopBounds) -> list[tuple[str, str]]:
             "ISO 14839-3",
             f"Zone {bounds.zone} of the edition of 2006 for magnetic bearings (A: S up to 3, B: 4, C: 5), by the peak of S alone.",
         ),
-        ("Assumed", f"The class of R, the bounds of its samples, and that this controller ran: u = {bounds.loop.law}."),
+        assumed,
     ]
+
+
+def refuting_plant(bounds: LoopBounds) -> list[Block]:
+    """Blocks on the plant that refutes a controller; none of one that is not refuted."""
+    if (found := bounds.refuted_by) is None:
+        return []
+    return [
+        Heading("The plant that is not stabilised", 3),
+        Facts(
+            [
+                ("Order", f"{found.plant.nstates}"),
+                ("Data", f"Every sample is within {at_most(found.margin)} of its bound."),
+                ("Closed loop", f"A {describe_poles(found.unstable_poles, found.plant.dt)}."),
+            ]
+        ),
+    ]
+
+
+def candidates_table(candidates: Mapping[str, LoopBounds]) -> Table:
+    """Controllers that were tried: verdict, worst cases and margins of each."""
+    rows: list[list[str]] = []
+    for name, one in candidates.items():
+        word, margins = loop_verdict(one).word.split()[0], one.margins
+        if one.unbounded:
+            rows.append([name, word, *["–"] * 4])
+            continue
+        low, high = margins.gain
+        peak, phase = one.peaks["sensitivity"].value, float(np.degrees(margins.phase))
+        rows.append(
+            [name, word, at_most(peak, 3), f"{at_most(low, 3)} to {at_least(high, 3)}", at_least(phase, 3), one.zone]
+        )
+    heads = Column("controller"), Column("verdict")
+    return Table([*heads, *of_numbers("peak of S", "gain", "phase [°]"), Column("zone")], rows)
+
+
+def candidates_section(candidates: Mapping[str, LoopBounds] | None, level: int = 3) -> list[Block]:
+    """Build the part on the controllers that were tried, under a heading of a level; nothing where there are none."""
+    if not candidates:
+        return []
+    refused = [
+        Text(f"{name}: {loop_verdict(one).sentence}") for name, one in candidates.items() if one.refuted_by is not None
+    ]
+    return [Heading("Controllers that were tried", level), candidates_table(candidates), *refused]
 
 
 def loop_chart(bounds: LoopBounds, plant: PlantReduction | None = None) -> Chart:
@@ -157,16 +233,11 @@ def loop_chart(bounds: LoopBounds, plant: PlantReduction | None = None) -> Chart
     drawn = np.concatenate([one.y for one in curves])
     known = drawn[np.isfinite(drawn) & (drawn > 0)]
     span = (max(1e-3 * known.max(), known.min() / 1.5), 1.5 * known.max()) if known.size else None
-    return Chart(
-        "loop",
-        (
-            Panel("Plant", axis, Axis("magnitude", log=True, range=(floor, top)), (area, line)),
-            Panel(
-                "Loop: largest for every consistent plant", axis, Axis("largest value", log=True, range=span), curves
-            ),
-        ),
-        linked=True,
-    )
+    panels = [Panel("Plant", axis, Axis("magnitude", log=True, range=(floor, top)), (area, line))]
+    if bounds.refuted_by is None:
+        largest = Axis("largest value", log=True, range=span)
+        panels.append(Panel("Loop: largest for every consistent plant", axis, largest, curves))
+    return Chart("loop", panels, linked=True)
 
 
 def _drawn(centre: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -11,7 +11,15 @@ from robustid.core import Unfinished, as_flag, as_kind, atomic_write
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
-from robustid.guarantees import Family, RobustStabilityMargin, StructuredWeight, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import (
+    Family,
+    Interconnection,
+    LoopBounds,
+    RobustStabilityMargin,
+    StructuredWeight,
+    WorstCaseError,
+    WorstCaseOverPoles,
+)
 from robustid.identification import Identification
 from robustid.report import html, with_rich
 from robustid.report.data_faults import problem_verdict
@@ -27,6 +35,8 @@ from robustid.report.identification_page import (
     margin_interval,
 )
 from robustid.report.identified import Parts
+from robustid.report.interconnection_page import interconnection_page
+from robustid.report.loop_page import loop_page
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
 from robustid.report.stability import stability_summary, weights_summary
@@ -38,7 +48,7 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _LINES = 18  # of a summary
-Shown = Identification | MatrixFraction | FrequencyResponse | Family
+Shown = Identification | MatrixFraction | FrequencyResponse | Family | LoopBounds | Interconnection
 
 
 def write_report(
@@ -59,11 +69,13 @@ def write_report(
     fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
     numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
     bound, noise and distortion, coherence, and the spectra of the records. Of a family: its members, its band, who drives it
-    where, how it moves with the condition, and what is not known. The page works offline and fetches nothing.
+    where, how it moves with the condition, and what is not known. Of LoopBounds: whether the controller stabilises every consistent
+    plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
+    the eigenvalue loci, what limits and what to measure. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification, MatrixFraction, FrequencyResponse or Family
+    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds or Interconnection
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -122,6 +134,10 @@ def write_report(
         Of a plant in a loop, from `loop_bounds(band, loop)`: worst cases and margins over every consistent plant, a section.
     plant : PlantReduction, optional
         Of a plant in a loop, from `reduce_plant(identification, loop)`: its small model, in the same section.
+    candidates : mapping of str to LoopBounds, optional
+        Other controllers by their names, from `loop_bounds(band, loop, controller)`: their verdicts, worst cases and margins.
+    forbidden : (float, float), optional
+        Of an Interconnection: gain margin in dB and phase margin in degrees of a forbidden region, drawn and decided.
 
     Raises
     ------
@@ -160,12 +176,14 @@ def render_report(
     return html.render(build(identification, title, given), static=static)
 
 
-_OF_DATA = ("data", "order_sweep", "records")
+_OF_DATA = ("data", "order_sweep", "records", "forbidden")
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
     MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
-    FrequencyResponse: (response_page, (*_OF_DATA[2:], "undoing")),
+    FrequencyResponse: (response_page, ("records", "undoing")),
     Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing")),
+    LoopBounds: (loop_page, ("candidates",)),
+    Interconnection: (interconnection_page, ("forbidden",)),
 }
 
 

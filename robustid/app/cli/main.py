@@ -26,6 +26,8 @@ COMMANDS = {  # in the order of the list, with the file of each
     "frf": "experiment",
     "fit": "fit",
     "bounds": "bounds",
+    "loop": "loops",
+    "connect": "loops",
     "verify": "verify",
     "reduce": "reduce",
     "report": "report",
@@ -70,8 +72,8 @@ app = typer.Typer(
     --dt 0.01 --frequency-bound 0.03 --time-bound 0.03[/bold]. From recorded signals: [bold]robustid frf[/bold] makes the
     frequency response and its bound; [bold]robustid excite[/bold] designs what to play.
 
-    Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof), 4 either, but of data with a fault that nothing has
-    undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.""",
+    Exit codes: 0 consistent or proved, 3 inconsistent or refuted (a finding, with its proof), 4 either, but of data with a fault
+    that nothing has undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.""",
 )
 
 

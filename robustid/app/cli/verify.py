@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,15 +15,19 @@ from robustid.app.cli.screen import in_words, say, step, telling
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Band, Interconnection, LoopBounds, WorstCaseError, WorstCaseOverPoles
     from robustid.identification import Identification
 
+_KINDS = ("identification", "worst-case error", "band over poles", "band", "loop bounds", "interconnection")
 _ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
 
 
 def verify(
     source: Annotated[
-        Path, typer.Argument(help="A saved identification or saved bounds (NAME, NAME.npz or NAME.json).")
+        Path,
+        typer.Argument(
+            help="A saved identification, saved bounds, a loop or a connection (NAME, NAME.npz or NAME.json)."
+        ),
     ],
     exact: Annotated[
         bool, typer.Option("--exact", help="In ball arithmetic too, every rounding enclosed: needs robustid\\[exact].")
@@ -35,27 +39,51 @@ def verify(
     130 interrupted.
     """
     from robustid.app.load_save import load_result
-    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Band, Interconnection, LoopBounds
 
     console = screen.console()
     with in_words({"exact": "--exact"}):
-        result = load_result(source, "identification", "worst-case error", "band over poles", "band")
-        failed: list[str] = []
-        if isinstance(result, Band):
-            failed += _sum_failures(console, result, exact)
+        result = load_result(source, *_KINDS)
+        if isinstance(result, LoopBounds | Interconnection):
+            failed = _loop_failures(console, result, exact)
         else:
-            failed += _identification_failures(console, getattr(result, "identification", result), exact)
-        if isinstance(result, WorstCaseError):
-            failed += _bound_failures(console, result, exact)
-        elif isinstance(result, WorstCaseOverPoles):
-            failed += _band_failures(console, result, exact)
+            failed = _failures(console, result, exact)
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
-    assumed = [] if isinstance(result, Band) else [_ASSUMED]  # a band says its own
+    assumed = [] if isinstance(result, Band | LoopBounds | Interconnection) else [_ASSUMED]  # these say their own
     say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", *assumed)
     for name in failed:
         console.print(f"[red]FAILED[/red]     {screen.plain(name)}", highlight=False, soft_wrap=True)
     console.print("[red]not verified[/red]" if failed else "[green]verified[/green]", highlight=False)
     raise typer.Exit(1 if failed else 0)
+
+
+def _failures(console: Console, result: Any, exact: bool) -> list[str]:
+    """Print what an identification, or bounds, claim; the names of what does not hold."""
+    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+
+    if isinstance(result, Band):
+        return _sum_failures(console, result, exact)
+    failed = _identification_failures(console, getattr(result, "identification", result), exact)
+    if isinstance(result, WorstCaseError):
+        failed += _bound_failures(console, result, exact)
+    elif isinstance(result, WorstCaseOverPoles):
+        failed += _band_failures(console, result, exact)
+    return failed
+
+
+def _loop_failures(console: Console, result: LoopBounds | Interconnection, exact: bool) -> list[str]:
+    """Print the verdict on a loop, which loading evaluated anew, and the proofs of its bands; the names of what fails."""
+    from robustid.guarantees import Family, LoopBounds
+
+    say(console, result.summary(), "verified   the verdict, from the bands, the models and what refutes it")
+    sides = [result.band] if isinstance(result, LoopBounds) else [result.source, result.load]
+    failed: list[str] = []
+    for side in sides:
+        members = [one.result for one in side.members] if isinstance(side, Family) else [side]
+        for one in members:
+            if hasattr(one, "problem"):  # no known system
+                failed += _failures(console, one, exact)
+    return failed
 
 
 def _identification_failures(console: Console, result: Identification, exact: bool) -> list[str]:

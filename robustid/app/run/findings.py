@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robustid.app.run.candidates import candidate_words
 from robustid.app.run.class_choice import SPARE
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
@@ -53,9 +54,13 @@ def sentences(work: Work) -> tuple[str, ...]:
     found = [*model_warnings(small, work.doubtful), *class_words(run, result)]
     if work.plant is not None:  # a small R of order 0 is no fault: the auxiliary plant says it all
         found = [plant_words(work.plant, work.looped), *class_words(run, result)]
+        found[1:1] = [candidate_words(name, one) for name, one in work.tried.items()]
+        if work.controllers and work.looped is None:
+            found.insert(1, "No controller was tried: there is no band of R that plants could be taken from.")
     if said is not None and said.empty:
         found.insert(0, said.summary())
-    if work.band is not None:
+    looped = work.plant is not None
+    if work.band is not None and not looped:
         found.append(band_words(work.band, work.error, work.withheld))
     if work.wider is not None:
         found.append(wider_words(work.wider.factor, work.wider.band.with_model(work.model)))
@@ -68,7 +73,8 @@ def sentences(work: Work) -> tuple[str, ...]:
         found.append(work.not_compared)
     found += [unused_words(small.model, points) for points in left.points]
     if work.error is not None:
-        found.append(error_words(work.error, work.withheld))
+        found += [work.error.unfinished] * bool(looped and work.error.missing.size)
+        found += [] if looped else [error_words(work.error, work.withheld)]
         if run.modes.source is Source.DATA and run.modes.hz and not run.worst_case.over_poles:
             found.append(pole_words(result, run.modes))
     elif said is not None and said.empty and run.worst_case.compute:
@@ -97,8 +103,16 @@ def plant_words(plant: PlantReduction, looped: LoopBounds | None) -> str:
     found += f" {plant.margin:.4g} of its bound."
     if looped is None:
         return found
+    if looped.unbounded:
+        return f"{found} Of the loop with every consistent plant {looped.unbounded}."
     peak, margins = looped.peaks["sensitivity"], looped.margins
     low, high = margins.gain
+    omega = looped.omega[looped.omega > 0]
+    (centre, radius), model = looped.plant_at(omega), looped.loop.response_of(plant.model, omega)
+    away = np.linalg.norm(centre - model, 2, axis=(1, 2)) + radius
+    share = 100 * float(np.median(away / np.linalg.norm(model, 2, axis=(1, 2))))
+    found += f" Every consistent plant is within {at_most(share, 3)} % of this model's response in the median of {omega.size}"
+    found += f" frequencies up to {omega.max() / (2 * np.pi):.4g} Hz{looped.band.problem.scope}."
     return (
         f"{found} With every consistent plant the sensitivity is at most {peak.value:.4g} (zone {looped.zone} of ISO 14839-3:2006),"
         f" and the loop is stable for gains from {low:.3g} to {high:.3g} times that of the controller and phases up to"

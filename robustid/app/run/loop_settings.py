@@ -37,6 +37,11 @@ class LoopChoice:
         metavar="FILE",
     )
 
+    candidates: tuple[str, ...] | None = key(
+        several(text()),
+        help="Files with other controllers, models, that are tried in the loop of every consistent plant.",
+    )
+
     @property
     def is_stated(self) -> bool:
         """Return whether there is a loop."""

@@ -6,11 +6,12 @@ import contextlib
 import dataclasses
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from robustid.advice import Experiment
+from robustid.app.run.controllers import read_controllers
 from robustid.app.run.kept_out import Split, estimate_of, split
 from robustid.app.run.looped import auxiliary_words, faults_of, loop_of, with_faults
 from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, read_source
@@ -22,6 +23,9 @@ from robustid.data import Fault, FrequencyResponse, TimeRecord, decimate, detren
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import bounds_from_noise_floor, estimate_delay, response_faults
 from robustid.identification import Loop
+
+if TYPE_CHECKING:
+    import control
 
 S = TypeVar("S", RecordSource, ResponseSource)
 Used = list[tuple[str, list[TimeRecord]]]  # records, with what they are used for
@@ -63,6 +67,7 @@ class Measured(NamedTuple):
     excited: tuple[TimeRecord, ...] = ()
     origins: Origins = Origins()
     loop: Loop | None = None  # that responses and records are opened from
+    controllers: Mapping[str, control.StateSpace] = {}  # others that are tried in it
 
     @property
     def dt(self) -> float | None:
@@ -109,6 +114,8 @@ def measured(
     run, data = _bounded(run, records)
     if loop is not None:
         data = data._replace(responses=tuple(with_faults(one, faults) for one in data.responses))
+        others = read_controllers([folder / name for name in run.loop.candidates or ()], "[loop] candidates:", loop)
+        data = data._replace(controllers=others)
     origins = _origins(records, len(data.responses), len(read))
     data = data._replace(responses=(*data.responses, *read), origins=origins, loop=loop)
     if (entry := run.entry) is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 from robustid.advice import Content, Diagnosis
@@ -67,6 +68,8 @@ class IdentifiedReduced(Frozen):
         Of a plant in a loop: worst cases and margins of the controller that ran, over every consistent plant.
     plant : PlantReduction or None
         Of a plant in a loop: its small model; `model` is that of the stable system R.
+    candidates : dict of str to LoopBounds
+        Other controllers that the run file names: each proved for every consistent plant, refuted by one, or neither.
     """
 
     identification: Identification
@@ -86,6 +89,7 @@ class IdentifiedReduced(Frozen):
     undoing: Undoing | None = None
     loop: LoopBounds | None = None
     plant: PlantReduction | None = None
+    candidates: Mapping[str, LoopBounds] = dataclasses.field(default_factory=dict[str, LoopBounds])
 
     @property
     def choices(self) -> dict[str, Choice]:
@@ -100,13 +104,15 @@ class IdentifiedReduced(Frozen):
     @property
     def numbers(self) -> dict[str, Savable | None]:
         """Everything that is saved with its proofs, by the names of the files."""
-        return {
+        found: dict[str, Savable | None] = {
             "identification": self.identification,
             "worst_case": self.error,
             "over_poles": self.over_poles,
             "band": self.band,
             "wider_band": None if self.wider is None else self.wider.band,
+            "loop": self.loop,
         }
+        return found | {f"loop-{name}": bounds for name, bounds in self.candidates.items()}
 
     @property
     def consistent(self) -> bool:
@@ -151,6 +157,7 @@ class IdentifiedReduced(Frozen):
             undoing=self.undoing,
             loop=self.loop,
             plant=self.plant,
+            candidates=self.candidates or None,
         )
 
 

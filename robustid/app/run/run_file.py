@@ -128,9 +128,10 @@ class RunFile(Frozen, General):
         named = {
             one: name(file) for one in ("controller", "auxiliary") if (file := getattr(self.loop, one)) is not None
         }
-        return dataclasses.replace(
-            self, record=record, frequency=frequency, loop=dataclasses.replace(self.loop, **named)
-        )
+        loop = dataclasses.replace(self.loop, **named)
+        if loop.candidates is not None:
+            loop = dataclasses.replace(loop, candidates=tuple(map(name, loop.candidates)))
+        return dataclasses.replace(self, record=record, frequency=frequency, loop=loop)
 
     def of_member(self, name: str) -> RunFile:
         """The run file of one member alone; a record of the noise floor is of all that don't have their own."""

@@ -22,7 +22,8 @@ from robustid.guarantees import Band
 from robustid.identification import Identification, MixedProblem
 
 RUN_FILE = "run.toml"
-_NUMBERS = ("identification", "band", "wider_band", "worst_case", "over_poles", "family", "fit")
+_NUMBERS = ("identification", "band", "wider_band", "worst_case", "over_poles", "family", "fit", "loop")
+_TRIED = "loop-*.*"
 _PAGE, _MODEL, _PLANT, _SUMMARY, _RESPONSE, _UNFINISHED = (
     "report.html",
     "small_model.npz",
@@ -63,7 +64,8 @@ class RunFolder:
             return []
         names = [name for part in _NUMBERS for name in paths(self.folder / part)]
         names += [self.folder / name for name in (RUN_FILE, _PAGE, _MODEL, _PLANT, _SUMMARY)]
-        return [path for path in (*names, *self.folder.glob(_RESPONSE.format("*"))) if path.is_file()]
+        names += [*self.folder.glob(_RESPONSE.format("*")), *self.folder.glob(_TRIED)]
+        return [path for path in names if path.is_file()]
 
     def _clear(self) -> None:
         if self.unfinished is not None and self.unfinished.is_dir():
@@ -143,6 +145,9 @@ class RunFolder:
         save_model(result.model, self.folder / _MODEL)
         if isinstance(result, IdentifiedReduced) and result.plant is not None:
             save_model(result.plant.model, self.folder / _PLANT)
+            for name, found in result.candidates.items():
+                if found.refuted_by is not None:
+                    save_model(found.refuted_by.plant, self.folder / f"loop-{name}-plant.npz")
         result.report(self.folder / _PAGE, static=self.static)
         self._clear()
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid.advice import Diagnosis, content, diagnose
 from robustid.app.run import findings
+from robustid.app.run.candidates import tried
 from robustid.app.run.class_choice import SPARE, inflated_problem, with_larger_gain
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured
@@ -33,7 +34,7 @@ from robustid.guarantees import (
     worst_case_error,
     worst_case_over_poles,
 )
-from robustid.identification import Identification, Loop, MixedProblem, identify, largest_ratio
+from robustid.identification import Identification, MixedProblem, identify, largest_ratio
 from robustid.reduction import (
     model_worth_having,
     reduce_plant,
@@ -55,7 +56,7 @@ _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
 
 def from_data(run: RunFile, data: Measured, around: Surroundings) -> IdentifiedReduced:
     """The result with modes, frequency points, bounds and prior as the run file says, or chosen."""
-    return _whole(*posed(run, data, around), around, data.loop)
+    return _whole(*posed(run, data, around), around, data)
 
 
 def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> IdentifiedReduced:
@@ -64,13 +65,14 @@ def from_problem(run: RunFile, problem: MixedProblem, around: Surroundings) -> I
 
 
 def _whole(
-    run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings, loop: Loop | None = None
+    run: RunFile, problem: MixedProblem, left: Untouched, around: Surroundings, data: Measured | None = None
 ) -> IdentifiedReduced:
     """Consistency, the small model, its error, and what can be said of them."""
     work, asked = decided(run, problem, left, around), run.worst_case
-    work.loop = loop
+    if data is not None:
+        work.loop, work.controllers = data.loop, data.controllers
     small: list[Step] = [reduced, compared_with_fits, without_doubtful]
-    if loop is not None:  # fits are those of the plant
+    if work.loop is not None:  # fits are those of the plant
         small = [reduced]
     if not work.identification.consistent:
         carry_out(work, [*([proved_if_wider] if asked.compute else []), *small, diagnosed])
@@ -83,7 +85,7 @@ def _whole(
             carry_out(work, [*([narrowed] if chosen and not (asked.over_poles or asked.circle) else swept), judged])
         if asked.over_poles:
             carry_out(work, [bounded_over_box, refined])
-    carry_out(work, [in_loop])
+    carry_out(work, [in_loop, tried])
     return IdentifiedReduced(
         withheld=work.withheld,
         identification=work.identification,
@@ -101,6 +103,7 @@ def _whole(
         unfinished=around.unfinished,
         loop=work.looped,
         plant=work.plant,
+        candidates=work.tried,
     )
 
 

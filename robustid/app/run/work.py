@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from robustid.advice import Content, Diagnosis
@@ -67,6 +67,8 @@ class Work:
     undoing: Undoing | None = None
     loop: Loop | None = None  # that the data were opened from
     looped: LoopBounds | None = None
+    controllers: Mapping[str, control.StateSpace] = dataclasses.field(default_factory=dict[str, "control.StateSpace"])
+    tried: dict[str, LoopBounds] = dataclasses.field(default_factory=dict[str, LoopBounds])
     plant: PlantReduction | None = None
 
     @property
@@ -94,6 +96,7 @@ class Work:
             "undoing": self.undoing,
             "loop": self.looped,
             "plant": self.plant,
+            "candidates": self.tried or None,
         }
 
 

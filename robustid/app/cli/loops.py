@@ -1,0 +1,295 @@
+"""robustid loop: controllers with every consistent plant; robustid connect: two measured parts, every pair of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Force, Output, Report, Static, words_of
+from robustid.app.cli.screen import in_words, say, telling
+from robustid.errors import InputError, Status
+
+if TYPE_CHECKING:
+    import control
+    from rich.console import Console
+
+    from robustid.core import Progress
+    from robustid.guarantees import Band, Interconnection, LoopBounds
+    from robustid.identification import Identification, Loop
+
+_KINDS = ("loop bounds", "band", "identification")
+
+
+def loop(
+    *,
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of a run with \\[loop], or a saved loop; of a plant that was measured in open loop the folder of its run,"
+            " its band or its identification."
+        ),
+    ],
+    controller: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Controller C of u = r - C y, a model in .npz or .mat with the sample time of the loop. Repeatable. Default: the"
+            " one that ran."
+        ),
+    ] = None,
+    output: Output = Path("tried"),
+    report: Report = None,
+    static: Static = False,
+    force: Force = False,
+) -> None:
+    """Try controllers on every plant that the data allow: proved stable with all of them, or refused with one that is not.
+
+    Of each: peaks of S, T, PS and CS, margins and zone that hold for every consistent plant. A plant that refutes it is written as
+    NAME-plant.npz. Of several controllers the files are NAME-CONTROLLER.
+
+    [bold]Example[/bold]: robustid loop bench --controller new.npz -o new --report new.html
+
+    Exit codes: 0 every controller is proved stable, 3 one is refuted by a plant (a finding), 4 either, but of data with a fault
+    that nothing has undone, 1 undecided, 2 misuse, 70 an error of the program, 130 interrupted.
+    """
+    from robustid.app.run.controllers import read_controllers
+
+    console, paths = screen.console(), controller or []
+    written_files.check_static(report, static)
+    places = {path.stem: _beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
+    wanted = [
+        file for one in places.values() for file in (*written_files.result_files(one), _beside(one, "-plant.npz"))
+    ]
+    if len(places) < len(paths):
+        raise InputError("--controller: two files have the same name; rename one of them")
+    written_files.check_outputs([*wanted, report], [*_read(source), *paths], force)
+    words = words_of(
+        loop, controller="--controller", band="the band", loop="the loop", identification="the identification"
+    )
+    with in_words(words), telling(console) as progress:
+        progress(f"reading {source}", 0, 0)
+        ran = _Measured.of(source, progress)
+        found = {} if paths else {"": ran.tried(None)}
+        for name, model in read_controllers(paths, "--controller", ran.loop).items():
+            progress(f"trying {name}", 0, 0)
+            found[name] = ran.tried(model)
+            _say_tried(console, name, found[name])
+            _keep_tried(console, places[name], found[name])
+        if not paths:
+            _say_tried(console, "", found[""])
+        if report is not None:
+            _draw(console, found, report, static)
+    worst = max((one.status.name for one in found.values()), key=("STABLE", "UNDECIDED", "UNSTABLE").index)
+    status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[worst]
+    raise typer.Exit(screen.exit_code(status, bool(ran.band.problem.open_faults)))
+
+
+@dataclasses.dataclass
+class _Measured:
+    """A band, the loop that it was measured in (None: none), and the identification where it is at hand."""
+
+    band: Band
+    loop: Loop | None
+    identification: Identification | None = None
+
+    @classmethod
+    def of(cls, source: Path, progress: Progress) -> _Measured:
+        """The contents of a folder or a file."""
+        from robustid.app.load_save import load_result
+        from robustid.core import paths
+        from robustid.guarantees import Band, LoopBounds, band
+
+        identified = None
+        if source.is_dir() and paths(source / "identification")[1].is_file():
+            identified = load_result(source / "identification", "identification")
+        thing = load_result(_place(source, ("loop", "band")), *_KINDS)
+        if isinstance(thing, LoopBounds):
+            return cls(thing.band, thing.loop, identified)
+        if isinstance(thing, Band):
+            return cls(thing, None, identified)
+        progress("proving the error at every frequency", 0, 0)
+        return cls(band(thing.require(), progress=progress), None, thing)
+
+    def tried(self, model: control.StateSpace | None) -> LoopBounds:
+        """The bounds of a controller, or of the one that ran; with a plant that refutes it, where one is found."""
+        from robustid.guarantees import loop_bounds
+
+        return loop_bounds(self.band, self.loop, model).refuted(self.identification)
+
+
+def _place(source: Path, names: tuple[str, ...]) -> Path:
+    """The file of a run folder under the first of the names that is there; any other path as it is."""
+    from robustid.core import paths
+
+    if not source.is_dir():
+        return source
+    for name in names:
+        if paths(source / name)[1].is_file():
+            return source / name
+    held = " and no ".join(f"{name}.npz" for name in names)
+    raise InputError(f"the folder {source} holds no {held}: it is not that of a finished run of one plant with a band")
+
+
+def _read(source: Path) -> list[Path]:
+    """Files that may be read."""
+    from robustid.core import paths
+
+    if not source.is_dir():
+        return written_files.sources(source)
+    return [file for name in ("loop", "band", "identification") for file in paths(source / name)]
+
+
+def _beside(output: Path, ending: str) -> Path:
+    base = written_files.result_files(output)[0].with_suffix("")
+    return base.with_name(base.name + ending)
+
+
+def _say_tried(console: Console, name: str, found: LoopBounds) -> None:
+    say(console, *([f"controller {name}:"] if name else []), found.summary())
+
+
+def _keep_tried(console: Console, place: Path, found: LoopBounds) -> None:
+    """Write the bounds, and the plant that refutes the controller."""
+    from robustid.app.load_save import save
+
+    found.save(place)
+    plant = None
+    if found.refuted_by is not None:
+        plant = _beside(place, "-plant.npz")
+        save(plant, found.refuted_by.plant)
+    screen.say_written(console, *written_files.result_files(place), plant)
+
+
+def _draw(console: Console, found: dict[str, LoopBounds], report: Path, static: bool) -> None:
+    """Write the page: of the first controller, the others beside it."""
+    from robustid.report import write_report
+
+    first = next(iter(found))
+    title = f"Controller {first}" if first else "The controller that ran"
+    others = found if len(found) > 1 else None
+    write_report(found[first], report, title=title, static=static, candidates=others)
+    screen.say_written(console, report)
+
+
+def connect(
+    *,
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A saved band or identification, the folder of a run, or a model, which is known without error."
+        ),
+    ],
+    load: Annotated[
+        Path,
+        typer.Argument(
+            help="The other part, from the outputs of the source to its inputs; beside an impedance an admittance."
+        ),
+    ],
+    time_limit: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Time of the search for an unstable pair where nothing is proved."),
+    ] = None,
+    keep_out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DB:DEGREES",
+            help="Gain and phase margin of a forbidden region of the eigenvalue loci, drawn in the report.",
+        ),
+    ] = None,
+    output: Output = Path("connection"),
+    report: Report = None,
+    static: Static = False,
+    force: Force = False,
+) -> None:
+    """Decide whether two measured parts make a stable loop, whichever of their consistent systems they are.
+
+    The loop is closed by negative feedback, 1 + source times load: a source impedance and a load admittance, for instance. Systems
+    of an unstable pair are written as NAME-source.npz and NAME-load.npz.
+
+    [bold]Example[/bold]: robustid connect source.npz load.npz -o pair --report pair.html
+
+    Exit codes: 0 stable for every pair, proved, 3 unstable, with a pair (a finding), 4 either, but of data with a fault that
+    nothing has undone, 1 undecided, 2 misuse, 70 an error of the program, 130 interrupted.
+    """
+    from robustid.guarantees import interconnection
+    from robustid.report import write_report
+
+    console, region = screen.console(), _region(keep_out)
+    written_files.check_static(report, static)
+    files, pair = written_files.result_files(output), [_beside(output, f"-{part}.npz") for part in ("source", "load")]
+    written_files.check_outputs([*files, *pair, report], [*_read(source), *_read(load)], force)
+    words = words_of(connect, time_limit="--time-limit") | {"source": str(source), "load": str(load)}
+    with in_words(words), telling(console) as progress:
+        parts = [_part(path, progress) for path in (source, load)]
+        progress("judging every pair", 0, 0)
+        found = interconnection(parts[0], parts[1], time_limit=time_limit)
+        found.save(output)
+        shown = _keep_pair(found, pair)
+        say(console, found.summary())
+        if region is not None:
+            kept = found.keeps_out(*region)
+            say(
+                console,
+                f"forbidden  kept out of at {int(kept.sum())} of {kept.size} frequencies by every pair, proved there",
+            )
+        if report is not None:
+            progress("drawing the report", 0, 0)
+            write_report(found, report, title=f"{source.stem} and {load.stem}", static=static, forbidden=region)
+    screen.say_written(console, *files, *shown, report)
+    status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[
+        found.status.name
+    ]
+    raise typer.Exit(screen.exit_code(status, any(_faulty(one) for one in parts)))
+
+
+def _region(text: str | None) -> tuple[float, float] | None:
+    """Gain margin in dB and phase margin in degrees of DB:DEGREES."""
+    if text is None:
+        return None
+    try:
+        gain, phase = (float(number) for number in text.split(":"))
+    except ValueError:
+        raise InputError(f"--keep-out must be DB:DEGREES such as 6:45; got {text!r}") from None
+    if not (gain > 0 and 0 < phase < 90):
+        raise InputError(
+            f"--keep-out needs a gain margin above 0 dB and a phase margin between 0 and 90 degrees; got {text!r}"
+        )
+    return gain, phase
+
+
+def _part(path: Path, progress: Progress) -> Any:
+    """The band, identification or model of a part."""
+    from robustid.app.load_save import load, load_result
+    from robustid.core import paths, saved_kind
+
+    progress(f"reading {path}", 0, 0)
+    if path.is_dir() and paths(path / "loop")[1].is_file():
+        raise InputError(
+            f"{path} is the run of a plant in a loop, whose band is that of R and not of the plant; give the part measured alone"
+        )
+    place = _place(path, ("band", "identification"))
+    if saved_kind(place) is not None:
+        return load_result(place, "band", "identification", "worst-case error", "band over poles", "family")
+    if not place.is_file():
+        raise InputError(f"{path}: there is no such file")
+    return load(place, kind="model")
+
+
+def _faulty(part: Any) -> bool:
+    problem = getattr(part, "problem", None)
+    return problem is not None and bool(problem.open_faults)
+
+
+def _keep_pair(found: Interconnection, files: list[Path]) -> list[Path]:
+    """Write the systems of an unstable pair, but for those that are known; the files that were written."""
+    from robustid.app.load_save import save
+
+    written: list[Path] = []
+    for file, model, side in zip(files, found.pair or (), (found.source, found.load), strict=False):
+        if model is not side:
+            save(file, model)
+            written.append(file)
+    return written
