@@ -44,7 +44,7 @@ def rows(dt):
         controller = controller_of(first, dt)
         one, two, three = (as_model(system, dt) for system in (first, second, controller))
         calls = {
-            "nu-gap": (lambda p=one, q=two: rid.nu_gap(p, q).value, chordal, second),
+            "nu-gap": (lambda p=one, q=two: rid.guarantee.nu_gap(p, q).value, chordal, second),
             "margin": (lambda p=one, c=three: 1 / rid.guarantee.ncf_margin(p, c).value, margin_gain, controller),
         }
         for name, (call, formula, other) in calls.items():

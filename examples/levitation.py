@@ -81,7 +81,7 @@ def main(argv=None):
 
     lines = np.arange(2, 1980, 10)
     naive = rid.estimate_frf(record, lines=lines)
-    frf = rid.loop_response(record, loop, lines=lines)
+    frf = rid.prepare.loop_response(record, loop, lines=lines)
     true = plant(np.exp(1j * frf.omega * DT))
     wrong = np.abs(naive.values[:, 0, 0] - true) > naive.bound.outer_radius[:, 0, 0]
     R = loop.response_of(loop.residual_of(plant), frf.omega)
@@ -91,7 +91,7 @@ def main(argv=None):
     result = rid.identify_reduced(frf, modes=[], time_limit=20.0)
     small = rid.reduce_plant(result.identification, loop, residual=result.model)
     print(
-        f"plant: order {small.order} ({plant.nstates}), nu-gap to the true one {rid.nu_gap(plant, small.model).value:.2g}"
+        f"plant: order {small.order} ({plant.nstates}), nu-gap to the true one {rid.guarantee.nu_gap(plant, small.model).value:.2g}"
     )
     bounds = rid.loop_bounds(result.band, loop)
     print(bounds.summary())

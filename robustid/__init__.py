@@ -7,8 +7,8 @@ Ask:                  kautz, integrators, Prior, MixedProblem, identify, validat
 Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robustid.advise: classes, roll-off, scaling, poles
 What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
                       weights, stability margins
-Plants in a loop:     Loop, loop_from_data, loop_response, loop_bounds, reduce_plant, interconnection, nu_gap
-Controllers:          robustid.design: design_controller, PID, Notch, LowPass, Limits: of fixed structure, for every plant of a band
+Plants in a loop:     Loop, loop_from_data, loop_bounds, reduce_plant, interconnection; robustid.prepare.loop_response
+Controllers:          design_controller: of fixed structure, for every plant of a band; robustid.design: PID, Notch, LowPass, Limits
 Fit:                  fit_mfd, fit_records, RigidBody; robustid.fits: orders, modes, exact conditions, covariance
 Small models:         reduce_within_bounds, balanced_truncation, to_continuous, prove_passive; robustid.passive: the nearest one
 See and keep:         plot, write_report, show_progress; run and identify_reduced for the whole way in one call
@@ -50,13 +50,13 @@ _MEANT = {
     "uss": "guarantee.uncertainty_weight",
     "robstab": "guarantee.robust_stability_margin",
     "margin": "guarantee.robust_stability_margin",
-    "pidtune": "design.design_controller",
-    "looptune": "design.design_controller",
-    "systune": "design.design_controller",
-    "hinfstruct": "design.design_controller",
-    "hinfsyn": "design.design_controller",
-    "controller": "design.design_controller",
-    "gapmetric": "nu_gap",
+    "pidtune": "design_controller",
+    "looptune": "design_controller",
+    "systune": "design_controller",
+    "hinfstruct": "design_controller",
+    "hinfsyn": "design_controller",
+    "controller": "design_controller",
+    "gapmetric": "guarantee.nu_gap",
     "ncfmargin": "guarantee.ncf_margin",
     "rncf": "guarantee.coprime",
     "lncf": "guarantee.coprime",

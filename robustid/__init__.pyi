@@ -24,6 +24,9 @@ from .app.run.pipeline import run as run
 # The class, the question and its answer
 from .bases import integrators as integrators
 from .bases import kautz as kautz
+
+# Controllers
+from .controllers import design_controller as design_controller
 from .core import show_progress as show_progress
 
 # Measurements and their bounds
@@ -52,7 +55,6 @@ from .guarantees import coverage as coverage
 from .guarantees import family as family
 from .guarantees import interconnection as interconnection
 from .guarantees import loop_bounds as loop_bounds
-from .guarantees import nu_gap as nu_gap
 from .guarantees import refute as refute
 from .guarantees import worst_case_error as worst_case_error
 from .identification import BoundedReal as BoundedReal
@@ -63,7 +65,6 @@ from .identification import NegativeImaginary as NegativeImaginary
 from .identification import PositiveReal as PositiveReal
 from .identification import Prior as Prior
 from .identification import identify as identify
-from .identification import loop_response as loop_response
 from .identification import validate as validate
 from .passivity import prove_passive as prove_passive
 

@@ -1,4 +1,4 @@
-"""Results of guarantees, and further ones: poles in boxes, tubes, weights, stability margins."""
+"""Results of guarantees, and further ones: poles in boxes, tubes, weights, stability margins, distances."""
 
 from robustid.guarantees import (
     Band,
@@ -15,6 +15,7 @@ from robustid.guarantees import (
     coprime,
     diameter,
     ncf_margin,
+    nu_gap,
     response_tube,
     robust_stability_margin,
     structured_weight,
@@ -38,6 +39,7 @@ __all__ = [
     "coprime",
     "diameter",
     "ncf_margin",
+    "nu_gap",
     "response_tube",
     "robust_stability_margin",
     "structured_weight",

@@ -11,6 +11,7 @@ from robustid.estimation import (
     response_faults,
     with_delay,
 )
+from robustid.identification import loop_response
 
 __all__ = [
     "Fault",
@@ -22,6 +23,7 @@ __all__ = [
     "estimate_delay",
     "experiment_faults",
     "inverse_response",
+    "loop_response",
     "multisine",
     "nonlinear_records",
     "record_faults",

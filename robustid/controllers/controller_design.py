@@ -395,7 +395,7 @@ class _At:
         return running
 
     def _question(self, level: float) -> tuple[Question, Discs]:
-        """What a controller of a level is to keep, and where: of a bandwidth at its end, too."""
+        """Conditions on a controller of a level, and the discs they are about: of a bandwidth at its end, too."""
         if self.task.goal == "integral gain":
             gain = (self.basis.integral @ self.back)[None]
             lowest = int(np.argmin(self.discs.omega))  # an integrator is to lower what the loop that runs leaves there

@@ -18,6 +18,7 @@ from robustid.core import (
     Complex,
     Real,
     StateMatrices,
+    as_flag,
     as_float,
     as_positive,
     bilinear_in_z,
@@ -55,6 +56,9 @@ class PID:
     filter: Interval | None = None
     _: dataclasses.KW_ONLY
     integral: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "integral", as_flag("integral", self.integral))
 
     @property
     def count(self) -> int:

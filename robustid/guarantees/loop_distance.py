@@ -234,9 +234,9 @@ def nu_gap(
     --------
     >>> import control, robustid as rid
     >>> stable, unstable = control.tf([1], [1, 0.1]), control.tf([1], [1, -0.1])
-    >>> round(rid.nu_gap(stable, unstable).value, 6)  # 2 a/(1 + a^2): any sensible loop hides the difference
+    >>> round(rid.guarantee.nu_gap(stable, unstable).value, 6)  # 2 a/(1 + a^2): any sensible loop hides the difference
     0.19802
-    >>> rid.nu_gap(control.tf([10], [1]), control.tf([10, -10], [1, 1]))  # 0.198 at most at a frequency, but it winds once
+    >>> rid.guarantee.nu_gap(control.tf([10], [1]), control.tf([10, -10], [1, 1]))  # 0.198 at most, but it winds
     LoopDistance(value=1.0, omega=nan)
     """
     one, dt, two = _pair(("first", first), ("second", second), opposite=False)

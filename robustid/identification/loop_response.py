@@ -63,7 +63,7 @@ def loop_response(
     >>> closed, seen = control.feedback(plant, gain), control.feedback(1, plant * gain)
     >>> y = control.forced_response(closed, inputs=r).outputs + control.forced_response(seen, inputs=0.05 * v).outputs
     >>> loop = rid.Loop(gain)
-    >>> frf = rid.loop_response(rid.TimeRecord(r - 0.5 * y, y, dt=0.01), loop)
+    >>> frf = rid.prepare.loop_response(rid.TimeRecord(r - 0.5 * y, y, dt=0.01), loop)
     >>> R = loop.response_of(loop.residual_of(plant), frf.omega)
     >>> bool((abs(frf.values - R) <= frf.bound.outer_radius).all())
     True

@@ -10,7 +10,7 @@ from robustid.controllers.limits import Discs, conditions_of
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import basis_of
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import FIR, PID, Fixed, LeadLag, Limits, LowPass, Notch, design_controller
+from robustid.design import FIR, PID, Fixed, LeadLag, Limits, LowPass, Notch
 from support.design_cases import DT, PEAK, band_of, reached
 
 
@@ -99,7 +99,7 @@ def test_the_integral_gain_of_a_first_order_plant():
     frf = rid.FrequencyResponse(omega, values(plant, omega), bound=1e-3, dt=DT)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.2, decay_rate=1.08))
     band = rid.band(problem, model=plant)
-    found = design_controller(band, PID(), maximise="integral gain")
+    found = rid.design_controller(band, PID(), maximise="integral gain")
     assert found.status.name == "PROVED"
     discs = Plants.of(band).discs(np.geomspace(0.3, np.pi / DT, 500))
     z = np.exp(1j * discs.omega * DT)
@@ -149,15 +149,15 @@ def first():
 @pytest.mark.slow
 def test_two_bands_have_one_controller(first):
     second = band_of(7)[1]
-    both = design_controller([first, second], PID())
-    alone = [design_controller(one, PID()).level for one in (first, second)]
+    both = rid.design_controller([first, second], PID())
+    alone = [rid.design_controller(one, PID()).level for one in (first, second)]
     assert both.status.name == "PROVED"
     assert len(both.proofs) == 2
     assert both.level <= 1.02 * min(alone)
 
 
 def test_a_design_is_proved_and_its_own_plant_keeps_it(first):
-    design = design_controller(first, PID(), limits=Limits(gain_margin=2.0, roll_off=[(150.0, 310.0, 0.9)]))
+    design = rid.design_controller(first, PID(), limits=Limits(gain_margin=2.0, roll_off=[(150.0, 310.0, 0.9)]))
     assert design.status.name == "PROVED"
     (proof,) = design.proofs
     assert proof.peaks["sensitivity"].value <= PEAK * 1.001
@@ -180,14 +180,14 @@ def test_an_unstable_plant_in_its_loop():
     frf = rid.FrequencyResponse(omega, loop.response_of(R, omega), bound=0.01, dt=DT)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=8.8, decay_rate=1.4))
     bounds = rid.loop_bounds(rid.band(rid.identify(problem)).with_model(R), loop)
-    found = design_controller(bounds, PID(), maximise="integral gain")
+    found = rid.design_controller(bounds, PID(), maximise="integral gain")
     assert found.status.name == "PROVED"
     assert np.abs(control.feedback(plant, found.controller).poles()).max() < 1
     assert found.level > 0
 
 
 def test_what_cannot_be_had_is_said(first):
-    found = design_controller(first, PID(), limits=Limits(sensitivity_peak=1.5, attenuation=[(1.0, 200.0, 0.01)]))
+    found = rid.design_controller(first, PID(), limits=Limits(sensitivity_peak=1.5, attenuation=[(1.0, 200.0, 0.01)]))
     assert found.status.name == "NONE"
     assert found.controller is None
     assert "no controller of this structure" in found.summary()
@@ -211,7 +211,7 @@ def test_what_cannot_be_had_is_said(first):
 )
 def test_what_makes_no_sense_is_refused(first, change, words):
     with pytest.raises(rid.RobustIdError, match=words):
-        design_controller(**{"bands": first, "structure": PID(), **change})
+        rid.design_controller(**{"bands": first, "structure": PID(), **change})
 
 
 @pytest.mark.parametrize(
@@ -232,7 +232,7 @@ def test_limits_that_make_no_sense_are_refused(given, words):
 @pytest.mark.slow
 def test_numerators_split_into_those_of_the_factors(first):
     """A PID with a skewed notch, as drives run it, is what a structure gives: zeros in pairs or real."""
-    found = design_controller(first, [PID(filter=200.0), Notch(60.0)])
+    found = rid.design_controller(first, [PID(filter=200.0), Notch(60.0)])
     zeros, poles, gain = scipy.signal.ss2zpk(*(np.asarray(one) for one in StateMatrices.of(found.controller)))
     assert zeros.size == poles.size == 4
     assert np.isreal(gain)

@@ -16,7 +16,7 @@ tf = control.tf
 
 
 def gap_of(first, second, dt):
-    return rid.nu_gap(as_model(first, dt), as_model(second, dt)).value
+    return rid.guarantee.nu_gap(as_model(first, dt), as_model(second, dt)).value
 
 
 def values(model, at):
@@ -138,23 +138,23 @@ def test_margin_is_what_brute_force_finds_and_the_same_with_both_exchanged(dt, s
 def test_closed_forms():
     for a, b in ((2.0, 3.0), (1e-8, 1e8), (5.0, -0.2), (0.0, 0.0), (0.0, 1e3), (-4.0, 4.0)):
         expected = abs(a - b) / np.sqrt((1 + a * a) * (1 + b * b))
-        assert rid.nu_gap(tf([a], [1]), tf([b], [1])).value == pytest.approx(expected, rel=1e-12)
+        assert rid.guarantee.nu_gap(tf([a], [1]), tf([b], [1])).value == pytest.approx(expected, rel=1e-12)
         loop = 0.0 if 1 + a * b == 0 else abs(1 + a * b) / np.sqrt((1 + a * a) * (1 + b * b))
         assert rid.guarantee.ncf_margin(tf([a], [1]), tf([b], [1])).value == pytest.approx(loop, rel=1e-12)
     for eps in (1e-9, 1e-4, 0.3, 100.0, -1e-6, -0.5):  # eps/sqrt((1 + w^2)(1 + w^2 + eps^2))
         for pair in ((tf([1], [1, 0]), tf([1], [1, eps])), (tf([1], [1, eps]), tf([1], [1, 0]))):
-            found = rid.nu_gap(*pair)
+            found = rid.guarantee.nu_gap(*pair)
             assert found.value == pytest.approx(abs(eps) / np.hypot(1, eps), rel=1e-6 if abs(eps) < 1e-8 else 1e-9)
     stable, unstable = tf([1], [1, 0.02]), tf([1], [1, -0.02])
-    assert rid.nu_gap(stable, unstable).value == pytest.approx(0.04 / 1.0004, rel=1e-12)
+    assert rid.guarantee.nu_gap(stable, unstable).value == pytest.approx(0.04 / 1.0004, rel=1e-12)
     assert rid.guarantee.ncf_margin(tf([1], [1, 0]), tf([1], [1])).value == pytest.approx(np.sqrt(0.5), rel=1e-12)
     assert rid.guarantee.ncf_margin(tf([1], [1, 0]), tf([-1], [1])) == (0.0, pytest.approx(np.nan, nan_ok=True))
     assert rid.guarantee.ncf_margin(tf([1], [1]), tf([-1], [1])) == (0.0, np.inf)  # no loop at all
     # 1 + P2* P1 turns around zero once although no frequency shows a distance of 1.
-    winding = rid.nu_gap(tf([10], [1]), tf([10, -10], [1, 1]))
+    winding = rid.guarantee.nu_gap(tf([10], [1]), tf([10, -10], [1, 1]))
     assert winding.value == 1
     assert np.isnan(winding.omega)
-    opposite = rid.nu_gap(tf([1], [1, 1]), tf([-1], [1, 1]))
+    opposite = rid.guarantee.nu_gap(tf([1], [1, 1]), tf([-1], [1, 1]))
     assert opposite.value == 1
 
 
@@ -164,7 +164,7 @@ def test_gap_is_continuous_where_the_winding_number_changes():
         for sign in (1, -1):
             # 1 + P2(0) P1(0) = sign size: the gap is 1 - O(size^2) on the one side and 1 on the other.
             first, second = tf([2.0], [1]), tf([2.0, -0.5 * (1 - sign * size)], [1, 1])
-            found = rid.nu_gap(first, second).value
+            found = rid.guarantee.nu_gap(first, second).value
             assert 1 - 0.3 * size**2 - 1e-9 <= found <= 1
             if size > 1e-5:
                 assert (found == 1) == (sign < 0)
@@ -228,16 +228,19 @@ LAG, GAIN, ROW = tf([1], [1, 1]), tf([2], [1]), control.ss([], [], [], [[1.0, 2.
 WIDE = tf([[[1], [1]]], [[[1, 1], [1, 2]]])
 
 test_bad_input_is_named = refusals(
-    (lambda: rid.nu_gap(3, LAG), "`first` must be a control.StateSpace", InputTypeError),
-    (lambda: rid.nu_gap(ROW, LAG), "`second` must have 1 outputs and 2 inputs, those of `first`; got 1 and 1"),
+    (lambda: rid.guarantee.nu_gap(3, LAG), "`first` must be a control.StateSpace", InputTypeError),
     (
-        lambda: rid.nu_gap(LAG, tf([1], [1, 0.5], 0.1)),
+        lambda: rid.guarantee.nu_gap(ROW, LAG),
+        "`second` must have 1 outputs and 2 inputs, those of `first`; got 1 and 1",
+    ),
+    (
+        lambda: rid.guarantee.nu_gap(LAG, tf([1], [1, 0.5], 0.1)),
         "`second` must have the time base of `first`, dt = 0; got dt = 0.1",
     ),
-    (lambda: rid.nu_gap(LAG, control.ss(-1, 1, 1, 0, None)), "`second` has dt = None"),
-    (lambda: rid.nu_gap(LAG, control.ss(-1, 1, np.nan, 0)), "`second` must be finite"),
-    (lambda: rid.nu_gap(HIDDEN, LAG), r"`first` .* hidden pole at 0 Hz \(real part \+1 1/s\)"),
-    (lambda: rid.nu_gap(LAG, UNSEEN), "`second` must be moved by its inputs and seen in its outputs"),
+    (lambda: rid.guarantee.nu_gap(LAG, control.ss(-1, 1, 1, 0, None)), "`second` has dt = None"),
+    (lambda: rid.guarantee.nu_gap(LAG, control.ss(-1, 1, np.nan, 0)), "`second` must be finite"),
+    (lambda: rid.guarantee.nu_gap(HIDDEN, LAG), r"`first` .* hidden pole at 0 Hz \(real part \+1 1/s\)"),
+    (lambda: rid.guarantee.nu_gap(LAG, UNSEEN), "`second` must be moved by its inputs and seen in its outputs"),
     (lambda: rid.guarantee.coprime(UNSEEN), "`model` must be moved by its inputs and seen in its outputs"),
     (lambda: rid.guarantee.coprime(tf([1, 0, 0], [1, 1])), "`model` must be proper"),
     (
@@ -257,7 +260,11 @@ test_bad_input_is_named = refusals(
 
 def test_hidden_states_that_are_stable_and_static_gains_of_any_time_base_are_taken():
     shown = control.ss([[-5.0, 0], [0, -1]], [[1.0], [1]], [[0.0, 1]], 0)
-    assert rid.nu_gap(LAG, shown).value < 1e-12
-    assert rid.nu_gap(tf([1], [1, -0.5], 0.1), GAIN).value == rid.nu_gap(GAIN, tf([1], [1, -0.5], 0.1)).value <= 1
+    assert rid.guarantee.nu_gap(LAG, shown).value < 1e-12
+    assert (
+        rid.guarantee.nu_gap(tf([1], [1, -0.5], 0.1), GAIN).value
+        == rid.guarantee.nu_gap(GAIN, tf([1], [1, -0.5], 0.1)).value
+        <= 1
+    )
     assert rid.guarantee.ncf_margin(ROW, control.ss([], [], [], [[1.0], [2.0]])).value == pytest.approx(1)
-    assert rid.nu_gap(tf([1], [1, 0], True), tf([1], [1, 0.1], True)).value > 0
+    assert rid.guarantee.nu_gap(tf([1], [1, 0], True), tf([1], [1, 0.1], True)).value > 0

@@ -28,6 +28,7 @@ CALLS = [
     ("Family.verify", "exact", lambda **flag: rid.guarantee.Family.verify(None, **flag)),
     ("MixedProblem", "symmetric", lambda **flag: rid.MixedProblem(frequency=CLASS.frequency, prior=PRIOR, **flag)),
     ("Modal", "symmetric", rid.fits.Modal),
+    ("PID", "integral", rid.design.PID),
     ("TimeRecord", "held", lambda **flag: rid.TimeRecord(np.ones(4), np.ones(4), dt=1.0, **flag)),
     ("WorstCaseError.on_circle", "everywhere", lambda **flag: rid.guarantee.WorstCaseError.on_circle(None, **flag)),
     ("WorstCaseError.verify", "exact", lambda **flag: rid.guarantee.WorstCaseError.verify(None, **flag)),

@@ -92,7 +92,7 @@ def reached(seed):
     """(bandwidth of the design, bandwidth by search, the design) of a random problem."""
     plant, band = band_of(seed)
     structure = STRUCTURES[seed % len(STRUCTURES)]
-    design = rid.design.design_controller(band, structure, limits=Limits(sensitivity_peak=PEAK))
+    design = rid.design_controller(band, structure, limits=Limits(sensitivity_peak=PEAK))
     at = [one[0] for factor in structure for one in factor.free]
     judge = Judge(band, structure, at)
     return plant, design, judge.best(np.random.default_rng(seed))
