@@ -29,7 +29,7 @@ _LEAST = 1e-12  # of the radius of a disc: nearer to zero it holds zero
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What the loop of every consistent plant is to keep.
+    """Limits that the loop of every consistent plant is to keep.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Conditions(NamedTuple):
     corners: Complex = np.zeros(1, complex)
 
     def excess(self, values: Complex) -> Real:
-        """How far each is kept with values C at all frequencies: negative where it is not."""
+        """Distance to the limit of each, with values C at all frequencies: negative where it is not kept."""
         C = values[self.place]
         X, size = self.a + self.b * C, self.q * np.abs(C)
         if self.inside:
@@ -145,11 +145,12 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     found: list[Conditions] = []
     every = np.ones(discs.omega.size, dtype=bool)
 
-    def clear(name: str, which: NDArray[np.bool_], point: Complex | float, size: Real | float) -> None:
+    def clear(name: str, which: NDArray[np.bool_], point: float, size: float) -> None:
         """X keeps a distance from a point."""
         some, place = discs.at(which), np.flatnonzero(which)
-        a, w = np.broadcast_to(1.0 - np.asarray(point, complex), place.shape), np.broadcast_to(size, place.shape)
-        found.append(Conditions(name, place, a, some.centre, some.radius, np.asarray(w, float)))
+        a: Complex = np.full(place.shape, 1.0 - complex(point))
+        w: Real = np.full(place.shape, float(size))
+        found.append(Conditions(name, place, a, some.centre, some.radius, w))
 
     if limits.sensitivity_peak is not None:
         clear("sensitivity peak", every, 0.0, 1 / limits.sensitivity_peak)

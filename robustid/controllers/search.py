@@ -39,7 +39,7 @@ class Question(NamedTuple):
     linear: tuple[Real, Real] | None = None
 
     def directions(self, values: Complex) -> Directions:
-        """Those of a controller, by its values."""
+        """Directions of a controller, by its values."""
         return [one.directions(values) for one in self.conditions]
 
     def slack(self, factors: Real) -> float:

@@ -159,7 +159,7 @@ class LowPass:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Fixed:
-    """What stands in the loop beside the controller and is known: a filter, a delay of the computer.
+    """Known part of the loop beside the controller: a filter, a delay of the computer.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ Factor = PID | Notch | LeadLag | LowPass | Fixed | FIR
 
 
 class Parts(NamedTuple):
-    """What a factor adds: an integrator, poles in s with a free numerator (one of a pair), fixed filters in s, fixed systems."""
+    """Parts that a factor adds: an integrator, poles in s (one of a pair) with free numerators, fixed filters in s and systems."""
 
     integrator: bool
     poles: list[complex]
