@@ -29,9 +29,9 @@ def truths(count):
         one = judged(seed, FREQUENCIES)
         found.append(one)
         print(
-            f"{seed:4d}  poles {unstable_poles(recorded(seed).case)}  lines missed {one.missed:2d}  farthest {max(one.far.values()):.4f}"
-            f"  peaks {one.over:.3f}  |  u to y: lines missed {one.open_missed:2d}  outside {one.open_outside:6.1%}  gap {one.gap:.3f}"
-            f"  {time.process_time() - start:5.1f} s",
+            f"{seed:4d}  poles {unstable_poles(recorded(seed).case)}  lines missed {one.missed:2d}"
+            f"  farthest {max(one.far.values()):.4f}  peaks {one.over:.3f}  |  u to y: lines missed {one.open_missed:2d}"
+            f"  outside {one.open_outside:6.1%}  gap {one.gap:.3f}  {time.process_time() - start:5.1f} s",
             flush=True,
         )
     for kind, name in KINDS.items():
@@ -45,19 +45,19 @@ def told(name, found):
     lost = [one for one in found if one.missed]
     print(f"{name}: {len(found)} machines")
     print(
-        f"    samples inside their bounds {len(kept)} ({len(kept) / max(len(found), 1):.0%}); of these P, S, T, PS, CS inside at every"
-        f" frequency and peaks {sum(one.inside for one in kept)}, farthest"
+        f"    samples inside their bounds {len(kept)} ({len(kept) / max(len(found), 1):.0%}); of these P, S, T, PS, CS inside"
+        f" at every frequency, and peaks, {sum(one.inside for one in kept)}, farthest"
         f" {max((max(one.far.values()) for one in kept), default=np.nan):.4f}"
     )
     print(
-        f"    samples outside (at most {max((one.missed for one in lost), default=0)} lines) {len(lost)}; of these inside all the same"
-        f" {sum(one.inside for one in lost)}, refuted {sum(not one.consistent for one in lost)}"
+        f"    samples outside (at most {max((one.missed for one in lost), default=0)} lines) {len(lost)}; of these inside all"
+        f" the same {sum(one.inside for one in lost)}, refuted {sum(not one.consistent for one in lost)}"
     )
     lines, refuted = [one.open_missed for one in found], [one.open_refuted for one in found]
     outside = [one.open_missed > 0 or one.open_refuted or one.open_outside > 0 for one in found]
     print(
-        f"    from u to y: a line outside in {sum(n > 0 for n in lines)} ({sum(lines) / len(lines):.1f} lines each), class refuted in"
-        f" {sum(refuted)}, P outside the band in {sum(one.open_outside > 0 for one in found)} (median"
+        f"    from u to y: a line outside in {sum(n > 0 for n in lines)} ({sum(lines) / len(lines):.1f} lines each), class"
+        f" refuted in {sum(refuted)}, P outside the band in {sum(one.open_outside > 0 for one in found)} (median"
         f" {np.median([one.open_outside for one in found]):.1%} of the frequencies), any of these in {sum(outside)};"
         f" gap of the model at least .98 in {sum(one.gap > 0.98 for one in found)}"
     )

@@ -147,13 +147,13 @@ def test_a_hundred_truths_at_the_edge():
     assert max(over) <= 1
 
 
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(100), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.slow)])
 def test_truths_at_the_edge_from_records_with_coloured_noise(seeds):
     """Bounds from noise hold with a probability: where they hold for R, everything else does, at 10^4 frequencies."""
     full = len(seeds) == 100
     found = [judged(seed, 10001 if full else 501, beside=full) for seed in seeds]
     assert all(one.inside for one in found if not one.missed)
-    assert sum(one.missed > 0 for one in found) <= 0.12 * len(seeds)  # promised: 5 of a hundred, 12 at most in 99.9 %
+    assert sum(one.missed > 0 for one in found) <= 0.12 * len(seeds)  # promised: 5 of a hundred, 12 at most in 99.8 %
     if full:
         beside = [one.open_missed > 0 or one.open_refuted or one.open_outside > 0 for one in found]
         assert sum(beside) > sum(not one.inside for one in found)

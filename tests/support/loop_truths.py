@@ -39,12 +39,13 @@ def in_loop(case):
     )
 
 
-def recorded(seed):
+def recorded(seed, *, periodic=None, level=None, samples=SAMPLES):
     """Of even seeds a periodic excitation and little noise, of odd ones a random excitation and noise that moves y as much.
 
-    The noise is of a colour, white noise behind one pole.
+    The noise is of a colour, white noise behind one pole; its level and the excitation may be others.
     """
-    case, rng, periodic = measured_machine(seed), np.random.default_rng([seed, 21]), seed % 2 == 0
+    case, rng = measured_machine(seed), np.random.default_rng([seed, 21])
+    periodic = seed % 2 == 0 if periodic is None else periodic
     if periodic:
         index = np.linspace(3, PERIOD // 2 - 3, LINES).astype(int)
         spectrum = np.zeros(PERIOD // 2 + 1, complex)
@@ -53,14 +54,14 @@ def recorded(seed):
         r = np.tile(one / one.std(), SETTLED + PERIODS)
         kept, how, start = PERIODS * PERIOD, {"period": PERIOD, "lines": index}, "periodic"
     else:
-        r, kept, start = rng.standard_normal(SAMPLES), SAMPLES, "rest"
-        how = {"lines": np.linspace(0.01 * SAMPLES, 0.49 * SAMPLES, LINES).astype(int)}
+        r, kept, start = rng.standard_normal(samples), samples, "rest"
+        how = {"lines": np.linspace(0.01 * samples, 0.49 * samples, LINES).astype(int)}
     pole = rng.uniform(0.5, 0.95)
     colour = (np.array([[part]]) for part in (pole, 1.0, pole, 1.0))
     v, nothing = simulate(StateMatrices(*colour), rng.standard_normal((r.size, 1)))[0][:, 0], np.zeros(r.size)
     moved, noise = (simulate(in_loop(case), np.stack(pair, axis=1))[0] for pair in ((r, nothing), (nothing, v)))
-    level = (QUIET if periodic else LOUD) * moved[:, 1].std() / noise[:, 1].std()
-    u, y = (moved + level * noise)[-kept:].T
+    part = (QUIET if periodic else LOUD) if level is None else level
+    u, y = (moved + part * moved[:, 1].std() / noise[:, 1].std() * noise)[-kept:].T
     record = rid.TimeRecord(u, y, dt=DT, reference=r[-kept:], initial=start)
     return Recorded(case, record, how)
 
