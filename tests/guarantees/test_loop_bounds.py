@@ -8,6 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import StateMatrices, response_at
+from robustid.guarantees import loop_axis
 from robustid.guarantees.loop_values import Balls, LoopValues, delay_of, worst_of
 from support.loop_candidates import case_of, consistent_plants, tried, verdict
 from support.loop_truths import distances, judged
@@ -195,6 +196,23 @@ def test_another_controller_is_proved_stable_or_refused_with_a_plant_that_shows_
     tried = [verdict(0, rid.loop_bounds(band, case.loop, gain * case.controller), plants) for gain in gains]
     assert [one.said for one in tried] == ["stable", "unstable", "unstable"]
     assert not any(one.wrong for one in tried), tried
+
+
+def test_no_piece_of_the_axis_is_halved_for_what_is_infinite(monkeypatch):
+    """A controller that is refused has no finite peak: the arcs of the band say so as they are."""
+    case, _, band = case_of(0)
+    kept, pieces = loop_axis.enclose, []
+
+    def counted(*given):
+        found = kept(*given)
+        pieces.append(found.cell.size)
+        return found
+
+    monkeypatch.setattr(loop_axis, "enclose", counted)
+    gain = rid.loop_bounds(band, case.loop).margins.gain[1]
+    found = rid.loop_bounds(band, case.loop, 1.05 * gain * case.controller)
+    assert found.peaks["sensitivity"].value == np.inf
+    assert pieces[-1] == band.circle.edges.size - 1
 
 
 @pytest.mark.slow
