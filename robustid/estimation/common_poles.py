@@ -24,6 +24,7 @@ _PLACES, _APART = 4, 4  # where a further pair is tried, and lines between these
 _WIDTHS = (0.3, 2.0)  # lines: half-widths of a further pair
 _AROUND = 14  # lines on either side whose residuals give the noise of a line
 _STEPS = 10  # of the refinement of poles while pairs are added
+_FAR = 1e6  # largest modulus of a pole
 _ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
 _DEVIATIONS, _LEAST, _LIGHT = 4.0, 1e-5, 0.2  # of the intervals of modes; ends of their dampings
 _SHOWN = 12.0  # standard deviations: peaks of a hair dryer's noise reach 11
@@ -106,6 +107,8 @@ class _Spectra(PoleFit):
         """The poles of least squares near these."""
         if poles.size:
             poles = np.asarray(self.refine(0.0, poles, held=True, steps=steps).poles, dtype=complex)
+        # One that runs off stands for z, what is ahead of the input: on its way to infinity its functions vanish.
+        poles = poles * (_FAR / np.maximum(np.abs(poles), _FAR))
         return poles.real + 1j * np.abs(poles.imag)
 
     def _further(self, poles: Complex) -> Complex:

@@ -6,7 +6,7 @@ import numpy as np
 
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
-from robustid.estimation.noise_in_inputs import noise_in_inputs
+from robustid.estimation.noise_in_inputs import WITHOUT_CONTROLLER, noise_in_inputs
 
 _LAGS = 20
 _FEWEST = 400
@@ -53,7 +53,7 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
     more = f" (and {len(tied) - 1} more pairs)" if len(tied) > 1 else ""
     words = (
         f"{pair}{more}: the input follows earlier outputs, with a correlation of {early:.2g} standard deviations: the loop is"
-        " closed, or the two are exchanged. Give the reference, or exchange them"
+        f" closed, or the two are exchanged and to be given the other way round. {WITHOUT_CONTROLLER}"
     )
     return [Fault(FaultKind.FEEDBACK, words, where=pair, size=early)]
 

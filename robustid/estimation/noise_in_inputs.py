@@ -9,6 +9,11 @@ from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.innovations import order_for
 
+# What may be done about a loop, and what cannot be said without.
+WITHOUT_CONTROLLER = (
+    "Give the reference, or the controller that ran ([loop] in a run file): noise that is fed back biases the response where it is"
+    " not small beside the excitation, the bound does not know it, and no margin of the loop follows"
+)
 _AHEAD = 5  # samples
 _CHANCE = 1e-4
 # Part of the innovations that later inputs tell, at least: a loop passes most of the noise on (.6 and more, .42 in a CD player).
@@ -58,8 +63,7 @@ def noise_in_inputs(record: TimeRecord) -> list[Fault]:
     more = f" (and {len(found) - 1} more pairs)" if len(found) > 1 else ""
     words = (
         f"{pair}{more}: later inputs tell {100 * part:.2g} % of what the past leaves open of the output: the input follows its"
-        " noise, and the loop is closed, or the output comes before its input. Give the reference: noise that is fed back biases"
-        " the response"
+        f" noise, and the loop is closed, or the output comes before its input. {WITHOUT_CONTROLLER}"
     )
     return [Fault(FaultKind.FEEDBACK, words, where=pair, size=part)]
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 from robustid.data import Fault, FaultKind, TimeRecord
+from robustid.estimation.noise_in_inputs import WITHOUT_CONTROLLER
 from robustid.estimation.periodic import EXCITED
 
 _CHANCE = 1e-4
@@ -99,7 +100,7 @@ def loop_faults(records: list[TimeRecord], u: Real, y: Real, period: int) -> lis
     words = (
         f"{pair}: what changes from period to period in the input goes with the output (coherence"
         f" {float(np.median(coherence[coherent])):.2g}), but not by the response: a controller computes the input, and the loop is"
-        " closed. Give the reference, or the noise that it feeds back biases the response"
+        f" closed. {WITHOUT_CONTROLLER}"
     )
     return [Fault(FaultKind.FEEDBACK, words, where=pair, size=float(np.median(coherence[coherent])))]
 

@@ -106,8 +106,8 @@ class BandAxis:
             nonlocal reached, count
             ends = omega(angles[pieces.cell]), omega(angles[pieces.cell + 1])
             middle, arc = sizes(pieces, 0.0 * pieces.radius, *ends), sizes(pieces, pieces.radius + lost, *ends)
-            finite = np.where(np.isfinite(middle), middle, -np.inf)
-            reached = np.maximum(reached, finite.max(axis=0))
+            # What is infinite at one frequency is so on the axis: no piece is halved for it.
+            reached = np.maximum(reached, np.where(np.isnan(middle), -np.inf, middle).max(axis=0))
             count += len(arc)
             limits = np.any(arc > reached * (1 + _TOLERANCE), axis=1) & np.all(np.isfinite(middle), axis=1)
             wide = np.any(pieces.radius > lost, axis=(1, 2))  # narrower ones say no more

@@ -9,6 +9,7 @@ import scipy.signal
 import robustid as rid
 from robustid.errors import InputError
 from robustid.estimation.common_poles import predicted
+from support.loop_truths import recorded
 from support.short_records import plant_of, record_of
 
 DT = 1e-3
@@ -122,3 +123,11 @@ def test_modes_are_kept_in_files_and_checked(tmp_path):
         assert rid.load(tmp_path / name).modes == frf.modes
     with pytest.raises(InputError, match="`modes` must hold positive ends"):
         rid.FrequencyResponse([10.0], [1.0], modes=[(2.0, 1.0, 0.1, 0.2)])
+
+
+def test_a_pole_that_runs_to_infinity_ends_no_estimate():
+    """A machine in its loop, from u to y: the input follows the noise, and what is ahead of it is one of z, a pole at infinity."""
+    _, record, how = recorded(5, periodic=False, level=0.05, samples=2000)
+    found = rid.estimate_frf(dataclasses.replace(record, reference=None), **how)
+    assert np.all(np.isfinite(found.values))
+    assert np.all(np.isfinite(found.bound.outer_radius))

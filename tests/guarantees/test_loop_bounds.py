@@ -1,7 +1,6 @@
 """Worst cases of a loop over every consistent plant: against brute force, truths at the edge, margins, other controllers."""
 
 import dataclasses
-import functools
 
 import control
 import numpy as np
@@ -9,19 +8,12 @@ import pytest
 
 import robustid as rid
 from robustid.core import StateMatrices, response_at
+from robustid.guarantees import loop_axis
 from robustid.guarantees.loop_values import Balls, LoopValues, delay_of, worst_of
-from support.loops import measured_machine
+from support.loop_candidates import case_of, consistent_plants, tried, verdict
+from support.loop_truths import distances, judged
 
 DT = 0.01
-
-
-@functools.cache
-def case_of(seed):
-    """A machine in its loop, and the band of R about a small model that is near to its centre."""
-    case = measured_machine(seed)
-    result = rid.identify(case.problem)
-    model = rid.balanced_truncation(result.model, order=min(12, result.model.nstates)).model
-    return case, result, rid.band(result).with_model(model)
 
 
 def random_values(rng, nu, ny, count):
@@ -126,24 +118,14 @@ def edge_case(seed, frequencies):
     """Largest distance of the true loop from the centres of its balls, in radii; and its peaks over their bounds."""
     case, _, band = case_of(seed)
     found = rid.loop_bounds(band, case.loop)
-    omega = np.linspace(0, np.pi / DT, frequencies)
-    true = case.maps(omega)
-    far = {
-        name: np.max(np.abs(true[name] - centre)[:, 0, 0] / radius)
-        for name, (centre, radius) in found.at(omega).items()
-    }
-    centre, radius = found.plant_at(omega)
-    plant = response_at(StateMatrices.of(case.plant), np.exp(1j * omega * DT))
-    far["plant"] = np.max(np.abs(plant - centre)[:, 0, 0] / radius)
-    over = {name: np.abs(true[name]).max() / found.peaks[name].value for name in true}
-    return case, found, far, over
+    return case, found, *distances(case, found, np.linspace(0, np.pi / DT, frequencies))
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_a_truth_at_the_edge_of_the_class_of_r_is_inside_every_band(seed):
     case, found, far, over = edge_case(seed, 2001)
     assert max(far.values()) <= 1 + 1e-9, far
-    assert max(over.values()) <= 1, over
+    assert over <= 1
     low, high = found.margins.gain
     loop = case.plant * case.controller
     for gain in (low * 1.001, 1.0, high * 0.999):
@@ -161,9 +143,21 @@ def test_a_hundred_truths_at_the_edge():
     for seed in range(100):
         _, _, distances, peaks = edge_case(seed, 10001)
         far.append(max(distances.values()))
-        over.append(max(peaks.values()))
+        over.append(peaks)
     assert sum(one <= 1 + 1e-9 for one in far) == 100, max(far)
     assert max(over) <= 1
+
+
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100), marks=pytest.mark.slow)])
+def test_truths_at_the_edge_from_records_with_coloured_noise(seeds):
+    """Bounds from noise hold with a probability: where they hold for R, everything else does, at 10^4 frequencies."""
+    full = len(seeds) == 100
+    found = [judged(seed, 10001 if full else 501, beside=full) for seed in seeds]
+    assert all(one.inside for one in found if not one.missed)
+    assert sum(one.missed > 0 for one in found) <= 0.12 * len(seeds)  # promised: 5 of a hundred, 12 at most in 99.8 %
+    if full:
+        beside = [one.open_missed > 0 or one.open_refuted or one.open_outside > 0 for one in found]
+        assert sum(beside) > sum(not one.inside for one in found)
 
 
 def test_of_a_loop_that_is_known_almost_exactly_the_bounds_are_its_own():
@@ -194,47 +188,40 @@ def test_of_a_loop_that_is_known_almost_exactly_the_bounds_are_its_own():
     assert repr(found) == "<LoopBounds: the controller that ran, peak of S 1.313>"
 
 
-def verdicts(seed, factors):
-    """Verdicts on gains near those up to which stability is proved, each with its proof or its counterexample checked."""
-    case, result, band = case_of(seed)
-    low, high = rid.loop_bounds(band, case.loop).margins.gain
-    omega, said = np.linspace(0, np.pi / DT, 3000), []
-    for factor in factors:
-        gain = high * factor if factor > 0 else -low * factor
-        controller = gain * case.controller
-        found = rid.loop_bounds(band, case.loop, controller)
-        stable = np.abs(control.feedback(case.plant, controller).poles()).max() < 1
-        wrong = found.unstable_plant(result)
-        if found.guaranteed:
-            assert stable
-            assert wrong is None
-            true = np.abs(1 / (1 + response_at(StateMatrices.of(case.plant * controller), np.exp(1j * omega * DT))))
-            assert true.max() <= found.peaks["sensitivity"].value
-            said.append("stable")
-        elif wrong is not None:
-            assert np.abs(control.feedback(wrong.plant, controller).poles()).max() > 1
-            assert np.abs(control.feedback(wrong.plant, case.controller).poles()).max() < 1
-            assert np.abs(wrong.residual.poles()).max() < 1
-            frf = case.problem.frequency[0]
-            missed = frf.values - response_at(StateMatrices.of(wrong.residual), np.exp(1j * frf.omega * DT))
-            assert np.abs(missed).max() <= frf.bound.outer_radius.max() * (1 + 1e-6)
-            said.append("unstable")
-        else:
-            said.append("undecided")
-    return said
-
-
 def test_another_controller_is_proved_stable_or_refused_with_a_plant_that_shows_it():
-    said = verdicts(0, (0.9, 1.6, -0.5))
-    assert said == ["stable", "unstable", "unstable"]
+    case, _, band = case_of(0)
+    low, high = rid.loop_bounds(band, case.loop).margins.gain
+    gains = 0.9 * high, 1.6 * high, 0.5 * low
+    plants = consistent_plants(0, 5)
+    tried = [verdict(0, rid.loop_bounds(band, case.loop, gain * case.controller), plants) for gain in gains]
+    assert [one.said for one in tried] == ["stable", "unstable", "unstable"]
+    assert not any(one.wrong for one in tried), tried
+
+
+def test_no_piece_of_the_axis_is_halved_for_what_is_infinite(monkeypatch):
+    """A controller that is refused has no finite peak: the arcs of the band say so as they are."""
+    case, _, band = case_of(0)
+    kept, pieces = loop_axis.enclose, []
+
+    def counted(*given):
+        found = kept(*given)
+        pieces.append(found.cell.size)
+        return found
+
+    monkeypatch.setattr(loop_axis, "enclose", counted)
+    gain = rid.loop_bounds(band, case.loop).margins.gain[1]
+    found = rid.loop_bounds(band, case.loop, 1.05 * gain * case.controller)
+    assert found.peaks["sensitivity"].value == np.inf
+    assert pieces[-1] == band.circle.edges.size - 1
 
 
 @pytest.mark.slow
 def test_two_hundred_controllers_around_the_limit():
-    said = [
-        one for seed in range(20) for one in verdicts(seed, (0.5, 0.8, 0.95, 1.05, 1.2, 1.5, -0.6, -0.85, -1.15, -1.5))
-    ]
+    """Ten of each of twenty machines, tried on the true plant, on a hundred consistent ones, and on the one that is shown."""
+    found = [one for seed in range(20) for one in tried(seed, 100)]
+    said = [one.said for one in found]
     assert len(said) == 200
+    assert not any(one.wrong for one in found), [one for one in found if one.wrong]
     assert said.count("undecided") <= 20, said
     assert said.count("stable") > 40
     assert said.count("unstable") > 40

@@ -96,3 +96,8 @@ def with_phase(target, point, dt):
     a, s = roots[best], sign[best]
     top, bottom = ([-a * s, s], [1, -a]) if dt else ([s, -a * s], [1, a])
     return control.ss(control.tf(top, bottom, dt))
+
+
+def loop_of_discs(g, h):
+    """K S of K = [0, 1; -1, 0]: I + Delta K S is singular where (g + d)(h + e) = -1."""
+    return np.array([[h, 1], [-1, g]]) / (1 + g * h)

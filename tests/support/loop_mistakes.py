@@ -167,79 +167,102 @@ MISTAKES = (
 )  # fmt: skip
 
 
+class Said(NamedTuple):
+    """What runs, and what is said of it: the controller, a plant beside, the place of r; with what names the difference."""
+
+    truth: Truth
+    stated: StateMatrices
+    about: StateMatrices
+    place: str
+    said: str
+    kinds: tuple = ()
+    size: float | None = None
+    step: int = 1
+
+
+def said_of(mistake, seed, place, rng):
+    """A loop with a mistake about the controller or the place of r, or without one."""
+    truth = truth_of(seed)
+    plant, running, _ = truth
+    right = Said(truth, running, plant, place, place)
+    if mistake == "sign of the feedback":
+        return right._replace(stated=scaled(running, -1), about=scaled(plant, -1), kinds=("sign",))
+    if mistake == "delay":
+        if runs(plant, delayed(running)) and rng.uniform() < 0.7:
+            return right._replace(truth=truth._replace(controller=delayed(running)), kinds=("late",))
+        return right._replace(stated=delayed(running), kinds=("late",))
+    if mistake == "gain":
+        size = rng.choice([0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 1.5])
+        return right._replace(stated=scaled(running, 1 / size), kinds=("controller",), size=size)
+    if mistake == "discretisation":
+        truth, stated = process_of(seed, rng.choice([0.5, 2.0]))
+        return Said(truth, stated, truth.plant, place, place, ("sample time",))
+    if mistake == "slower controller":
+        truth = slower_of(seed, 2)
+        return Said(truth, truth.controller, powered(truth.plant, 2), "input", "input", ("sample time",), 2.0, 2)
+    if mistake == "place":
+        places = list(("input", "reference", "output") if plant.B.shape[1] == len(plant.C) else ("reference", "output"))
+        place = places.pop(rng.integers(len(places)))
+        return right._replace(place=place, said=rng.choice(places), kinds=("excitation",))
+    if mistake in ("u before r", "exchanged"):
+        kinds = ("excitation",) if mistake == "u before r" else ("exchanged",)
+        return right._replace(place="input", said="input", kinds=kinds)
+    return right
+
+
+def spoiled(mistake, place, signals, rng):
+    """u, y and r with a mistake about them, or without one, and what names it: kinds, size."""
+    u, y, r = signals
+    if mistake == "sign of r":
+        return (u, y, -r), ("sign", "excitation") if place == "reference" else ("sign",), None
+    if mistake == "unit of r":
+        size = rng.choice([1e-3, np.pi / 180, 0.9, 1.1, 180 / np.pi, 1e3])
+        return (u, y, r / size), ("unit",), size
+    if mistake == "unit of y":
+        size, j = rng.choice([1e-3, np.pi / 180, 0.9, 1.1, 180 / np.pi, 1e3]), rng.integers(y.shape[1])
+        y[:, j] = y[:, j] / size
+        return (u, y, r), ("unit", "controller"), size
+    if mistake == "offset":
+        return (u, y + rng.uniform(0.3, 3) * y.std(axis=0), r), ("offset",), None
+    if mistake == "exchanged":
+        return (r, y, u), (), None
+    if mistake == "u before r":
+        return (u - r, y, r), (), None
+    return signals, (), None
+
+
 def case_of(mistake, seed, *, samples=600):
     """A record with a mistake, or without one, ""; None where these loops do not have it."""
-    truth = truth_of(seed)
-    plant, running, dt = truth
     rng = np.random.default_rng([seed, MISTAKES.index(mistake) if mistake else 99])
-    nu, ny = plant.B.shape[1], plant.C.shape[0]
     periodic, level = bool(rng.uniform() < 0.5), NOISES[rng.integers(len(NOISES))]
-    place, stated, said, kinds, size, limits = "input", running, None, (), None, {}
-    if rng.uniform() < 0.25:
-        place = "reference"
-    about = plant
-    if mistake == "sign of the feedback":
-        stated, about, kinds = scaled(running, -1), scaled(plant, -1), ("sign",)
-    elif mistake == "delay":
-        kinds, size = ("late",), None
-        if runs(plant, delayed(running)) and rng.uniform() < 0.7:
-            running = delayed(running)
-        else:
-            stated = delayed(running)
-    elif mistake == "gain":
-        size = rng.choice([0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 1.5])
-        stated, kinds = scaled(running, 1 / size), ("controller",)
-    elif mistake == "discretisation":
-        ratio = rng.choice([0.5, 2.0])
-        truth, stated = process_of(seed, ratio)
-        plant, running, dt = truth
-        about, nu, ny, kinds = plant, 1, 1, ("sample time",)
-    elif mistake == "slower controller":
-        truth, place, kinds, size = slower_of(seed, 2), "input", ("sample time",), 2.0
-        plant, running, dt = truth
-        stated, about, nu, ny, limits = running, powered(plant, 2), 1, 1, {"step": 2}
-    elif mistake == "place":
-        places = list(("input", "reference", "output") if nu == ny else ("reference", "output"))
-        place = places.pop(rng.integers(len(places)))
-        said, kinds = rng.choice(places), ("excitation",)
-    elif mistake == "u before r" or mistake == "exchanged":
-        place, kinds = "input", (("excitation",) if mistake == "u before r" else ("exchanged",))
-    said = said or place
-    loop = loop_of(stated, about, dt, said)
+    made = said_of(mistake, seed, "reference" if rng.uniform() < 0.25 else "input", rng)
+    loop = loop_of(made.stated, made.about, made.truth.dt, made.said)
     if loop is None:
         return None
+
+    def signals(**limits):
+        source = np.random.default_rng([seed, 5])
+        how = {"place": made.place, "periodic": periodic, "samples": samples}
+        return run_of(made.truth, source, **how, step=made.step, **limits)
+
+    limits, kinds = {}, made.kinds
     if mistake == "saturation":
-        u = run_of(truth, np.random.default_rng([seed, 5]), place=place, periodic=periodic, samples=samples)[0]
-        limit, kinds = rng.uniform(0.6, 0.85) * np.abs(u[len(u) // 2 :]).max(axis=0), ("saturated",)
-        limits = {"low": -limit, "high": limit}
-    source = np.random.default_rng([seed, 5])
-    u, y, r = run_of(
-        truth._replace(controller=running), source, place=place, periodic=periodic, samples=samples, **limits
-    )
+        limit = rng.uniform(0.6, 0.85) * np.abs(signals()[0][samples // 2 :]).max(axis=0)
+        limits, kinds = {"low": -limit, "high": limit}, ("saturated",)
+    u, y, r = signals(**limits)
     if not np.all(np.isfinite(u)) or np.abs(y).max() > 1e4 * np.abs(r).max():
         return None
-    if mistake == "sign of r":
-        r, kinds = -r, ("sign", "excitation") if place == "reference" else ("sign",)
-    elif mistake == "unit of r":
-        size = rng.choice([1e-3, np.pi / 180, 0.9, 1.1, 180 / np.pi, 1e3])
-        r, kinds = r / size, ("unit",)
-    elif mistake == "unit of y":
-        size, j = rng.choice([1e-3, np.pi / 180, 0.9, 1.1, 180 / np.pi, 1e3]), rng.integers(ny)
-        y[:, j], kinds = y[:, j] / size, ("unit", "controller")
-    elif mistake == "offset":
-        y, kinds = y + rng.uniform(0.3, 3) * y.std(axis=0), ("offset",)
-    elif mistake == "exchanged":
-        u, r = r, u
-    elif mistake == "u before r":
-        u = u - r
+    arrays, more, size = spoiled(mistake, made.place, (u, y, r), rng)
+    kinds, size = kinds + more, made.size if size is None else size
     initial = "periodic" if periodic else "rest"
     records = [
-        rid.TimeRecord(a, b, dt=dt, reference=c, initial=initial)
-        for a, b, c in ((u, y, r), measured((u, y, r), level, rng))
+        rid.TimeRecord(a, b, dt=made.truth.dt, reference=c, initial=initial)
+        for a, b, c in (arrays, measured(arrays, level, rng))
     ]
-    clean, noisy = (loop.residual(one)[len(u) // 2 :] for one in records)
+    clean, noisy = (loop.residual(one)[samples // 2 :] for one in records)
     effect = float(np.linalg.norm(clean) / max(np.linalg.norm(noisy - clean), 1e-9 * np.linalg.norm(noisy), 1e-300))
     record = records[1]
     if mistake == "no reference":
-        record, kinds, effect = rid.TimeRecord(record.u, record.y, dt=dt, initial=initial), ("no reference",), np.inf
+        record = rid.TimeRecord(record.u, record.y, dt=made.truth.dt, initial=initial)
+        kinds, effect = ("no reference",), np.inf
     return Case(loop, record, effect, kinds, size)
