@@ -105,7 +105,7 @@ def design_controller(
 
     With the values of all consistent plants in discs, ``|F - c| <= r``, each limit on the loop is one on the controller's value:
 
-    .. math:: |1 + F C| \ge w \;\forall F \iff \exists\, |\varphi| = 1:\;
+    .. math:: |1 + F C| \ge w \;\forall F \Leftrightarrow \exists\, |\varphi| = 1:\;
               \operatorname{Re} \bar\varphi (1 + c\, C) - r |C| \ge w,
 
     a second-order cone in the free numbers of C for a given direction, which is turned until nothing is gained. What is found at

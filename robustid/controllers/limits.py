@@ -3,9 +3,9 @@ r"""Limits that a loop keeps with every consistent plant, as conditions on the c
 With the values F of the consistent plants in a disc, ``|F - c| <= r``, and X = 1 + F C, every limit keeps X out of a disc, or
 in one:
 
-.. math:: |S| \le m \iff |X| \ge 1/m, \qquad
-          |T| \le m \iff \left|X + \tfrac{1}{m^2 - 1}\right| \ge \tfrac{m}{m^2 - 1} \;(m > 1), \qquad
-          |C S| \le m \iff |X| \ge |C|/m, \qquad |P S| \le m \iff |1/F + C| \ge 1/m .
+.. math:: |S| \le m \Leftrightarrow |X| \ge 1/m, \qquad
+          |T| \le m \Leftrightarrow \left|X + \tfrac{1}{m^2 - 1}\right| \ge \tfrac{m}{m^2 - 1} \;(m > 1), \qquad
+          |C S| \le m \Leftrightarrow |X| \ge |C|/m, \qquad |P S| \le m \Leftrightarrow |1/F + C| \ge 1/m .
 
 Each is :math:`|a + b C| \ge q |C| + w` for all F at once, exactly, or :math:`|a + b C| + q |C| \le w`.
 """

@@ -33,9 +33,12 @@ from robustid.guarantees.loop_values import MAPS, Balls, LoopValues
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin
 from robustid.guarantees.unstable_plant import UnstablePlant, unstable_plant
 from robustid.identification import Identification, Loop, as_system, identify
+from robustid.reduction import controller_model
 
 if TYPE_CHECKING:
     import control
+
+    from robustid.data import FrequencyResponse
 
 # Peaks of the sensitivity up to which a bearing is in zone A, B, C of ISO 14839-3 (first edition, 2006): 9.5, 12 and 14 dB.
 _ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
@@ -235,7 +238,9 @@ class LoopBounds(Frozen, Drawable, Savable):
 
 @one_thread()
 def loop_bounds(
-    band: Band, loop: Loop | None = None, controller: control.StateSpace | control.TransferFunction | None = None
+    band: Band,
+    loop: Loop | None = None,
+    controller: control.StateSpace | control.TransferFunction | control.FRD | FrequencyResponse | None = None,
 ) -> LoopBounds:
     r"""Worst cases of S, T, PS and CS over every plant that the data allow, with peaks and margins that hold for all of them.
 
@@ -253,8 +258,8 @@ def loop_bounds(
     loop : Loop, optional
         The controller that ran while it was measured. Default: none, of a stable plant that was measured in open loop, whose band
         this is then.
-    controller : control.StateSpace or control.TransferFunction, optional
-        Another controller. Default: the one that ran.
+    controller : control.StateSpace, control.TransferFunction, control.FRD or FrequencyResponse, optional
+        Another controller. Default: the one that ran. Of a response as `loop_from_data` takes it.
 
     Returns
     -------
@@ -297,6 +302,7 @@ def loop_bounds(
     ('STABLE', True)
     """
     as_kind("band", band, Band, "a Band")
+    controller = None if controller is None else controller_model("controller", controller)
     loop = _without_controller(band, controller) if loop is None else as_kind("loop", loop, Loop, "a Loop")
     model = StateMatrices.of(_nominal(band))
     nu, ny = loop.shape

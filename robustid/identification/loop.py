@@ -378,7 +378,7 @@ class Loop(Frozen):
                     f"`{name}` has samples, each {dt:g} s, and the loop is in continuous time: give the controller as it runs, in"
                     " discrete time, as by control.c2d"
                 )
-            raise InputError(f"`{name}` must have the sample time of the controller, {self.dt:g} s; got {dt:g} s")
+            raise InputError(f"`{name}` must have the sample time of the loop, {self.dt:g} s; got {dt:g} s")
 
     def _filtered(self, signals: Real, system: StateMatrices) -> Real:
         """Steady answer to periodic signals."""

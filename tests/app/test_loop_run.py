@@ -86,7 +86,7 @@ def test_a_response_with_another_sample_time_than_the_controller_is_refused(fold
     frf = rid.load(folder / "closed.csv", kind="frequency")
     rid.save("slow.csv", rid.FrequencyResponse(frf.omega / 2, frf.values, bound=frf.bound, dt=2 * DT))
     asked = ["identify", "--frequency", "slow.csv", "--loop", "controller.npz", "-o", "slow"]
-    refused(words(asked, capsys, monkeypatch), "sample time of the controller")
+    refused(words(asked, capsys, monkeypatch), "sample time of the loop")
 
 
 @pytest.mark.parametrize(

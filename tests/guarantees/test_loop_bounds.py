@@ -227,6 +227,16 @@ def test_two_hundred_controllers_around_the_limit():
     assert said.count("unstable") > 40
 
 
+def test_a_controller_by_its_response_is_the_same_one():
+    case, _, band = case_of(0)
+    omega = np.geomspace(1.0, np.pi / DT, 60)
+    one, other = (
+        rid.loop_bounds(band, case.loop, given)
+        for given in (0.9 * case.controller, control.frd(0.9 * case.controller, omega))
+    )
+    assert other.peaks["sensitivity"].value == pytest.approx(one.peaks["sensitivity"].value, rel=1e-3)
+
+
 def test_what_does_not_fit_is_refused():
     case, _, band = case_of(0)
     plain = dataclasses.replace(band, model=None)
@@ -235,5 +245,5 @@ def test_what_does_not_fit_is_refused():
     other = rid.Loop(control.ss([], [], [], [[0.1, 0.1]], DT))
     with pytest.raises(rid.InputError, match="must be of the R of `loop`"):
         rid.loop_bounds(band, other)
-    with pytest.raises(rid.InputError, match="sample time of the controller"):
+    with pytest.raises(rid.InputError, match="sample time of the loop"):
         rid.loop_bounds(band, case.loop, control.ss(0.5, 1.0, 1.0, 0.0, 2 * DT))
