@@ -214,14 +214,18 @@ class Loop(Frozen):
         found = exchanged(series(whole, after), nu)
         return StateMatrices(found.A, found.B, found.C[nu:], found.D[nu:])
 
-    def opened(self, record: TimeRecord) -> TimeRecord:
+    def opened(self, record: TimeRecord, *, period: int | None = None) -> TimeRecord:
         """Record of R: its input x and output z from the input and output of the plant; no bound, whose noise is another one.
 
         A record that is not periodic begins at zero initial conditions of the controller too, or its first samples are those of a
-        free state.
+        free state. With a `period`, in samples, each by itself: the factors then carry no noise from one to the next, whose scatter
+        an estimate takes for independent.
         """
         signals = self._signals(record)
-        if record.initial == "periodic":
+        if period is not None and 0 < period < len(signals) and len(signals) % period == 0:
+            parts = np.split(signals, len(signals) // period)
+            found = np.concatenate([self._filtered(one, self.back) for one in parts])
+        elif record.initial == "periodic":
             found = self._filtered(signals, self.back)
         else:
             found = simulate(self.back, signals)[0]

@@ -69,7 +69,7 @@ def loop_response(
     True
     """
     records = [record] if isinstance(record, TimeRecord) else list(record)
-    opened = [loop.opened(one) for one in records]
+    opened = [loop.opened(one, period=period if method in (None, "periodic") else None) for one in records]
     found = response_alone(opened, period=period, method=method, lines=lines, probability=probability, about=about)
     faults = tuple(one for one in record_faults(records, period=period) if one.kind is not FaultKind.FEEDBACK)
     for fault in faults:

@@ -1,5 +1,7 @@
 """A plant in a loop: the stable system R that is seen in open loop, and back; every identity against plain matrices."""
 
+import dataclasses
+
 import control
 import numpy as np
 import pytest
@@ -106,6 +108,18 @@ def test_a_record_of_the_loop_is_one_of_the_residual_in_open_loop(periodic, size
     _, _, noisy, _ = records_of(3, periodic=periodic, size=size, noise=0.1)
     if not periodic:  # the noise of a periodic record is not
         assert apart(loop.opened(noisy).u, opened.u) < 1e-8
+
+
+def test_of_a_period_that_is_opened_by_itself_nothing_depends_on_the_others():
+    _, controller, record, _ = records_of(3, periodic=True, noise=0.1, samples=100)
+    loop = rid.Loop(control.ss(*controller, 0.1), control.ss(*pair_of(3, 0.1, size=(1, 1))[0], 0.1))
+    changed = dataclasses.replace(record, y=np.concatenate([record.y[:100], 2 * record.y[100:]]))
+    first, other = (loop.opened(one, period=100) for one in (record, changed))
+    assert np.array_equal(first.y[:100], other.y[:100])
+    assert apart(loop.opened(changed).y[:100], first.y[:100]) > 1e-3
+    # Without noise all periods are alike, and it is the record that is opened as a whole.
+    _, _, clean, _ = records_of(3, periodic=True, samples=100)
+    assert apart(loop.opened(clean, period=100).y, loop.opened(clean).y) < 1e-8
 
 
 @pytest.mark.parametrize("place", ["reference", "output"])

@@ -219,7 +219,8 @@ def _opened(
     faults = faults_of(loop, excited, how.period) if excited else ()
     for fault in faults:
         around.say(f"records: {fault}")
-    opened = [(use, [loop.opened(one) for one in made]) for use, made in records]
+    period = how.period if how.method in (None, "periodic") else None
+    opened = [(use, [loop.opened(one, period=period) for one in made]) for use, made in records]
     return loop, opened, [loop.opened_response(one) for one in read], faults
 
 
