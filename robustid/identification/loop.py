@@ -217,9 +217,8 @@ class Loop(Frozen):
     def opened(self, record: TimeRecord, *, period: int | None = None) -> TimeRecord:
         """Record of R: its input x and output z from the input and output of the plant; no bound, whose noise is another one.
 
-        A record that is not periodic begins at zero initial conditions of the controller too, or its first samples are those of a
-        free state. With a `period`, in samples, each by itself: the factors then carry no noise from one to the next, whose scatter
-        an estimate takes for independent.
+        `fit_records` takes it too. One that is not periodic begins at zero initial conditions of the controller, or in a free
+        state. With a `period`, in samples, each by itself: no noise goes on into the next, as estimates of scatter assume.
         """
         signals = self._signals(record)
         if period is not None and 0 < period < len(signals) and len(signals) % period == 0:

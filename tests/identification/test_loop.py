@@ -195,3 +195,24 @@ def test_the_controller_that_ran_has_a_margin_without_end_and_soon():
     found = rid.guarantee.robust_stability_margin(nominal, parameter, np.linspace(0, np.pi / 0.1, 30), np.ones(29))
     assert found.guaranteed
     assert found.margin > 900
+
+
+@pytest.mark.slow
+def test_a_fit_of_the_opened_record_is_not_biased_by_the_loop():
+    """Output error of x and z, whatever colours the noise of z; of u and y it finds no unstable plant."""
+    dt, plant = 0.001, control.ss(control.c2d(control.tf([2e4], [1, 10, -2.5e3]), 0.001))
+    controller = control.ss(control.tf([5.61, -5.39], [1, -0.6], dt))
+    apart = []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        r, noise = rng.standard_normal(2000), 0.1 * rng.standard_normal(2000)
+        y = control.forced_response(control.feedback(plant, controller), inputs=r).outputs
+        y = y + control.forced_response(control.feedback(1, plant * controller), inputs=noise).outputs
+        u = r - control.forced_response(controller, inputs=y).outputs
+        record = rid.TimeRecord(u, y, dt=dt, reference=r)
+        loop = rid.Loop(controller)
+        fit = rid.fit_records(loop.opened(record), order=3)
+        apart.append(rid.guarantee.nu_gap(plant, loop.plant_of(fit.model)).value)
+        naive = rid.fit_records(record, order=2)
+        assert rid.guarantee.nu_gap(plant, naive.model).value > 0.9
+    assert max(apart) < 0.1, apart
