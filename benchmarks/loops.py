@@ -1,7 +1,7 @@
 """Plants in a loop at full size: truths at the edge of the class of R from their records, and controllers around the limit.
 
-Run: OPENBLAS_NUM_THREADS=1 python benchmarks/loops.py truths 100, and: controllers 20 100 (machines with ten controllers each, and
-consistent plants of each). Processor time; a line a machine as it is done. `truths` judges the bands of P, S, T, PS and CS at 10^4
+Run: OPENBLAS_NUM_THREADS=1 python benchmarks/loops.py truths 100, and: controllers 200 100 (ten of a machine; consistent plants of
+each machine). Processor time; a line a machine as it is done. `truths` judges the bands of P, S, T, PS and CS at 10^4
 frequencies, and beside them what the same record says without the controller (the response from u to y, in a class of stable
 plants). `controllers` tries every verdict on the true plant, on consistent plants and on the plant that is shown.
 """
@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.loop_truths import judged, recorded, unstable_poles
 
 FREQUENCIES = 10_001
+EACH = 10  # controllers of a machine
 KINDS = {0: "periodic, little noise", 1: "random, much noise"}
 
 
@@ -63,14 +64,14 @@ def told(name, found):
     )
 
 
-def controllers(machines, plants):
+def controllers(count, plants):
     """Verdicts on ten controllers of every machine."""
     from support.loop_candidates import tried
 
     found, spent = [], time.process_time()
-    for seed in range(machines):
+    for seed in range(count // EACH):
         start = time.process_time()
-        these = tried(seed, plants)
+        these = tried(seed, plants, EACH)
         found += these
         said = Counter(one.said for one in these)
         print(
