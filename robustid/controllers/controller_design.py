@@ -27,7 +27,6 @@ _STEPS = 10  # levels over the axis that are tried from above
 _SPARE = 0.995  # of every limit: what the proof on arcs takes
 _CUTS = 6  # rounds of frequencies at which a proof failed
 _LOWER = (1.0, 0.998, 0.995, 0.99, 0.97)  # of a level that failed its proof
-_SAME = 1e-3  # of a limit: what a proved peak may take more
 _SEARCH = (1.5, 1.2, 1.07)  # factors that searched numbers are moved by
 
 
@@ -82,13 +81,19 @@ class ControllerDesign(Frozen):
 
     def summary(self) -> str:
         """The result in plain text."""
-        lines = [f"controller {self.status.value}"]
         if self.controller is None:
-            return lines[0]
+            return f"controller {self.status.value}"
+        everywhere = ", at every frequency" * (self.status is DesignStatus.PROVED)
+        scopes = dict.fromkeys(one.band.problem.scope for one in self.proofs)
+        lines = [f"controller {self.status.value}{everywhere}{''.join(scopes)}"]
         unit = f"{self.level / (2 * math.pi):.5g} Hz" if self.goal == "bandwidth" else f"{self.level:.5g}"
         lines.append(f"goal       {self.goal} {unit}")
         for name, (share, omega) in self.shares.items():
             lines.append(f"{name:20s} {share:.3g} of its limit, near {omega / (2 * math.pi):.5g} Hz")
+        exact = any(one.band.box is None and one.band.problem.parametric is not None for one in self.proofs)
+        lines.append(
+            f"assumed    the class and the bounds of every band{', its poles as exact' * exact}; the structure as it runs"
+        )
         return "\n".join(lines)
 
 
@@ -221,7 +226,7 @@ class _Task:
         for _ in range(_CUTS):
             if found.status is DesignStatus.PROVED:
                 break
-            where = [omega for share, omega in found.shares.values() if share > 1 + _SAME and omega > 0]
+            where = [omega for share, omega in found.shares.values() if share > 1 and omega > 0]
             if not where:
                 break
             self.grids = [np.unique(np.concatenate([grid, where])) for grid in self.grids]
@@ -283,7 +288,7 @@ class _Task:
                 told("phase margin", self.limits.phase_margin / max(proof.margins.phase, 1e-12), np.nan)
             for name, (share, omega) in plants.shares(best.controller, self.limits, corner).items():
                 told(name, share, omega)
-        kept = all(one.guaranteed for one in proofs) and all(share <= 1 + _SAME for share, _ in shares.values())
+        kept = all(one.guaranteed for one in proofs) and all(share <= 1 for share, _ in shares.values())
         return ControllerDesign(
             status=DesignStatus.PROVED if kept else DesignStatus.FOUND,
             controller=best.controller,
