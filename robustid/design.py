@@ -1,5 +1,33 @@
-"""Controllers of fixed structure: factors, limits on the loop, results of `design_controller`."""
+"""Controllers of fixed structure: factors, limits on the loop, goals, results of `design_controller`."""
 
-from robustid.controllers import FIR, PID, ControllerDesign, DesignStatus, Fixed, LeadLag, Limits, LowPass, Notch
+from robustid.controllers import (
+    FIR,
+    PID,
+    Attenuation,
+    Bandwidth,
+    ControllerDesign,
+    DesignStatus,
+    Fixed,
+    IntegralGain,
+    LeadLag,
+    LeastControl,
+    Limits,
+    LowPass,
+    Notch,
+)
 
-__all__ = ["FIR", "PID", "ControllerDesign", "DesignStatus", "Fixed", "LeadLag", "Limits", "LowPass", "Notch"]
+__all__ = [
+    "FIR",
+    "PID",
+    "Attenuation",
+    "Bandwidth",
+    "ControllerDesign",
+    "DesignStatus",
+    "Fixed",
+    "IntegralGain",
+    "LeadLag",
+    "LeastControl",
+    "Limits",
+    "LowPass",
+    "Notch",
+]

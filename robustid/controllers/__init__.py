@@ -1,16 +1,21 @@
 """Controllers of fixed structure for every plant that the data allow."""
 
 from robustid.controllers.controller_design import ControllerDesign, DesignStatus, design_controller
+from robustid.controllers.goals import Attenuation, Bandwidth, IntegralGain, LeastControl
 from robustid.controllers.limits import Limits
 from robustid.controllers.structure import FIR, PID, Fixed, LeadLag, LowPass, Notch
 
 __all__ = [
     "FIR",
     "PID",
+    "Attenuation",
+    "Bandwidth",
     "ControllerDesign",
     "DesignStatus",
     "Fixed",
+    "IntegralGain",
     "LeadLag",
+    "LeastControl",
     "Limits",
     "LowPass",
     "Notch",

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.limits import Discs, Limits
+from robustid.controllers.conditions import Discs
+from robustid.controllers.limits import Limits
 from robustid.core import Complex, Real, StateMatrices, closed_loop, loop_is_stable, points_of, poles_of, response_at
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import Band, BandAxis, LoopBounds, LoopValues, loop_bounds
@@ -115,12 +116,12 @@ class Plants:
         """Worst cases of a controller over all plants, on the whole axis."""
         return loop_bounds(self.band, self.loop, controller)
 
-    def shares(self, controller: control.StateSpace, limits: Limits, corner: float) -> dict[str, tuple[float, float]]:
+    def shares(self, controller: control.StateSpace, limits: Limits) -> dict[str, tuple[float, float]]:
         """Largest share of every template and of the bandwidth that any consistent plant takes, on the whole axis; and where."""
         rows = [("attenuation", low, high, value) for low, high, value in limits.attenuation]
         rows += [("roll-off", low, high, value) for low, high, value in limits.roll_off]
-        if corner:
-            rows.append(("bandwidth", 0.0, corner, 1.0))
+        if limits.bandwidth is not None:
+            rows.append(("bandwidth", 0.0, limits.bandwidth, 1.0))
         if not rows:
             return {}
         around = self.loop.about(StateMatrices.of(self._nominal), self.loop.as_controller(controller))

@@ -18,7 +18,7 @@ import clarabel
 import numpy as np
 import scipy.sparse
 
-from robustid.controllers.limits import Conditions
+from robustid.controllers.conditions import Conditions
 from robustid.core import Complex, Real
 
 _ROUNDS = 25  # of new directions

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import control
 
 Interval = float | tuple[float, float]
+_ROUNDING = 1e-9  # of a pole of an integrator
 
 
 @dataclasses.dataclass(frozen=True)
@@ -331,6 +332,18 @@ def _lengthened(
     B = np.vstack([whole.B, F @ out.D])
     row = StateMatrices(A, B, np.hstack([H @ out.C, G]), H @ out.D)
     return StateMatrices(A, B, np.zeros((0, len(A))), np.zeros((0, 1))), row
+
+
+def integral_gain(controller: StateMatrices, dt: float) -> float:
+    """Factor of the integrator of a controller of one input and one output; 0 where it has none."""
+    A = controller.A
+    if not len(A):
+        return 0.0
+    pole = 1.0 if dt else 0.0
+    size = max(1.0, float(np.abs(A).max())) if not dt else 1.0
+    if np.min(np.abs(scipy.linalg.eigvals(A) - pole)) > _ROUNDING * size:
+        return 0.0
+    return float(_residues(controller, dt)[0])
 
 
 def _residues(system: StateMatrices, dt: float) -> Real:

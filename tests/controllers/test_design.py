@@ -6,7 +6,7 @@ import pytest
 import scipy.signal
 
 import robustid as rid
-from robustid.controllers.limits import Discs, conditions_of
+from robustid.controllers.conditions import Discs, conditions_of
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import basis_of
 from robustid.core import StateMatrices, points_of, response_at

@@ -1,0 +1,65 @@
+"""Proof of a controller: the shares of every limit that any consistent plant takes, on the whole axis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from robustid.controllers.limits import Limits
+from robustid.controllers.plants import Plants
+from robustid.controllers.structure import integral_gain
+from robustid.core import StateMatrices
+from robustid.guarantees import LoopBounds
+
+if TYPE_CHECKING:
+    import control
+
+_LEAST = 1e-12  # of what a margin leaves: smaller ones are none
+_ROUNDING = 1e-6  # of an integral gain
+_PEAKS = {
+    "sensitivity": "sensitivity_peak",
+    "complementary_sensitivity": "complementary_peak",
+    "control_sensitivity": "control_peak",
+    "process_sensitivity": "process_peak",
+}
+
+
+class Proof(NamedTuple):
+    """Worst cases of a controller with the plants of every band, and what it takes of every limit."""
+
+    proofs: tuple[LoopBounds, ...]
+    shares: dict[str, tuple[float, float]]
+
+    @property
+    def kept(self) -> bool:
+        """True if every consistent plant is stabilised and keeps all limits."""
+        return all(one.guaranteed for one in self.proofs) and all(share <= 1 for share, _ in self.shares.values())
+
+
+def proof_of(plants: Sequence[Plants], controller: control.StateSpace, limits: Limits) -> Proof:
+    """Prove a controller with all plants: what it takes of every limit at most, and near which frequency (nan: of none)."""
+    proofs = tuple(one.proved(controller) for one in plants)
+    shares: dict[str, tuple[float, float]] = {}
+
+    def told(name: str, share: float, omega: float) -> None:
+        if share > shares.get(name, (-1.0, 0.0))[0]:
+            shares[name] = share, omega
+
+    for one, proof in zip(plants, proofs, strict=True):
+        for name, own in _PEAKS.items():
+            limit = getattr(limits, own)
+            if limit is not None:
+                told(own.replace("_", " "), proof.peaks[name].value / limit, proof.peaks[name].omega)
+        if limits.gain_margin is not None:
+            told("gain margin", (limits.gain_margin - 1) / max(proof.margins.gain[1] - 1, _LEAST), math.nan)
+        if limits.phase_margin is not None:
+            told("phase margin", limits.phase_margin / max(proof.margins.phase, _LEAST), math.nan)
+        for name, (share, omega) in one.shares(controller, limits).items():
+            told(name, share, omega)
+    if limits.integral_gain is not None:
+        gain = abs(float(integral_gain(StateMatrices.of(controller), plants[0].dt)))
+        told("integral gain", limits.integral_gain * (1 - _ROUNDING) / max(gain, np.finfo(float).tiny), math.nan)
+    return Proof(proofs, shares)
