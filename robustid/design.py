@@ -13,6 +13,7 @@ from robustid.controllers import (
     LeastControl,
     Limits,
     LowPass,
+    Matrix,
     Notch,
 )
 
@@ -29,5 +30,6 @@ __all__ = [
     "LeastControl",
     "Limits",
     "LowPass",
+    "Matrix",
     "Notch",
 ]

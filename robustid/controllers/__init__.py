@@ -1,9 +1,10 @@
 """Controllers of fixed structure for every plant that the data allow."""
 
 from robustid.controllers.controller_design import ControllerDesign, DesignStatus, design_controller
+from robustid.controllers.factors import FIR, PID, Fixed, LeadLag, LowPass, Notch
 from robustid.controllers.goals import Attenuation, Bandwidth, IntegralGain, LeastControl
 from robustid.controllers.limits import Limits
-from robustid.controllers.structure import FIR, PID, Fixed, LeadLag, LowPass, Notch
+from robustid.controllers.structure import Matrix
 
 __all__ = [
     "FIR",
@@ -18,6 +19,7 @@ __all__ = [
     "LeastControl",
     "Limits",
     "LowPass",
+    "Matrix",
     "Notch",
     "design_controller",
 ]

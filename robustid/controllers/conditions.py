@@ -7,11 +7,17 @@ in one:
           |T| \le m \Leftrightarrow \left|X + \tfrac{1}{m^2 - 1}\right| \ge \tfrac{m}{m^2 - 1} \;(m > 1), \qquad
           |C S| \le m \Leftrightarrow |X| \ge |C|/m, \qquad |P S| \le m \Leftrightarrow |1/F + C| \ge 1/m .
 
-Each is :math:`|a + b C| \ge q |C| + w` for all F at once, exactly, or :math:`|a + b C| + q |C| \le w`.
+Each is :math:`|a + b C| \ge |q C| + w` for all F at once, exactly, or :math:`|a + b C| + |q C| \le w`. Of matrices
+:math:`F = c + \Delta D` with :math:`\|\Delta\| \le r`, and the same with singular values follows from
+
+.. math:: \underline\sigma(a + b C) \ge \textstyle\sum_k \|Q_k C\| + w,
+
+where S, T and the bandwidth are exact but for that; ``|C S|`` and ``|P S|`` are bounded by products of norms.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -23,56 +29,95 @@ from robustid.core import Complex, Real
 _ABOVE = 5e-3  # 1 that |L| is up to the bandwidth: what the proof on arcs takes
 _ARC = 5  # points of the arc about -1 that a phase margin keeps clear
 _LEAST = 1e-12  # of the radius of a disc: nearer to zero it holds zero
+_TURNED = math.pi / 3  # phase of a delay, beyond which |L| is kept below 1 instead
 
 
 class Discs(NamedTuple):
-    """Values of all consistent plants at frequencies: centres and radii, (F,)."""
+    """Values of all consistent plants at frequencies: centres (F, ny, nu), radii (F,) and units of the inputs (F, nu).
+
+    All of them are ``centre + Delta diag(units)`` with a largest singular value of Delta of at most the radius.
+    """
 
     omega: Real
     centre: Complex
     radius: Real
+    units: Real
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Outputs and inputs."""
+        return self.centre.shape[1], self.centre.shape[2]
 
     @property
     def typical(self) -> float:
         """Size of a controller with which the loop is about 1."""
-        return 1 / float(np.median(np.abs(self.centre)))
+        return 1 / float(np.median(norms(self.centre)))
+
+    @property
+    def columns(self) -> Real:
+        """Bound of the norm of every column, (F, nu)."""
+        return np.asarray(np.linalg.norm(self.centre, axis=1), dtype=float) + self.radius[:, None] * self.units
+
+    @property
+    def largest(self) -> Real:
+        """Bound of the largest singular value, (F,)."""
+        return norms(self.centre) + self.radius * self.units.max(axis=1)
 
     def at(self, which: NDArray[np.bool_]) -> Discs:
         """Some of the frequencies."""
-        return Discs(self.omega[which], self.centre[which], self.radius[which])
+        return Discs(self.omega[which], self.centre[which], self.radius[which], self.units[which])
+
+
+def norms(matrices: Complex | Real) -> Real:
+    """Largest singular values, (N, p, q) to (N,)."""
+    if matrices.shape[1:] == (1, 1):
+        return np.abs(matrices[:, 0, 0])
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
 
 
 class Conditions(NamedTuple):
-    """Distance of ``a + b C`` from a convex polygon at least ``q |C| + w``, at frequencies, each (N,).
+    """Distance of ``a + b C`` from a convex polygon at least ``sum_k |Q_k C| + w``, at frequencies, each (N, ...).
 
-    The polygon, by its corners, is the point 0 where nothing is said. `inside`: ``|a + b C| + q |C| <= w`` instead.
+    The polygon, by its corners, is the point 0 where nothing is said; of matrices the distance from it is the smallest singular
+    value. `inside`: ``|a + b C| + sum_k |Q_k C| <= w`` instead.
     """
 
     name: str
     place: NDArray[np.intp]  # frequency of every one
-    a: Complex
-    b: Complex
-    q: Real
+    a: Complex  # (N, p, q)
+    b: Complex  # (N, p, nu)
+    q: Real  # (N, k, nu): diagonals of Q_k
     w: Real
     inside: bool = False
-    corners: Complex = np.zeros(1, complex)
+    corners: Complex = np.zeros((1, 1), complex)  # (1 or N, corners)
+
+    def at(self, values: Complex) -> tuple[Complex, Real]:
+        """A + b C, and what is taken from its distance, with values C (F, nu, ny) at all frequencies."""
+        C = values[self.place]
+        taken = sum(norms(self.q[:, k, :, None] * C) for k in range(self.q.shape[1]))
+        return self.a + self.b @ C, np.asarray(taken, dtype=float)
 
     def excess(self, values: Complex) -> Real:
-        """Distance to the limit of each, with values C at all frequencies: negative where it is not kept."""
-        C = values[self.place]
-        X, size = self.a + self.b * C, self.q * np.abs(C)
+        """Distance to the limit of each: negative where it is not kept."""
+        X, taken = self.at(values)
         if self.inside:
-            return self.w - np.abs(X) - size
-        return _distance(X, self.corners)[0] - size - self.w
+            return self.w - norms(X) - taken
+        if X.shape[1:] == (1, 1):
+            return _distance(X[:, 0, 0], self.corners)[0] - taken - self.w
+        return np.linalg.svd(X, compute_uv=False)[:, -1] - taken - self.w
 
     def directions(self, values: Complex) -> Complex:
-        """Unit numbers that point from the polygon to where C is."""
-        return _distance(self.a + self.b * values[self.place], self.corners)[1]
+        """Unit numbers that point from the polygon to where C is; of matrices the unitary factor U of the polar form, (N, p, p)."""
+        X, _ = self.at(values)
+        if X.shape[1:] == (1, 1):
+            return _distance(X[:, 0, 0], self.corners)[1][:, None, None]
+        left, _, right = np.linalg.svd(X)
+        return left @ right
 
 
 def _distance(points: Complex, corners: Complex) -> tuple[Real, Complex]:
-    """Distances of points from a convex polygon, negative inside, and the directions away from it."""
-    ends = np.roll(corners, -1)
+    """Distances of points from convex polygons, negative inside, and the directions away from them."""
+    ends = np.roll(corners, -1, axis=1)
     along = ends - corners
     length = np.maximum(np.abs(along) ** 2, np.finfo(float).tiny)
     part = np.clip(np.real((points[:, None] - corners) * along.conj()) / length, 0.0, 1.0)
@@ -82,57 +127,76 @@ def _distance(points: Complex, corners: Complex) -> tuple[Real, Complex]:
     rows = np.arange(points.size)
     size, direction = sizes[rows, k], away[rows, k]
     turned = np.imag((points[:, None] - corners) * along.conj())
-    inner = (corners.size > 2) & (np.all(turned > 0, axis=1) | np.all(turned < 0, axis=1))
+    inner = (corners.shape[1] > 2) & (np.all(turned > 0, axis=1) | np.all(turned < 0, axis=1))
     unit = np.where(size > 0, direction / np.where(size > 0, size, 1.0), 1.0)
     return np.where(inner, -size, size), np.where(inner, -unit, unit)
 
 
+class _Clear:
+    """Conditions at some frequencies, by points that X keeps away from."""
+
+    def __init__(self, discs: Discs) -> None:
+        self.discs, self.found = discs, list[Conditions]()
+        self.ny = discs.shape[0]
+
+    def add(
+        self,
+        name: str,
+        where: NDArray[np.bool_] | None,
+        offset: float,
+        size: float | Real,
+        *,
+        more: float = 0.0,
+        inside: bool = False,
+        corners: Complex | None = None,
+    ) -> None:
+        """``offset + F C`` at a distance of `size` and `more` times |C| from 0, or from polygons; or no farther than that."""
+        which = np.ones(self.discs.omega.size, dtype=bool) if where is None else where
+        some, place = self.discs.at(which), np.flatnonzero(which)
+        a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
+        a[:] = offset * np.eye(self.ny)
+        q = (some.radius[:, None] * some.units)[:, None, :]
+        if more:
+            q = q + more if self.discs.shape == (1, 1) else np.concatenate([q, np.full(q.shape, more)], axis=1)
+        w = np.broadcast_to(np.asarray(size, dtype=float), place.shape)
+        shapes = np.zeros((1, 1), complex) if corners is None else corners
+        self.found.append(Conditions(name, place, a, some.centre, q, w, inside, shapes))
+
+
 def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     """All limits at some frequencies."""
-    found: list[Conditions] = []
-    every = np.ones(discs.omega.size, dtype=bool)
-
-    def clear(name: str, which: NDArray[np.bool_], point: float, size: float) -> None:
-        """X keeps a distance from a point."""
-        some, place = discs.at(which), np.flatnonzero(which)
-        a: Complex = np.full(place.shape, 1.0 - complex(point))
-        w: Real = np.full(place.shape, float(size))
-        found.append(Conditions(name, place, a, some.centre, some.radius, w))
-
+    clear, omega = _Clear(discs), discs.omega
     if limits.sensitivity_peak is not None:
-        clear("sensitivity peak", every, 0.0, 1 / limits.sensitivity_peak)
+        clear.add("sensitivity peak", None, 1.0, 1 / limits.sensitivity_peak)
     if limits.complementary_peak is not None:
-        clear("complementary peak", every, *_disc_of(limits.complementary_peak))
+        point, size = _disc_of(limits.complementary_peak)
+        clear.add("complementary peak", None, 1.0 - point, size)
     for low, high, value in limits.attenuation:
-        clear("attenuation", (discs.omega >= low) & (discs.omega <= high), 0.0, 1 / value)
+        clear.add("attenuation", (omega >= low) & (omega <= high), 1.0, 1 / value)
     for low, high, value in limits.roll_off:
-        which = (discs.omega >= low) & (discs.omega <= high)
+        which = (omega >= low) & (omega <= high)
         if value > 1:
-            clear("roll-off", which, *_disc_of(value))
+            point, size = _disc_of(value)
+            clear.add("roll-off", which, 1.0 - point, size)
         elif value < 1:  # X stays in a disc about 1/(1 - m^2)
-            some, place = discs.at(which), np.flatnonzero(which)
-            a = np.full(place.size, 1 - 1 / (1 - value**2), complex)
-            w = np.full(place.size, value / (1 - value**2))
-            found.append(Conditions("roll-off", place, a, some.centre, some.radius, w, inside=True))
+            clear.add("roll-off", which, 1 - 1 / (1 - value**2), value / (1 - value**2), inside=True)
     if limits.bandwidth is not None:
-        place = np.flatnonzero(discs.omega <= limits.bandwidth)
-        some, least = discs.at(discs.omega <= limits.bandwidth), np.full(place.size, 1 + _ABOVE)
-        found.append(
-            Conditions("bandwidth", place, np.zeros(place.size, complex), some.centre + 0j, some.radius, least)
-        )
+        clear.add("bandwidth", omega <= limits.bandwidth, 0.0, 1 + _ABOVE)
     for corners in _kept_clear(limits):
-        place = np.arange(discs.omega.size)
-        one, none = np.ones(place.size, complex), np.zeros(place.size)
-        found.append(Conditions("margins", place, one, discs.centre + 0j, discs.radius, none, corners=corners))
+        clear.add("margins", None, 1.0, 0.0, corners=corners[None])
+    if limits.delay_margin is not None:
+        phase = omega * limits.delay_margin
+        near = phase <= _TURNED
+        clear.add("delay margin", near, 1.0, 0.0, corners=_arcs(phase[near]))
+        clear.add("delay margin", ~near, 0.0, 1 - _ABOVE, inside=True)
     if limits.control_peak is not None:
-        place = np.arange(discs.omega.size)
-        q = discs.radius + 1 / limits.control_peak
-        found.append(
-            Conditions("control peak", place, np.ones(place.size, complex), discs.centre + 0j, q, np.zeros(place.size))
-        )
+        clear.add("control peak", None, 1.0, 0.0, more=1 / limits.control_peak)
     if limits.process_peak is not None:
-        found.append(_process(limits.process_peak, discs))
-    return found
+        if discs.shape == (1, 1):
+            clear.found.append(_process(limits.process_peak, discs))
+        else:
+            clear.add("process peak", None, 1.0, discs.largest / limits.process_peak)
+    return clear.found
 
 
 def _kept_clear(limits: Limits) -> list[Complex]:
@@ -140,12 +204,20 @@ def _kept_clear(limits: Limits) -> list[Complex]:
     found: list[Complex] = []
     if limits.gain_margin is not None:
         found.append(np.array([0.0, 1 - 1 / limits.gain_margin], complex))
-    if limits.phase_margin is not None:
-        # L = -exp(j t) for |t| <= margin; corners outside the arc, so that the polygon holds it.
-        t = np.linspace(-limits.phase_margin, limits.phase_margin, _ARC)
-        outer = np.exp(1j * (t[:-1] + t[1:]) / 2) / np.cos((t[1] - t[0]) / 2)
-        found.append(1 - np.concatenate([outer, np.exp(1j * t[[0, -1]])]))
+    if limits.phase_margin is not None:  # L = -exp(j t) for |t| <= margin
+        found.append(_around(np.linspace(-limits.phase_margin, limits.phase_margin, _ARC)))
     return found
+
+
+def _around(t: Real) -> Complex:
+    """Corners of a polygon that holds the arc of X = 1 - exp(j t), (..., points): outside of the arc, and its ends."""
+    outer = np.exp(1j * (t[..., :-1] + t[..., 1:]) / 2) / np.cos((t[..., 1:] - t[..., :-1]) / 2)
+    return np.asarray(1 - np.concatenate([outer, np.exp(1j * t[..., [-1, 0]])], axis=-1), dtype=complex)
+
+
+def _arcs(phase: Real) -> Complex:
+    """Polygons of the arcs of delays up to a phase, (N, corners): L = -exp(j t) for t up to it."""
+    return _around(phase[:, None] * np.linspace(0.0, 1.0, _ARC))
 
 
 def _disc_of(peak: float) -> tuple[float, float]:
@@ -155,12 +227,13 @@ def _disc_of(peak: float) -> tuple[float, float]:
 
 def _process(peak: float, discs: Discs) -> Conditions:
     """|P S| at most a peak: exact in the disc of 1/F, or where F may be 0 by its largest value."""
-    size, radius = np.abs(discs.centre), discs.radius
+    centre, radius = discs.centre[:, 0, 0], discs.radius * discs.units[:, 0]
+    size = np.abs(centre)
     whole = size > radius * (1 + _LEAST)
     room = np.where(whole, size**2 - radius**2, 1.0)
-    place = np.arange(discs.omega.size)
-    a: Complex = np.where(whole, discs.centre.conj() / room, 1.0 + 0j)
-    b = np.where(whole, 1.0, discs.centre)
+    a: Complex = np.where(whole, centre.conj() / room, 1.0 + 0j)
+    b: Complex = np.where(whole, 1.0 + 0j, centre)
     q = np.where(whole, 0.0, radius)
     w = np.where(whole, 1 / peak + radius / room, (size + radius) / peak)
-    return Conditions("process peak", place, a, b + 0j, q, w)
+    full = (slice(None), None, None)
+    return Conditions("process peak", np.arange(centre.size), a[full], b[full], q[full], w)

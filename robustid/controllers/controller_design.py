@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robustid.controllers.designing import Task
+from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal, as_goal
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
-from robustid.controllers.structure import Factor, as_structure, basis_of
+from robustid.controllers.structure import Basis, Matrix, as_structure, basis_of
 from robustid.core import Budget, Frozen, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.guarantees import Band, LoopBounds
@@ -56,7 +57,7 @@ class ControllerDesign(Frozen):
     goal: Goal
     level: float
     limits: Limits
-    structure: tuple[Factor, ...]
+    structure: tuple[Factor, ...] | Matrix
     proofs: tuple[LoopBounds, ...]
     shares: dict[str, tuple[float, float]]
     searched: tuple[float, ...]
@@ -96,7 +97,7 @@ class ControllerDesign(Frozen):
 @one_thread()
 def design_controller(
     bands: Band | LoopBounds | Sequence[Band | LoopBounds],
-    structure: Factor | Sequence[Factor],
+    structure: Factor | Sequence[Factor] | Matrix,
     *,
     limits: Limits | None = None,
     maximise: str | Goal = "bandwidth",
@@ -163,8 +164,7 @@ def design_controller(
     limits = Limits() if limits is None else as_kind("limits", limits, Limits, "Limits of robustid.design")
     factors, goal = as_structure(structure), as_goal(maximise)
     task = Task.of(plants, factors, limits, goal)
-    if goal.asked(limits, 1.0).integral_gain and not basis_of(factors, task.middle, task.dt).integral.any():
-        raise InputError("`structure` must hold an integrator for its gain to be largest, such as PID()")
+    _check_limits(goal.asked(limits, 1.0), basis_of(factors, task.middle, task.dt, task.shape))
     found = task.designed(Budget(time_limit))
     same = {"goal": goal, "limits": limits, "structure": factors}
     if found is None:
@@ -183,14 +183,24 @@ def design_controller(
     )
 
 
+def _check_limits(limits: Limits, basis: Basis) -> None:
+    if limits.integral_gain and not basis.integral.any():
+        raise InputError("`structure` must hold an integrator for its gain to be largest, such as PID()")
+    if basis.shape == (1, 1):
+        return
+    for name in ("gain_margin", "phase_margin", "delay_margin", "integral_gain"):
+        if getattr(limits, name) is not None:
+            raise InputError(
+                f"`{name}` is of one input and one output; got {basis.shape[1]} outputs. The peak of the sensitivity keeps"
+                " margins of all loops"
+            )
+
+
 def _check(plants: list[Plants]) -> None:
     if not plants:
         raise InputError("`bands` must hold at least one band")
     for one in plants:
-        if one.loop.shape != (1, 1):
-            ny, nu = one.loop.shape[::-1]
-            raise InputError(
-                f"`bands` must be of one input and one output; got {ny} outputs and {nu} inputs. Take one entry"
-            )
+        if one.loop.shape != plants[0].loop.shape:
+            raise InputError("`bands` must have the same inputs and outputs")
         if not math.isclose(one.dt, plants[0].dt, rel_tol=1e-9):
             raise InputError(f"`bands` must have one sample time; got {plants[0].dt:g} and {one.dt:g} s")

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import Proof, proof_of
 from robustid.controllers.search import Question, found_for
-from robustid.controllers.structure import Basis, Factor, basis_of
+from robustid.controllers.structure import Basis, Matrix, basis_of, entries_of, free_of
 from robustid.core import Budget, Complex, Real, StateMatrices, points_of, response_at
 
 if TYPE_CHECKING:
@@ -43,13 +44,13 @@ class Task:
     """A design: its plants, and the frequencies of each that are asked about."""
 
     plants: list[Plants]
-    structure: tuple[Factor, ...]
+    structure: tuple[Factor, ...] | Matrix
     limits: Limits
     goal: Goal
     grids: list[Real]
 
     @classmethod
-    def of(cls, plants: list[Plants], structure: tuple[Factor, ...], limits: Limits, goal: Goal) -> Task:
+    def of(cls, plants: list[Plants], structure: tuple[Factor, ...] | Matrix, limits: Limits, goal: Goal) -> Task:
         """The design with frequencies to begin with: those of the plants, and the ends of the limits."""
         top = math.pi / plants[0].dt if plants[0].dt else math.inf
         ends = [one for one in goal.asked(limits, 1.0).frequencies if one < top]
@@ -65,9 +66,15 @@ class Task:
         return self.plants[0].dt
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Outputs and inputs of the plant."""
+        nu, ny = self.plants[0].loop.shape
+        return ny, nu
+
+    @property
     def intervals(self) -> list[tuple[float, float]]:
         """Intervals of the numbers that are searched."""
-        return [interval for one in self.structure for interval in one.free]
+        return free_of(entries_of(self.structure, self.shape))
 
     @property
     def middle(self) -> list[float]:
@@ -131,17 +138,22 @@ class _At:
 
     def __init__(self, task: Task, at: Sequence[float]) -> None:
         self.task, self.at = task, list(at)
-        self.basis: Basis = basis_of(task.structure, at, task.dt)
+        self.basis: Basis = basis_of(task.structure, at, task.dt, task.shape)
         discs = [plants.discs(grid) for plants, grid in zip(task.plants, task.grids, strict=True)]
         self.discs = Discs(*(np.concatenate(parts) for parts in zip(*discs, strict=True)))
         self.owners = [k for k, grid in enumerate(task.grids) for _ in grid]
         plain = self.basis.response(self.discs.omega)
         omega = self.discs.omega
         falling = np.minimum(1.0, omega / np.exp(np.mean(np.log(omega))))  # an integrator is large where omega is small
-        weight = ((np.abs(self.discs.centre) + self.discs.radius) * falling)[:, None]
-        stacked = np.concatenate([(weight * plain).real, (weight * plain).imag])
-        self.back = np.linalg.inv(np.linalg.qr(stacked, mode="r")) * math.sqrt(len(stacked))
-        self.values = plain @ self.back
+        weighed = (falling[:, None] * self.discs.columns)[:, None, :, None] * plain
+        flat = weighed.swapaxes(0, 1).reshape(self.basis.count, -1).T
+        stacked = np.concatenate([flat.real, flat.imag])
+        self.back = np.linalg.inv(np.linalg.qr(stacked, mode="r")) * math.sqrt(2 * omega.size)
+        self.values = self._in_basis(plain)
+
+    def _in_basis(self, values: Complex) -> Complex:
+        """Values of the orthonormal combinations, (F, m, nu, ny)."""
+        return np.einsum("fmij,mk->fkij", values, self.back)
 
     def best(self, least: float | None = None, near: Found | None = None) -> Found | None:
         """The controller of the highest level; None where none is found, or none above `least`."""
@@ -190,12 +202,16 @@ class _At:
     def _starts(self, discs: Discs, limits: Limits, near: Found | None) -> Iterator[Complex]:
         """Values of controllers to begin with: one that is known, those that run, an integrator as loop, none."""
         if near is not None:
-            points = points_of(discs.omega, self.task.dt)
-            yield response_at(StateMatrices.of(near.controller), points)[:, 0, 0]
+            yield response_at(StateMatrices.of(near.controller), points_of(discs.omega, self.task.dt))
         running = self._running(discs)
         if running.any():
             yield running
-        yield self._corner(discs, limits) / (1j * discs.omega) / discs.centre
+        wanted = (self._corner(discs, limits) / (1j * discs.omega))[:, None, None]
+        yield wanted * np.linalg.pinv(discs.centre)
+        if discs.shape != (1, 1):  # the same of every loop by itself
+            held = np.any(self.basis.response(discs.omega[:1])[0] != 0, axis=0)
+            alone = np.where(held.T, discs.centre, 1.0)
+            yield np.where(held, wanted / alone.swapaxes(1, 2), 0.0)
         if near is None and not running.any():
             yield running
 
@@ -204,14 +220,14 @@ class _At:
         if limits.bandwidth is not None:
             return limits.bandwidth
         if limits.integral_gain is not None:
-            return limits.integral_gain * abs(discs.centre[np.argmin(discs.omega)])
+            return limits.integral_gain / discs.typical
         ends = [high / max(value, 1e-3) for _, high, value in limits.attenuation]
         return min(max(ends), discs.omega.max()) if ends else math.sqrt(discs.omega.min() * discs.omega.max())
 
     def _running(self, discs: Discs) -> Complex:
         """Values of the controllers that run, each with its plants."""
         owners = [*self.owners, *range(len(self.task.plants))][: discs.omega.size]
-        running = np.zeros(discs.omega.size, complex)
+        running = np.zeros((discs.omega.size, *discs.shape[::-1]), complex)
         for k, plants in enumerate(self.task.plants):
             own = np.equal(owners, k)
             running[own] = plants.running(discs.omega[own])
@@ -224,13 +240,14 @@ class _At:
             end = np.array([limits.bandwidth])
             ends = [plants.discs(end) for plants in self.task.plants]
             discs = Discs(*(np.concatenate(parts) for parts in zip(discs, *ends, strict=True)))
-            last = self.basis.response(end) @ self.back
+            last = self._in_basis(self.basis.response(end))
             values = np.concatenate([values, np.repeat(last, len(ends), axis=0)])
         linear = None
         if limits.integral_gain is not None:
             gain = (self.basis.integral @ self.back)[None]
             lowest = int(np.argmin(discs.omega))  # an integrator is to lower what the loop that runs leaves there
-            left = 1 + discs.centre[lowest] * self._running(discs)[lowest]
-            sign = np.sign(np.real(discs.centre[lowest] / left))
+            centre = discs.centre[lowest, 0, 0]
+            left = 1 + centre * self._running(discs)[lowest, 0, 0]
+            sign = np.sign(np.real(centre / left))
             linear = sign * gain, np.array([limits.integral_gain])
         return Question(values, conditions_of(limits.closer(_SPARE), discs), linear), discs

@@ -26,6 +26,8 @@ class Limits:
         Factor by which the gain may grow; above 1.
     phase_margin : float or None
         In rad, on both sides.
+    delay_margin : float or None
+        In s: further delay that leaves every loop stable.
     control_peak : float or None
         Largest |C S|: from noise at the output to the input, which actuators limit.
     process_peak : float or None
@@ -44,6 +46,7 @@ class Limits:
     complementary_peak: float | None = None
     gain_margin: float | None = None
     phase_margin: float | None = None
+    delay_margin: float | None = None
     control_peak: float | None = None
     process_peak: float | None = None
     attenuation: Sequence[tuple[float, float, float]] = ()
@@ -52,7 +55,7 @@ class Limits:
     integral_gain: float | None = None
 
     def __post_init__(self) -> None:
-        for name in (*_PEAKS, "gain_margin", "bandwidth", "integral_gain"):
+        for name in (*_PEAKS, "gain_margin", "delay_margin", "bandwidth", "integral_gain"):
             value = getattr(self, name)
             if value is None:
                 continue
@@ -94,5 +97,6 @@ class Limits:
             **{name: less(getattr(self, name), spare) for name in _PEAKS},
             gain_margin=less(self.gain_margin, 1 / spare),
             phase_margin=less(self.phase_margin, 1 / spare),
+            delay_margin=less(self.delay_margin, 1 / spare),
             **rows,
         )

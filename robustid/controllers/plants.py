@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs
+from robustid.controllers.conditions import Discs, norms
 from robustid.controllers.limits import Limits
 from robustid.core import Complex, Real, StateMatrices, closed_loop, loop_is_stable, points_of, poles_of, response_at
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import Band, BandAxis, LoopBounds, LoopValues, loop_bounds
+from robustid.guarantees import Band, BandAxis, LoopBounds, LoopValues, loop_bounds, norm_of_bounds
 from robustid.identification import Loop
 
 if TYPE_CHECKING:
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 _POINTS = 100  # frequencies that a design begins with, equally apart on a logarithmic axis
 _CHANGE, _HALVED, _MOST = 0.2, 8, 600  # of the plant from one to the next; rounds of halving, and frequencies at most
 _BELOW = 30.0  # times the lowest frequency of the data: where the axis begins
+_PARTS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the ratio of two norms, which weighs them
 _ROUNDING = 1e-9  # of the end of an interval
 _HALF = 0.5  # the real part of S up to which |L| is at least 1
+_LITTLE = 1e-9  # of the bounds of the largest input: smaller ones are as good as none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +58,11 @@ class Plants:
         return self.loop.dt
 
     @property
+    def in_open_loop(self) -> bool:
+        """True of a plant that was measured without a controller."""
+        return self.loop.auxiliary is None and not self.loop.as_controller(self.loop.controller).D.any()
+
+    @property
     def model(self) -> StateMatrices:
         """The plant of the model of the band."""
         return StateMatrices.of(self.loop.plant_of(self._nominal))
@@ -68,7 +75,7 @@ class Plants:
         return model
 
     def grid(self) -> Real:
-        """Frequencies to begin with: spread, and closer where the plant changes fast."""
+        """Frequencies to begin with: spread, and closer where a column of the plant changes fast."""
         edges = self.band.circle.edges
         known = edges[(edges > 0) & np.isfinite(edges)]
         low = max(float(known[0]), float(self.band.omega[self.band.omega > 0].min()) / _BELOW)
@@ -76,8 +83,8 @@ class Plants:
         omega = np.geomspace(low, top, _POINTS)
         for _ in range(_HALVED):
             discs = self.discs(omega)
-            size = np.abs(discs.centre) + discs.radius
-            far = np.abs(np.diff(discs.centre)) > _CHANGE * np.minimum(size[1:], size[:-1])
+            change, size = np.linalg.norm(np.diff(discs.centre, axis=0), axis=1), discs.columns
+            far = np.any(change > _CHANGE * np.minimum(size[1:], size[:-1]), axis=1)
             if not far.any() or omega.size > _MOST:
                 break
             omega = np.sort(np.concatenate([omega, np.sqrt(omega[1:] * omega[:-1])[far]]))
@@ -90,22 +97,29 @@ class Plants:
         left = np.clip(np.searchsorted(edges, omega, side="left") - 1, 0, len(entries) - 1)
         bound = np.maximum(entries[left], entries[right])
         nu, ny = self.loop.shape
-        nothing = StateMatrices(np.zeros((0, 0)), np.zeros((0, ny)), np.zeros((nu, 0)), np.zeros((nu, ny)))
-        around = self.loop.about(StateMatrices.of(self._nominal), nothing)
-        values = response_at(around, points_of(omega, self.dt))
-        balls = LoopValues.at(values, self.loop.shape).balls(bound)["process_sensitivity"]
-        radius = balls.radius
+        units = np.ones((omega.size, nu))
+        if self.in_open_loop:
+            centre = response_at(self.model, points_of(omega, self.dt))
+            if nu > 1:  # every input in the unit of its own bounds
+                units = np.linalg.norm(bound, axis=1)
+                units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
+            radius = norm_of_bounds(bound / units[:, None])
+        else:
+            nothing = StateMatrices(np.zeros((0, 0)), np.zeros((0, ny)), np.zeros((nu, 0)), np.zeros((nu, ny)))
+            around = self.loop.about(StateMatrices.of(self._nominal), nothing)
+            values = response_at(around, points_of(omega, self.dt))
+            centre, radius = LoopValues.at(values, self.loop.shape).balls(bound)["process_sensitivity"]
         if not np.all(np.isfinite(radius)):
             first = float(omega[np.argmin(np.isfinite(radius))])
             raise InputError(
                 f"`bands` must be bounded at every frequency; at {first:.5g} rad/s nothing is known of the plant. Measure there, or"
                 " state a class that is bounded there"
             )
-        return Discs(omega, balls.centre[:, 0, 0], radius)
+        return Discs(omega, centre, radius, units)
 
     def running(self, omega: Real) -> Complex:
-        """Values of the controller that ran, which stabilises all of them."""
-        return response_at(self.loop.as_controller(self.loop.controller), points_of(omega, self.dt))[:, 0, 0]
+        """Values of the controller that ran, which stabilises all of them, (F, nu, ny)."""
+        return response_at(self.loop.as_controller(self.loop.controller), points_of(omega, self.dt))
 
     def is_stable_with(self, controller: control.StateSpace) -> bool:
         """Say whether a controller stabilises the model."""
@@ -128,13 +142,17 @@ class Plants:
         axis = BandAxis(self.band, np.array([end for _, *ends, _ in rows for end in ends if end > 0]))
 
         def sizes(pieces: Pieces, reach: Real, low: Real, high: Real) -> Real:
-            balls = LoopValues(pieces.values, reach, self.loop.shape).balls(axis.bounds(pieces))
+            values, bounds = LoopValues(pieces.values, reach, self.loop.shape), axis.bounds(pieces)
+            balls = values.balls(bounds)
             found: list[Real] = []
             for name, begin, end, value in rows:
                 here = (high > begin * (1 + _ROUNDING)) & (low < end * (1 - _ROUNDING))
-                if name == "bandwidth":
+                if name == "bandwidth":  # sigma_min(L) >= 1: the Hermitian part of S is at most 1/2
                     S = balls["sensitivity"]
-                    size = (np.real(S.centre[:, 0, 0]) + S.radius) / _HALF
+                    real = (S.centre + S.centre.conj().swapaxes(1, 2)) / 2
+                    size = (np.linalg.eigvalsh(real)[:, -1] + S.radius) / _HALF
+                    if self.in_open_loop and self.loop.shape != (1, 1):
+                        size = np.minimum(size, _closed_share(values, bounds))
                 else:
                     size = (
                         balls["sensitivity" if name == "attenuation" else "complementary_sensitivity"].largest / value
@@ -148,3 +166,26 @@ class Plants:
             if one >= found.get(name, (0.0, 0.0))[0]:
                 found[name] = one, where
         return found
+
+
+def _closed_share(values: LoopValues, bounds: Real) -> Real:
+    r"""A number that is at most 1 only where the smallest singular value of L is at least 1 for all plants in open loop, (N,).
+
+    With ``L = (T + \Delta C S) S^{-1}`` about the model it is where :math:`\|T v\| - \|S v\| - r \|D C S v\| \ge 0` for all v, with
+    ``|Delta| <= r D``; that is at least the smallest eigenvalue of
+    :math:`T^* T - (1 + \tau) S^* S - (1 + 1/\tau) r^2 (D C S)^* D C S`, for any positive tau, over the sum of the three norms.
+    """
+    units = np.linalg.norm(bounds, axis=1)
+    units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
+    reach = norm_of_bounds(bounds / units[:, None])[:, None, None] * units[:, :, None]
+    (S, far), (CS, away) = values.part("y", "d"), values.part("x", "d")
+    T, given = np.eye(S.shape[1]) - S, reach * CS
+    sizes = norms(S), norms(given)
+    squares = [one.conj().swapaxes(1, 2) @ one for one in (T, S, given)]
+    least = np.full(len(S), -np.inf)
+    for factor in _PARTS:
+        tau = np.maximum(factor * sizes[1] / np.maximum(sizes[0], np.finfo(float).tiny), _LITTLE)[:, None, None]
+        whole = squares[0] - (1 + tau) * squares[1] - (1 + 1 / tau) * squares[2]
+        least = np.maximum(least, np.linalg.eigvalsh(whole)[:, 0])
+    left = least / (norms(T) + sizes[0] + sizes[1])
+    return 1 - left + 2 * norms(far) + norms(reach * away)

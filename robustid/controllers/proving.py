@@ -57,6 +57,8 @@ def proof_of(plants: Sequence[Plants], controller: control.StateSpace, limits: L
             told("gain margin", (limits.gain_margin - 1) / max(proof.margins.gain[1] - 1, _LEAST), math.nan)
         if limits.phase_margin is not None:
             told("phase margin", limits.phase_margin / max(proof.margins.phase, _LEAST), math.nan)
+        if limits.delay_margin is not None:
+            told("delay margin", limits.delay_margin / max(proof.margins.delay, np.finfo(float).tiny), math.nan)
         for name, (share, omega) in one.shares(controller, limits).items():
             told(name, share, omega)
     if limits.integral_gain is not None:

@@ -1,4 +1,4 @@
-"""Structures of controllers: what drives run, with denominators that are given and numerators that are free.
+"""Structures of controllers: products of factors with free numerators, one or a matrix of them.
 
 A product of factors is a row of states with fixed poles; with its numerator free it is linear in one number more than it has
 states: ``C(z) = sum_k x_k b_k(z)``. A numerator of real numbers splits into those of the factors again.
@@ -9,244 +9,126 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
 
-from robustid.core import (
-    Complex,
-    Real,
-    StateMatrices,
-    as_flag,
-    as_float,
-    as_positive,
-    bilinear_in_z,
-    points_of,
-    response_at,
-    series,
-)
+from robustid.controllers.factors import Factor
+from robustid.core import Complex, Real, StateMatrices, as_float, bilinear_in_z, points_of, response_at, series
 from robustid.errors import InputError, InputTypeError
-from robustid.identification import as_system
 
 if TYPE_CHECKING:
     import control
 
-Interval = float | tuple[float, float]
 _ROUNDING = 1e-9  # of a pole of an integrator
+
+Product = Factor | Sequence[Factor]
 
 
 @dataclasses.dataclass(frozen=True)
-class PID:
-    r"""Proportional, integral and derivative action, :math:`k_p + k_i/s + k_d s/(1 + s/\omega_f)`, gains free.
+class Matrix:
+    """Controllers of several loops, from every measured output to every input.
 
     Parameters
     ----------
-    filter : float or (float, float), rad/s, optional
-        Pole of the derivative, or an interval that it is searched in. Left out, there is no derivative: PI.
-    integral : bool
-        False: P, or PD.
+    rows : sequence of rows
+        A row for every input of the plant, an entry for every output: factors, or None for nothing.
 
     Examples
     --------
-    >>> from robustid.design import PID
-    >>> PID(filter=500.0).count, PID().count, PID(integral=False).count
-    (3, 2, 1)
+    >>> from robustid.design import PID, Matrix, Notch
+    >>> Matrix([[PID(), None], [None, [PID(), Notch(300.0)]]]).shape
+    (2, 2)
     """
 
-    filter: Interval | None = None
-    _: dataclasses.KW_ONLY
-    integral: bool = True
+    rows: Sequence[Sequence[Product | None]]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "integral", as_flag("integral", self.integral))
+        found = tuple(tuple(None if one is None else as_product(one) for one in row) for row in self.rows)
+        if not found or not found[0] or len({len(row) for row in found}) > 1:
+            raise InputError("`rows` must be rows of one length; an entry is a factor, factors or None")
+        if not any(one for row in found for one in row):
+            raise InputError("`rows` must hold at least one factor")
+        object.__setattr__(self, "rows", found)
 
     @property
-    def count(self) -> int:
-        """Free numbers."""
-        return 1 + self.integral + (self.filter is not None)
-
-    @property
-    def free(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of what is searched."""
-        return () if self.filter is None else (_interval("filter", self.filter),)
-
-    def parts(self, at: Sequence[float]) -> Parts:
-        """Poles in s, with what was searched."""
-        return Parts(self.integral, [complex(-one) for one in at], [])
+    def shape(self) -> tuple[int, int]:
+        """Inputs and outputs of the plant."""
+        return len(self.rows), len(self.rows[0])
 
 
-@dataclasses.dataclass(frozen=True)
-class Notch:
-    r"""A notch, skewed or not: two zeros that are free over the poles :math:`s^2 + 2\zeta\omega s + \omega^2`.
-
-    Parameters
-    ----------
-    omega : float or (float, float), rad/s
-        Natural frequency of the poles, or an interval that it is searched in.
-    damping : float
-        Their damping ratio.
-    """
-
-    omega: Interval
-    damping: float = 0.7
-
-    @property
-    def free(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of what is searched."""
-        as_positive("damping", self.damping)
-        return (_interval("omega", self.omega),)
-
-    def parts(self, at: Sequence[float]) -> Parts:
-        """Poles in s, with what was searched."""
-        (omega,) = at
-        if self.damping >= 1:
-            root = math.sqrt(self.damping**2 - 1)
-            return Parts(False, [complex(-omega * (self.damping - root)), complex(-omega * (self.damping + root))], [])
-        return Parts(False, [omega * complex(-self.damping, math.sqrt(1 - self.damping**2))], [])
+Entry = tuple[int, int, tuple[Factor, ...]]
 
 
-@dataclasses.dataclass(frozen=True)
-class LeadLag:
-    """A pole at -omega with a zero that is free.
-
-    Parameters
-    ----------
-    omega : float or (float, float), rad/s
-        The pole, or an interval that it is searched in.
-    """
-
-    omega: Interval
-
-    @property
-    def free(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of what is searched."""
-        return (_interval("omega", self.omega),)
-
-    def parts(self, at: Sequence[float]) -> Parts:
-        """Poles in s, with what was searched."""
-        return Parts(False, [complex(-at[0])], [])
+def entries_of(structure: tuple[Factor, ...] | Matrix, shape: tuple[int, int]) -> list[Entry]:
+    """Places (input, output) of factors, for a plant of so many outputs and inputs; of factors alone one loop to each output."""
+    ny, nu = shape
+    if not isinstance(structure, Matrix):
+        if ny != nu:
+            raise InputError(
+                f"`structure` must be a Matrix for {ny} outputs and {nu} inputs: factors alone are one loop to each output"
+            )
+        return [(k, k, structure) for k in range(ny)]
+    if structure.shape != (nu, ny):
+        raise InputError(
+            f"`structure` must have {nu} rows of {ny} entries, from every output of the plant to every input; got"
+            f" {structure.shape[0]} of {structure.shape[1]}"
+        )
+    return [
+        (i, j, as_product(one)) for i, row in enumerate(structure.rows) for j, one in enumerate(row) if one is not None
+    ]
 
 
-@dataclasses.dataclass(frozen=True)
-class LowPass:
-    r"""A fixed low-pass filter of gain 1: :math:`1/(1 + s/\omega)`, or :math:`1/(1 + \sqrt 2 s/\omega + s^2/\omega^2)`.
-
-    Parameters
-    ----------
-    omega : float or (float, float), rad/s
-        Corner, or an interval that it is searched in.
-    order : {1, 2}
-    """
-
-    omega: Interval
-    order: int = 1
-
-    @property
-    def free(self) -> tuple[tuple[float, float], ...]:
-        """Intervals of what is searched."""
-        if self.order not in (1, 2):
-            raise InputError(f"`order` of LowPass must be 1 or 2; got {self.order!r}")
-        return (_interval("omega", self.omega),)
-
-    def parts(self, at: Sequence[float]) -> Parts:
-        """The filter, in s."""
-        (w,) = at
-        if self.order == 1:
-            return Parts(False, [], [StateMatrices(*(np.array([[one]]) for one in (-w, 1.0, w, 0.0)))])
-        A = np.array([[0.0, 1.0], [-(w**2), -math.sqrt(2) * w]])
-        return Parts(False, [], [StateMatrices(A, np.array([[0.0], [1.0]]), np.array([[w**2, 0.0]]), np.zeros((1, 1)))])
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Fixed:
-    """Known part of the loop beside the controller: a filter, a delay of the computer.
-
-    Parameters
-    ----------
-    model : control.StateSpace or control.TransferFunction
-        With the time base of the plant.
-    """
-
-    model: Any
-
-    @property
-    def free(self) -> tuple[tuple[float, float], ...]:
-        """Nothing is searched."""
-        return ()
-
-    def parts(self, at: Sequence[float]) -> Parts:
-        """The model."""
-        del at
-        return Parts(False, [], [], [as_system("model", self.model)])
-
-
-@dataclasses.dataclass(frozen=True)
-class FIR:
-    """So many past samples of the error, each with a free gain; of sampled controllers.
-
-    Parameters
-    ----------
-    length : int
-    """
-
-    length: int
-
-    @property
-    def free(self) -> tuple[tuple[float, float], ...]:
-        """Nothing is searched."""
-        return ()
-
-    def parts(self, at: Sequence[float]) -> Parts:
-        """Poles at z = 0."""
-        del at
-        return Parts(False, [complex(-math.inf)] * self.length, [])
-
-
-Factor = PID | Notch | LeadLag | LowPass | Fixed | FIR
-
-
-class Parts(NamedTuple):
-    """Parts that a factor adds: an integrator, poles in s (one of a pair) with free numerators, fixed filters in s and systems."""
-
-    integrator: bool
-    poles: list[complex]
-    filters: list[StateMatrices]
-    systems: list[tuple[StateMatrices, float | None]] = []  # noqa: RUF012
-
-
-def _interval(name: str, value: Interval) -> tuple[float, float]:
-    low, high = value if isinstance(value, tuple) else (value, value)
-    low, high = as_positive(name, low), as_positive(name, high)
-    if low > high:
-        raise InputError(f"`{name}` must be an interval from low to high; got {value}")
-    return low, high
+def free_of(entries: Sequence[Entry]) -> list[tuple[float, float]]:
+    """Intervals of the numbers that are searched."""
+    return [interval for *_, factors in entries for one in factors for interval in one.free]
 
 
 @dataclasses.dataclass(frozen=True)
 class Basis:
-    """Functions that a controller of a structure is a combination of, with real factors."""
+    """Functions that a controller of a structure is a combination of, with real factors, each in its entry."""
 
-    system: StateMatrices  # one input, an output for every function
+    parts: tuple[tuple[int, int, StateMatrices], ...]  # entry, and its functions: one input, an output for every one
     integral: Real  # (m,) of each, lim s b(s)
     dt: float
+    shape: tuple[int, int]  # inputs and outputs of the plant
 
     @property
     def count(self) -> int:
         """Number of functions."""
-        return len(self.system.D)
+        return sum(len(one.D) for *_, one in self.parts)
+
+    @property
+    def one_to_each(self) -> bool:
+        """True if no input and no output stands in two entries."""
+        return all(len({part[k] for part in self.parts}) == len(self.parts) for k in (0, 1))
 
     def response(self, omega: Real) -> Complex:
-        """Values at frequencies in rad/s, (F, m)."""
-        return response_at(self.system, points_of(omega, self.dt))[:, :, 0]
+        """Values at frequencies in rad/s, (F, m, nu, ny)."""
+        points, place = points_of(omega, self.dt), 0
+        found = np.zeros((omega.size, self.count, *self.shape), complex)
+        for i, j, one in self.parts:
+            found[:, place : place + len(one.D), i, j] = response_at(one, points)[:, :, 0]
+            place += len(one.D)
+        return found
 
     def controller(self, factors: Real) -> control.StateSpace:
-        """The combination, without states that it does not use."""
-        A, B, C, D = self.system
-        return StateMatrices(A, B, factors[None] @ C, factors[None] @ D).model(self.dt)
+        """The combination."""
+        nu, ny = self.shape
+        A: list[Real] = []
+        B, C, D, place = list[Real](), list[Real](), np.zeros((nu, ny)), 0
+        for i, j, one in self.parts:
+            own = factors[None, place : place + len(one.D)]
+            place += len(one.D)
+            A.append(one.A)
+            B.append(one.B * (np.arange(ny) == j))
+            C.append((np.arange(nu) == i)[:, None] * (own @ one.C))
+            D[i, j] += float((own @ one.D)[0, 0])
+        return StateMatrices(scipy.linalg.block_diag(*A), np.vstack(B), np.hstack(C), D).model(self.dt)
 
 
-def as_structure(structure: object) -> tuple[Factor, ...]:
+def as_product(structure: object) -> tuple[Factor, ...]:
     """The factors of a product, checked."""
     found: tuple[Any, ...] = tuple(structure) if isinstance(structure, list | tuple) else (structure,)
     for one in found:
@@ -260,8 +142,30 @@ def as_structure(structure: object) -> tuple[Factor, ...]:
     return found
 
 
-def basis_of(factors: Sequence[Factor], at: Sequence[float], dt: float) -> Basis:
-    """Functions of a product of factors, whose searched numbers are `at`, in the order of `free`."""
+def as_structure(structure: object) -> tuple[Factor, ...] | Matrix:
+    """Factors of every loop, or a matrix of them."""
+    return structure if isinstance(structure, Matrix) else as_product(structure)
+
+
+def basis_of(
+    structure: Sequence[Factor] | Matrix, at: Sequence[float], dt: float, shape: tuple[int, int] = (1, 1)
+) -> Basis:
+    """Functions of a structure for a plant of so many outputs and inputs, with searched numbers `at`, in the order of `free_of`."""
+    given = structure if isinstance(structure, Matrix) else tuple(structure)
+    parts: list[tuple[int, int, StateMatrices]] = []
+    integral: list[Real] = []
+    place = 0
+    for i, j, factors in entries_of(given, shape):
+        count = sum(len(one.free) for one in factors)
+        chain, integrators = _product(factors, at[place : place + count], dt)
+        place += count
+        parts.append((i, j, chain))
+        integral.append(_residues(chain, dt) if integrators else np.zeros(len(chain.D)))
+    return Basis(tuple(parts), np.concatenate(integral), dt, (shape[1], shape[0]))
+
+
+def _product(factors: Sequence[Factor], at: Sequence[float], dt: float) -> tuple[StateMatrices, int]:
+    """Functions of a product of factors, and the number of its integrators."""
     integrators, poles, fixed, place = 0, list[complex](), list[StateMatrices](), 0
     for one in factors:
         count = len(one.free)
@@ -279,7 +183,7 @@ def basis_of(factors: Sequence[Factor], at: Sequence[float], dt: float) -> Basis
     chain = _chain(poles, integrators, dt)
     for one in fixed:
         chain = series(one, chain)
-    return Basis(chain, _residues(chain, dt) if integrators else np.zeros(len(chain.D)), dt)
+    return chain, integrators
 
 
 def _chain(poles: Sequence[complex], integrators: int, dt: float) -> StateMatrices:

@@ -81,13 +81,14 @@ class LoopValues(NamedTuple):
         found["complementary_sensitivity"] = Balls(np.eye(self.shape[1]) - one.centre, one.radius)
         return found
 
-    def _ball(self, row: str, column: str, bound: Real) -> Balls:
+    def part(self, row: str, column: str) -> tuple[Complex, Real]:
+        """Values from one of r, e and d to one of u, y and x, about the model, and their radii."""
         rows, columns = self._places()
+        return self.values[:, rows[row], columns[column]], self.reach[:, rows[row], columns[column]]
 
-        def part(of: str, by: str) -> tuple[Complex, Real]:
-            return self.values[:, rows[of], columns[by]], self.reach[:, rows[of], columns[by]]
-
-        fixed, left, right, inner = part(row, column), part(row, "e"), part("x", column), part("x", "e")
+    def _ball(self, row: str, column: str, bound: Real) -> Balls:
+        fixed, left = self.part(row, column), self.part(row, "e")
+        right, inner = self.part("x", column), self.part("x", "e")
         if self.shape == (1, 1):
             found = _disc(fixed, left, right, inner, bound)
         else:

@@ -31,7 +31,7 @@ def test_a_structure_holds_every_numerator_over_its_poles(dt):
     low = control.c2d(low, dt, "tustin") if dt else low
     top = np.random.default_rng(0).standard_normal(6) * (1.0 if dt else 500.0 ** np.arange(6))
     true = np.polyval(top, x) / np.polyval(bottom, x) * values(low, omega)
-    found = basis.response(omega)
+    found = basis.response(omega)[:, :, 0, 0]
     weight = 1 / np.abs(true)[:, None]
     both = np.concatenate([(weight * found).real, (weight * found).imag])
     fitted = np.linalg.lstsq(both, np.concatenate([np.real(true / np.abs(true)), np.imag(true / np.abs(true))]))[0]
@@ -48,7 +48,7 @@ def test_past_samples_and_a_known_filter():
     basis = basis_of([FIR(3), Fixed(delay)], [], DT)
     z = np.exp(1j * np.linspace(0.1, 3, 20))
     true = (1 - 0.5 / z + 0.25 / z**2 + 2 / z**3) / z
-    found = basis.response(np.linspace(0.1, 3, 20) / DT)
+    found = basis.response(np.linspace(0.1, 3, 20) / DT)[:, :, 0, 0]
     fitted = np.linalg.lstsq(np.concatenate([found.real, found.imag]), np.concatenate([true.real, true.imag]))[0]
     assert np.abs(found @ fitted - true).max() < 1e-12
 
@@ -56,8 +56,8 @@ def test_past_samples_and_a_known_filter():
 def test_conditions_are_the_limits_for_all_values_of_a_disc():
     """|S|, |T|, |C S|, |P S| at most a limit for all F of a disc, margins of the gain and phase, against its dense edge."""
     rng, turn = np.random.default_rng(1), np.exp(2j * np.pi * np.arange(2000) / 2000)
-    discs = Discs(np.ones(1), np.array([0.6 - 0.9j]), np.array([0.2]))
-    F = discs.centre + discs.radius * turn
+    discs = Discs(np.ones(1), np.full((1, 1, 1), 0.6 - 0.9j), np.array([0.2]), np.ones((1, 1)))
+    F = discs.centre[:, 0] + discs.radius * turn
     limits = {
         "sensitivity_peak": (1.7, lambda C: np.abs(1 / (1 + F * C))),
         "complementary_peak": (1.4, lambda C: np.abs(F * C / (1 + F * C))),
@@ -71,22 +71,22 @@ def test_conditions_are_the_limits_for_all_values_of_a_disc():
         (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), discs)
         sides = set()
         for C in rng.standard_normal(300) + 1j * rng.standard_normal(300):
-            kept, worst = condition.excess(np.array([C]))[0] >= 0, size(C).max()
-            if np.all(np.abs(1 + discs.centre * C) > discs.radius * np.abs(C)):  # -1 is not among the values of L
+            kept, worst = condition.excess(np.full((1, 1, 1), C))[0] >= 0, size(C).max()
+            if np.all(np.abs(1 + discs.centre[0] * C) > discs.radius * np.abs(C)):  # -1 is not among the values of L
                 assert kept == (worst <= limit) or worst == pytest.approx(limit, rel=1e-4)
                 sides.add(bool(kept))
         assert sides == {True, False}, name
 
 
 def test_a_gain_and_a_phase_margin_keep_their_arcs_clear():
-    discs = Discs(np.ones(1), np.array([0.6 - 0.9j]), np.array([0.1]))
+    discs = Discs(np.ones(1), np.full((1, 1, 1), 0.6 - 0.9j), np.array([0.1]), np.ones((1, 1)))
     gain, phase = conditions_of(Limits(sensitivity_peak=None, gain_margin=2.0, phase_margin=0.7), discs)
     rng, turn = np.random.default_rng(2), np.exp(2j * np.pi * np.arange(500) / 500)
     for C in rng.standard_normal(400) + 1j * rng.standard_normal(400):
-        L = (discs.centre + discs.radius * turn) * C
-        if gain.excess(np.array([C]))[0] >= 0:
+        L = (discs.centre[:, 0] + discs.radius * turn) * C
+        if gain.excess(np.full((1, 1, 1), C))[0] >= 0:
             assert np.all(np.abs(1 + np.linspace(1, 2, 50)[:, None] * L) > 1e-3)
-        if phase.excess(np.array([C]))[0] >= 0:
+        if phase.excess(np.full((1, 1, 1), C))[0] >= 0:
             t = np.linspace(-0.7, 0.7, 50)[:, None]
             assert np.all(np.abs(1 + np.exp(1j * t) * L) > 1e-4)
 
@@ -108,7 +108,7 @@ def test_the_integral_gain_of_a_first_order_plant():
     stable = (np.abs(b) < 1) & (np.abs(a) < 1 + b)
     kp, ki = kp[stable], ki[stable]
     C = kp[:, None] + ki[:, None] * DT / (z - 1)
-    kept = np.all(np.abs(1 + discs.centre * C) - discs.radius * np.abs(C) >= 0.5, axis=1)
+    kept = np.all(np.abs(1 + discs.centre[:, 0, 0] * C) - discs.radius * np.abs(C) >= 0.5, axis=1)
     best = ki[kept].max()
     assert 0.95 * best <= found.level <= 1.02 * best
 

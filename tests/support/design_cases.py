@@ -48,21 +48,22 @@ class Judge:
         self.basis = basis_of(structure, at, DT)
         grid = np.unique(np.concatenate([self.plants.grid(), np.geomspace(0.1, np.pi / DT, 300)]))
         self.discs = self.plants.discs(grid)
-        self.values = self.basis.response(grid)
+        self.values = self.basis.response(grid)[:, :, 0, 0]
+        self.centre = self.discs.centre[:, 0, 0]
 
     def levels(self, factors):
         """Of every row of factors (N, m), 0 where a limit is broken."""
         C = factors @ self.values.T
         size = self.discs.radius * np.abs(C)
-        kept = np.all(np.abs(1 + self.discs.centre * C) - size >= 1 / PEAK, axis=1)
-        high = np.abs(self.discs.centre * C) - size >= 1
+        kept = np.all(np.abs(1 + self.centre * C) - size >= 1 / PEAK, axis=1)
+        high = np.abs(self.centre * C) - size >= 1
         count = np.where(high.all(axis=1), high.shape[1], np.argmin(high, axis=1))
         return np.where(kept & (count > 0), self.discs.omega[np.maximum(count - 1, 0)], 0.0)
 
     def best(self, rng, starts=40_000, rounds=14):
         """The highest level of a controller that stabilises, by random search in ever smaller boxes about the best ones."""
         m = self.basis.count
-        sizes = 1 / np.abs(self.discs.centre[:, None] * self.values).max(axis=0)
+        sizes = 1 / np.abs(self.centre[:, None] * self.values).max(axis=0)
         pool = rng.choice([-1, 1], (starts, m)) * sizes * 10 ** rng.uniform(-2.5, 1.5, (starts, m))
         for k in range(rounds):
             levels = self.levels(pool)

@@ -6,6 +6,9 @@ class NonnegativeConeT:
 class SecondOrderConeT:
     def __init__(self, size: int) -> None: ...
 
+class PSDTriangleConeT:
+    def __init__(self, size: int) -> None: ...
+
 class DefaultSettings:
     verbose: bool
 

@@ -1,0 +1,150 @@
+"""Cone program in the factors of a controller, one slack that is to be large, and helpers that bound norms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import clarabel
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+
+from robustid.core import Complex, Real
+
+_SMALL = 1e-10  # weight of the size of the factors, which makes them unique
+
+Indices = NDArray[np.intp]
+Helper = tuple[Indices, Real]  # numbers of helpers, one to a cone (N,), and their factor in every row of it (R,)
+
+
+class Rows(NamedTuple):
+    """N cones of R rows each: ``factors x + slack t + sum of helpers + constant`` is in the cone."""
+
+    factors: Real  # (N, R, m)
+    slack: Real  # (N, R)
+    constant: Real  # (N, R)
+    helpers: Sequence[Helper] = ()
+
+
+class Program:
+    """Rows of a program, to be solved."""
+
+    def __init__(self, count: int) -> None:
+        self.count, self.size = count, count + 1
+        self.groups: list[tuple[Rows, Any]] = []
+        self._norms: dict[tuple[int, bytes], int] = {}
+
+    def not_negative(self, factors: Real, slack: Real, constant: Real) -> None:
+        """``factors x + slack t + constant >= 0``, (N, m), (N,), (N,)."""
+        self.groups.append((Rows(factors[:, None], slack[:, None], constant[:, None]), clarabel.NonnegativeConeT(1)))
+
+    def hold(self, ahead: Real, slack: Real, fixed: Real, small: Complex) -> None:
+        """``ahead x + slack t + fixed >= |small x|``, (N, m), (N,), (N,), (N, m)."""
+        factors = np.stack([ahead, small.real, small.imag], axis=1)
+        none = np.zeros_like(slack)
+        rows = Rows(factors, np.stack([slack, none, none], axis=1), np.stack([fixed, none, none], axis=1))
+        self.groups.append((rows, clarabel.SecondOrderConeT(3)))
+
+    def semidefinite(self, values: Complex, fixed: Complex, slack: Real, helpers: Sequence[Helper]) -> None:
+        """Hermitian part of ``values x + fixed`` at least ``-(slack t + helpers) I``: (N, m, p, p), (N, p, p), (N,)."""
+        unit = _triangle(np.eye(fixed.shape[1], dtype=complex))
+        rows = Rows(
+            _triangle(values).swapaxes(1, 2),
+            slack[:, None] * unit,
+            _triangle(fixed),
+            [(index, factor[0] * unit) for index, factor in helpers],
+        )
+        self.groups.append((rows, clarabel.PSDTriangleConeT(2 * fixed.shape[1])))
+
+    def norm(self, values: Complex, fixed: Complex, slack: Real, constant: Real, helpers: Sequence[Helper]) -> None:
+        """Norm of ``values x + fixed``, (N, m, p, q) and (N, p, q), at most ``slack t + constant + helpers``, (N,)."""
+        if values.shape[2:] == (1, 1):
+            none, one = np.zeros(len(values)), values[:, :, 0, 0]
+            rows = Rows(
+                np.stack([np.zeros(one.shape), one.real, one.imag], axis=1),
+                np.stack([slack, none, none], axis=1),
+                np.stack([constant, fixed[:, 0, 0].real, fixed[:, 0, 0].imag], axis=1),
+                [(index, factor[0] * np.array([1.0, 0.0, 0.0])) for index, factor in helpers],
+            )
+            self.groups.append((rows, clarabel.SecondOrderConeT(3)))
+            return
+        N, m, p, q = values.shape
+        whole = np.zeros((N, m, p + q, p + q), complex)
+        whole[:, :, :p, p:] = 2 * values  # of which the Hermitian part is taken
+        rest = np.zeros((N, p + q, p + q), complex)
+        rest[:, :p, p:] = 2 * fixed
+        rest += constant[:, None, None] * np.eye(p + q)
+        self.semidefinite(whole, rest, slack, helpers)
+
+    def helpers(self, count: int) -> Indices:
+        """Numbers of new helpers."""
+        found = self.size + np.arange(count)
+        self.size += count
+        return found
+
+    def norms(self, place: Indices, q: Real, basis: Complex) -> list[Helper]:
+        """Helpers that are at least ``|diag(q_k) C|``, with C = basis x: (N,), (N, k, nu), (N, m, nu, ny); each is less one.
+
+        Those of the same place are the same for all conditions.
+        """
+        found: list[Helper] = []
+        for k in range(q.shape[1]):
+            keys = [(int(at), row.tobytes()) for at, row in zip(place, q[:, k], strict=True)]
+            new = np.array([n for n, key in enumerate(keys) if key not in self._norms], dtype=int)
+            for n, index in zip(new, self.helpers(new.size), strict=True):
+                self._norms[keys[n]] = int(index)
+            index = np.array([self._norms[key] for key in keys])
+            if new.size:
+                self._at_least(index[new], q[new, k, None, :, None] * basis[new])
+            found.append((index, np.array([-1.0])))
+        return found
+
+    def _at_least(self, index: Indices, values: Complex) -> None:
+        """Helpers not below norms of ``values x``: by entries where no row and no column holds two of them."""
+        none, helper = np.zeros(len(values)), [(index, np.ones(1))]
+        held = np.any(values != 0, axis=(0, 1))
+        if held.sum(axis=0).max() > 1 or held.sum(axis=1).max() > 1:
+            self.norm(values, np.zeros((len(values), *held.shape), complex), none, none, helper)
+            return
+        for i, j in np.argwhere(held):
+            self.norm(values[:, :, i : i + 1, j : j + 1], np.zeros((len(values), 1, 1), complex), none, none, helper)
+
+    def solved(self) -> Real | None:
+        """The factors where the slack is largest."""
+        m, place = self.count, 0
+        dense, constants, cones, at, columns, values = (list[Any]() for _ in range(6))
+        for rows, cone in self.groups:
+            N, R = rows.slack.shape
+            dense.append(np.concatenate([rows.factors.reshape(N * R, m), rows.slack.reshape(N * R, 1)], axis=1))
+            constants.append(rows.constant.ravel())
+            cones += [cone] * N
+            for index, factor in rows.helpers:
+                used = np.flatnonzero(factor)
+                at.append((place + np.arange(N)[:, None] * R + used).ravel())
+                columns.append(np.repeat(index - m - 1, used.size))
+                values.append(np.tile(factor[used], N))
+            place += N * R
+        matrix = scipy.sparse.csc_matrix(-np.concatenate(dense))
+        if values:
+            places = np.concatenate(at), np.concatenate(columns)
+            beside = scipy.sparse.csc_matrix((-np.concatenate(values), places), shape=(place, self.size - m - 1))
+            matrix = scipy.sparse.csc_matrix(scipy.sparse.hstack([matrix, beside]))
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        weight = scipy.sparse.csc_matrix(scipy.sparse.diags([_SMALL] * m + [0.0] * (self.size - m)))
+        goal = np.zeros(self.size)
+        goal[m] = -1.0
+        solver = clarabel.DefaultSolver(weight, goal, matrix, np.concatenate(constants), cones, settings)
+        found = np.asarray(solver.solve().x, dtype=float)[:m]
+        return found if np.all(np.isfinite(found)) else None
+
+
+def _triangle(matrices: Complex) -> Real:
+    """Upper triangle, by columns, of the real form of the Hermitian part, times sqrt(2) beside the diagonal: (..., rows)."""
+    half = (matrices + matrices.conj().swapaxes(-1, -2)) / 2
+    real = np.concatenate(
+        [np.concatenate([half.real, -half.imag], axis=-1), np.concatenate([half.imag, half.real], axis=-1)], axis=-2
+    )
+    columns, rows = np.tril_indices(real.shape[-1])
+    return real[..., rows, columns] * np.where(rows == columns, 1.0, np.sqrt(2))
