@@ -48,14 +48,18 @@ class Program:
 
     def semidefinite(self, values: Complex, fixed: Complex, slack: Real, helpers: Sequence[Helper]) -> None:
         """Hermitian part of ``values x + fixed`` at least ``-(slack t + helpers) I``: (N, m, p, p), (N, p, p), (N,)."""
-        unit = _triangle(np.eye(fixed.shape[1], dtype=complex))
+        size = fixed.shape[1]
+        form, cone = (
+            (_pauli, clarabel.SecondOrderConeT(4)) if size == 2 else (_triangle, clarabel.PSDTriangleConeT(2 * size))
+        )
+        unit = form(np.eye(size, dtype=complex))
         rows = Rows(
-            _triangle(values).swapaxes(1, 2),
+            form(values).swapaxes(1, 2),
             slack[:, None] * unit,
-            _triangle(fixed),
+            form(fixed),
             [(index, factor[0] * unit) for index, factor in helpers],
         )
-        self.groups.append((rows, clarabel.PSDTriangleConeT(2 * fixed.shape[1])))
+        self.groups.append((rows, cone))
 
     def norm(self, values: Complex, fixed: Complex, slack: Real, constant: Real, helpers: Sequence[Helper]) -> None:
         """Norm of ``values x + fixed``, (N, m, p, q) and (N, p, q), at most ``slack t + constant + helpers``, (N,)."""
@@ -148,3 +152,10 @@ def _triangle(matrices: Complex) -> Real:
     )
     columns, rows = np.tril_indices(real.shape[-1])
     return real[..., rows, columns] * np.where(rows == columns, 1.0, np.sqrt(2))
+
+
+def _pauli(matrices: Complex) -> Real:
+    """Hermitian part of two rows as one number and a vector: semidefinite where the number is at least its length, (..., 4)."""
+    a, d = matrices[..., 0, 0].real, matrices[..., 1, 1].real
+    beside = (matrices[..., 0, 1] + matrices[..., 1, 0].conj()) / 2
+    return np.stack([(a + d) / 2, (a - d) / 2, beside.real, beside.imag], axis=-1)

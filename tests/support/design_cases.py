@@ -97,3 +97,33 @@ def reached(seed):
     at = [one[0] for factor in structure for one in factor.free]
     judge = Judge(band, structure, at)
     return plant, design, judge.best(np.random.default_rng(seed))
+
+
+@functools.cache
+def matrix_band_of(seed, lines=40, size=2):
+    """The band of a random plant of coupled axes, each of one to four poles, known to a few percent."""
+    rng = np.random.default_rng([46, seed])
+    coupling = np.eye(size) + rng.uniform(-0.35, 0.35, (size, size)) * (1 - np.eye(size))
+    axes = []
+    for _ in range(size):
+        poles = list(rng.uniform(0.5, 0.93, rng.integers(1, 3)))
+        if rng.random() < 0.5:
+            radius, angle = rng.uniform(0.75, 0.93), rng.uniform(0.2, 1.5)
+            poles += [radius * np.exp(1j * angle), radius * np.exp(-1j * angle)]
+        zeros = list(rng.uniform(-0.8, 0.6, len(poles) - 1))
+        one = control.ss(control.zpk(zeros, [*poles, *[0.0] * rng.integers(0, 2)], 1.0, DT))
+        axes.append(one / one(1.0).real)
+    whole = control.append(*axes)
+    plant = control.ss(whole.A, whole.B, coupling @ whole.C, coupling @ whole.D, DT)
+    omega = np.linspace(3.0, 310.0, lines)
+    true = response_at(StateMatrices.of(plant), points_of(omega, DT))
+    bound = rng.uniform(0.01, 0.03) * np.abs(true) + 0.003
+    values = true + bound * rng.uniform(0, 1, true.shape) * np.exp(2j * np.pi * rng.uniform(size=true.shape))
+    rate = 1.04
+    edge = rate * np.exp(1j * np.linspace(0, np.pi, 1000))
+    gain = 1.1 * max(np.linalg.norm(plant(1 / np.conj(z)), 2) for z in edge)
+    problem = rid.MixedProblem(
+        frequency=rid.FrequencyResponse(omega, values, bound=bound, dt=DT),
+        prior=rid.Prior(gain_bound=float(gain), decay_rate=rate),
+    )
+    return plant, rid.band(problem, model=rid.balanced_truncation(plant, tol=1e-3).model)

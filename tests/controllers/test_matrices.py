@@ -1,0 +1,198 @@
+"""Designs of several inputs and outputs: conditions against members, cones against eigenvalues, designs against true plants."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.plants import Plants
+from robustid.controllers.program import _pauli, _triangle
+from robustid.controllers.search import _ask
+from robustid.controllers.structure import basis_of
+from robustid.core import StateMatrices, points_of, response_at
+from robustid.design import PID, Limits, Matrix, Notch
+from support.design_cases import DT, matrix_band_of
+
+
+def responses(model, omega):
+    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))
+
+
+def random(rng, *shape):
+    return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+
+
+def largest(matrices):
+    return np.linalg.norm(matrices, 2, axis=(-2, -1))
+
+
+def test_a_matrix_of_structures_holds_each_entry():
+    structure = Matrix([[PID(filter=200.0), None], [Notch(100.0), [PID(), Notch(50.0)]]])
+    basis = basis_of(structure, [200.0, 100.0, 50.0], DT, (2, 2))
+    omega, rng = np.geomspace(1.0, 300.0, 20), np.random.default_rng(0)
+    factors = rng.standard_normal(basis.count)
+    found = np.einsum("fmij,m->fij", basis.response(omega), factors)
+    assert np.abs(responses(basis.controller(factors), omega) - found).max() < 1e-9 * np.abs(found).max()
+    assert not found[:, 0, 1].any()
+    alone = basis_of([PID(), Notch(50.0)], [50.0], DT)
+    own = alone.response(omega)[:, :, 0, 0] @ factors[-alone.count :]
+    assert np.abs(found[:, 1, 1] - own).max() < 1e-9 * np.abs(own).max()
+
+
+def test_hermitian_cones_are_eigenvalues():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        X = random(rng, 2, 2)
+        least = np.linalg.eigvalsh((X + X.conj().T) / 2)[0]
+        number, *vector = _pauli(X)
+        assert number - np.linalg.norm(vector) == pytest.approx(least, abs=1e-12)
+        Y = random(rng, 3, 3)
+        rows, whole = _triangle(Y), np.zeros((6, 6))
+        columns, lines = np.tril_indices(6)
+        whole[lines, columns] = rows / np.where(lines == columns, 1, np.sqrt(2))
+        whole = np.triu(whole) + np.triu(whole, 1).T
+        assert np.linalg.eigvalsh(whole)[0] == pytest.approx(np.linalg.eigvalsh((Y + Y.conj().T) / 2)[0], abs=1e-12)
+
+
+def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
+    """|S|, |T|, |C S|, |P S| and the bandwidth, where the conditions say so, against members at the edge of the ball."""
+    rng = np.random.default_rng(2)
+    centre, units = random(rng, 1, 2, 2), np.array([[1.0, 0.3]])
+    discs = Discs(np.ones(1), centre, np.array([0.1]), units)
+    change = random(rng, 500, 2, 2)
+    change *= (0.1 * rng.choice([1, 1, 0.5], 500) / largest(change))[:, None, None]
+    P = centre + change * units[:, None, :]
+    one = np.eye(2)
+    limits = {
+        "sensitivity_peak": (1.7, lambda L, C: np.linalg.inv(one + L)),
+        "complementary_peak": (1.4, lambda L, C: L @ np.linalg.inv(one + L)),
+        "control_peak": (1.1, lambda L, C: C @ np.linalg.inv(one + L)),
+        "process_peak": (1.9, lambda L, C: np.linalg.inv(one + L) @ P),
+        "attenuation": (0.8, lambda L, C: np.linalg.inv(one + L)),
+        "roll_off": (0.6, lambda L, C: L @ np.linalg.inv(one + L)),
+        "bandwidth": (1.0, lambda L, C: np.linalg.inv(L)),
+    }
+    for name, (limit, part) in limits.items():
+        given = [(0.5, 2.0, limit)] if name in ("attenuation", "roll_off") else limit
+        (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), discs)
+        kept = 0
+        for _ in range(60):
+            C = random(rng, 2, 2) * 10 ** rng.uniform(-1, 0.7)
+            if condition.excess(C[None])[0] >= 0:
+                kept += 1
+                assert largest(part(P @ C, C)).max() <= limit * (1 + 1e-9), name
+        assert kept > 1, name
+
+
+def test_with_its_own_direction_a_cone_is_the_condition():
+    """The rows of the program at a controller, in its own directions: as far inside of their cones as the condition says."""
+
+    class Seen:
+        def norms(self, place, q, basis):
+            return []
+
+        def semidefinite(self, values, fixed, slack, helpers):
+            self.found = np.einsum("nmij,m->nij", values, x) + fixed
+
+    rng = np.random.default_rng(3)
+    discs = Discs(np.ones(4), random(rng, 4, 3, 3), np.zeros(4), np.ones((4, 3)))
+    basis, x = random(rng, 4, 5, 3, 3), rng.standard_normal(5)
+    C = np.einsum("fmij,m->fij", basis, x)
+    (condition,) = conditions_of(Limits(), discs)
+    seen = Seen()
+    _ask(seen, condition, condition.directions(C), basis)
+    found = np.linalg.eigvalsh((seen.found + seen.found.conj().swapaxes(1, 2)) / 2)[:, 0]
+    assert found == pytest.approx(condition.excess(C))
+
+
+def check(plant, design, peak):
+    """A proved design keeps its limits with the true plant."""
+    assert design.status.name == "PROVED"
+    omega = np.linspace(0.01, np.pi / DT, 3000)
+    L = responses(plant, omega) @ responses(design.controller, omega)
+    assert np.abs(control.feedback(plant, design.controller).poles()).max() < 1
+    assert largest(np.linalg.inv(np.eye(len(L[0])) + L)).max() <= peak
+    below = L[omega <= design.level]
+    assert np.linalg.svd(below, compute_uv=False)[:, -1].min() >= 1
+
+
+@pytest.fixture(scope="module")
+def small():
+    """Two coupled axes of one pole each, known to 2 % at ten lines."""
+    alone = control.append(*(control.ss(control.tf([1 - a], [1, -a], DT)) for a in (0.7, 0.5)))
+    plant = control.ss(alone.A, alone.B, np.array([[1.0, 0.3], [-0.2, 1.0]]) @ alone.C, np.zeros((2, 2)), DT)
+    omega = np.linspace(10.0, 310.0, 10)
+    frf = rid.FrequencyResponse(omega, responses(plant, omega), bound=0.02, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.9, decay_rate=1.25))
+    return plant, rid.band(problem, model=plant)
+
+
+def test_one_loop_to_each_axis(small):
+    plant, band = small
+    check(plant, rid.design_controller(band, PID(), limits=Limits(sensitivity_peak=1.8)), 1.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_decentralised_integrals_are_proved_and_no_small_change_is_better(seed):
+    """From the controller that was found, 3000 random changes within the same balls: none has 1 % more."""
+    plant, band = matrix_band_of(seed)
+    design = rid.design_controller(band, PID())
+    check(plant, design, 2.0)
+    rng, plants = np.random.default_rng(seed), Plants.of(band)
+    grid = np.unique(np.concatenate([plants.grid(), design.level * np.linspace(0.9, 1.3, 120)]))
+    discs, basis = plants.discs(grid), basis_of([PID()], [], DT, (2, 2))
+    V = basis.response(grid)
+    C = responses(design.controller, grid)
+    weight = 1 / np.maximum(np.abs(C), 1e-9) * (np.abs(C) > 0)
+    rows = (V * weight[:, None]).swapaxes(0, 1).reshape(basis.count, -1).T
+    goal = (C * weight).ravel()
+    best = np.linalg.lstsq(np.concatenate([rows.real, rows.imag]), np.concatenate([goal.real, goal.imag]))[0]
+
+    def level(factors):
+        C = np.einsum("fmij,m->fij", V, factors)
+        taken = discs.radius * largest(discs.units[:, :, None] * C)
+        L = discs.centre @ C
+        if np.any(np.linalg.svd(np.eye(2) + L, compute_uv=False)[:, -1] - taken < 0.5):
+            return 0.0
+        high = np.linalg.svd(L, compute_uv=False)[:, -1] - taken >= 1
+        return grid[np.argmin(high) - 1] if not high.all() else grid[-1]
+
+    reached, spread = level(best), 0.3
+    for k in range(3000):
+        other = best * (1 + spread * rng.standard_normal(basis.count) * (rng.random(basis.count) < 0.6))
+        if level(other) > reached:
+            best, reached = other, level(other)
+        elif k % 100 == 99:
+            spread = max(0.8 * spread, 0.002)
+    assert design.level >= 0.98 * reached
+
+
+@pytest.mark.slow
+def test_a_full_controller_is_not_worse_than_one_of_each_axis():
+    plant, band = matrix_band_of(1)
+    alone = rid.design_controller(band, PID())
+    full = rid.design_controller(band, Matrix([[PID(), PID()], [PID(), PID()]]))
+    check(plant, full, 2.0)
+    assert full.level >= 0.99 * alone.level
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"structure": Matrix([[PID(), None]])}, "2 rows of 2 entries"),
+        ({"limits": Limits(gain_margin=2.0)}, "`gain_margin` is of one input and one output"),
+        ({"maximise": "integral gain"}, "`integral_gain` is of one input and one output"),
+    ],
+)
+def test_what_makes_no_sense_for_a_matrix_is_refused(small, change, words):
+    with pytest.raises(rid.InputError, match=words):
+        rid.design_controller(small[1], **{"structure": PID(), **change})
+
+
+def test_matrices_that_are_none_are_refused():
+    with pytest.raises(rid.InputError, match="rows of one length"):
+        Matrix([[PID()], [PID(), None]])
+    with pytest.raises(rid.InputError, match="at least one factor"):
+        Matrix([[None]])
