@@ -209,9 +209,9 @@ class _At:
         wanted = (self._corner(discs, limits) / (1j * discs.omega))[:, None, None]
         yield wanted * np.linalg.pinv(discs.centre)
         if discs.shape != (1, 1):  # the same of every loop by itself
-            held = np.any(self.basis.response(discs.omega[:1])[0] != 0, axis=0)
-            alone = np.where(held.T, discs.centre, 1.0)
-            yield np.where(held, wanted / alone.swapaxes(1, 2), 0.0)
+            basis, held = self.basis, self.basis.held
+            alone = np.where(held, (basis.out_of @ discs.centre @ basis.into).swapaxes(1, 2), 1.0)
+            yield (basis.into @ np.where(held, wanted / alone, 0.0) @ basis.out_of).astype(complex)
         if near is None and not running.any():
             yield running
 

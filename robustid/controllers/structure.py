@@ -13,9 +13,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.controllers.factors import Factor
-from robustid.core import Complex, Real, StateMatrices, as_float, bilinear_in_z, points_of, response_at, series
+from robustid.core import (
+    Complex,
+    Real,
+    StateMatrices,
+    as_array,
+    as_float,
+    bilinear_in_z,
+    freeze,
+    points_of,
+    response_at,
+    series,
+)
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -26,7 +38,7 @@ _ROUNDING = 1e-9  # of a pole of an integrator
 Product = Factor | Sequence[Factor]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Matrix:
     """Controllers of several loops, from every measured output to every input.
 
@@ -34,6 +46,10 @@ class Matrix:
     ----------
     rows : sequence of rows
         A row for every input of the plant, an entry for every output: factors, or None for nothing.
+    actuators : (nu, k) array, optional
+        Of k axes: the controller is ``actuators @ C @ sensors``, with k rows. Default: the inputs are the axes.
+    sensors : (k, ny) array, optional
+        From the outputs to the axes.
 
     Examples
     --------
@@ -43,6 +59,9 @@ class Matrix:
     """
 
     rows: Sequence[Sequence[Product | None]]
+    _: dataclasses.KW_ONLY
+    actuators: Real | None = None
+    sensors: Real | None = None
 
     def __post_init__(self) -> None:
         found = tuple(tuple(None if one is None else as_product(one) for one in row) for row in self.rows)
@@ -51,11 +70,30 @@ class Matrix:
         if not any(one for row in found for one in row):
             raise InputError("`rows` must hold at least one factor")
         object.__setattr__(self, "rows", found)
+        for name, side, count in (("actuators", 1, len(found)), ("sensors", 0, len(found[0]))):
+            if getattr(self, name) is None:
+                continue
+            value = as_array(name, getattr(self, name), ndim=2)
+            if value.shape[side] != count:
+                raise InputError(
+                    f"`{name}` must have {count} {('rows', 'columns')[side]}, one to each axis; got shape {value.shape}"
+                )
+            object.__setattr__(self, name, freeze(value))
+
+    @property
+    def into(self) -> Real:
+        """From the rows to the inputs of the plant."""
+        return np.eye(len(self.rows)) if self.actuators is None else self.actuators
+
+    @property
+    def out_of(self) -> Real:
+        """From the outputs of the plant to the columns."""
+        return np.eye(len(self.rows[0])) if self.sensors is None else self.sensors
 
     @property
     def shape(self) -> tuple[int, int]:
         """Inputs and outputs of the plant."""
-        return len(self.rows), len(self.rows[0])
+        return len(self.into), self.out_of.shape[1]
 
 
 Entry = tuple[int, int, tuple[Factor, ...]]
@@ -72,8 +110,8 @@ def entries_of(structure: tuple[Factor, ...] | Matrix, shape: tuple[int, int]) -
         return [(k, k, structure) for k in range(ny)]
     if structure.shape != (nu, ny):
         raise InputError(
-            f"`structure` must have {nu} rows of {ny} entries, from every output of the plant to every input; got"
-            f" {structure.shape[0]} of {structure.shape[1]}"
+            f"`structure` must be from the {ny} outputs of the plant to its {nu} inputs, {nu} rows of {ny} entries; got"
+            f" {structure.shape[0]} rows of {structure.shape[1]}"
         )
     return [
         (i, j, as_product(one)) for i, row in enumerate(structure.rows) for j, one in enumerate(row) if one is not None
@@ -92,39 +130,49 @@ class Basis:
     parts: tuple[tuple[int, int, StateMatrices], ...]  # entry, and its functions: one input, an output for every one
     integral: Real  # (m,) of each, lim s b(s)
     dt: float
-    shape: tuple[int, int]  # inputs and outputs of the plant
+    into: Real  # (nu, k): from the rows of entries to the inputs of the plant
+    out_of: Real  # (l, ny): from its outputs to the columns
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Inputs and outputs of the plant."""
+        return len(self.into), self.out_of.shape[1]
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Entries that hold something, (k, l)."""
+        found = np.zeros((self.into.shape[1], len(self.out_of)), dtype=bool)
+        for i, j, _ in self.parts:
+            found[i, j] = True
+        return found
 
     @property
     def count(self) -> int:
         """Number of functions."""
         return sum(len(one.D) for *_, one in self.parts)
 
-    @property
-    def one_to_each(self) -> bool:
-        """True if no input and no output stands in two entries."""
-        return all(len({part[k] for part in self.parts}) == len(self.parts) for k in (0, 1))
-
     def response(self, omega: Real) -> Complex:
         """Values at frequencies in rad/s, (F, m, nu, ny)."""
         points, place = points_of(omega, self.dt), 0
         found = np.zeros((omega.size, self.count, *self.shape), complex)
         for i, j, one in self.parts:
-            found[:, place : place + len(one.D), i, j] = response_at(one, points)[:, :, 0]
+            here = slice(place, place + len(one.D))
+            found[:, here] = response_at(one, points)[..., None] * np.outer(self.into[:, i], self.out_of[j])
             place += len(one.D)
         return found
 
     def controller(self, factors: Real) -> control.StateSpace:
         """The combination."""
-        nu, ny = self.shape
-        A: list[Real] = []
-        B, C, D, place = list[Real](), list[Real](), np.zeros((nu, ny)), 0
+        A, B, C = list[Real](), list[Real](), list[Real]()
+        D: Real = np.zeros(self.shape)
+        place = 0
         for i, j, one in self.parts:
             own = factors[None, place : place + len(one.D)]
             place += len(one.D)
             A.append(one.A)
-            B.append(one.B * (np.arange(ny) == j))
-            C.append((np.arange(nu) == i)[:, None] * (own @ one.C))
-            D[i, j] += float((own @ one.D)[0, 0])
+            B.append(one.B * self.out_of[j])
+            C.append(self.into[:, i : i + 1] * (own @ one.C))
+            D = D + np.outer(self.into[:, i], self.out_of[j]) * float(np.real(own @ one.D)[0, 0])
         return StateMatrices(scipy.linalg.block_diag(*A), np.vstack(B), np.hstack(C), D).model(self.dt)
 
 
@@ -161,7 +209,9 @@ def basis_of(
         place += count
         parts.append((i, j, chain))
         integral.append(_residues(chain, dt) if integrators else np.zeros(len(chain.D)))
-    return Basis(tuple(parts), np.concatenate(integral), dt, (shape[1], shape[0]))
+    ny, nu = shape
+    into, out_of = (given.into, given.out_of) if isinstance(given, Matrix) else (np.eye(nu), np.eye(ny))
+    return Basis(tuple(parts), np.concatenate(integral), dt, into, out_of)
 
 
 def _product(factors: Sequence[Factor], at: Sequence[float], dt: float) -> tuple[StateMatrices, int]:

@@ -38,6 +38,11 @@ def test_a_matrix_of_structures_holds_each_entry():
     alone = basis_of([PID(), Notch(50.0)], [50.0], DT)
     own = alone.response(omega)[:, :, 0, 0] @ factors[-alone.count :]
     assert np.abs(found[:, 1, 1] - own).max() < 1e-9 * np.abs(own).max()
+    into, out_of = rng.standard_normal((3, 2)), rng.standard_normal((2, 2))
+    turned = Matrix(structure.rows, actuators=into, sensors=out_of)
+    other = basis_of(turned, [200.0, 100.0, 50.0], DT, (2, 3))
+    assert responses(other.controller(factors), omega) == pytest.approx(into @ found @ out_of)
+    assert np.einsum("fmij,m->fij", other.response(omega), factors) == pytest.approx(into @ found @ out_of)
 
 
 def test_hermitian_cones_are_eigenvalues():
@@ -181,7 +186,7 @@ def test_a_full_controller_is_not_worse_than_one_of_each_axis():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"structure": Matrix([[PID(), None]])}, "2 rows of 2 entries"),
+        ({"structure": Matrix([[PID(), None]])}, "2 rows of 2 entries; got 1 rows of 2"),
         ({"limits": Limits(gain_margin=2.0)}, "`gain_margin` is of one input and one output"),
         ({"maximise": "integral gain"}, "`integral_gain` is of one input and one output"),
     ],
@@ -194,5 +199,7 @@ def test_what_makes_no_sense_for_a_matrix_is_refused(small, change, words):
 def test_matrices_that_are_none_are_refused():
     with pytest.raises(rid.InputError, match="rows of one length"):
         Matrix([[PID()], [PID(), None]])
+    with pytest.raises(rid.InputError, match="`sensors` must have 2 rows"):
+        Matrix([[PID(), None], [None, PID()]], sensors=np.eye(3))
     with pytest.raises(rid.InputError, match="at least one factor"):
         Matrix([[None]])
