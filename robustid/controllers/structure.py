@@ -164,15 +164,14 @@ class Basis:
     def controller(self, factors: Real) -> control.StateSpace:
         """The combination."""
         A, B, C = list[Real](), list[Real](), list[Real]()
-        D: Real = np.zeros(self.shape)
-        place = 0
+        D, place = np.zeros(self.shape, dtype=float), 0
         for i, j, one in self.parts:
             own = factors[None, place : place + len(one.D)]
             place += len(one.D)
             A.append(one.A)
             B.append(one.B * self.out_of[j])
             C.append(self.into[:, i : i + 1] * (own @ one.C))
-            D = D + np.outer(self.into[:, i], self.out_of[j]) * float(np.real(own @ one.D)[0, 0])
+            D += np.outer(self.into[:, i], self.out_of[j]) * float(own[0] @ one.D[:, 0])
         return StateMatrices(scipy.linalg.block_diag(*A), np.vstack(B), np.hstack(C), D).model(self.dt)
 
 
