@@ -208,9 +208,11 @@ def save(
         excitation ``.csv`` or ``.npz``, of a model ``.npz`` or ``.mat`` with A, B, C, D and dt (0 for continuous time).
         For others' programs, of a model: a MATLAB script (``.m``), JSON (``.json``), a C header in double and single precision
         (``.h``, discrete), second-order sections (``.sos``, discrete) and zeros, poles and gain in Hz (``.zpk``, continuous) of one
-        input and output, a table of its poles (``.csv``); of an `UncertaintyWeight` the uncertain plant as a MATLAB script
-        (``.m``: ss, ultidyn); of a response universal file 58 (``.uff``, ``.unv``; extra ``robustid[uff]``); of a WorstCaseError
-        its bounds, of an Identification its verdict as a table (``.csv``). Touchstone (``.s1p``, ``.s2p``, ...: version 1, real
+        input and output, a table of its poles (``.csv``); of a controller C with output limits and anti-windup (``.c``, with its
+        declarations in ``.h`` beside it, of a `ControllerDesign` or a discrete model; ``.h`` alone of a `ControllerDesign`); of
+        an `UncertaintyWeight` the uncertain plant as a MATLAB script (``.m``: ss, ultidyn); of a response universal file 58
+        (``.uff``, ``.unv``; extra ``robustid[uff]``); of a WorstCaseError its bounds, of an Identification its verdict as a table
+        (``.csv``). Touchstone (``.s1p``, ``.s2p``, ...: version 1, real
         and imaginary parts; bounds have no place there) of a response or a model; a SPICE subcircuit (``.cir``, ``.sp``, ``.lib``,
         ``.sub``; controlled sources, resistors and capacitors) of a model that is passive.
     thing : object

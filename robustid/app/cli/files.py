@@ -10,6 +10,7 @@ import typer
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force
 from robustid.app.cli.screen import say
+from robustid.errors import InputError
 
 
 def look(files: Annotated[list[Path], typer.Argument(help="Files of any kind that robustid reads.")]) -> None:
@@ -62,21 +63,41 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="Of a model: .m, .mat, .npz, .json, .h (C), .sos, .zpk, or .csv (poles); of a response .csv, .mat, .npz, .uff or"
-            " .s2p; of bounds .csv; of an identification its model, or with .csv its verdict.",
+            help="Of a model: .m, .mat, .npz, .json, .h (C), .sos, .zpk, or .csv (poles); of a controller .c or .h (C with limits"
+            " and anti-windup); of a response .csv, .mat, .npz, .uff or .s2p; of bounds .csv; of an identification its model, or"
+            " with .csv its verdict.",
         ),
     ],
+    controller: Annotated[
+        bool,
+        typer.Option(
+            "--controller", help="Of a model in .h: it is a controller, with limits and anti-windup, as in .c always."
+        ),
+    ] = False,
     force: Force = False,
 ) -> None:
-    """Write a model, a response or a table for another program: MATLAB, C, JSON, filters, universal files, CSV.
+    """Write a model, a controller, a response or a table for another program: MATLAB, C, JSON, filters, universal files, CSV.
+
+    A controller as .c has its declarations in the .h of the same name.
 
     [bold]Example[/bold]: robustid export small.mat -o filter.h
+    [bold]Example[/bold]: robustid export controller.npz -o controller.c
     """
     from robustid.app.load_save import load, save
 
-    written_files.check_outputs([output], written_files.sources(source), force)
+    ending = output.suffix.lower()
+    if controller and ending not in (".c", ".h"):
+        raise InputError(f"--controller is for C, with -o NAME.c or NAME.h; got {output.name}")
+    outputs = [output, output.with_suffix(".h")] if ending == ".c" else [output]
+    written_files.check_outputs(outputs, written_files.sources(source), force)
     console = screen.console()
     thing = load(source)
+    if controller or ending == ".c":
+        from robustid.app.exports import write_controller_c
+
+        write_controller_c(output, thing)
+        screen.say_written(console, *outputs)
+        return
     if output.suffix.lower() != ".csv" and type(thing).__name__ in (
         "Identification",
         "MatrixFraction",

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.app.exports import c_header, matlab, roots
+from robustid.app.exports.controller_source import write_controller_c
+from robustid.controllers import ControllerDesign
 from robustid.core import Complex, atomic_write, exponents_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
@@ -110,6 +112,10 @@ def exported(path: str | os.PathLike[str], thing: object) -> bool:
     if isinstance(thing, FrequencyResponse) and ending in _OF_RESPONSES:
         write_universal(path, thing)
         return True
+    designed = isinstance(thing, ControllerDesign) and ending in (".c", ".h")
+    if designed or (ending == ".c" and isinstance(thing, control.StateSpace | control.TransferFunction)):
+        write_controller_c(path, thing)
+        return True
     writers = next((own for kind, own in _OF_RESULTS if isinstance(thing, kind)), None)
     if isinstance(thing, DelayedModel):  # its delay is in the states of the model
         thing = thing.model
@@ -121,6 +127,7 @@ def exported(path: str | os.PathLike[str], thing: object) -> bool:
     if writers is None or ending not in writers:
         if isinstance(thing, control.StateSpace | UncertaintyWeight):
             known = [*([".npz", ".mat"] if writers is _OF_MODELS else []), *(writers or {})]
+            known += [".c"] if writers is _OF_MODELS else []
             raise InputError(f"`path` must end in {', '.join(known)} for a {type(thing).__name__}; got {path.name}")
         return False
     text = writers[ending](thing, path.stem)

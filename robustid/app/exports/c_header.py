@@ -94,17 +94,19 @@ def header(model: control.StateSpace, name: str) -> str:
     return _TEXT.format(
         name=name, upper=name.upper(), dt=float(model.dt), states=states, room=room, double=lost[0], single=lost[1],
         inputs=D.shape[1], outputs=D.shape[0], points=omega.size,
-        a=_row(np.diag(A) if states else np.zeros(1)), w=_row(w), pair=pairs,
-        b=_rows(B if states else np.zeros((1, D.shape[1]))), c=_rows(C if states else np.zeros((D.shape[0], 1))), d=_rows(D),
+        a=row(np.diag(A) if states else np.zeros(1)), w=row(w), pair=pairs,
+        b=rows(B if states else np.zeros((1, D.shape[1]))), c=rows(C if states else np.zeros((D.shape[0], 1))), d=rows(D),
     )  # fmt: skip
 
 
-def _row(values: Real) -> str:
+def row(values: Real) -> str:
+    """Numbers with all their digits."""
     return ", ".join(f"{value:.17g}" for value in values)
 
 
-def _rows(values: Real) -> str:
-    return ", ".join("{" + _row(row) + "}" for row in values)
+def rows(values: Real) -> str:
+    """A matrix as C writes it, without the outer braces."""
+    return ", ".join("{" + row(one) + "}" for one in values)
 
 
 def _rotations(model: control.StateSpace) -> tuple[Real, Real, Real, NDArray[np.bool_]]:

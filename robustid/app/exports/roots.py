@@ -143,11 +143,14 @@ def _paired(roots: Complex) -> Complex:
 
 def compared_at(model: control.StateSpace) -> Real:
     """Frequencies at which a filter is compared: spread evenly in log, and at every resonance."""
-    poles = np.asarray(model.poles(), dtype=complex)
-    poles = poles[np.abs(poles) > 0]
-    size = np.abs(exponents_of(poles, model.dt))
+    return spread_over(np.asarray(model.poles(), dtype=complex), model.dt or 0.0)
+
+
+def spread_over(poles: Complex, dt: float) -> Real:
+    """Frequencies in rad/s at which a filter of these poles is compared."""
+    size = np.abs(exponents_of(poles[np.abs(poles) > 0], dt))
     size = size[size > 0]
-    top = np.pi / model.dt if model.dt else 30 * float(size.max(initial=1.0))
+    top = np.pi / dt if dt else 30 * float(size.max(initial=1.0))
     low = min(float(size.min(initial=top)), top) / 30
     return np.unique(np.concatenate([np.geomspace(low, top * (1 - 1e-9), _POINTS), size[(size < top) & (size > low)]]))
 
