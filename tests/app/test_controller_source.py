@@ -107,6 +107,22 @@ def turn(size, angle):
     return size * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
+def mixed(gains, turned):
+    """PI with low-passes in every entry of which the gain is not zero, between directions of its inputs and outputs."""
+    rows = []
+    for i, row in enumerate(gains):
+        entries = [
+            control.ss(
+                gain * control.tf([1 + 0.1 * i, 0.01 * k - 0.95], [1, -1], 1e-3) * control.tf([0.2], [1, -0.8], 1e-3)
+            )
+            for k, gain in enumerate(row)
+        ]
+        rows.append(control.ss([], [], [], np.ones((1, len(row))), 1e-3) * control.append(*entries))
+    copied = control.ss([], [], [], np.kron(np.ones((len(gains), 1)), np.eye(len(gains))), 1e-3)
+    sides = [control.ss([], [], [], one, 1e-3) for one in (turned, turned.T)]
+    return sides[0] * control.append(*rows) * copied * sides[1]
+
+
 CASES = {
     "gain": control.ss([], [], [], [[2.5]], 1e-3),
     "integrator": control.ss(control.tf([0.02], [1, -1], 1e-3)),
@@ -124,6 +140,8 @@ CASES = {
     "2x2 with integrators": control.append(
         control.ss(control.tf([2, -1.9], [1, -1], 1e-3)), control.ss(control.tf([1, -0.8], [1, -1], 1e-3))
     ),
+    "2x2 of entries with equal poles": mixed(np.ones((2, 2)), np.eye(2)),
+    "2x2 in directions": mixed(np.eye(2), np.linalg.qr(np.random.default_rng(9).standard_normal((2, 2)))[0]),
     "3x2 dense": rotated([1.0, 0.9, turn(0.9, 0.2)], 8, outputs=3, inputs=2),
 }
 # In open loop a rounded coefficient of a pole on the circle, beside z = 1, turns the state by that much at every sample.
@@ -132,8 +150,7 @@ DRIFTING = dict.fromkeys(("undamped pair", "alternating", "unstable pair"), 2000
 
 @needs_gcc
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(one, marks=[] if one in ("3x2 dense", "two integrators") else pytest.mark.slow) for one in CASES],
+    "name", [pytest.param(one, marks=[] if one == "3x2 dense" else pytest.mark.slow) for one in CASES]
 )
 def test_controllers_of_any_poles_equal_their_states_simulated(name, tmp_path):
     model = CASES[name]
@@ -165,6 +182,17 @@ def test_limits_by_hand_are_followed_and_what_is_added_counts(tmp_path):
     assert run(none + 1, upper=1.5)[-1, 0] == 1.5  # one limit alone
     back = run(none - 0.1, upper=1.5)[:, 0]
     assert np.flatnonzero(back < 1.4)[0] < 5  # at once, after 300 samples at the limit
+
+
+@needs_gcc
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["2x2 with integrators", "2x2 of entries with equal poles", "2x2 in directions"])
+def test_outputs_by_hand_are_followed_together(name, tmp_path):
+    run = Played(compiled(CASES[name], 1, tmp_path), CASES[name])
+    none, hand = np.zeros((3000, 2)), [0.7, -0.3]
+    assert (run(none + np.array([0.1, -0.2]), lower=hand, upper=hand) == hand).all()
+    run(none, lower=hand, upper=hand)
+    np.testing.assert_allclose(run(none), np.tile(hand, (3000, 1)), rtol=1e-9)
 
 
 @pytest.mark.quick

@@ -90,7 +90,7 @@ def _pair(kind, rng, dt, w):
     basis = basis_of(factors, [one.free[0][0] for one in factors if one.free], dt)
     omega = np.geomspace(slow / 10, 0.9 * np.pi / dt, 400)
     values = ideal(1j * omega)
-    rows = basis.response(omega) / values[:, None]
+    rows = basis.response(omega)[:, :, 0, 0] / values[:, None]
     left = np.concatenate([rows.real, rows.imag])
     found = np.linalg.lstsq(left, np.concatenate([np.ones(omega.size), np.zeros(omega.size)]))[0]
     return control.c2d(control.ss(plant), dt), basis.controller(found)

@@ -36,10 +36,11 @@ _HEAD = """\
    noise and an error of the output of {trust:g} of the median gain. Where all zeros of the controller are well inside the
    unit circle it is close to B D^-1, the conditioned controller (Hanus, Kinnaert, Henrotte, Automatica 23(6), 1987).
 
-   Numbers: v = x - T e, x+ = x + F v + H e + L w, u = C v + D e. F is A - I, v what the states lag behind their values at
-   standstill; integrators and what works as such have rows in H. `rest` holds what a sum rounded off: a slow state loses
-   nothing in single precision. The response differs from that of the controller by at most {double:.1e} of it in double
-   and {single:.1e} in single precision (at {points} frequencies; where it is below {floor:g} of its median, in part of that).
+   Numbers: v = x - T e, x+ = x + F v + H e + L w, u = C v + D e + w. F is A - I, v what the states lag behind their values
+   at standstill, w what the limits change; integrators and what works as such have rows in H. `rest` holds what
+   a sum rounded off: a slow state loses nothing in single precision. The response differs from that of the controller by at
+   most {double:.1e} of it in double and {single:.1e} in single precision (at {points} frequencies; where it is below
+   {floor:g} of its median, in part of that).
    C99, no library. Compile with -D{upper}_SINGLE for single precision, and never with -ffast-math, which drops `rest`. */
 #ifndef {upper}_H
 #define {upper}_H

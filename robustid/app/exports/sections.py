@@ -20,6 +20,7 @@ from robustid.errors import InputError
 _EDGE = 1e-12  # 1 - |p|^2 from which down a pole is on the unit circle
 FLOOR = 0.01  # of the median of the response: what lies below is fitted and compared in part of that
 _BESIDE = 1e-3  # of 1 - p: the distance that points keep to a pole on the circle
+_EQUAL = 1e-11  # of 1 - p: poles of two entries that are one
 _NOTHING = 1e-10  # of the response: what an integrator adds that is not there
 _ROUNDING = 4 * float(np.finfo(float).eps)
 _RANK = 1e-9  # of the residues of integrators of several inputs
@@ -69,7 +70,7 @@ def sections(system: StateMatrices, dt: float) -> tuple[Sections, Comparison]:
     are those of the controller, their numerators the least squares of its response, relative at every frequency.
     """
     count = system.D.shape[1]
-    lacks = [_lacks(_reached(system, j)) for j in range(count)]
+    lacks = [_united([_lacks(_between(system, i, j)) for i in range(len(system.D))]) for j in range(count)]
     omega, steps = _points(np.concatenate(lacks), dt)
     values = _response(system, steps)
     size = np.abs(values)
@@ -163,13 +164,27 @@ def _shared(chains: list[Sections]) -> Sections:
     return Sections(np.zeros((rank, rank)), zero, V[:rank], U[:, :rank] * s[:rank], np.zeros(residues.shape))
 
 
-def _reached(system: StateMatrices, j: int) -> Real:
+def _between(system: StateMatrices, i: int, j: int) -> Real:
     """A of the states that an input reaches and that an output is made of."""
     links = (system.A != 0) | np.eye(len(system.A), dtype=bool)
-    moved, seen = system.B[:, j] != 0, np.any(system.C != 0, axis=0)
+    moved, seen = system.B[:, j] != 0, system.C[i] != 0
     for _ in range(len(links)):
         moved, seen = links @ moved, seen @ links
     return system.A[np.ix_(moved & seen, moved & seen)]
+
+
+def _united(lists: list[Complex]) -> Complex:
+    """Poles of several entries, each as often as the entry has it that has it most often; 1 - p is given."""
+    found: list[complex] = []
+    for one in lists:
+        free = np.array(found, dtype=complex)
+        for lack in one:
+            apart = np.abs(free - lack)
+            if apart.size and (k := int(np.argmin(apart))) >= 0 and apart[k] <= _EQUAL * abs(lack):
+                free[k] = np.inf
+            else:
+                found.append(lack)
+    return np.array(found, dtype=complex)
 
 
 def _lacks(A: Real) -> Complex:
