@@ -46,9 +46,10 @@ def test_designs_for_all_consistent_plants_run_as_designed(seed, tmp_path):
     plant, band = band_of(seed)
     design = rid.design_controller(band, [PID(filter=150.0), LowPass(150.0, 1)], limits=Limits(sensitivity_peak=2.0))
     (tmp_path / "same").mkdir()
-    rid.save(tmp_path / "drive.c", design)
-    rid.save(tmp_path / "same" / "drive.c", design.controller)
-    assert (tmp_path / "drive.c").read_text() == (tmp_path / "same" / "drive.c").read_text()
+    for name in ("drive.c", "drive.m", "drive.sos"):
+        rid.save(tmp_path / name, design)
+        rid.save(tmp_path / "same" / name, design.controller)
+        assert (tmp_path / name).read_text() == (tmp_path / "same" / name).read_text()
     same_responses(plant, design.controller, design.level, tmp_path)
 
 

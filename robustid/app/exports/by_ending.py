@@ -116,6 +116,8 @@ def exported(path: str | os.PathLike[str], thing: object) -> bool:
     if designed or (ending == ".c" and isinstance(thing, control.StateSpace | control.TransferFunction)):
         write_controller_c(path, thing)
         return True
+    if isinstance(thing, ControllerDesign) and thing.controller is not None and ending in (".m", ".mat", ".sos"):
+        thing = thing.controller
     writers = next((own for kind, own in _OF_RESULTS if isinstance(thing, kind)), None)
     if isinstance(thing, DelayedModel):  # its delay is in the states of the model
         thing = thing.model
