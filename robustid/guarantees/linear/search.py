@@ -18,7 +18,7 @@ STEPS = 10
 _CHANGE = 1e-20, 1e20  # of a weight, in a step
 _FARTHER = 1.8  # times the change of the logarithm of a weight
 _SELDOM = 3  # steps after which the weights of most functions are taken anew: half of the arithmetic is theirs
-_STACK = 4e6  # complex numbers in the matrices of a stack: memory, and what a cache holds
+_STACK = 4e5  # complex numbers in the matrices of a stack: what a cache holds
 _FLOOR = 1e-3  # least part of the largest multiplier, and of the radius, that a weight is made of
 _STABLE = 1e-13  # of the diagonal: what the Gram matrix of nodes close together loses to rounding
 
