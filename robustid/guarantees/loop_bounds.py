@@ -294,7 +294,8 @@ def loop_bounds(
     >>> closed = rid.FrequencyResponse(omega, [R(np.exp(0.01j * w)) for w in omega], bound=0.02, dt=0.01)
     >>> problem = rid.MixedProblem(frequency=closed, prior=rid.Prior(gain_bound=10.0, decay_rate=1.4))
     >>> result = rid.identify(problem)
-    >>> found = rid.loop_bounds(rid.band(result), loop)
+    >>> small = rid.balanced_truncation(result.model, order=2).model
+    >>> found = rid.loop_bounds(rid.band(result, model=small), loop)
     >>> found.guaranteed, bool(1.31 < found.peaks["sensitivity"].value < 1.4)
     (True, True)
 
@@ -302,7 +303,9 @@ def loop_bounds(
 
     >>> frf = rid.FrequencyResponse(omega, [1 / (np.exp(0.01j * w) - 0.5) for w in omega], bound=0.02, dt=0.01)
     >>> stable = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=10.0, decay_rate=1.4))
-    >>> found = rid.loop_bounds(rid.band(rid.identify(stable)), controller=gain)
+    >>> result = rid.identify(stable)
+    >>> small = rid.balanced_truncation(result.model, order=2).model
+    >>> found = rid.loop_bounds(rid.band(result, model=small), controller=gain)
     >>> found.status.name, bool(1.49 < found.peaks["sensitivity"].value < 1.7)
     ('STABLE', True)
     """
