@@ -160,10 +160,10 @@ def _on_short_arcs(A: Real, B: Real, C: Real, low: Real, high: Real) -> tuple[ND
     |z - middle| <= d, R = (zI - A)^-1 at the middle.
     """
     z, half = np.exp(1j * (low + high) / 2)[:, None, None], ((high - low) / 2)[:, None, None]
-    R = np.asarray(np.linalg.inv(z * np.eye(A.shape[0]) - A), dtype=complex)
-    size = np.linalg.norm(R, 2, axis=(1, 2), keepdims=True)
-    short = (half * size < _SHORT)[:, 0, 0]
-    z, half, R, size = z[short], half[short], R[short], size[short]
+    resolvents = np.asarray(np.linalg.inv(z * np.eye(A.shape[0]) - A), dtype=complex)
+    sizes = np.linalg.norm(resolvents, 2, axis=(1, 2), keepdims=True)
+    short = (half * sizes < _SHORT)[:, 0, 0]
+    z, half, R, size = z[short], half[short], resolvents[short], sizes[short]
     state = R @ B
     first, second = -(C @ (R @ state)), 2 * (C @ (R @ (R @ state)))
     middle = np.abs(z * first + z**2 * second)
