@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ Complex = NDArray[np.complex128]
 Numbers = NDArray[np.inexact]  # real or complex
 
 _BLOCK = 1024  # columns worked on at once: they stay in the cache
+_KEPT = 200  # states, up to which the last Schur forms are kept: a megabyte each
 
 
 class StateSpace(Protocol):
@@ -86,6 +88,21 @@ def scaled_states(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     return balanced, B / scale[:, None], C * scale
 
 
+def _schur_of(A: Numbers) -> tuple[Complex, Complex]:
+    """Complex Schur form and basis of a matrix; of small ones the last few are kept: a page asks for one model many times."""
+    if len(A) > _KEPT:
+        return scipy.linalg.schur(A, output="complex")
+    return _kept_schur(A.dtype.str, len(A), A.tobytes())
+
+
+@functools.lru_cache(maxsize=8)
+def _kept_schur(kind: str, size: int, content: bytes) -> tuple[Complex, Complex]:
+    T, basis = scipy.linalg.schur(np.frombuffer(content, kind).reshape(size, -1), output="complex")
+    T.setflags(write=False)
+    basis.setflags(write=False)
+    return T, basis
+
+
 class Response:
     """The response of a state space at any points: one Schur form, then one substitution for all points of a block.
 
@@ -103,7 +120,7 @@ class Response:
         A, B, C, D = system
         self._feedthrough = np.asarray(D, dtype=float)
         if A.size:
-            self._schur, basis = scipy.linalg.schur(A, output="complex")
+            self._schur, basis = _schur_of(np.ascontiguousarray(A))
             self._right, self._left = basis.conj().T @ B, C @ basis
         else:
             self._schur, self._right, self._left = (np.asarray(part, dtype=complex) for part in (A, B, C))

@@ -112,7 +112,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         """Radii of the discs at `omega`, (F, ny, nu)."""
         return freeze(self._here[1])
 
-    @property
+    @functools.cached_property
     def upper(self) -> Real:
         """Proved bound of |F - model| over all consistent F at `omega`, (F, ny, nu); of |F - centre| without a model."""
         return freeze(self.error_at(self.omega))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 INPUT = "input_multiplicative"
 KINDS = ("additive", "multiplicative", INPUT, "inverse")
 _EPS = np.finfo(float).eps
-_BLOCK = 2_000_000  # entries of all resolvents at once
+_BLOCK = 100_000  # entries of all resolvents at once: what a cache holds
 _FAR = 1e100  # where the series diverges: larger than any gain, and finite, so that an entry that is zero stays so
 _DEPTH = 34  # halvings of a cell: what is left then is rounding
 STRUCTURES = ("full", "input", "output", "entry")

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from robustid.core import Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
@@ -32,6 +33,7 @@ _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states ar
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
 _SHORT = 0.25  # half of an arc times the resolvent at its middle
 _PIECES = 4000  # of an arc, at most
+_STACK = 50_000  # complex numbers in the resolvents of a stack: what a cache holds
 
 StateSpace = tuple[Real, Real, Real]  # A, B, C
 
@@ -122,44 +124,55 @@ def is_own(model: control.StateSpace, identification: Identification) -> bool:
 
 
 def second_derivative(A: Real, B: Real, C: Real, low: float, high: float) -> Real:
-    """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on an arc: a bound for every entry, (rows of C, columns of B).
+    """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on an arc: a bound for every entry, (rows of C, columns of B)."""
+    found: Real = second_derivatives(A, B, C, np.array([low]), np.array([high]))[0]
+    return found
+
+
+def second_derivatives(A: Real, B: Real, C: Real, low: Real, high: Real) -> Real:
+    """`second_derivative` on each of many arcs, (arcs, rows of C, columns of B).
 
     Arcs that are long beside the distance of a pole are halved; infinite where a pole is too near for that.
     """
-    largest, pieces = np.zeros((C.shape[0], B.shape[1])), [(low, high)]
-    for _ in range(_PIECES):
-        if not (pieces and A.shape[0]):
-            return largest
-        start, end = pieces.pop()
-        found = _on_short_arc(A, B, C, start, end)
-        if found is None:
-            middle = (start + end) / 2
-            pieces += [(start, middle), (middle, end)]
-        else:
-            largest = np.maximum(largest, found)
-    return np.full(largest.shape, np.inf)
+    largest = np.zeros((low.size, C.shape[0], B.shape[1]))  # rises piece by piece
+    if not A.shape[0]:
+        return largest
+    arc, start, end = np.arange(low.size), low, high
+    pieces, step = np.zeros(low.size, int), max(1, _STACK // A.shape[0] ** 2)
+    while arc.size:
+        np.add.at(pieces, arc, 1)
+        short = np.zeros(arc.size, bool)
+        for first in range(0, arc.size, step):
+            part = slice(first, first + step)
+            short[part], found = _on_short_arcs(A, B, C, start[part], end[part])
+            np.maximum.at(largest, arc[part][short[part]], found)
+        left = ~short & (pieces[arc] < _PIECES)
+        largest[arc[~short & ~left]] = np.inf
+        arc, start, middle, end = arc[left], start[left], (start[left] + end[left]) / 2, end[left]
+        arc, start, end = np.tile(arc, 2), np.concatenate([start, middle]), np.concatenate([middle, end])
+    return largest
 
 
-def _on_short_arc(A: Real, B: Real, C: Real, low: float, high: float) -> Real | None:
-    """The bound on an arc; None where it is long beside the distance of a pole.
+def _on_short_arcs(A: Real, B: Real, C: Real, low: Real, high: Real) -> tuple[NDArray[np.bool_], Real]:
+    """Say of arcs whether they are short beside the distance of a pole; and the bounds on those that are.
 
     Its value at the middle, and half the arc times a bound of the third derivative, from ||R(z)|| <= ||R|| / (1 - d ||R||) for
     |z - middle| <= d, R = (zI - A)^-1 at the middle.
     """
-    z, half = np.exp(1j * (low + high) / 2), (high - low) / 2
-    R = np.asarray(np.linalg.inv(z * np.eye(A.shape[0]) - A), dtype=complex)
-    size = float(np.linalg.norm(R, 2))
-    if half * size >= _SHORT:
-        return None
+    z, half = np.exp(1j * (low + high) / 2)[:, None, None], ((high - low) / 2)[:, None, None]
+    resolvents = np.asarray(np.linalg.inv(z * np.eye(A.shape[0]) - A), dtype=complex)
+    sizes = np.linalg.norm(resolvents, 2, axis=(1, 2), keepdims=True)
+    short = (half * sizes < _SHORT)[:, 0, 0]
+    z, half, R, size = z[short], half[short], resolvents[short], sizes[short]
     state = R @ B
     first, second = -(C @ (R @ state)), 2 * (C @ (R @ (R @ state)))
     middle = np.abs(z * first + z**2 * second)
     grown = 1 / (1 - half * size)
-    rows, columns = np.linalg.norm(C @ R, axis=1)[:, None], np.linalg.norm(state, axis=0)
+    rows, columns = np.linalg.norm(C @ R, axis=2)[:, :, None], np.linalg.norm(state, axis=1)[:, None, :]
     # R(z) = R (I + (z - middle) R)^-1, hence |C R(z)^k B| <= |C R| |R B| |R|^(k-2) grown^k.
     powers = [rows * columns * size ** (k - 2) * grown**k for k in (2, 3, 4)]
     third = powers[0] + 3 * 2 * powers[1] + 6 * powers[2]
-    return (middle + half * third) * (1 + 1e-9 + _CHANGED * size)
+    return short, (middle + half * third) * (1 + 1e-9 + _CHANGED * size)
 
 
 def known_part(model: control.StateSpace, identification: Identification) -> StateSpace:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -125,14 +126,23 @@ class LoopBounds(Frozen, Drawable, Savable):
 
         The values of one input and one output are in these discs; of matrices the radius is one of the largest singular value.
         """
-        other = None if self.stability is None else self.loop.as_controller(self.controller)
-        return self._at(omega, other)
+        return self.all_at(omega)[1]
 
     def plant_at(self, omega: ArrayLike) -> tuple[Complex, Real]:
         """Centres (F, ny, nu) and radii (F,) of balls that hold the responses of all consistent plants."""
+        return self.all_at(omega)[0]
+
+    def all_at(self, omega: ArrayLike) -> tuple[tuple[Complex, Real], dict[str, tuple[Complex, Real]]]:
+        """Return `plant_at` and `at`, for which the band is evaluated once."""
+        omega = np.atleast_1d(as_array("omega", omega))
         nu, ny = self.loop.shape
         open_loop = StateMatrices(np.zeros((0, 0)), np.zeros((0, ny)), np.zeros((nu, 0)), np.zeros((nu, ny)))
-        return self._at(omega, open_loop)["process_sensitivity"]
+        other = None if self.stability is None else self.loop.as_controller(self.controller)
+        model = StateMatrices.of(_nominal(self.band))
+        around = [self.loop.about(model, controller) for controller in (open_loop, other)]
+        found: list[dict[str, tuple[Complex, Real]]]
+        found = [dict(maps) for maps in _at_frequencies(self.band, around, self.loop, omega)]
+        return found[0]["process_sensitivity"], found[1]
 
     def largest_nu_gap(self) -> Peak:
         """Largest `nu_gap` of consistent plants from that of the band's model, on the whole axis; 1 where nothing is known.
@@ -140,11 +150,6 @@ class LoopBounds(Frozen, Drawable, Savable):
         A controller whose `ncf_margin` with that plant is larger stabilises all of them. It depends on the units of the signals.
         """
         return farthest_plant(self.band, self.loop, _nominal(self.band))
-
-    def _at(self, omega: ArrayLike, controller: StateMatrices | None) -> dict[str, tuple[Complex, Real]]:
-        omega = np.atleast_1d(as_array("omega", omega))
-        around = self.loop.about(StateMatrices.of(_nominal(self.band)), controller)
-        return dict(_at_frequencies(self.band, around, self.loop, omega))
 
     def unstable_plant(self, identification: Identification | None = None) -> UnstablePlant | None:
         """A plant that the data allow and that the controller does not stabilise, as a model; None where none was found.
@@ -289,7 +294,8 @@ def loop_bounds(
     >>> closed = rid.FrequencyResponse(omega, [R(np.exp(0.01j * w)) for w in omega], bound=0.02, dt=0.01)
     >>> problem = rid.MixedProblem(frequency=closed, prior=rid.Prior(gain_bound=10.0, decay_rate=1.4))
     >>> result = rid.identify(problem)
-    >>> found = rid.loop_bounds(rid.band(result), loop)
+    >>> small = rid.balanced_truncation(result.model, order=2).model
+    >>> found = rid.loop_bounds(rid.band(result, model=small), loop)
     >>> found.guaranteed, bool(1.31 < found.peaks["sensitivity"].value < 1.4)
     (True, True)
 
@@ -297,7 +303,9 @@ def loop_bounds(
 
     >>> frf = rid.FrequencyResponse(omega, [1 / (np.exp(0.01j * w) - 0.5) for w in omega], bound=0.02, dt=0.01)
     >>> stable = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=10.0, decay_rate=1.4))
-    >>> found = rid.loop_bounds(rid.band(rid.identify(stable)), controller=gain)
+    >>> result = rid.identify(stable)
+    >>> small = rid.balanced_truncation(result.model, order=2).model
+    >>> found = rid.loop_bounds(rid.band(result, model=small), controller=gain)
     >>> found.status.name, bool(1.49 < found.peaks["sensitivity"].value < 1.7)
     ('STABLE', True)
     """
@@ -319,7 +327,7 @@ def loop_bounds(
     around = loop.about(model, other)
     if decay_of(poles_of(around.A), loop.dt) <= 0:  # the nominal loop is not stable: nothing is bounded
         return _without(band, loop, controller, stability)
-    here = _at_frequencies(band, around, loop, band.omega)
+    (here,) = _at_frequencies(band, [around], loop, band.omega)
     peaks, margins = LoopAxis(band, loop.shape, around).enclosed()
     return LoopBounds(
         band=band,
@@ -374,15 +382,16 @@ def _without(band: Band, loop: Loop, controller: object, stability: RobustStabil
     )
 
 
-def _at_frequencies(band: Band, around: StateMatrices, loop: Loop, omega: Real) -> dict[str, Balls]:
-    """The four maps at frequencies, from discs about the centres of the band and about its model."""
+def _at_frequencies(band: Band, loops: Sequence[StateMatrices], loop: Loop, omega: Real) -> Iterator[dict[str, Balls]]:
+    """The four maps of every loop at frequencies, from discs about the centres of the band and about its model."""
     points = np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega
-    values = LoopValues.at(response_at(around, points), loop.shape)
     nominal, (centre, radius) = band.problem.plane.values_at(_nominal(band), omega), band.at(omega)
     known = np.asarray(np.isfinite(radius).all(axis=(1, 2), keepdims=True), dtype=bool)
-    about_model = values.balls(band.error_at(omega))
-    about_centre = values.shifted(np.where(known, centre - nominal, 0.0)).balls(np.where(known, radius, np.inf))
-    return {name: _smaller(about_centre[name], about_model[name]) for name in about_model}
+    shift, reach, error = np.where(known, centre - nominal, 0.0), np.where(known, radius, np.inf), band.error_at(omega)
+    for around in loops:
+        values = LoopValues.at(response_at(around, points), loop.shape)
+        about_model, about_centre = values.balls(error), values.shifted(shift).balls(reach)
+        yield {name: _smaller(about_centre[name], about_model[name]) for name in about_model}
 
 
 def _smaller(one: Balls, other: Balls) -> Balls:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -211,6 +212,7 @@ def candidates_section(candidates: Mapping[str, LoopBounds] | None, level: int =
     return [Heading("Controllers that were tried", level), candidates_table(candidates), *refused]
 
 
+@functools.lru_cache(maxsize=1)  # the first screen of a page shows its first panel
 def loop_chart(bounds: LoopBounds, plant: PlantReduction | None = None) -> Chart:
     """Magnitudes of the plant with the range of all consistent ones, and the largest S and T."""
     low, high = bounds.band.range
@@ -218,14 +220,13 @@ def loop_chart(bounds: LoopBounds, plant: PlantReduction | None = None) -> Chart
     high = min(high, 3 * float(bounds.omega.max()))
     omega = np.geomspace(low, high, _POINTS)
     x, axis = omega / HZ, frequency_axis(omega)
-    centre, radius = bounds.plant_at(omega)
+    (centre, radius), maps = bounds.all_at(omega)
     size = np.linalg.norm(centre, 2, axis=(1, 2))
     about = size if plant is None else np.linalg.norm(bounds.loop.response_of(plant.model, omega), 2, axis=(1, 2))
     floor, top = 0.2 * float(about.min()), 5.0 * float(about.max())
     ends = np.clip(size - radius, floor, top), np.clip(size + radius, floor, top)
     area = Layer("range of every consistent plant", x, np.clip(size, *ends), BAND, low=ends[0], high=ends[1], fill=True)
     line = Layer("centre" if plant is None else f"model, order {plant.order}", x, about, NOMINAL, dash="solid")
-    maps = bounds.at(omega)
     curves = [
         Layer(name, x, _drawn(*maps[of]), colour, dash="solid")
         for name, of, colour in (("S", "sensitivity", ALERT), ("T", "complementary_sensitivity", NOMINAL))

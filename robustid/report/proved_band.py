@@ -133,6 +133,7 @@ def band_rows(identification: Identification, band: Band) -> list[tuple[str, str
     return found
 
 
+@functools.lru_cache(maxsize=1)  # the first screen of a page shows its first panel
 def band_chart(identification: Identification, band: Band) -> Chart:
     """Magnitude with its proved range, and the proved error; of matrices the largest singular value."""
     name, panel = size_panel(identification, band.model, band.omega)

@@ -264,13 +264,14 @@ def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope
     assert len(asked) <= 45
 
 
-def test_a_search_for_a_useful_class_ends_early_and_decides_as_the_whole_one(monkeypatch):
-    # 20 sets of gains; the largest response is 1.
+@pytest.mark.parametrize("count", [10, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_search_for_a_useful_class_ends_early_and_decides_as_the_whole_one(monkeypatch, count):
+    # So many sets of gains; the largest response is 1.
     saved, said = 0, []
-    for seed in range(20):
+    for seed in range(count):
         with monkeypatch.context() as patch:
             problem, _, asked = risen(seed, patch)
-            whole, count = suggest_prior(problem), len(asked)
+            whole, all_asked = suggest_prior(problem), len(asked)
             asked.clear()
             found = useful_prior(problem)
         said.append(says_something(problem, whole))
@@ -281,9 +282,9 @@ def test_a_search_for_a_useful_class_ends_early_and_decides_as_the_whole_one(mon
             assert found.prior == whole.prior
         else:
             assert min(found.gains) > 1 or found.points == whole.points
-        saved += len(asked) < count
-    assert 3 < sum(said) < 17
-    assert saved > 3
+        saved += len(asked) < all_asked
+    assert 0.15 * count < sum(said) < 0.85 * count
+    assert saved > 0.15 * count
 
 
 def test_a_search_for_a_useful_class_tries_only_decay_rates_that_all_points_can_be_posed_with():

@@ -51,7 +51,11 @@ def _place(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("kind", KINDS)
+QUICK_KINDS = "outlier", "sign"  # one of the response, one of the record
+ALL_KINDS = [kind if kind in QUICK_KINDS else pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS]
+
+
+@pytest.mark.parametrize("kind", ALL_KINDS)
 def test_the_command_that_was_called_is_offered_with_the_correction_and_runs(place, kind):
     frf, one = faulty(kind)
     rid.save("a response.csv", frf)

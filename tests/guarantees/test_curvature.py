@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg
 
 import robustid as rid
-from robustid.guarantees.curvature import input_normal, second_derivative
+from robustid.guarantees.curvature import input_normal, second_derivative, second_derivatives
 
 
 def sampled(A, B, C, low, high, count=401):
@@ -71,3 +71,17 @@ def test_second_derivatives_on_arcs(poles):
         bound = second_derivative(A, B, C, low, high)[:, 0]
         assert np.all(bound >= dense * (1 - 1e-4))
         assert np.all(bound <= 1.6 * dense)
+
+
+def test_second_derivatives_of_many_arcs_are_those_of_each():
+    """Some of the arcs are halved, others not; one holds a pole on the circle itself, at an angle that halving never meets."""
+    blocks = [[[p.real, p.imag], [-p.imag, p.real]] for p in (0.99 * np.exp(0.5j), np.exp(1j / 3))]
+    A, rng = scipy.linalg.block_diag(*blocks), np.random.default_rng(0)
+    B, C = rng.standard_normal((4, 2)), rng.standard_normal((3, 4))
+    edges = np.array([0.0, 0.3, 0.4, 0.49, 0.51, 0.7, 3.1])
+    found = second_derivatives(A, B, C, edges[:-1], edges[1:])
+    for own, low, high in zip(found, edges[:-1], edges[1:], strict=True):
+        np.testing.assert_allclose(own, second_derivative(A, B, C, low, high), rtol=1e-9)
+        if low != 0.3:
+            assert np.all(own >= sampled(A, B, C, low, high) * (1 - 1e-4))
+    assert np.all(found[1] > 1e12)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.core import Real, StateMatrices
-from robustid.guarantees.curvature import Curvature, input_normal, second_derivative
+from robustid.guarantees.curvature import Curvature, input_normal, second_derivatives
 from robustid.guarantees.linear.entry_band import EntryBands
 
 if TYPE_CHECKING:
@@ -96,9 +96,9 @@ class Bends:
 
     def of(self, low: Real, high: Real) -> Real:
         """Bounds on arcs, (arcs, ny, nu)."""
-        found = np.zeros((low.size, *self.shape))
+        found = second_derivatives(*self.known, low, high)
         for k, ends in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
-            found[k] = self.of_class.largest(*ends) + second_derivative(*self.known, *ends)
+            found[k] += self.of_class.largest(*ends)
         functions: Real | None = None
         for place in np.ndindex(*self.shape):
             band = self.bands.of(place)
@@ -112,9 +112,7 @@ class Bends:
         low, high = angles[:-1], angles[1:]
         step = (high - low) ** 2 / 8
         values = np.abs(self.problem.plane.values(self.model, angles))
-        bent = np.array(
-            [second_derivative(*self.known, *ends) for ends in zip(low.tolist(), high.tolist(), strict=True)]
-        )
+        bent = second_derivatives(*self.known, low, high)
         total = (np.maximum(values[:-1], values[1:]) + bent * step[:, None, None]).max(axis=0)
         prior = self.problem.prior
         weight = max(self.of_class.weight(*ends) for ends in zip(low.tolist(), high.tolist(), strict=True))

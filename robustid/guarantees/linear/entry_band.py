@@ -31,7 +31,7 @@ _LINES = 200  # of the data, at most, that are knots at first
 _SHARE = 0.25  # of few knots that are lines
 _OUTSIDE = 40  # knots below and above the data
 _AROUND = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # knots around a mode, in its half-width
-_STACK = 4e6  # complex numbers of a stack of evaluations
+_STACK = 2e5  # complex numbers of a stack of evaluations: more leave the cache, and take twice as long
 _ROUNDED = 1e-9  # of the values of a model
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustid.bases import ParametricBasis
 from robustid.core import Complex, Frozen, Plane, Real, StateMatrices, as_array, simulate
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.curvature import input_normal, second_derivative
+from robustid.guarantees.curvature import input_normal, second_derivatives
 from robustid.guarantees.linear.pole_discs import PoleDiscs, discs_of
 from robustid.identification import MixedProblem
 
@@ -142,8 +142,7 @@ class Functions(Frozen):
         found = np.zeros((low.size, self.amplitudes))
         if self.fixed is not None:
             states = input_normal(self.fixed.A, self.fixed.B, self.fixed.C)
-            for k, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):  # none of them, perhaps
-                found[k, : self.fixed_count] = second_derivative(*states, a, b)[:, 0]
+            found[:, : self.fixed_count] = second_derivatives(*states, low, high)[:, :, 0]
         if self.modes is not None:
             found[:, self.fixed_count :] = self.modes.bends(low, high)
         return found

@@ -15,7 +15,7 @@ from robustid.guarantees.linear.functions import Functions
 from robustid.guarantees.linear.samples import Samples
 from robustid.guarantees.linear.search import POINTS, reweighted
 
-_STACK = 3e6  # complex numbers in the matrices of a stack
+_STACK = 4e5  # complex numbers in the matrices of a stack: what a cache holds
 _RING = 4096  # samples over which the functions are followed; beyond them their energy is a bound
 _ONE = 1 + 1e-9
 

@@ -18,7 +18,7 @@ from robustid.guarantees.linear.samples import Samples, samples_of
 from robustid.guarantees.linear.search import FEW, POINTS, nearest_points, reweighted
 from robustid.identification import MixedProblem
 
-_STACK = 3e6  # complex numbers in the matrices of a stack
+_STACK = 4e5  # complex numbers in the matrices of a stack: what a cache holds
 _ROWS = 24  # samples of the records of an entry that are predicted by the others
 _CHECKED = 200  # samples that a check looks at
 

@@ -18,7 +18,7 @@ STEPS = 10
 _CHANGE = 1e-20, 1e20  # of a weight, in a step
 _FARTHER = 1.8  # times the change of the logarithm of a weight
 _SELDOM = 3  # steps after which the weights of most functions are taken anew: half of the arithmetic is theirs
-_STACK = 4e6  # complex numbers in the matrices of a stack: memory, and what a cache holds
+_STACK = 4e5  # complex numbers in the matrices of a stack: what a cache holds
 _FLOOR = 1e-3  # least part of the largest multiplier, and of the radius, that a weight is made of
 _STABLE = 1e-13  # of the diagonal: what the Gram matrix of nodes close together loses to rounding
 
@@ -154,18 +154,21 @@ def reweighted(
     used = stack.first_weights() if start is None else stack.weights(start)
     stack.without_search()
     products = [np.zeros_like(gram) for _ in stack.groups]
+    parts = [(group, every, adjoint[:, :, group], L[:, group]) for group, every in stack.groups]
     v = np.array(used[2])
     for step in range(steps):
         q, w, latest = used
-        for k, (group, every) in enumerate(stack.groups):
+        for k, (group, every, left, right) in enumerate(parts):
             if group.size and (step == 0 or (step - 1) % every == 0):  # the first weights are on a scale of their own
-                products[k] = (adjoint[:, :, group] * latest[:, None, group]) @ L[:, group]
+                products[k] = (left * latest[:, None, group]) @ right
                 v[:, group] = latest[:, group]
-        A = w[:, None, None] * gram + products[0] + products[1]
+        A = w[:, None, None] * gram
+        for product in products:
+            A += product
         A[:, at, at] += q + (w * ridge)[:, None]
-        right = w[:, None] * chosen.cross.conj() + (adjoint @ (v * stack.wanted)[:, :, None])[:, :, 0]
+        onto = w[:, None] * chosen.cross.conj() + (adjoint @ (v * stack.wanted)[:, :, None])[:, :, 0]
         try:
-            d = _solved(A, right, stack.hard, stack.matched)
+            d = _solved(A, onto, stack.hard, stack.matched)
         except np.linalg.LinAlgError:  # a singular one of the stack: what is best so far stays
             return stack.best
         new = stack.weights(d)

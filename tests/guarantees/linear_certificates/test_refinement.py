@@ -209,7 +209,7 @@ QUICK = [("discrete", 11), ("discrete", 2)]
 def test_a_plant_at_the_edge_is_within_the_refined_bounds(kind, seed):
     plant = edge_plant(kind, seed)
     result = rid.identify(plant.problem)
-    band = rid.band(result, box=plant.box, omega=plant.frequencies(np.random.default_rng(seed), 4))
+    band = rid.band(result, box=plant.box, omega=plant.frequencies(np.random.default_rng(seed), 4), knots=100)
     found = band.refine(result, omega=band.omega)
     error = np.abs(plant.truth(found.omega) - plant.problem.plane.values_at(found.model, found.omega))
     assert (plant.box is None) == (seed in EDGES[kind][0])

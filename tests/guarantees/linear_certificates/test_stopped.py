@@ -53,10 +53,10 @@ def holds(band):
 
 @pytest.mark.parametrize("box", [None, BOX], ids=["poles as stated", "box"])
 def test_what_a_limit_leaves_is_proved_and_says_so(ticking, box):
-    whole, widths = rid.band(PROBLEM, box=box), []
+    whole, widths = rid.band(PROBLEM, box=box, knots=60), []
     assert not whole.unfinished
     for limit in LIMITS:
-        found = rid.band(PROBLEM, box=box, time_limit=limit)
+        found = rid.band(PROBLEM, box=box, knots=60, time_limit=limit)
         complete = [one.complete for one in found.bands]
         assert holds(found)
         assert found.verify()
