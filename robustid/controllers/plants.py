@@ -10,10 +10,21 @@ import numpy as np
 
 from robustid.controllers.conditions import Discs, norms
 from robustid.controllers.limits import Limits
-from robustid.core import Complex, Real, StateMatrices, closed_loop, loop_is_stable, points_of, poles_of, response_at
+from robustid.core import (
+    Complex,
+    Real,
+    StateMatrices,
+    closed_loop,
+    decay_of,
+    loop_is_stable,
+    points_of,
+    poles_of,
+    response_at,
+)
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import Band, BandAxis, LoopBounds, LoopValues, loop_bounds, norm_of_bounds
 from robustid.identification import Loop
+from robustid.reduction import balanced_truncations
 
 if TYPE_CHECKING:
     import control
@@ -24,6 +35,7 @@ _POINTS = 100  # frequencies that a design begins with, equally apart on a logar
 _CHANGE, _HALVED, _MOST = 0.2, 8, 600  # of the plant from one to the next; rounds of halving, and frequencies at most
 _BELOW = 30.0  # times the lowest frequency of the data: where the axis begins
 _PARTS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the ratio of two norms, which weighs them
+_FEW, _SHARE = 4, 0.03  # states that a truncation begins with, and what it may add to the bounds
 _ROUNDING = 1e-9  # of the end of an interval
 _HALF = 0.5  # the real part of S up to which |L| is at least 1
 _LITTLE = 1e-9  # of the bounds of the largest input: smaller ones are as good as none
@@ -40,7 +52,7 @@ class Plants:
     def of(cls, given: object) -> Plants:
         """The plants of a band about a model, or of the worst cases of a loop."""
         if isinstance(given, LoopBounds):
-            return cls(given.band, given.loop)
+            return cls(_about_fewer_states(given.band), given.loop)
         if not isinstance(given, Band):
             raise InputTypeError(
                 f"`bands` must be a Band, or LoopBounds of a plant in a loop, or a sequence of them; got {type(given).__name__}"
@@ -50,7 +62,8 @@ class Plants:
         import control
 
         ny, nu = given.model.D.shape
-        return cls(given, Loop(control.ss([], [], [], np.zeros((nu, ny)), given.problem.dt or 0)))
+        loop = Loop(control.ss([], [], [], np.zeros((nu, ny)), given.problem.dt or 0))
+        return cls(_about_fewer_states(given), loop)
 
     @property
     def dt(self) -> float:
@@ -166,6 +179,20 @@ class Plants:
             if one >= found.get(name, (0.0, 0.0))[0]:
                 found[name] = one, where
         return found
+
+
+def _about_fewer_states(band: Band) -> Band:
+    """The band about a truncated model, where that hardly widens it: a central model has a state for every sample."""
+    model, wide = band.model, norm_of_bounds(band.upper)
+    if model is None or decay_of(poles_of(StateMatrices.of(model).A), band.problem.dt or 0.0) <= 0:
+        return band
+    truncated, order = balanced_truncations(model), _FEW
+    while order < model.nstates / 2:
+        small = band.with_model(truncated(order).model)
+        if np.all(norm_of_bounds(small.upper) <= (1 + _SHARE) * wide):
+            return small
+        order += order // 2
+    return band
 
 
 def _closed_share(values: LoopValues, bounds: Real) -> Real:

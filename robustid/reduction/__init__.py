@@ -1,6 +1,12 @@
 """Smaller models: balanced truncation with its bound, the smallest inside all bounds, the continuous model behind a sampled one."""
 
-from robustid.reduction.balanced import Reduction, ReductionStatus, balanced_truncation, hankel_singular_values
+from robustid.reduction.balanced import (
+    Reduction,
+    ReductionStatus,
+    balanced_truncation,
+    balanced_truncations,
+    hankel_singular_values,
+)
 from robustid.reduction.controller_model import controller_model
 from robustid.reduction.doubtful_modes import DoubtfulMode, without_doubtful_modes
 from robustid.reduction.error_norm import PeakError, hinf_error, hinf_norm
@@ -24,6 +30,7 @@ __all__ = [
     "SearchStatus",
     "any_loop",
     "balanced_truncation",
+    "balanced_truncations",
     "controller_model",
     "doubtful_distance",
     "gramian_factors",
