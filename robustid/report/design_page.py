@@ -10,7 +10,8 @@ import numpy as np
 import scipy.signal
 
 from robustid.controllers import FIR, PID, ControllerDesign, DesignStatus, Fixed, Limits, LowPass, Notch
-from robustid.controllers.structure import Factor, integral_gain
+from robustid.controllers.factors import Factor
+from robustid.controllers.structure import Matrix, entries_of, integral_gain
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
@@ -177,6 +178,7 @@ def _asked(limits: Limits) -> Iterator[tuple[str, str]]:
         "process_peak": "|P S| ≤ {}",
         "gain_margin": "at least {}",
         "integral_gain": "at least {}",
+        "delay_margin": "at least {} s",
     }
     for name, sign in signs.items():
         if (value := getattr(limits, name)) is not None:
@@ -218,10 +220,19 @@ def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
     """Factors of the structure, with what was searched."""
     rows: list[tuple[str, str]] = []
     place, searched = 0, design.searched
-    for k, one in enumerate(design.structure, start=1):
-        count = len(one.free)
-        rows.append((f"Factor {k}", factor_words(one, searched[place : place + count])))
-        place += count
+    structure = design.structure
+    nu, ny = design.proofs[0].loop.shape if design.proofs else (1, 1)
+    if isinstance(structure, Matrix):
+        nu, ny = structure.shape
+    entries = entries_of(structure, (ny, nu))
+    for i, j, factors in entries:
+        words: list[str] = []
+        for one in factors:
+            count = len(one.free)
+            words.append(factor_words(one, searched[place : place + count]))
+            place += count
+        name = "Structure" if len(entries) == 1 else f"Structure, axis {j} to {i}"
+        rows.append((name, " × ".join(words)))
     return rows
 
 
@@ -262,7 +273,7 @@ def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
 
 
 def _at(system: StateMatrices, point: float) -> float:
-    return float(np.real(response_at(system, np.array([point]))[0, 0, 0]))
+    return float(response_at(system, np.array([point]))[0, 0, 0].real)
 
 
 def _roots_table(design: ControllerDesign) -> Table:
