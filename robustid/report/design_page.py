@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from typing import cast
@@ -67,6 +68,15 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
             next=_next(design),
         ),
     )
+
+
+def design_section(design: ControllerDesign) -> list[Block]:
+    """Build the section on a controller of the page of an identification."""
+    parts = [
+        dataclasses.replace(one, level=one.level + 1) if isinstance(one, Heading) else one
+        for one in design_blocks(design)
+    ]
+    return [Heading("The controller that was designed", guarantee=True), design_verdict(design), *parts]
 
 
 def design_blocks(design: ControllerDesign) -> list[Block]:

@@ -139,6 +139,8 @@ def write_report(
         Of a plant in a loop, from `reduce_plant(identification, loop)`: its small model, in the same section.
     candidates : mapping of str to LoopBounds, optional
         Other controllers by their names, from `loop_bounds(band, loop, controller)`: their verdicts, worst cases and margins.
+    design : ControllerDesign, optional
+        From `design_controller`: the controller, what is proved of it and what limits it, a section.
     forbidden : (float, float), optional
         Of an Interconnection: gain margin in dB and phase margin in degrees of a forbidden region, drawn and decided.
 
