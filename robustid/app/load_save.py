@@ -76,7 +76,7 @@ def load(
     ----------
     path : str, path, or a table in memory
         * NAME, NAME.npz or NAME.json of an `Identification`, a `Band`, a `WorstCaseError`, a `WorstCaseOverPoles`, a `LoopBounds`,
-          an `Interconnection` or a `MatrixFraction` that was saved;
+          an `Interconnection`, a `ControllerDesign` or a `MatrixFraction` that was saved;
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
           numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;
@@ -181,6 +181,7 @@ def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
     Default: of any.
     """
     # With them come all rooms that have results to load.
+    from robustid import controllers as controllers
     from robustid import fitting as fitting
     from robustid import guarantees as guarantees
 
@@ -216,8 +217,8 @@ def save(
         and imaginary parts; bounds have no place there) of a response or a model; a SPICE subcircuit (``.cir``, ``.sp``, ``.lib``,
         ``.sub``; controlled sources, resistors and capacitors) of a model that is passive.
     thing : object
-        Identification, WorstCaseError, WorstCaseOverPoles, LoopBounds, Interconnection, MatrixFraction, Excitation,
-        control.StateSpace, DelayedModel,
+        Identification, WorstCaseError, WorstCaseOverPoles, LoopBounds, Interconnection, ControllerDesign, MatrixFraction,
+        Excitation, control.StateSpace, DelayedModel,
         UncertaintyWeight, FrequencyResponse, TangentialResponse or TimeRecord; of measurements with their bounds and what these
         mean, covariance, names of the signals and note.
     parameter : {"s", "z", "y"}, optional

@@ -1,5 +1,6 @@
 """Controllers of fixed structure for every plant that the data allow."""
 
+from robustid.controllers import controller_storage as controller_storage  # registers the designs that can be saved
 from robustid.controllers.controller_design import ControllerDesign, DesignStatus, design_controller
 from robustid.controllers.factors import FIR, PID, Fixed, LeadLag, LowPass, Notch
 from robustid.controllers.goals import Attenuation, Bandwidth, IntegralGain, LeastControl

@@ -14,8 +14,9 @@ from robustid.controllers.goals import Goal, as_goal
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import Basis, Matrix, as_structure, basis_of
-from robustid.core import Budget, Frozen, as_kind, one_thread
+from robustid.core import Budget, Frozen, Savable, as_kind, one_thread
 from robustid.errors import InputError
+from robustid.figures import Drawable
 from robustid.guarantees import Band, LoopBounds
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class DesignStatus(enum.Enum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ControllerDesign(Frozen):
+class ControllerDesign(Frozen, Drawable, Savable):
     """A controller, and what is proved of it.
 
     Attributes

@@ -14,6 +14,7 @@ from robustid.identification import Identification
 from robustid.report import words
 from robustid.report.assumptions import CAUTION, assumptions, assumptions_section, chosen, experiments, shared_words
 from robustid.report.data_faults import problem_verdict, problem_warnings
+from robustid.report.design_page import design_section
 from robustid.report.document import (
     Block,
     Code,
@@ -108,7 +109,8 @@ def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
         found += tube_section(identification, tube)
     if (sensitivity := parts.get("sensitivity")) is not None:
         found += sensitivity_section(identification, sensitivity)
-    return [*loop_section(identification, parts.get("loop"), parts.get("plant"), parts.get("candidates")), *found]
+    found = [*loop_section(identification, parts.get("loop"), parts.get("plant"), parts.get("candidates")), *found]
+    return found if (design := parts.get("design")) is None else [*design_section(design), *found]
 
 
 def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Content, Diagnosis, Sensitivity
+    from robustid.controllers import ControllerDesign
     from robustid.data import TimeRecord, Undoing
     from robustid.fitting import OrderSweep
     from robustid.guarantees import Band, Coverage, LoopBounds, ResponseTube, RobustStabilityMargin, StructuredWeight
@@ -59,6 +60,7 @@ class Parts(TypedDict, total=False):
     loop: LoopBounds | None
     plant: PlantReduction | None
     candidates: Mapping[str, LoopBounds] | None
+    design: ControllerDesign | None
     forbidden: tuple[float, float] | None
 
 

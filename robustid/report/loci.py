@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Complex, Real, response_at
+from robustid.core import Complex, Real, points_of, response_at
 from robustid.guarantees import Interconnection, LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import ALERT, FAINT, FINE, FURTHER, NOMINAL, Chart, Layer
@@ -63,19 +64,17 @@ def _forbidden(gain: float, phase: float, largest: float) -> Layer:
     return plane_layer(f"forbidden, {gain:g} dB and {phase:g}°", border, FURTHER[2], dash="dash")
 
 
-def open_loop_chart(bounds: LoopBounds) -> Chart | None:
+def open_loop_chart(
+    bounds: LoopBounds, omega: Real | None = None, further: Sequence[Layer] = (), name: str = "open-loop"
+) -> Chart | None:
     """Nyquist plot of the open loop with discs that hold those of every consistent plant; None of matrices.
 
-    The part around -1: of larger values nothing is decided.
+    The part around -1: of larger values nothing is decided. At frequencies, default those of the band; `further` layers lie below.
     """
     if bounds.loop.shape != (1, 1):
         return None
-    omega = bounds.omega[bounds.omega > 0]
-    centre, radius = bounds.plant_at(omega)
-    law = as_system("controller", bounds.controller)[0]
-    dt = bounds.loop.dt
-    gain = response_at(law, np.exp(1j * omega * dt) if dt else 1j * omega)[:, 0, 0]
-    values, radii = centre[:, 0, 0] * gain, radius * np.abs(gain)
+    omega = bounds.omega[bounds.omega > 0] if omega is None else omega
+    values, radii = open_loop_of(bounds, omega)
     near = np.isfinite(radii) & (np.abs(values) <= _WIDE + 0.5) & (radii <= _WIDE)
     shown = np.flatnonzero(near)
     if not shown.size:
@@ -83,8 +82,17 @@ def open_loop_chart(bounds: LoopBounds) -> Chart | None:
     outlines = _outlines(values[shown], radii[shown])
     line = np.where(np.abs(values) <= _WIDE + 0.5, values, np.nan)
     layers = [
+        *further,
         plane_layer("holds that of every consistent plant", with_gaps(outlines), FAINT, dash="solid", size=FINE),
         plane_layer("centre", line, NOMINAL, dash="solid", marker="circle", size=0.4),
         plane_layer("-1", np.array([-1.0 + 0j]), ALERT, marker="x"),
     ]
-    return Chart("open-loop", [square_panel("Open loop, plant times controller", "of the open loop [–]", layers)])
+    return Chart(name, [square_panel("Open loop, plant times controller", "of the open loop [–]", layers)])
+
+
+def open_loop_of(bounds: LoopBounds, omega: Real) -> tuple[Complex, Real]:
+    """Discs that hold the open loops of all consistent plants of one input and one output, (F,) each."""
+    centre, radius = bounds.plant_at(omega)
+    law, points = as_system("controller", bounds.controller)[0], points_of(omega, bounds.loop.dt)
+    gain = response_at(law, points)[:, 0, 0]
+    return centre[:, 0, 0] * gain, radius * np.abs(gain)

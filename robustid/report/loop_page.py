@@ -40,7 +40,7 @@ def loop_page(bounds: LoopBounds, title: str | None, parts: Parts) -> Document:
         *([] if nyquist is None else [Heading("Open loop", 3), Drawing(nyquist)]),
         *refuting_plant(bounds),
         Heading("What it stands on"),
-        Text(_stands_on(bounds)),
+        Text(loop_stands_on(bounds)),
         proved(
             bounds.band.certified,
             "The sums of the band were evaluated again for this page, without a solver.",
@@ -106,7 +106,7 @@ def _next(bounds: LoopBounds) -> list[str]:
     return steps
 
 
-def _stands_on(bounds: LoopBounds) -> str:
+def loop_stands_on(bounds: LoopBounds) -> str:
     """The measurement that it is about."""
     band = bounds.band
     low, high = (number(float(end) / HZ, 4) for end in (band.omega.min(), band.omega.max()))

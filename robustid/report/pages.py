@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Unpack
 
+from robustid.controllers import ControllerDesign
 from robustid.core import Unfinished, as_flag, as_kind, atomic_write
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputTypeError
@@ -23,6 +24,7 @@ from robustid.guarantees import (
 from robustid.identification import Identification
 from robustid.report import html, with_rich
 from robustid.report.data_faults import problem_verdict
+from robustid.report.design_page import design_page
 from robustid.report.document import Code, Document, Glance, Text, Verdict, unfinished_notice
 from robustid.report.family_page import family_page
 from robustid.report.first_screen import glance
@@ -48,7 +50,7 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _LINES = 18  # of a summary
-Shown = Identification | MatrixFraction | FrequencyResponse | Family | LoopBounds | Interconnection
+Shown = Identification | MatrixFraction | FrequencyResponse | Family | LoopBounds | Interconnection | ControllerDesign
 
 
 def write_report(
@@ -71,11 +73,12 @@ def write_report(
     bound, noise and distortion, coherence, and the spectra of the records. Of a family: its members, its band, who drives it
     where, how it moves with the condition, and what is not known. Of LoopBounds: whether the controller stabilises every consistent
     plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
-    the eigenvalue loci, what limits and what to measure. The page works offline and fetches nothing.
+    the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
+    loop with every consistent plant, its factors and gains. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds or Interconnection
+    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection or ControllerDesign
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -136,6 +139,8 @@ def write_report(
         Of a plant in a loop, from `reduce_plant(identification, loop)`: its small model, in the same section.
     candidates : mapping of str to LoopBounds, optional
         Other controllers by their names, from `loop_bounds(band, loop, controller)`: their verdicts, worst cases and margins.
+    design : ControllerDesign, optional
+        From `design_controller`: the controller, what is proved of it and what limits it, a section.
     forbidden : (float, float), optional
         Of an Interconnection: gain margin in dB and phase margin in degrees of a forbidden region, drawn and decided.
 
@@ -184,6 +189,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing")),
     LoopBounds: (loop_page, ("candidates",)),
     Interconnection: (interconnection_page, ("forbidden",)),
+    ControllerDesign: (design_page, ()),
 }
 
 

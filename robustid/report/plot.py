@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from robustid.controllers import ControllerDesign
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction, OrderSweep
 from robustid.guarantees import (
@@ -25,6 +26,7 @@ from robustid.guarantees import (
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, PlantReduction, Reduction
 from robustid.report.charts import Chart
+from robustid.report.design_charts import design_chart, open_loop_bode, step_chart
 from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
 __all__ = [
     "bode",
     "convergence",
+    "design",
     "hankel",
     "loop",
     "nyquist",
@@ -77,8 +80,8 @@ def of(result: Any, **options: Any) -> Figure:
     """Draw the figure that shows a result best; ``result.plot()`` is this.
 
     Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a
-    RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of LoopBounds the `loop`, of everything else
-    `bode`.
+    RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of LoopBounds the `loop`, of a ControllerDesign the
+    `design`, of everything else `bode`.
 
     Parameters
     ----------
@@ -100,6 +103,7 @@ def of(result: Any, **options: Any) -> Figure:
     """
     figures: dict[type, Callable[..., Figure]] = {ResponseTube: time_response, RobustStabilityMargin: stability}
     figures |= {OrderSweep: orders, Reduction: orders, Interconnection: nyquist, LoopBounds: loop}
+    figures |= {ControllerDesign: design}
     return next((figure for kind, figure in figures.items() if isinstance(result, kind)), bode)(result, **options)
 
 
@@ -120,7 +124,7 @@ def bode(
     has been computed. Of a Band the same at every frequency, about its centre or its model. Of a
     MatrixFraction: samples, model with its standard deviation, residual. Of a FrequencyResponse:
     bound, noise and distortion, singular values, coherence, and the spectra of the records. Of a StructuredWeight
-    the weight of every block above its bound. Of a model its response.
+    the weight of every block above its bound. Of a model its response. Of a ControllerDesign the open loop of every plant.
 
     Parameters
     ----------
@@ -168,6 +172,7 @@ def bode(
         FrequencyResponse: (response_bode, ("records",)),
         control.StateSpace: (model_chart, ()),
         Family: (family_chart, ()),
+        ControllerDesign: (open_loop_bode, ()),
     }
     return _drawn(kinds, result, {"models": models, "data": data, "records": records}, ax)
 
@@ -193,7 +198,11 @@ def time_response(result: Identification | ResponseTube, *, models: Models = Non
     >>> len(rid.plot.time_response(rid.guarantee.response_tube(result, input="step", horizon=4)).axes)
     1
     """
-    kinds = {Identification: (identified_time, ("models",)), ResponseTube: (tube_chart, ())}
+    kinds = {
+        Identification: (identified_time, ("models",)),
+        ResponseTube: (tube_chart, ()),
+        ControllerDesign: (step_chart, ()),
+    }
     return _drawn(kinds, result, {"models": models}, ax)
 
 
@@ -385,6 +394,23 @@ def loop(result: LoopBounds, *, plant: PlantReduction | None = None, ax: Where =
     matplotlib.figure.Figure
     """
     return _drawn({LoopBounds: (loop_chart, ("plant",))}, result, {"plant": plant}, ax)
+
+
+def design(result: ControllerDesign, *, ax: Where = None) -> Figure:
+    """Draw the largest S, T, P S and C S of a designed controller with any consistent plant, and the limits that they keep.
+
+    Parameters
+    ----------
+    result : ControllerDesign
+        From `design_controller`; of one that found no controller there is nothing to draw.
+    ax : matplotlib axes, optional
+        One for each panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    return _drawn({ControllerDesign: (design_chart, ())}, result, {}, ax)
 
 
 def stabilisation(result: OrderSweep, *, ax: Where = None) -> Figure:

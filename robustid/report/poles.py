@@ -198,11 +198,12 @@ def _table(rows: list[PoleRow], title: str = "") -> Table:
         Column("states", "n", "States"),
     ]
     light = [row.count == 2 and row.damping < _LIGHT for row in rows]
-    cells = [_cells(row) for row in rows]
+    cells = [pole_cells(row) for row in rows]
     return Table(columns, cells, strong=light, empty="no poles: a static gain", title=title, most=_MOST)
 
 
-def _cells(row: PoleRow) -> tuple[str, ...]:
+def pole_cells(row: PoleRow) -> tuple[str, ...]:
+    """Cells on a pole: frequency, damping, modulus, time constant, number of states."""
     if row.modulus == 0:
         return "delay", "–", "0", "–", str(row.count)
     numbers = number(row.hz, 5), number(row.damping, 3), number(row.modulus, 5), number(row.time_constant, 3)

@@ -215,7 +215,7 @@ def _printed(name: str, matrix: np.ndarray) -> str:
     return f"{name} = [{rows}];"
 
 
-def model_chart(model: control.StateSpace) -> Chart:
+def model_chart(model: control.StateSpace, called: str = "model") -> Chart:
     """Magnitude and phase of every entry of a `control.StateSpace`, around its poles and up to the Nyquist frequency."""
     system = check_model("result", model)
     if system.dt is True:
@@ -228,13 +228,14 @@ def model_chart(model: control.StateSpace) -> Chart:
     low = min(sizes.min(), high) / _BESIDE
     omega = resolved(spread(low, high, _POINTS, log=True), s, _AROUND, low, high)
     values = response_at(StateMatrices.of(system), points_of(omega, dt))
-    charts = [_entry(system, i, j, omega, values[:, i, j]) for i, j in np.ndindex(values.shape[1:])]
-    return side_by_side("model", charts, system.ninputs)
+    name = f"{called}, order {system.nstates}"
+    charts = [_entry(system, i, j, omega, values[:, i, j], name) for i, j in np.ndindex(values.shape[1:])]
+    return side_by_side(called, charts, system.ninputs)
 
 
-def _entry(system: control.StateSpace, i: int, j: int, omega: np.ndarray, values: np.ndarray) -> Chart:
+def _entry(system: control.StateSpace, i: int, j: int, omega: np.ndarray, values: np.ndarray, name: str) -> Chart:
     size, ((angle,), span) = np.abs(values), phase_curves([values])
-    drawn, name = MagnitudePhase(), f"model, order {system.nstates}"
+    drawn = MagnitudePhase()
     drawn.add(name, omega / HZ, size, with_gaps(angle), colour=NOMINAL, dash="solid")
     y = Axis("magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))
     title = f"{system.output_labels[i]} / {system.input_labels[j]}"

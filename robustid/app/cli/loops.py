@@ -59,19 +59,17 @@ def loop(
 
     console, paths = screen.console(), controller or []
     written_files.check_static(report, static)
-    places = {path.stem: _beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
-    wanted = [
-        file for one in places.values() for file in (*written_files.result_files(one), _beside(one, "-plant.npz"))
-    ]
+    places = {path.stem: beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
+    wanted = [file for one in places.values() for file in (*written_files.result_files(one), beside(one, "-plant.npz"))]
     if len(places) < len(paths):
         raise InputError("--controller: two files have the same name; rename one of them")
-    written_files.check_outputs([*wanted, report], [*_read(source), *paths], force)
+    written_files.check_outputs([*wanted, report], [*read_files(source), *paths], force)
     words = words_of(
         loop, controller="--controller", band="the band", loop="the loop", identification="the identification"
     )
     with in_words(words), telling(console) as progress:
         progress(f"reading {source}", 0, 0)
-        ran = _Measured.of(source, progress)
+        ran = MeasuredPlant.of(source, progress)
         found = {} if paths else {"": ran.tried(None)}
         for name, model in read_controllers(paths, "--controller", ran.loop).items():
             progress(f"trying {name}", 0, 0)
@@ -88,7 +86,7 @@ def loop(
 
 
 @dataclasses.dataclass
-class _Measured:
+class MeasuredPlant:
     """A band, the loop that it was measured in (None: none), and the identification where it is at hand."""
 
     band: Band
@@ -96,7 +94,7 @@ class _Measured:
     identification: Identification | None = None
 
     @classmethod
-    def of(cls, source: Path, progress: Progress) -> _Measured:
+    def of(cls, source: Path, progress: Progress) -> MeasuredPlant:
         """The contents of a folder or a file."""
         from robustid.app.load_save import load_result
         from robustid.core import paths
@@ -112,6 +110,13 @@ class _Measured:
             return cls(thing, None, identified)
         progress("proving the error at every frequency", 0, 0)
         return cls(band(thing.require(), progress=progress), None, thing)
+
+    @property
+    def plants(self) -> Band | LoopBounds:
+        """All consistent plants, as a design takes them."""
+        from robustid.guarantees import loop_bounds
+
+        return self.band if self.loop is None else loop_bounds(self.band, self.loop)
 
     def tried(self, model: control.StateSpace | None) -> LoopBounds:
         """The bounds of a controller, or of the one that ran; with a plant that refutes it, where one is found."""
@@ -133,7 +138,7 @@ def _place(source: Path, names: tuple[str, ...]) -> Path:
     raise InputError(f"the folder {source} holds no {held}: it is not that of a finished run of one plant with a band")
 
 
-def _read(source: Path) -> list[Path]:
+def read_files(source: Path) -> list[Path]:
     """Files that may be read."""
     from robustid.core import paths
 
@@ -142,7 +147,8 @@ def _read(source: Path) -> list[Path]:
     return [file for name in ("loop", "band", "identification") for file in paths(source / name)]
 
 
-def _beside(output: Path, ending: str) -> Path:
+def beside(output: Path, ending: str) -> Path:
+    """NAME with an ending of its own."""
     base = written_files.result_files(output)[0].with_suffix("")
     return base.with_name(base.name + ending)
 
@@ -158,7 +164,7 @@ def _keep_tried(console: Console, place: Path, found: LoopBounds) -> None:
     found.save(place)
     plant = None
     if found.refuted_by is not None:
-        plant = _beside(place, "-plant.npz")
+        plant = beside(place, "-plant.npz")
         save(plant, found.refuted_by.plant)
     screen.say_written(console, *written_files.result_files(place), plant)
 
@@ -219,8 +225,8 @@ def connect(
 
     console, region = screen.console(), _region(keep_out)
     written_files.check_static(report, static)
-    files, pair = written_files.result_files(output), [_beside(output, f"-{part}.npz") for part in ("source", "load")]
-    written_files.check_outputs([*files, *pair, report], [*_read(source), *_read(load)], force)
+    files, pair = written_files.result_files(output), [beside(output, f"-{part}.npz") for part in ("source", "load")]
+    written_files.check_outputs([*files, *pair, report], [*read_files(source), *read_files(load)], force)
     words = words_of(connect, time_limit="--time-limit") | {"source": str(source), "load": str(load)}
     with in_words(words), telling(console) as progress:
         parts = [_part(path, progress) for path in (source, load)]

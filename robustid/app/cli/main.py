@@ -28,6 +28,7 @@ COMMANDS = {  # in the order of the list, with the file of each
     "bounds": "bounds",
     "loop": "loops",
     "connect": "loops",
+    "control": "control",
     "verify": "verify",
     "reduce": "reduce",
     "report": "report",

@@ -15,10 +15,19 @@ from robustid.app.cli.screen import in_words, say, step, telling
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from robustid.controllers import ControllerDesign
     from robustid.guarantees import Band, Interconnection, LoopBounds, WorstCaseError, WorstCaseOverPoles
     from robustid.identification import Identification
 
-_KINDS = ("identification", "worst-case error", "band over poles", "band", "loop bounds", "interconnection")
+_KINDS = (
+    "identification",
+    "worst-case error",
+    "band over poles",
+    "band",
+    "loop bounds",
+    "interconnection",
+    "controller design",
+)
 _ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
 
 
@@ -26,7 +35,7 @@ def verify(
     source: Annotated[
         Path,
         typer.Argument(
-            help="A saved identification, saved bounds, a loop or a connection (NAME, NAME.npz or NAME.json)."
+            help="A saved identification, saved bounds, a loop, a connection or a design (NAME, NAME.npz or NAME.json)."
         ),
     ],
     exact: Annotated[
@@ -39,17 +48,18 @@ def verify(
     130 interrupted.
     """
     from robustid.app.load_save import load_result
+    from robustid.controllers import ControllerDesign
     from robustid.guarantees import Band, Interconnection, LoopBounds
 
-    console = screen.console()
+    console, of_loops = screen.console(), (LoopBounds, Interconnection, ControllerDesign)
     with in_words({"exact": "--exact"}):
         result = load_result(source, *_KINDS)
-        if isinstance(result, LoopBounds | Interconnection):
+        if isinstance(result, of_loops):
             failed = _loop_failures(console, result, exact)
         else:
             failed = _failures(console, result, exact)
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
-    assumed = [] if isinstance(result, Band | LoopBounds | Interconnection) else [_ASSUMED]  # these say their own
+    assumed = [] if isinstance(result, (Band, *of_loops)) else [_ASSUMED]  # these say their own
     say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", *assumed)
     for name in failed:
         console.print(f"[red]FAILED[/red]     {screen.plain(name)}", highlight=False, soft_wrap=True)
@@ -71,12 +81,20 @@ def _failures(console: Console, result: Any, exact: bool) -> list[str]:
     return failed
 
 
-def _loop_failures(console: Console, result: LoopBounds | Interconnection, exact: bool) -> list[str]:
+def _loop_failures(console: Console, result: LoopBounds | Interconnection | ControllerDesign, exact: bool) -> list[str]:
     """Print the verdict on a loop, which loading evaluated anew, and the proofs of its bands; the names of what fails."""
+    from robustid.controllers import ControllerDesign
     from robustid.guarantees import Family, LoopBounds
 
-    say(console, result.summary(), "verified   the verdict, from the bands, the models and what refutes it")
-    sides = [result.band] if isinstance(result, LoopBounds) else [result.source, result.load]
+    say(console, result.summary())
+    if isinstance(result, ControllerDesign) and result.controller is None:
+        say(console, "recorded   that none was found: a search, which has no proof")
+        return []
+    say(console, "verified   the verdict, from the bands, the models and what refutes it")
+    if isinstance(result, ControllerDesign):
+        sides = [one.band for one in result.proofs]
+    else:
+        sides = [result.band] if isinstance(result, LoopBounds) else [result.source, result.load]
     failed: list[str] = []
     for side in sides:
         members = [one.result for one in side.members] if isinstance(side, Family) else [side]

@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid.app.run.candidates import candidate_words
 from robustid.app.run.class_choice import SPARE
+from robustid.app.run.designed import design_words
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
 from robustid.app.run.work import Work
@@ -59,6 +60,10 @@ def sentences(work: Work) -> tuple[str, ...]:
             found.insert(1, "No controller was tried: there is no band of R that plants could be taken from.")
     if said is not None and said.empty:
         found.insert(0, said.summary())
+    if work.design is not None:
+        found.append(design_words(work.design))
+    elif work.not_designed:
+        found.append(f"No controller was designed: {work.not_designed}.")
     looped = work.plant is not None
     if work.band is not None and not looped:
         found.append(band_words(work.band, work.error, work.withheld))

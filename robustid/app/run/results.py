@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from robustid.advice import Content, Diagnosis
 from robustid.app.run.run_file import RunFile
+from robustid.controllers import ControllerDesign
 from robustid.core import Choice, Frozen, Savable, Unfinished
 from robustid.data import Undoing
 from robustid.errors import Status
@@ -70,6 +71,8 @@ class IdentifiedReduced(Frozen):
         Of a plant in a loop: its small model; `model` is that of the stable system R.
     candidates : dict of str to LoopBounds
         Other controllers that the run file names: each proved for every consistent plant, refuted by one, or neither.
+    design : ControllerDesign or None
+        The controller that the run file asks for; None where it asks for none, or where there is no band.
     """
 
     identification: Identification
@@ -90,6 +93,7 @@ class IdentifiedReduced(Frozen):
     loop: LoopBounds | None = None
     plant: PlantReduction | None = None
     candidates: Mapping[str, LoopBounds] = dataclasses.field(default_factory=dict[str, LoopBounds])
+    design: ControllerDesign | None = None
 
     @property
     def choices(self) -> dict[str, Choice]:
@@ -111,6 +115,7 @@ class IdentifiedReduced(Frozen):
             "band": self.band,
             "wider_band": None if self.wider is None else self.wider.band,
             "loop": self.loop,
+            "controller": self.design,
         }
         return found | {f"loop-{name}": bounds for name, bounds in self.candidates.items()}
 
@@ -158,6 +163,7 @@ class IdentifiedReduced(Frozen):
             loop=self.loop,
             plant=self.plant,
             candidates=self.candidates or None,
+            design=self.design,
         )
 
 

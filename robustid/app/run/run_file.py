@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from robustid._version import __version__
 from robustid.app.run.checks import AUTO, options, refuse_unknown, section
 from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.loop_settings import LoopChoice
 from robustid.app.run.settings import (
     LISTS,
@@ -64,11 +65,13 @@ class RunFile(Frozen, General):
     identify: Identify = dataclasses.field(default_factory=Identify)
     small_model: SmallModel = dataclasses.field(default_factory=SmallModel)
     worst_case: WorstCase = dataclasses.field(default_factory=WorstCase)
+    controller: ControllerChoice = dataclasses.field(default_factory=ControllerChoice)
 
     def __post_init__(self) -> None:
         _check_fit(self)
         _check_modes(self)
         _check_loop(self)
+        _check_controller(self)
         self.prior.check({"gain_bound": "[prior] gain_bound", "passive": "[prior] passive"})
         points = self.frequency_points
         if points.near_hz is not None and points.every == 1:
@@ -131,7 +134,10 @@ class RunFile(Frozen, General):
         loop = dataclasses.replace(self.loop, **named)
         if loop.candidates is not None:
             loop = dataclasses.replace(loop, candidates=tuple(map(name, loop.candidates)))
-        return dataclasses.replace(self, record=record, frequency=frequency, loop=loop)
+        designed = self.controller
+        if designed.fixed is not None:
+            designed = dataclasses.replace(designed, fixed=tuple(map(name, designed.fixed)))
+        return dataclasses.replace(self, record=record, frequency=frequency, loop=loop, controller=designed)
 
     def of_member(self, name: str) -> RunFile:
         """The run file of one member alone; a record of the noise floor is of all that don't have their own."""
@@ -201,6 +207,19 @@ def _check_loop(run: RunFile) -> None:
             raise InputError(
                 f"{name} does not go with [loop]: records of a loop give the response of its stable system R, of all entries"
             )
+
+
+def _check_controller(run: RunFile) -> None:
+    """Refuse limits of a controller that is not asked for, and one that no band would be there for."""
+    run.controller.check("[controller]")
+    if not run.controller.is_stated:
+        return
+    if run.members:
+        raise InputError(
+            "[controller] does not go with [[members]]: one for all plants is designed by robustid control, from a folder of each"
+        )
+    if not run.worst_case.compute:
+        raise InputError("[controller] needs the band of all consistent plants; leave [worst_case] compute = false out")
 
 
 def _check_poles(place: str, modes: Modes | MemberChoice) -> None:

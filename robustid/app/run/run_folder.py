@@ -11,23 +11,27 @@ from pathlib import Path
 from typing import TypedDict
 
 from robustid.app.load_save import load_result
+from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
+from robustid.controllers import ControllerDesign
+from robustid.controllers.goals import as_goal
 from robustid.core import Budget, Progress, Source, Stops, Unfinished, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.fitting import MatrixFraction
 from robustid.formats import save_model
-from robustid.guarantees import Band
+from robustid.guarantees import Band, LoopBounds
 from robustid.identification import Identification, MixedProblem
 
 RUN_FILE = "run.toml"
-_NUMBERS = ("identification", "band", "wider_band", "worst_case", "over_poles", "family", "fit", "loop")
-_TRIED = "loop-*.*"
-_PAGE, _MODEL, _PLANT, _SUMMARY, _RESPONSE, _UNFINISHED = (
+_NUMBERS = ("identification", "band", "wider_band", "worst_case", "over_poles", "family", "fit", "loop", "controller")
+_TRIED, _DESIGN = "loop-*.*", "controller"
+_PAGE, _MODEL, _PLANT, _CONTROLLER, _SUMMARY, _RESPONSE, _UNFINISHED = (
     "report.html",
     "small_model.npz",
     "plant.npz",
+    "controller-model.npz",
     "summary.txt",
     "response-{}.csv",
     "unfinished",
@@ -63,7 +67,7 @@ class RunFolder:
         if self.folder is None:
             return []
         names = [name for part in _NUMBERS for name in paths(self.folder / part)]
-        names += [self.folder / name for name in (RUN_FILE, _PAGE, _MODEL, _PLANT, _SUMMARY)]
+        names += [self.folder / name for name in (RUN_FILE, _PAGE, _MODEL, _PLANT, _CONTROLLER, _SUMMARY)]
         names += [*self.folder.glob(_RESPONSE.format("*")), *self.folder.glob(_TRIED)]
         return [path for path in names if path.is_file()]
 
@@ -133,6 +137,22 @@ class RunFolder:
         if self.folder is not None:
             band.save(self.folder / "band")
 
+    def designed(self, design: ControllerDesign) -> None:
+        """Keep a controller."""
+        if self.folder is not None:
+            design.save(self.folder / _DESIGN)
+
+    def design(self, plants: Band | LoopBounds, asked: ControllerChoice) -> ControllerDesign | None:
+        """The controller that was designed before for exactly these plants, limits and goal, proved again on loading."""
+        if self.folder is None or not self.resume or not paths(self.folder / _DESIGN)[1].is_file():
+            return None
+        found: ControllerDesign = load_result(self.folder / _DESIGN, "controller design")
+        if len(found.proofs) != 1:
+            return None
+        band = plants.band if isinstance(plants, LoopBounds) else plants
+        same = fingerprint((found.limits, found.goal)) == fingerprint((asked.limits, as_goal(asked.goal)))
+        return found if same and fingerprint(found.proofs[0].band) == fingerprint(band) else None
+
     def finish(self, result: IdentifiedReduced | FamilyRun) -> None:
         """Keep everything that isn't kept yet; of members that refute the class the sentences."""
         self.choices(result.run_file)
@@ -148,6 +168,9 @@ class RunFolder:
             for name, found in result.candidates.items():
                 if found.refuted_by is not None:
                     save_model(found.refuted_by.plant, self.folder / f"loop-{name}-plant.npz")
+        design = result.design if isinstance(result, IdentifiedReduced) else None
+        if design is not None and design.controller is not None:
+            save_model(design.controller, self.folder / _CONTROLLER)
         result.report(self.folder / _PAGE, static=self.static)
         self._clear()
 

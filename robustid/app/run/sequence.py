@@ -11,6 +11,7 @@ from robustid.advice import Diagnosis, content, diagnose
 from robustid.app.run import findings
 from robustid.app.run.candidates import tried
 from robustid.app.run.class_choice import SPARE, inflated_problem, with_larger_gain
+from robustid.app.run.designed import designed
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import box_of_modes, held_box
@@ -70,7 +71,7 @@ def _whole(
     """Consistency, the small model, its error, and what can be said of them."""
     work, asked = decided(run, problem, left, around), run.worst_case
     if data is not None:
-        work.loop, work.controllers = data.loop, data.controllers
+        work.loop, work.controllers, work.factors = data.loop, data.controllers, data.factors
     small: list[Step] = [reduced, compared_with_fits, without_doubtful]
     if work.loop is not None:  # fits are those of the plant
         small = [reduced]
@@ -85,7 +86,7 @@ def _whole(
             carry_out(work, [*([narrowed] if chosen and not (asked.over_poles or asked.circle) else swept), judged])
         if asked.over_poles:
             carry_out(work, [bounded_over_box, refined])
-    carry_out(work, [in_loop, tried])
+    carry_out(work, [in_loop, tried, designed])
     return IdentifiedReduced(
         withheld=work.withheld,
         identification=work.identification,
@@ -104,6 +105,7 @@ def _whole(
         loop=work.looped,
         plant=work.plant,
         candidates=work.tried,
+        design=work.design,
     )
 
 

@@ -25,6 +25,7 @@ from robustid.app.run.checks import (
     whole,
 )
 from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.loop_settings import LoopChoice
 from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.errors import InputError
@@ -374,6 +375,7 @@ SECTIONS: dict[str, type[DataclassInstance]] = {
     "identify": Identify,
     "small_model": SmallModel,
     "worst_case": WorstCase,
+    "controller": ControllerChoice,
 }
 # As they stand in a run file.
 PARTS: dict[str, type[Any]] = {

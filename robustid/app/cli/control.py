@@ -1,0 +1,82 @@
+"""robustid control: a controller of fixed structure for every plant that the data allow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import Force, Output, Report, Static, words_of
+from robustid.app.cli.loops import MeasuredPlant, beside, read_files
+from robustid.app.cli.screen import in_words, say, telling
+from robustid.app.run.checks import options
+from robustid.app.run.controller_settings import ControllerChoice
+from robustid.errors import InputError, Status
+
+
+def control(
+    *,
+    source: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folder of a run, a saved band, a saved loop or an identification; of several (amplitudes, positions, loads) one"
+            " controller is designed for all."
+        ),
+    ],
+    asked: ControllerChoice,
+    time_limit: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Time after which the best controller so far is taken.")
+    ] = None,
+    output: Output = Path("controller"),
+    report: Report = None,
+    static: Static = False,
+    force: Force = False,
+) -> None:
+    """Design a controller of a structure that keeps its limits with every plant that the data allow, and prove it.
+
+    Frequencies are in Hz. The design is written with its proof, which [bold]robustid verify[/bold] makes again, the controller as
+    a model NAME-controller.npz.
+
+    [bold]Example[/bold]: robustid control bench --structure "PID(80), Notch(30..40)" --peak 2 --gain-margin 2 --report new.html
+
+    Exit codes: 0 proved, 3 none was found for this structure (a finding, by search), 4 either, but of data with a fault that
+    nothing has undone, 1 found but not proved, 2 misuse, 70 an error of the program, 130 interrupted.
+    """
+    from robustid.app.load_save import save
+    from robustid.controllers import design_controller
+    from robustid.report import write_report
+
+    console = screen.console()
+    written_files.check_static(report, static)
+    flags = {field.name: str(option.flag) for field, option in options(ControllerChoice)}
+    if not asked.is_stated:
+        raise InputError('--structure is missing: what the drive runs, such as --structure "PID(80)"')
+    files, model = written_files.result_files(output), beside(output, "-controller.npz")
+    read = [file for one in source for file in read_files(one)]
+    written_files.check_outputs([*files, model, report], [*read, *map(Path, asked.fixed or ())], force)
+    words = words_of(control, time_limit="--time-limit", bands="the source", band="the band", loop="the loop")
+    words |= asked.words(flags.__getitem__) | {"identification": "the identification"}
+    with in_words(words), telling(console) as progress:
+        limits, factors = asked.limits, asked.factors("--structure")
+        plants: list[MeasuredPlant] = []
+        for one in source:
+            progress(f"reading {one}", 0, 0)
+            plants.append(MeasuredPlant.of(one, progress))
+        progress("designing the controller", 0, 0)
+        found = design_controller(
+            [one.plants for one in plants], factors, limits=limits, maximise=asked.goal, time_limit=time_limit
+        )
+        found.save(output)
+        if found.controller is not None:
+            save(model, found.controller)
+        say(console, found.summary())
+        if report is not None:
+            progress("drawing the report", 0, 0)
+            write_report(
+                found, report, title=f"Controller for {source[0].stem}" if len(source) == 1 else None, static=static
+            )
+    screen.say_written(console, *files, None if found.controller is None else model, report)
+    status = {"PROVED": Status.CONSISTENT, "NONE": Status.INCONSISTENT, "FOUND": Status.UNDECIDED}[found.status.name]
+    raise typer.Exit(screen.exit_code(status, any(one.band.problem.open_faults for one in plants)))

@@ -1,0 +1,190 @@
+"""The section of a run file about a controller that is designed; the command `control` has the same words."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robustid.app.run.checks import key, number, several, text
+from robustid.app.run.structure_text import goal_of, goal_text, structure_of, structure_text
+from robustid.errors import InputError, InputTypeError
+
+if TYPE_CHECKING:
+    from robustid.controllers import Attenuation, Limits
+
+_HZ = 2 * math.pi
+_ROW = "LOW:HIGH:VALUE,..."
+# Names of the library's limits, by those of the keys.
+_NAMES = {
+    "peak": "sensitivity_peak",
+    "complementary_peak": "complementary_peak",
+    "control_peak": "control_peak",
+    "process_peak": "process_peak",
+    "gain_margin": "gain_margin",
+    "phase_margin_deg": "phase_margin",
+    "delay_margin": "delay_margin",
+    "attenuate": "attenuation",
+    "roll_off": "roll_off",
+    "bandwidth_hz": "bandwidth",
+    "integral_gain": "integral_gain",
+}
+Rows = tuple[tuple[float, float, float], ...]
+
+
+def _rows(name: str, content: str) -> list[list[float]]:
+    """Rows of a template from LOW:HIGH:VALUE,LOW:HIGH:VALUE,..."""
+    try:
+        found = [[float(part) for part in row.split(":")] for row in content.split(",")]
+    except ValueError:
+        found = []
+    if not found or any(len(row) != 3 for row in found):
+        raise InputError(f"{name} must be LOW:HIGH:VALUE, frequencies in Hz, such as 1:20:0.1; got {content!r}")
+    return found
+
+
+def _files(name: str, content: str) -> list[str]:
+    del name
+    return [one.strip() for one in content.split(",")]
+
+
+_template = several(several(number(least=0.0), 3))
+_positive = number(above=0.0)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ControllerChoice:
+    """A controller that is designed for every plant that the data allow, and proved."""
+
+    structure: str | None = key(
+        structure_text,
+        help="What the drive runs, as factors with their poles in Hz; numerators are free, LOW..HIGH is searched: P, PI, PD(80),"
+        " PID(80), Notch(300..400, damping=0.5), LeadLag(20), LowPass(900, order=2), FIR(3), with commas between them.",
+        flag="--structure",
+        metavar="FACTORS",
+        text=lambda _, content: content,
+    )
+    fixed: tuple[str, ...] | None = key(
+        several(text()),
+        help="Files with models that stand in the loop beside it: a filter, a delay of the computer.",
+        flag="--fixed",
+        text=_files,
+        metavar="FILE,...",
+    )
+    maximise: str | None = key(
+        goal_text,
+        help="What is to be as large as it can be: bandwidth (default), integral-gain, least-control (the least peak of C S) or"
+        " attenuation:LOW:HIGH, in Hz.",
+        flag="--maximise",
+        text=lambda _, content: content,
+        metavar="GOAL",
+    )
+    peak: float | None = key(
+        number(above=1.0), help="Largest |S|, S = 1/(1 + P C), with any consistent plant. Default: 2.", flag="--peak"
+    )
+    complementary_peak: float | None = key(
+        number(above=1.0), help="Largest |T|, T = 1 - S.", flag="--complementary-peak"
+    )
+    gain_margin: float | None = key(
+        number(above=1.0), help="Factor by which the gain may grow.", flag="--gain-margin", metavar="FACTOR"
+    )
+    phase_margin_deg: float | None = key(
+        _positive, help="Phase margin, on both sides.", unit="degrees", flag="--phase-margin", metavar="DEGREES"
+    )
+    delay_margin: float | None = key(
+        _positive, help="Further delay that leaves every loop stable.", unit="s", flag="--delay-margin"
+    )
+    control_peak: float | None = key(
+        _positive, help="Largest |C S|, from noise at the output to the input of the plant.", flag="--control-peak"
+    )
+    process_peak: float | None = key(
+        _positive, help="Largest |P S|, from a disturbance at the input to the output.", flag="--process-peak"
+    )
+    attenuate: tuple[tuple[float, float, float], ...] | None = key(
+        _template,
+        help="Ranges in Hz in which |S| is at most a value, rows of low, high and value.",
+        flag="--attenuate",
+        text=_rows,
+        metavar=_ROW,
+    )
+    roll_off: tuple[tuple[float, float, float], ...] | None = key(
+        _template,
+        help="Ranges in Hz in which |T| is at most a value, rows of low, high and value.",
+        flag="--roll-off",
+        text=_rows,
+        metavar=_ROW,
+    )
+    bandwidth_hz: float | None = key(
+        _positive, help="Frequency up to which |P C| is at least 1.", unit="Hz", flag="--bandwidth"
+    )
+    integral_gain: float | None = key(_positive, help="Least gain of the integrator.", flag="--integral-gain")
+    time_limit: float | None = key(
+        _positive,
+        help="Seconds after which the best controller so far is taken. Default: its share of the time of the run.",
+        unit="s",
+    )
+
+    @property
+    def is_stated(self) -> bool:
+        """Return whether a controller is asked for."""
+        return self.structure is not None
+
+    def factors(self, place: str, folder: Path = Path()) -> list[Any]:
+        """Factors of the structure, with the models beside it from their files, seen from a folder."""
+        from robustid.app.load_save import load
+        from robustid.controllers import Fixed
+
+        if self.structure is None:
+            raise InputError(f"{place} needs a structure, such as PID(80)")
+        found: list[Any] = [*structure_of(place, self.structure)]
+        for name in self.fixed or ():
+            if not (folder / name).is_file():
+                raise InputError(f"{place} {name}: there is no such file")
+            found.append(Fixed(load(folder / name, kind="model")))
+        return found
+
+    @property
+    def goal(self) -> str | Attenuation:
+        """The goal, as the library takes it."""
+        return goal_of("maximise", self.maximise or "bandwidth")
+
+    @property
+    def limits(self) -> Limits:
+        """The limits, in the library's units."""
+        from robustid.controllers import Limits
+
+        def rows(value: Sequence[tuple[float, float, float]] | None) -> Rows:
+            return tuple((_HZ * low, _HZ * high, most) for low, high, most in value or ())
+
+        return Limits(
+            sensitivity_peak=2.0 if self.peak is None else self.peak,
+            complementary_peak=self.complementary_peak,
+            gain_margin=self.gain_margin,
+            phase_margin=None if self.phase_margin_deg is None else math.radians(self.phase_margin_deg),
+            delay_margin=self.delay_margin,
+            control_peak=self.control_peak,
+            process_peak=self.process_peak,
+            attenuation=rows(self.attenuate),
+            roll_off=rows(self.roll_off),
+            bandwidth=None if self.bandwidth_hz is None else _HZ * self.bandwidth_hz,
+            integral_gain=self.integral_gain,
+        )
+
+    @staticmethod
+    def words(called: Callable[[str], str]) -> dict[str, str]:
+        """The library's names of the limits, as they are called here; `called`: the name of a key."""
+        found = {name: called(one) for one, name in _NAMES.items()}
+        return found | {one: called(one) for one in ("structure", "maximise")} | {"filter": called("structure")}
+
+    def check(self, place: str) -> None:
+        """Refuse limits without a structure, and limits that make no sense."""
+        if not self.is_stated:
+            if self != ControllerChoice():
+                raise InputError(f'{place} needs a structure, such as structure = "PID(80)"')
+            return
+        try:
+            _ = self.limits
+        except (InputError, InputTypeError) as error:
+            raise error.reworded(self.words(lambda one: f"{place} {one}")) from None

@@ -1,0 +1,199 @@
+"""Structures and goals of controllers as they are written in run files and commands: a small grammar, read and never evaluated.
+
+``PID(80), Notch(300..400, damping=0.5), LowPass(900, order=2)``: factors with their frequencies in Hz, intervals with two dots.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from robustid.controllers import FIR, PID, Attenuation, LeadLag, LowPass, Notch
+
+    Factor = PID | Notch | LeadLag | LowPass | FIR
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][-+]?\d+)?)|(?P<word>[A-Za-z]+)|(?P<sign>\.\.|[(),=*]))"
+)
+_HZ = 2 * math.pi
+GOALS = ("bandwidth", "integral-gain", "least-control")
+_FORMS = "P, PI, PD(80), PID(80), Notch(300..400, damping=0.5), LeadLag(20), LowPass(900, order=2), FIR(3)"
+Value = tuple[float, float]
+
+
+class _Form(NamedTuple):
+    """Arguments of a factor: the first one without its name, the others by it; and what it becomes."""
+
+    first: str  # its name; empty: none
+    others: tuple[str, ...]
+    make: Callable[..., Factor]
+    example: str
+
+
+def _forms() -> dict[str, _Form]:
+    from robustid.controllers import FIR, PID, LeadLag, LowPass, Notch
+
+    def of_order(omega: Any, order: int = 1) -> LowPass:
+        return LowPass(omega, int(order))
+
+    return {
+        "p": _Form("", (), lambda: PID(integral=False), "P"),
+        "pi": _Form("", (), PID, "PI"),
+        "pd": _Form("filter", (), lambda filter: PID(filter=filter, integral=False), "PD(80)"),
+        "pid": _Form("filter", (), PID, "PID(80)"),
+        "notch": _Form("omega", ("damping",), Notch, "Notch(300..400, damping=0.5)"),
+        "leadlag": _Form("omega", (), LeadLag, "LeadLag(20)"),
+        "lowpass": _Form("omega", ("order",), of_order, "LowPass(900, order=2)"),
+        "fir": _Form("length", (), lambda length: FIR(int(length)), "FIR(3)"),
+    }
+
+
+def structure_of(name: str, text: str) -> tuple[Factor, ...]:
+    """Factors of a structure; `name`: where it stands, for messages."""
+    reader = _Reader(name, text)
+    found = [reader.factor()]
+    while not reader.ended:
+        if not (reader.accept(",") or reader.accept("*")):
+            raise reader.error("a comma between two factors")
+        found.append(reader.factor())
+    return tuple(found)
+
+
+def structure_text(name: str, value: object) -> str:
+    """Check of a key: a text that is a structure."""
+    if not isinstance(value, str):
+        raise InputError(f"{name} must be text in quotes such as {_FORMS}; got {value!r}")
+    for factor in structure_of(name, value):
+        _ = factor.free  # checks its numbers
+    return value
+
+
+def goal_of(name: str, text: str) -> str | Attenuation:
+    """A goal as `design_controller` takes it."""
+    from robustid.controllers import Attenuation
+
+    if text in GOALS:
+        return text.replace("-", " ")
+    word, *ends = text.split(":")
+    try:
+        low, high = (float(end) for end in ends)
+    except ValueError:
+        low = high = math.nan
+    if word != "attenuation" or not 0 <= low < high < math.inf:
+        raise InputError(
+            f"{name} must be one of {', '.join(GOALS)} or attenuation:LOW:HIGH in Hz, such as attenuation:1:20; got {text!r}"
+        )
+    return Attenuation(_HZ * low, _HZ * high)
+
+
+def goal_text(name: str, value: object) -> str:
+    """Check of a key: a text that is a goal."""
+    if not isinstance(value, str):
+        raise InputError(f"{name} must be text in quotes; got {value!r}")
+    goal_of(name, value)
+    return value
+
+
+class _Reader:
+    """A text, read from its beginning: factors with their arguments."""
+
+    def __init__(self, name: str, text: str) -> None:
+        self.name, self.text, self.place = name, text, 0
+
+    @property
+    def ended(self) -> bool:
+        """True where nothing is left."""
+        return not self.text[self.place :].strip()
+
+    def error(self, wanted: str) -> InputError:
+        """Sentence on what is wanted at this place."""
+        rest = self.text[self.place :].strip()
+        where = f"at {rest[:20]!r}" if rest else "at its end"
+        return InputError(f"{self.name} {self.text!r}: {wanted} is missing {where}. Factors are {_FORMS}, in Hz")
+
+    def _next(self, kind: str) -> str | None:
+        """The next token, where it is of this kind."""
+        found = _TOKEN.match(self.text, self.place)
+        if found is None or found[kind] is None:
+            return None
+        self.place = found.end()
+        return found[kind]
+
+    def accept(self, sign: str) -> bool:
+        """Go beyond a sign; false where there is another one."""
+        before = self.place
+        if self._next("sign") == sign:
+            return True
+        self.place = before
+        return False
+
+    def factor(self) -> Factor:
+        """One factor."""
+        forms, word = _forms(), self._next("word")
+        if word is None:
+            raise self.error("a factor")
+        form = forms.get(word.lower())
+        if form is None:
+            raise InputError(f"{self.name} {self.text!r}: there is no factor {word!r}. Factors are {_FORMS}, in Hz")
+        arguments: dict[str, Value] = {}
+        if self.accept("(") and not self.accept(")"):
+            self._argument(form, word, arguments, first=True)
+            while self.accept(","):
+                self._argument(form, word, arguments, first=False)
+            if not self.accept(")"):
+                raise self.error("a closing bracket")
+        if form.first and form.first not in arguments:
+            raise InputError(
+                f"{self.name} {self.text!r}: {word} needs its number, such as {form.example}"
+                + ("; without a derivative it is PI" if word.lower() == "pid" else "")
+            )
+        return form.make(**{key: self._meant(word, key, value) for key, value in arguments.items()})
+
+    def _argument(self, form: _Form, word: str, arguments: dict[str, Value], *, first: bool) -> None:
+        """One argument, NAME=VALUE or the first one without its name."""
+        before, key = self.place, self._next("word")
+        if key is None or not self.accept("="):
+            self.place, key = before, form.first if first else ""
+        known = [one for one in (form.first, *form.others) if one]
+        if key == "" and known and not first:
+            raise self.error(f"a name, such as {known[-1]}=")
+        if key not in known:
+            said = f"it has {' and '.join(known)}" if known else "it has none"
+            raise InputError(f"{self.name} {self.text!r}: {word} has no argument {key or 'without a name'!s}; {said}")
+        if key in arguments:
+            raise InputError(f"{self.name} {self.text!r}: {key} of {word} is given twice")
+        arguments[key] = self._value()
+
+    def _value(self) -> Value:
+        """A number, or an interval of two."""
+        low = self._number()
+        return (low, self._number()) if self.accept("..") else (low, low)
+
+    def _number(self) -> float:
+        text = self._next("number")
+        if text is None:
+            raise self.error("a number")
+        before = self.place
+        if (self._next("word") or "").lower() != "hz":
+            self.place = before
+        return float(text)
+
+    def _meant(self, word: str, key: str, value: Value) -> Any:
+        """A value in the unit of the library; frequencies may be intervals, nothing else."""
+        low, high = value
+        if key in ("filter", "omega"):
+            if not 0 < low <= high:
+                raise InputError(
+                    f"{self.name} {self.text!r}: {word} needs positive frequencies, low before high; got {low:g}..{high:g}"
+                )
+            return (_HZ * low, _HZ * high) if low < high else _HZ * low
+        if low != high:
+            raise InputError(f"{self.name} {self.text!r}: {key} of {word} is one number, no interval")
+        if key in ("length", "order") and low != int(low):
+            raise InputError(f"{self.name} {self.text!r}: {key} of {word} is a whole number; got {low:g}")
+        return low

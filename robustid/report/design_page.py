@@ -1,0 +1,339 @@
+"""A designed controller: its page, the verdict first, what limits it, its loop with every consistent plant, and what it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from typing import cast
+
+import numpy as np
+import scipy.signal
+
+from robustid.controllers import FIR, PID, ControllerDesign, DesignStatus, Fixed, Limits, LowPass, Notch
+from robustid.controllers.factors import Factor
+from robustid.controllers.structure import Matrix, entries_of, integral_gain
+from robustid.core import Complex, StateMatrices, response_at
+from robustid.guarantees import LoopBounds
+from robustid.identification import as_system
+from robustid.report.charts import first_panel
+from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.document import (
+    Block,
+    Code,
+    Column,
+    Document,
+    Drawing,
+    Facts,
+    Glance,
+    Heading,
+    Share,
+    Table,
+    Text,
+    Verdict,
+    of_numbers,
+    proved,
+)
+from robustid.report.identified import Parts
+from robustid.report.loop_page import loop_stands_on
+from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table
+from robustid.report.poles import pole_cells, pole_rows
+from robustid.report.small_model import model_chart
+from robustid.report.words import HZ, at_most, number
+from robustid.report.words import title as heading
+
+_KEYS = {
+    DesignStatus.PROVED: ("consistent", "Proved"),
+    DesignStatus.FOUND: ("weak", "Not proved"),
+    DesignStatus.NONE: ("inconsistent", "None found"),
+}
+
+
+def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Document:
+    """Build the page of a designed controller."""
+    del parts
+    if title is None and design.proofs:
+        problem = design.proofs[0].band.problem
+        title = heading("Controller", problem.outputs, problem.inputs)
+    body = design_blocks(design)
+    curves = next((block.chart for block in body if isinstance(block, Drawing)), None)
+    return Document(
+        title or "Controller",
+        head=[design_verdict(design)],
+        body=[*body, Heading("In plain text"), Code(design.summary())],
+        glance=Glance(
+            numbers=_numbers(design),
+            words=_words(design),
+            chart=None if curves is None else first_panel(curves),
+            next=_next(design),
+        ),
+    )
+
+
+def design_section(design: ControllerDesign) -> list[Block]:
+    """Build the section on a controller of the page of an identification."""
+    parts = [
+        dataclasses.replace(one, level=one.level + 1) if isinstance(one, Heading) else one
+        for one in design_blocks(design)
+    ]
+    return [Heading("The controller that was designed", guarantee=True), design_verdict(design), *parts]
+
+
+def design_blocks(design: ControllerDesign) -> list[Block]:
+    """Build the sections on a controller, each under its heading."""
+    if not design.proofs:
+        return [Heading("What was asked"), Facts([*_asked(design.limits), *_structure_rows(design)])]
+    single = design.proofs[0].loop.shape == (1, 1)
+    return [
+        Heading("Limits", guarantee=True),
+        Text(
+            "Of each limit the largest share that any consistent plant takes, at any frequency. At 1 it would be reached."
+        ),
+        shares_table(design),
+        Drawing(design_chart(design)),
+        *(_open_loop(design) if single else []),
+        Heading("The controller"),
+        *_controller(design, single),
+        *(_steps(design) if single else []),
+        Heading("Peaks and margins", guarantee=True),
+        *_margins(design),
+        Heading("What it stands on"),
+        Facts(_stands_on(design)),
+        proved(
+            all(one.band.certified for one in design.proofs),
+            "The sums of the bands were evaluated again for this page, without a solver.",
+            "The proofs do not give what is stated.",
+            "design-certificates",
+        ),
+    ]
+
+
+def design_verdict(design: ControllerDesign) -> Verdict:
+    """Verdict on a design, in one sentence."""
+    key, word = _KEYS[design.status]
+    if design.controller is None:
+        words = "No controller of this structure was found that keeps the limits with every consistent plant."
+        return Verdict(key, word, words, id="design-verdict")
+    reached = f"{design.goal.name} {design.goal.told(design.level)}"
+    if design.status is DesignStatus.PROVED:
+        scope = "".join(dict.fromkeys(one.band.problem.scope for one in design.proofs))
+        words = f"Every consistent plant keeps all limits with this controller, at every frequency{scope}: {reached}."
+        return Verdict(key, word, words, id="design-verdict")
+    if not all(one.guaranteed for one in design.proofs):
+        words = "It was found at frequencies; that it stabilises every consistent plant is not proved."
+    else:
+        over = [name for name, (share, _) in design.shares.items() if share > 1]
+        words = f"It was found at frequencies; with some plant it may exceed the limit{'s' * (len(over) > 1)}: {', '.join(over)}."
+    return Verdict(key, word, words, id="design-verdict")
+
+
+def _numbers(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Numbers of the first screen."""
+    if design.controller is None:
+        return []
+    found = [(design.goal.name, design.goal.told(design.level)), ("order", str(design.controller.nstates))]
+    if (limit := design.limited_by) is not None:
+        found.append(("limited by", f"{limit[0]}{_near(limit[1])}"))
+    return [*found, *(loop_numbers(design.proofs[0]) if len(design.proofs) == 1 else [])]
+
+
+def _near(omega: float) -> str:
+    return "" if math.isnan(omega) else f", near {number(omega / HZ, 4)} Hz"
+
+
+def _words(design: ControllerDesign) -> str:
+    if design.controller is None:
+        return "That none was found is a search, and no proof that there is none."
+    if (limit := design.limited_by) is None:
+        return ""
+    share = design.shares[limit[0]][0]
+    return f"What limits it is the {limit[0]}{_near(limit[1])}: {at_most(share, 3)} of it is taken by some consistent plant."
+
+
+def _next(design: ControllerDesign) -> list[Text]:
+    if design.controller is None:
+        return [
+            Text("Ask for less, or give the structure more: a derivative, a lead, a notch where the plant has a mode.")
+        ]
+    if design.status is DesignStatus.FOUND:
+        return [Text("Ask for limits that are a few percent wider, or measure better where they are exceeded.")]
+    steps = [
+        Text(
+            "Before it runs: limits of the actuator are in none of these proofs, a delay of the computer only if the data have it."
+        )
+    ]
+    if design.proofs[0].loop.dt:
+        code = 'rid.save("controller.h", design.controller)'
+        steps.append(Text(f"For the machine: {code}", code=(code,)))
+    return steps
+
+
+def shares_table(design: ControllerDesign) -> Table:
+    """Limits with what was asked, the share that is taken, and where."""
+    asked = dict(_asked(asked_of(design)))
+    rows = [
+        [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
+        for name, (share, omega) in design.shares.items()
+    ]
+    columns = Column("limit"), Column("asked"), Column("share that is taken", "share"), *of_numbers("near [Hz]")
+    return Table(columns, rows, marks=[share <= 1 for share, _ in design.shares.values()])
+
+
+def _asked(limits: Limits) -> Iterator[tuple[str, str]]:
+    """Limits by their names, in words."""
+    signs = {
+        "sensitivity_peak": "|S| ≤ {}",
+        "complementary_peak": "|T| ≤ {}",
+        "control_peak": "|C S| ≤ {}",
+        "process_peak": "|P S| ≤ {}",
+        "gain_margin": "at least {}",
+        "integral_gain": "at least {}",
+        "delay_margin": "at least {} s",
+    }
+    for name, sign in signs.items():
+        if (value := getattr(limits, name)) is not None:
+            yield name.replace("_", " "), sign.format(number(value))
+    if limits.phase_margin is not None:
+        yield "phase margin", f"at least {number(math.degrees(limits.phase_margin))}°"
+    for name, field, map_ in (("attenuation", "attenuation", "S"), ("roll-off", "roll_off", "T")):
+        rows = [
+            f"|{map_}| ≤ {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
+            for low, high, value in getattr(limits, field)
+        ]
+        if rows:
+            yield name, "; ".join(rows)
+    if limits.bandwidth is not None:
+        yield "bandwidth", f"|P C| ≥ 1 up to {number(limits.bandwidth / HZ)} Hz"
+
+
+def _open_loop(design: ControllerDesign) -> list[Block]:
+    charts = nyquist_charts(design)
+    words = "Each disc holds the open loops of all consistent plants at a frequency; limits keep them out of what is dashed."
+    return [
+        Heading("Open loop", guarantee=True),
+        Drawing(open_loop_bode(design)),
+        *([Text(words, "soft")] if charts and design.status is DesignStatus.PROVED else []),
+        *(Drawing(one, beside=True) for one in charts),
+    ]
+
+
+def _controller(design: ControllerDesign, single: bool) -> list[Block]:
+    if design.controller is None:
+        return []
+    found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows(design) if single else [])])]
+    if single:
+        found.append(_roots_table(design))
+    return [*found, Drawing(model_chart(design.controller, "controller"))]
+
+
+def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Factors of the structure, with what was searched."""
+    rows: list[tuple[str, str]] = []
+    place, searched = 0, design.searched
+    structure = design.structure
+    nu, ny = design.proofs[0].loop.shape if design.proofs else (1, 1)
+    if isinstance(structure, Matrix):
+        nu, ny = structure.shape
+    entries = entries_of(structure, (ny, nu))
+    for i, j, factors in entries:
+        words: list[str] = []
+        for one in factors:
+            count = len(one.free)
+            words.append(factor_words(one, searched[place : place + count]))
+            place += count
+        name = "Structure" if len(entries) == 1 else f"Structure, axis {j} to {i}"
+        rows.append((name, " × ".join(words)))
+    return rows
+
+
+def factor_words(factor: Factor, at: Sequence[float]) -> str:
+    """A factor in words, with the numbers that were found of those that were searched; of none that was found its intervals."""
+    place = " and ".join(
+        f"{number(low / HZ, 5)} Hz" if low == high else f"{number(low / HZ, 4)} to {number(high / HZ, 4)} Hz, searched"
+        for low, high in factor.free
+    )
+    if at:
+        place = " and ".join(
+            f"{number(one / HZ, 5)} Hz"
+            + f" (searched from {number(low / HZ, 4)} to {number(high / HZ, 4)} Hz)" * (low < high)
+            for one, (low, high) in zip(at, factor.free, strict=True)
+        )
+    if isinstance(factor, PID):
+        letters = "P" + "I" * factor.integral + "D" * (factor.filter is not None)
+        return letters + (f", the derivative up to {place}" if place else "")
+    if isinstance(factor, Notch):
+        return f"Notch with its poles at {place}, damping {number(factor.damping)}"
+    if isinstance(factor, LowPass):
+        return f"Low-pass of order {factor.order} at {place}"
+    if isinstance(factor, FIR):
+        return f"{factor.length} past samples"
+    if isinstance(factor, Fixed):
+        return f"A known model of order {len(as_system('model', factor.model)[0].A)}"
+    return f"Lead or lag with its pole at {place}"
+
+
+def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Gains of a controller of one input and one output."""
+    system, dt = as_system("controller", design.controller)[0], design.proofs[0].loop.dt
+    integral = integral_gain(system, dt)
+    size = "∞, it has an integrator" if integral else number(_at(system, 1.0 if dt else 0.0))
+    end = f"{number(_at(system, -1.0))}, at {number(0.5 / dt)} Hz" if dt else number(float(system.D[0, 0]))
+    rows = [("Gain at frequency 0", size), ("Gain at the end of the axis", end)]
+    return [*rows, *([("Gain of the integrator", f"{number(integral, 5)} 1/s")] if integral else [])]
+
+
+def _at(system: StateMatrices, point: float) -> float:
+    return float(response_at(system, np.array([point]))[0, 0, 0].real)
+
+
+def _roots_table(design: ControllerDesign) -> Table:
+    """Zeros and poles of a controller of one input and one output."""
+    dt = design.proofs[0].loop.dt
+    found = _zeros_and_poles(as_system("controller", design.controller)[0])
+    rows = [
+        [name, *pole_cells(row)]
+        for name, roots in (("zero", found[0]), ("pole", found[1]))
+        for row in pole_rows(roots, dt)
+    ]
+    heads = Column("zero or pole"), *of_numbers("f [Hz]", "damping", "|z|", "τ [s]", "number")
+    return Table(heads, rows, empty="No zeros and no poles: a gain.")
+
+
+def _zeros_and_poles(system: StateMatrices) -> tuple[Complex, Complex]:
+    A, B, C, D = system
+    found = cast("tuple[Complex, Complex, float]", scipy.signal.ss2zpk(A, B, C, D))
+    return np.asarray(found[0], dtype=complex), np.asarray(found[1], dtype=complex)
+
+
+def _steps(design: ControllerDesign) -> list[Block]:
+    words = (
+        "With the plant of the model of the band alone, as it stands: nothing is proved of the steps of other plants."
+    )
+    return [Heading("Steps of the loop"), Text(words, "soft"), Drawing(step_chart(design))]
+
+
+def _margins(design: ControllerDesign) -> list[Block]:
+    found: list[Block] = []
+    for k, one in enumerate(design.proofs, start=1):
+        found += [Heading(f"Band {k}", 3)] if len(design.proofs) > 1 else []
+        found += [peaks_table(one), Facts(_without_assumed(one))]
+    return found
+
+
+def _without_assumed(bounds: LoopBounds) -> list[tuple[str, str]]:
+    return [row for row in loop_rows(bounds) if row[0] != "Assumed"]
+
+
+def _stands_on(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Measurements, and what is assumed."""
+    several = len(design.proofs) > 1
+    rows = [(f"Band {k}" if several else "Band", loop_stands_on(one)) for k, one in enumerate(design.proofs, start=1)]
+    dt = design.proofs[0].loop.dt
+    runs = (
+        f"It runs as it stands here, every {number(dt, 6)} s" if dt else "It runs as it stands here, in continuous time"
+    )
+    return [
+        *rows,
+        ("Class", "Every plant is of the class of its band, and every sample within its bound."),
+        ("Controller", f"{runs}, u = −C y beside what the operator adds; nothing saturates."),
+    ]

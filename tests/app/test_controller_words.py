@@ -1,0 +1,117 @@
+"""Structures and goals as text: read by a grammar, never evaluated; every mistake is one sentence with its place."""
+
+import math
+
+import pytest
+
+from robustid.app.run.controller_settings import ControllerChoice
+from robustid.app.run.run_file import read_run_file
+from robustid.app.run.structure_text import goal_of, structure_of
+from robustid.controllers import FIR, PID, Attenuation, LeadLag, LowPass, Notch
+from robustid.errors import InputError
+
+HZ = 2 * math.pi
+DATA = '[[frequency]]\nfile = "frf.csv"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "factors"),
+    [
+        ("P", [PID(integral=False)]),
+        ("pi", [PID()]),
+        ("PD(80)", [PID(filter=HZ * 80, integral=False)]),
+        ("PID(filter=80Hz)", [PID(filter=HZ * 80)]),
+        (
+            "PID(60..120), Notch(300..400, damping=0.5)",
+            [PID(filter=(HZ * 60, HZ * 120)), Notch((HZ * 300, HZ * 400), 0.5)],
+        ),
+        ("PI * LeadLag(2e1)*LowPass( 900 , order = 2 )", [PID(), LeadLag(HZ * 20), LowPass(HZ * 900, 2)]),
+        ("FIR(3)", [FIR(3)]),
+        ("Notch(.5 .. 1.5)", [Notch((HZ * 0.5, HZ * 1.5))]),
+    ],
+)
+def test_structures_are_read(text, factors):
+    assert structure_of("--structure", text) == tuple(factors)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "a factor is missing at its end"),
+        ("PID", "PID needs its number, such as PID(80); without a derivative it is PI"),
+        ("PID(80", "a closing bracket is missing at its end"),
+        ("PID(80) Notch(30)", "a comma between two factors is missing at 'Notch(30)'"),
+        ("PID(80),", "a factor is missing at its end"),
+        ("Lead(80)", "there is no factor 'Lead'"),
+        ("__import__(3)", "a factor is missing at '__import__(3)'"),
+        ("PID(2pi*80)", "a closing bracket is missing at 'pi*80)'"),
+        ("Notch(30, 40)", "a name, such as damping= is missing at '40)'"),
+        ("Notch(30, width=3)", "Notch has no argument width; it has omega and damping"),
+        ("Notch(30, damping=0.1..0.3)", "damping of Notch is one number, no interval"),
+        ("Notch(40..30)", "Notch needs positive frequencies, low before high; got 40..30"),
+        ("Notch(30, damping=1, damping=2)", "damping of Notch is given twice"),
+        ("LowPass(0)", "LowPass needs positive frequencies"),
+        ("LowPass(10, order=1.5)", "order of LowPass is a whole number; got 1.5"),
+        ("PI(3)", "PI has no argument without a name; it has none"),
+        ("PID(-3)", "a number is missing at '-3)'"),
+    ],
+)
+def test_what_is_no_structure_is_one_sentence(text, sentence):
+    with pytest.raises(InputError) as error:
+        structure_of("--structure", text)
+    assert sentence in str(error.value)
+    assert str(error.value).startswith("--structure ")
+
+
+def test_goals_are_read():
+    assert goal_of("--maximise", "integral-gain") == "integral gain"
+    assert goal_of("--maximise", "attenuation:1:20") == Attenuation(HZ, HZ * 20)
+    for wrong in ("speed", "attenuation", "attenuation:20:1", "attenuation:1:x", "attenuation:1:2:3"):
+        with pytest.raises(InputError, match="--maximise must be one of bandwidth, integral-gain"):
+            goal_of("--maximise", wrong)
+
+
+def test_limits_are_in_the_units_of_the_library():
+    asked = ControllerChoice(
+        structure="PI",
+        phase_margin_deg=60.0,
+        bandwidth_hz=5.0,
+        attenuate=((1.0, 2.0, 0.1),),
+        roll_off=((8.0, 9.0, 0.2),),
+    )
+    limits = asked.limits
+    assert limits.sensitivity_peak == 2.0
+    assert limits.phase_margin == pytest.approx(math.pi / 3)
+    assert limits.bandwidth == pytest.approx(HZ * 5)
+    assert limits.attenuation == ((HZ, 2 * HZ, 0.1),)
+    assert limits.roll_off == ((8 * HZ, 9 * HZ, 0.2),)
+
+
+def test_a_run_file_states_a_controller(tmp_path):
+    (tmp_path / "data").mkdir()
+    text = DATA + '[controller]\nstructure = "PID(80)"\nattenuate = [[1.0, 2.0, 0.1]]\nfixed = ["delay.npz"]\n'
+    (tmp_path / "ask.toml").write_text(text)
+    asked = read_run_file(tmp_path / "ask.toml")
+    assert asked.controller.attenuate == ((1.0, 2.0, 0.1),)
+    assert asked.moved(tmp_path, tmp_path / "data").controller.fixed == ("../delay.npz",)
+    (tmp_path / "again.toml").write_text(asked.text())
+    assert read_run_file(tmp_path / "again.toml").controller == asked.controller
+
+
+@pytest.mark.parametrize(
+    ("section", "sentence"),
+    [
+        ("peak = 2.0", "[controller] needs a structure"),
+        ('structure = "PID"', "[controller] structure 'PID': PID needs its number"),
+        ('structure = "PI"\npeak = 0.9', "[controller] peak must be above 1; got 0.9"),
+        ('structure = "PI"\nphase_margin_deg = 100', "[controller] phase_margin_deg must be between 0 and pi/2 rad"),
+        ('structure = "PI"\nattenuate = [[2.0, 1.0, 0.1]]', "[controller] attenuate must be rows (low, high, value)"),
+        ('structure = "PI"\nmaximise = "speed"', "[controller] maximise must be one of bandwidth"),
+        ('structure = "PI"\n[worst_case]\ncompute = false', "[controller] needs the band of all consistent plants"),
+    ],
+)
+def test_a_section_that_makes_no_sense_is_one_sentence(tmp_path, section, sentence):
+    (tmp_path / "ask.toml").write_text(f"{DATA}[controller]\n{section}\n")
+    with pytest.raises(InputError) as error:
+        read_run_file(tmp_path / "ask.toml")
+    assert sentence in str(error.value)

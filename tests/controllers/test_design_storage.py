@@ -1,0 +1,102 @@
+"""Designs in files: what comes back is proved again, and what was changed by hand is not proved by what it says."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.controllers.structure import as_structure, basis_of
+from robustid.core import described, made
+from robustid.design import FIR, PID, Attenuation, Fixed, LeadLag, LeastControl, Limits, LowPass, Notch
+from robustid.errors import FileFormatError
+from support.command_line import words
+from support.design_cases import DT
+from support.forging import forge, kept
+from support.one_design import small_band, small_design
+
+
+def test_a_design_comes_back_proved_again(tmp_path, capsys, monkeypatch):
+    design = small_design()
+    again = kept(design, tmp_path / "design")
+    assert again.status.name == "PROVED"
+    assert again.shares == design.shares
+    assert again.summary() == design.summary()
+    for part in "ABCD":
+        assert np.array_equal(getattr(again.controller, part), getattr(design.controller, part))
+    assert again.proofs[0].peaks == design.proofs[0].peaks
+    code, out, _ = words(["verify", str(tmp_path / "design")], capsys, monkeypatch)
+    assert (code, out.split()[-1]) == (0, "verified")
+    assert "proved: every consistent plant keeps the limits" in out
+
+
+def test_a_controller_that_was_changed_is_not_proved(tmp_path):
+    small_design().save(tmp_path / "design")
+    arrays = dict(np.load(tmp_path / "design.npz"))
+    np.savez(tmp_path / "design.npz", **arrays | {"controller/C": 1.5 * arrays["controller/C"]})
+    with pytest.raises(FileFormatError, match="was edited"):
+        rid.load(tmp_path / "design")
+    small_design().save(tmp_path / "design")
+    forge(tmp_path / "design", lambda arrays: {f"controller/{one}": 1.5 * arrays[f"controller/{one}"] for one in "CD"})
+    assert rid.load(tmp_path / "design").status.name == "FOUND"
+    forge(tmp_path / "design", lambda arrays: {"controller/A": 0.5 * arrays["controller/A"]})
+    with pytest.raises(FileFormatError, match="none of its structure"):
+        rid.load(tmp_path / "design")
+
+
+@pytest.mark.parametrize(
+    ("change", "status"),
+    [
+        (lambda text: text.update(level=1.5 * text["level"]), "FOUND"),
+        (lambda text: text["limits"].update(sensitivity_peak=1.2), "FOUND"),
+        (lambda text: text.update(level=0.9 * text["level"]), "PROVED"),
+    ],
+)
+def test_what_is_proved_is_what_the_file_asks(tmp_path, change, status):
+    small_design().save(tmp_path / "design")
+    forge(tmp_path / "design", text=change)
+    assert rid.load(tmp_path / "design").status.name == status
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda text: text.update(searched=[3.0]), "not as many searched numbers"),
+        (lambda text: text.update(bands=[], loops=[]), "needs the bands of its plants"),
+        (lambda text: text["limits"].update(sensitivity_peak=0.5), "must be above 1"),
+        (lambda text: text["goal"].update({"$class": "Notch"}), "is missing"),
+    ],
+)
+def test_a_file_that_makes_no_design_is_refused(tmp_path, change, sentence):
+    small_design().save(tmp_path / "design")
+    forge(tmp_path / "design", text=change)
+    with pytest.raises(FileFormatError, match=sentence):
+        rid.load(tmp_path / "design")
+
+
+def test_that_no_controller_was_found_is_kept(tmp_path, capsys, monkeypatch):
+    limits = Limits(sensitivity_peak=1.5, attenuation=np.array([[1.0, 200.0, 0.01]]))
+    found = rid.design_controller(small_band(), PID(integral=False), limits=limits)
+    again = kept(found, tmp_path / "none")
+    assert again.status.name == "NONE"
+    assert again.limits.attenuation == ((1.0, 200.0, 0.01),)
+    code, out, _ = words(["verify", str(tmp_path / "none")], capsys, monkeypatch)
+    assert code == 0
+    assert "recorded that none was found" in out
+
+
+def test_structures_limits_and_goals_come_back():
+    delay = control.ss(control.tf([1], [1, 0], DT))
+    factors = (PID(filter=(20.0, 90.0)), Notch((30.0, 40.0), 0.3), LeadLag(5), LowPass(200.0, 2), FIR(3), Fixed(delay))
+    arrays = {}
+    text = described(as_structure(factors), "", arrays)
+    again = made(text, arrays)
+    assert again[:-1] == factors[:-1]
+    at = [40.0, 35.0, 5.0, 200.0]
+    omega = np.linspace(1.0, 300.0, 20)
+    assert np.array_equal(basis_of(again, at, DT).response(omega), basis_of(factors, at, DT).response(omega))
+    for goal in (Attenuation(1.0, 2.0), LeastControl()):
+        assert made(described(goal, "", {}), {}) == goal
+    gain = Fixed(control.ss([], [], [], 2.0))
+    arrays = {}
+    text = described(gain, "", arrays)
+    assert np.asarray(made(text, arrays).model.D).item() == 2.0

@@ -1,0 +1,124 @@
+"""The page of a designed controller: curves against the proof, discs against the limits, steps against python-control."""
+
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.controllers.controller_design import DesignStatus
+from robustid.core import StateMatrices, points_of, response_at
+from robustid.design import FIR, PID, Fixed, LeadLag, LowPass, Notch
+from robustid.errors import InputError
+from robustid.report import write_report
+from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.design_page import factor_words, shares_table
+from support.design_cases import DT, band_of
+from support.one_design import PI, small_design
+
+HZ = 2 * np.pi
+
+
+def layer(panel, name):
+    return next(one for one in panel.layers if one.name.startswith(name))
+
+
+def test_the_curves_hold_the_plant_itself_and_keep_the_limits_that_are_drawn():
+    design, plant = small_design(), band_of(1)[0]
+    panels = {panel.title: panel for panel in design_chart(design).panels}
+    x = layer(panels["S"], "largest").x
+    C, P = (response_at(one, points_of(HZ * x, DT))[:, 0, 0] for one in (PI, StateMatrices.of(plant)))
+    S = 1 / (1 + P * C)
+    for name, true in (("S", S), ("T", 1 - S), ("P S", P * S), ("C S", C * S)):
+        assert np.all(np.abs(true) <= layer(panels[name], "largest").y), name
+    limit = layer(panels["S"], "limit")
+    assert limit.y[np.isfinite(limit.y)].tolist() == [2.0, 2.0, 0.5, 0.5]
+    assert np.allclose(limit.x[3:5] * HZ, [0.5, 3.0])
+    largest = layer(panels["S"], "largest").y
+    assert largest.max() <= 2.0
+    assert largest[(x * HZ >= 0.5) & (x * HZ <= 3.0)].max() <= 0.5
+    assert layer(panels["T"], "limit").y[0] == 0.9
+    assert [one.name for one in panels["P S"].layers] == ["largest with any consistent plant"]
+
+
+def test_the_open_loop_of_the_plant_is_in_the_range_and_discs_keep_out_of_the_peak():
+    design, plant = small_design(), band_of(1)[0]
+    magnitude, phase = open_loop_bode(design).panels
+    area, turn = (layer(one, "range of every") for one in (magnitude, phase))
+    points = points_of(HZ * area.x, DT)
+    L = response_at(StateMatrices.of(plant), points)[:, 0, 0] * response_at(PI, points)[:, 0, 0]
+    assert np.all(np.abs(L) <= area.high * (1 + 1e-9))
+    off = (np.degrees(np.angle(L)) - turn.y + 180) % 360 - 180
+    inside = (turn.low - turn.y <= off + 1e-6) & (off <= turn.high - turn.y + 1e-6)
+    assert inside[area.x < 10].all()  # beyond, a phase can be anything, and the axis ends
+    end = layer(magnitude, "bandwidth").x[-1]
+    assert end == pytest.approx(11.0 / HZ)
+    assert area.low[area.x <= end].min() >= 1
+    (chart,) = nyquist_charts(design)
+    discs = layer(chart.panels[0], "holds that")
+    away = np.abs(discs.x + 1j * discs.y + 1)
+    assert np.nanmin(away) >= 0.5
+
+
+def test_steps_are_those_of_the_loop_with_the_model():
+    design = small_design()
+    set_point, given, disturbed = (panel.layers[0] for panel in step_chart(design).panels)
+    plant, C = design.proofs[0].band.model, control.ss(design.controller)
+    for drawn, loop in (
+        (set_point, control.feedback(plant * C, 1)),
+        (given, control.feedback(C, plant)),
+        (disturbed, control.feedback(plant, C)),
+    ):
+        wanted = control.step_response(loop, drawn.x).outputs
+        assert np.abs(drawn.y - wanted).max() < 1e-9
+    assert set_point.y[-1] == pytest.approx(1, abs=0.02)
+
+
+def test_the_page_says_what_is_proved_and_what_limits(tmp_path):
+    design = small_design()
+    write_report(design, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for words in (
+        "Every consistent plant keeps all limits",
+        "sensitivity peak, near 4.764 Hz",
+        "Steps of the loop",
+        "zero",
+    ):
+        assert words in page, words
+    table = shares_table(design)
+    assert [row[0] for row in table.rows] == list(design.shares)
+    assert all(row[1] for row in table.rows)
+    found = dataclasses.replace(design, status=DesignStatus.FOUND, shares={"roll-off": (1.2, 100.0)})
+    write_report(found, tmp_path / "page.html")
+    assert "may exceed the limit: roll-off" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_figure_of_a_design():
+    assert small_design().plot().axes[0].get_ylabel() == "largest |S|"
+    assert rid.plot.bode(small_design()).axes[1].get_ylabel() == "phase [°]"
+
+
+def test_the_page_of_none_says_that_it_is_a_search(tmp_path):
+    none = dataclasses.replace(
+        small_design(), status=DesignStatus.NONE, controller=None, proofs=(), shares={}, level=0.0
+    )
+    write_report(none, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "None found" in page
+    assert "at least 2" in page
+    with pytest.raises(InputError, match="nothing to draw"):
+        none.plot()
+
+
+def test_factors_in_words():
+    assert factor_words(PID(), []) == "PI"
+    assert factor_words(PID(filter=HZ * 80), [HZ * 80]) == "PID, the derivative up to 80 Hz"
+    notch = Notch((HZ * 30, HZ * 40), 0.5)
+    assert factor_words(notch, [HZ * 35]) == "Notch with its poles at 35 Hz (searched from 30 to 40 Hz), damping 0.5"
+    assert factor_words(notch, []) == "Notch with its poles at 30 to 40 Hz, searched, damping 0.5"
+    assert factor_words(LowPass(HZ * 90, 2), [HZ * 90]) == "Low-pass of order 2 at 90 Hz"
+    assert factor_words(FIR(3), []) == "3 past samples"
+    assert factor_words(Fixed(control.ss(0.5, 1, 1, 0, DT)), []) == "A known model of order 1"
+    assert factor_words(LeadLag(HZ * 5), [HZ * 5]) == "Lead or lag with its pole at 5 Hz"
