@@ -3,7 +3,9 @@
 from robustid.controllers.controller_design import ControllerDesign, DesignStatus, design_controller
 from robustid.controllers.factors import FIR, PID, Fixed, LeadLag, LowPass, Notch
 from robustid.controllers.goals import Attenuation, Bandwidth, IntegralGain, LeastControl
+from robustid.controllers.improvements import Improvement
 from robustid.controllers.limits import Limits
+from robustid.controllers.obstacles import Law, Obstacle
 from robustid.controllers.structure import Matrix
 
 __all__ = [
@@ -14,12 +16,15 @@ __all__ = [
     "ControllerDesign",
     "DesignStatus",
     "Fixed",
+    "Improvement",
     "IntegralGain",
+    "Law",
     "LeadLag",
     "LeastControl",
     "Limits",
     "LowPass",
     "Matrix",
     "Notch",
+    "Obstacle",
     "design_controller",
 ]
