@@ -64,6 +64,8 @@ class Task:
         Time of the search: TimeIsOver is raised after it.
     heard : callable
         Receiver of every controller that keeps the limits.
+    spare : float
+        Of every limit: what is asked for at frequencies.
     """
 
     plants: list[Plants]
@@ -75,6 +77,7 @@ class Task:
     smaller: Callable[[Real], Real] = _everywhere
     budget: Budget = dataclasses.field(default_factory=Budget)
     heard: Callable[[Found], None] = _unheard
+    spare: float = _SPARE
 
     @classmethod
     def of(cls, plants: list[Plants], structure: tuple[Factor, ...] | Matrix, limits: Limits, goal: Goal) -> Task:
@@ -285,4 +288,4 @@ class At:
             left = 1 + centre * self._running(discs)[lowest, 0, 0]
             sign = np.sign(np.real(centre / left))
             linear = sign * gain, np.array([limits.integral_gain])
-        return Question(values, conditions_of(limits.closer(_SPARE), discs), linear), discs
+        return Question(values, conditions_of(limits.closer(self.task.spare), discs), linear), discs

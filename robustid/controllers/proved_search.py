@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 from robustid.controllers.designing import At, Found, Task, TimeIsOver
@@ -12,6 +13,7 @@ from robustid.controllers.proving import Proof
 from robustid.core import Budget, Interruptible, Progress
 
 _CUTS = 6  # rounds of frequencies at which a proof failed
+_MUCH, _AGAIN = 1.2, 1.5  # shares up to which more is asked for, and how much more than is missing
 _RESERVE = 1.5  # of the time that a proof took, for the next one
 
 
@@ -64,7 +66,7 @@ class _Search:
             self.progress(text, 0, 0)
 
     def run(self) -> None:
-        """All stages; without a time limit nothing is proved before the search has ended."""
+        """All stages; with a time limit each ends with a proof, since frequencies at which one fails take time to keep."""
         task = self.task
         self.allow()
         first = at = None
@@ -74,24 +76,40 @@ class _Search:
                 break
         if first is None or at is None:
             return
-        timed = not math.isinf(self.budget.left)
-        if timed:
-            self.prove(first)
-        best = at.raised(first)
-        if timed and task.intervals:
-            self.prove(best)
-        best = task.searched(best)
-        self.cut(best)
+        if math.isinf(self.budget.left):
+            self.cut(task.searched(at.raised(first)))
+            return
+        best, done = self.stage(lambda best: At(task, best.at).raised(best), self.cut(first))
+        done = done and all(low == high for low, high in task.intervals)
+        while not done:
+            best, done = self.stage(task.searched, best)
 
-    def cut(self, best: Found) -> None:
-        """Prove the best controller; where that fails, ask about those frequencies too."""
+    def stage(self, search: Callable[[Found], Found], best: Found) -> tuple[Found, bool]:
+        """A search for at most half of the time that is left, and the proof of what it finds; and whether it came to its end."""
+        self.allow()
+        self.task.go_on()
+        self.task.budget = self.task.budget.share(0.5)
+        try:
+            found, done = search(best), True
+        except TimeIsOver:
+            found, done = best, False
+            if self.found is not None and self.found.level > best.level:
+                found = self.found
+        self.allow()
+        return (best if found is best else self.cut(found)), done
+
+    def cut(self, best: Found) -> Found:
+        """Prove the best controller, and ask about frequencies where that fails; the best that is proved, else the last one."""
         kept = self.prove(best)
         for _ in range(_CUTS):
-            shares = kept.shares.values()
-            where = [omega for share, omega in shares if share > 1 and math.isfinite(omega) and omega > 0]
-            if kept.kept or not where:
-                return
+            over = [(share, omega) for share, omega in kept.shares.values() if share > 1]
+            where = [omega for _, omega in over if math.isfinite(omega) and omega > 0]
+            much = max((share for share, omega in over if math.isnan(omega)), default=1.0)
+            if kept.kept or not (where or 1 < much < _MUCH):
+                break
             self.task.with_frequencies(where)
+            if much < _MUCH:  # margins tell no frequency: a little more is asked for everywhere
+                self.task.spare /= 1 + _AGAIN * (much - 1)
             self.found = None  # those before don't know of them
             here = At(self.task, best.at)
             again = here.near(best)
@@ -99,11 +117,14 @@ class _Search:
                 again = here.first()
                 again = None if again is None else here.raised(again)
             if again is None:
-                return
+                break
             best, kept = again, self.prove(again)
+        return self.judged[0] if self.judged is not None and self.judged[1].kept else best
 
     def prove(self, found: Found) -> Proof:
         """Judge a controller; one that is proved stays until a better one is."""
+        if self.budget.left < self.seconds:
+            raise TimeIsOver
         self.tell("proving the controller on the whole axis")
         began = time.monotonic()
         proof = self.task.proof(found)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import time
 import types
 
 import control
@@ -15,8 +16,8 @@ from robustid.controllers.designing import Task
 from robustid.controllers.obstacles import Law, means_of, obstacle_of
 from robustid.controllers.plants import Plants
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import PID, Limits
-from support.design_cases import DT, lag_band
+from robustid.design import PID, Limits, Notch
+from support.design_cases import DT, band_of, lag_band
 
 P = PID(integral=False)
 TOP = math.pi / DT
@@ -242,3 +243,18 @@ def test_improvements_are_what_a_design_with_smaller_bounds_or_wider_limits_reac
     assert rid.design_controller(band, P, limits=Limits(attenuation=[(1.0, 20.0, 0.01)])).improvements() == ()
     with pytest.raises(rid.InputError, match="below 1; got 2"):
         found.improvements(2.0)
+
+
+@pytest.mark.slow
+def test_more_time_never_gives_less_and_is_not_overrun():
+    band, levels = band_of(5)[1], []
+    structure = [PID(filter=(20.0, 300.0)), Notch((20.0, 250.0))]
+    rid.design_controller(band, PID(), time_limit=2.0)  # what a band computes once
+    for limit in (1.0, 4.0, 12.0):
+        began = time.monotonic()
+        found = rid.design_controller(band, structure, time_limit=limit)
+        assert time.monotonic() - began < limit + 0.5
+        assert found.status.name in ("PROVED", "UNFINISHED")
+        levels.append(found.level)
+    assert levels == sorted(levels)
+    assert levels[-1] > 0
