@@ -16,7 +16,7 @@ from robustid.controllers.designing import Task
 from robustid.controllers.obstacles import Law, means_of, obstacle_of
 from robustid.controllers.plants import Plants
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import PID, Limits, Notch
+from robustid.design import PID, LeadLag, Limits, Notch
 from support.design_cases import DT, band_of, lag_band
 
 P = PID(integral=False)
@@ -160,10 +160,11 @@ def test_the_time_is_over_before_and_after_something_is_found(band, monkeypatch)
 
     def over(self, best):
         calls.append(best.level)
+        monkeypatch.setattr(proved_search, "_RESERVE", 1e9)  # no time is left beside that of a proof
         raise designing.TimeIsOver
 
     monkeypatch.setattr(Task, "searched", over)
-    late = rid.design_controller(band, P, time_limit=100.0)
+    late = rid.design_controller(band, [P, LeadLag((20.0, 200.0))], time_limit=100.0)
     assert (late.status.name, late.finished) == ("PROVED", False)
     assert 0.9 * calls[0] <= late.level <= calls[0]
     assert "the best so far" in late.summary()
@@ -254,7 +255,6 @@ def test_more_time_never_gives_less_and_is_not_overrun():
         began = time.monotonic()
         found = rid.design_controller(band, structure, time_limit=limit)
         assert time.monotonic() - began < limit + 0.5
-        assert found.status.name in ("PROVED", "UNFINISHED")
-        levels.append(found.level)
+        levels.append(found.level if found.status.name == "PROVED" else 0.0)
     assert levels == sorted(levels)
     assert levels[-1] > 0
