@@ -8,13 +8,16 @@ from robustid.controllers import (
     ControllerDesign,
     DesignStatus,
     Fixed,
+    Improvement,
     IntegralGain,
+    Law,
     LeadLag,
     LeastControl,
     Limits,
     LowPass,
     Matrix,
     Notch,
+    Obstacle,
 )
 
 __all__ = [
@@ -25,11 +28,14 @@ __all__ = [
     "ControllerDesign",
     "DesignStatus",
     "Fixed",
+    "Improvement",
     "IntegralGain",
+    "Law",
     "LeadLag",
     "LeastControl",
     "Limits",
     "LowPass",
     "Matrix",
     "Notch",
+    "Obstacle",
 ]

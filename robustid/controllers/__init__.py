@@ -4,7 +4,9 @@ from robustid.controllers import controller_storage as controller_storage  # reg
 from robustid.controllers.controller_design import ControllerDesign, DesignStatus, design_controller
 from robustid.controllers.factors import FIR, PID, Fixed, LeadLag, LowPass, Notch
 from robustid.controllers.goals import Attenuation, Bandwidth, IntegralGain, LeastControl
+from robustid.controllers.improvements import Improvement
 from robustid.controllers.limits import Limits
+from robustid.controllers.obstacles import Law, Obstacle
 from robustid.controllers.structure import Matrix
 
 __all__ = [
@@ -15,12 +17,15 @@ __all__ = [
     "ControllerDesign",
     "DesignStatus",
     "Fixed",
+    "Improvement",
     "IntegralGain",
+    "Law",
     "LeadLag",
     "LeastControl",
     "Limits",
     "LowPass",
     "Matrix",
     "Notch",
+    "Obstacle",
     "design_controller",
 ]

@@ -6,15 +6,21 @@ import dataclasses
 import enum
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from robustid.controllers.designing import Task
+from robustid.controllers.closest import closest
+from robustid.controllers.designing import At, Found, Task
 from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal, as_goal
+from robustid.controllers.improvements import Improvement, improvements
 from robustid.controllers.limits import Limits
+from robustid.controllers.obstacles import Obstacle, obstacle_of
 from robustid.controllers.plants import Plants
-from robustid.controllers.structure import Basis, Matrix, as_structure, basis_of
-from robustid.core import Budget, Frozen, Savable, as_kind, one_thread
+from robustid.controllers.proved_search import searched_with_proof
+from robustid.controllers.proving import SHARES, Proof
+from robustid.controllers.questions import check_question
+from robustid.controllers.structure import Matrix, as_structure
+from robustid.core import Budget, Frozen, Progress, Savable, as_flag, as_float, as_function, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees import Band, LoopBounds
@@ -23,12 +29,17 @@ if TYPE_CHECKING:
     import control
 
 
+_LEVEL = 1e-9  # some level of a goal
+_TWICE = 2.0  # a limit, from which on a factor says more than percents
+
+
 class DesignStatus(enum.Enum):
     """Outcome of a design; the value is the user's sentence."""
 
     PROVED = "proved: every consistent plant keeps the limits with this controller"
     FOUND = "found at frequencies; not proved on the whole axis"
     NONE = "no controller of this structure was found that keeps the limits"
+    UNFINISHED = "none yet: the time was over before a controller was found that keeps the limits"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -39,7 +50,7 @@ class ControllerDesign(Frozen, Drawable, Savable):
     ----------
     status : DesignStatus
     controller : control.StateSpace or None
-        C of u = -C y.
+        C of u = -C y. Where none was found that keeps the limits the closest one, which keeps limits relaxed by the least factor.
     goal : Bandwidth, IntegralGain, Attenuation or LeastControl
     level : float
         What the goal reached: the bandwidth in rad/s, the integral gain, the factor of attenuation, or 1 over the peak of C S.
@@ -51,6 +62,11 @@ class ControllerDesign(Frozen, Drawable, Savable):
         Largest share of every limit that any consistent plant takes on the whole axis, and the frequency near it in rad/s.
     searched : tuple of float
         Numbers of the structure that were searched, in its order.
+    bounds : float or None
+        Where no controller was found: factor of the bounds of all bands, 0.5 or 0, with which one was; None where not even for
+        the models themselves.
+    finished : bool
+        False where the time was over or Ctrl-C came before the search had ended.
     """
 
     status: DesignStatus
@@ -62,37 +78,125 @@ class ControllerDesign(Frozen, Drawable, Savable):
     proofs: tuple[LoopBounds, ...]
     shares: dict[str, tuple[float, float]]
     searched: tuple[float, ...]
+    bounds: float | None = None
+    finished: bool = True
+
+    def __post_init__(self) -> None:
+        self._set(finished=as_flag("finished", self.finished))
 
     @property
     def limited_by(self) -> tuple[str, float] | None:
         """Limit of which the largest share is taken, and where, in rad/s."""
-        if not self.shares:
+        shares = self._told
+        if not shares:
             return None
-        name = max(self.shares, key=lambda one: self.shares[one][0])
-        return name, self.shares[name][1]
+        name = max(shares, key=lambda one: shares[one][0])
+        return name, shares[name][1]
+
+    @property
+    def _told(self) -> dict[str, tuple[float, float]]:
+        """The shares, where no controller was found less that of the least level of the goal, for which nobody asked."""
+        if self.status is not DesignStatus.NONE:
+            return self.shares
+        own = set(self.goal.asked(Limits(sensitivity_peak=None), max(self.level, _LEVEL)).stated)
+        unasked = {SHARES[name] for name in own.difference(self.limits.stated)}
+        return {name: share for name, share in self.shares.items() if name not in unasked} or self.shares
+
+    def obstacle(self) -> Obstacle | None:
+        """Law that the limits contradict, with its numbers: a proof that no controller at all keeps them; None where none is known.
+
+        Its `sentence` says it.
+        """
+        if self.status is not DesignStatus.NONE or not self.proofs:
+            return None
+        return obstacle_of(self._plants, self.structure, self.goal.asked(self.limits, self.level))
+
+    def improvements(self, factor: float = 0.5, *, time_limit: float | None = None) -> tuple[Improvement, ...]:
+        """Return what smaller bounds would bring, near every frequency that limits and at all of them, and each limit 10 % wider.
+
+        The largest effect first; every one is a search from this controller on, at frequencies and not proved.
+
+        Parameters
+        ----------
+        factor : float
+            Of the bounds, below 1.
+        time_limit : float, optional
+            Seconds, after which those that are found are returned.
+
+        Returns
+        -------
+        tuple of Improvement
+            Empty of a design that found no controller that keeps the limits.
+        """
+        if not 0 <= as_float("factor", factor) < 1:
+            raise InputError(f"`factor` must be at least 0 and below 1; got {factor:g}")
+        budget = Budget(time_limit)
+        if self.controller is None or self.status is DesignStatus.NONE or not self.proofs:
+            return ()
+        task = Task.of(self._plants, self.structure, self.limits, self.goal)
+        return improvements(task, Found(list(self.searched), self.level, self.controller), factor, budget)
+
+    @property
+    def _plants(self) -> list[Plants]:
+        return [Plants.of(one) for one in self.proofs]
 
     def __repr__(self) -> str:
+        name = self.status.name.lower()
         if self.controller is None:
-            return f"<ControllerDesign: {self.status.name.lower()}>"
+            return f"<ControllerDesign: {name}>"
+        if self.status is DesignStatus.NONE:
+            return f"<ControllerDesign: {name}; {self._excess}>"
         reached = f"{self.goal.name} {self.goal.told(self.level)}"
-        return f"<ControllerDesign: {self.status.name.lower()}, {reached}, order {self.controller.nstates}>"
+        return f"<ControllerDesign: {name}, {reached}, order {self.controller.nstates}>"
+
+    @property
+    def _excess(self) -> str:
+        """The limit that the closest controller exceeds most, in words."""
+        limited = self.limited_by
+        if limited is None:
+            return "nothing is known of the closest one"
+        name, omega = limited
+        share = self.shares[name][0]
+        by = f"by {100 * (share - 1):.3g} %" if share < _TWICE else f"by a factor of {share:.4g}"
+        return f"closest: {name} {'exceeded ' + by if math.isfinite(share) else 'not bounded'}{_near(omega)}"
 
     def summary(self) -> str:
         """The result in plain text."""
         if self.controller is None:
             return f"controller {self.status.value}"
+        none = self.status is DesignStatus.NONE
         everywhere = ", at every frequency" * (self.status is DesignStatus.PROVED)
         scopes = dict.fromkeys(one.band.problem.scope for one in self.proofs)
-        lines = [f"controller {self.status.value}{everywhere}{''.join(scopes)}"]
-        lines.append(f"goal       {self.goal.name} {self.goal.told(self.level)}")
-        for name, (share, omega) in self.shares.items():
-            near = "" if math.isnan(omega) else f", near {omega / (2 * math.pi):.5g} Hz"
-            lines.append(f"{name:20s} {share:.3g} of its limit{near}")
+        excess = f"; {self._excess}" * none
+        lines = [f"controller {self.status.value}{everywhere}{excess}{''.join(scopes)}"]
+        lines += self._why if none else [f"goal       {self.goal.name} {self.goal.told(self.level)}"]
+        for name, (share, omega) in self._told.items():
+            lines.append(f"{name:20s} {share:.3g} of its limit{_near(omega)}")
+        if not self.finished:
+            lines.append("unfinished the search ended before its end: the best so far")
         exact = any(one.band.box is None and one.band.problem.parametric is not None for one in self.proofs)
         lines.append(
             f"assumed    the class and the bounds of every band{', its poles as exact' * exact}; the structure as it runs"
         )
         return "\n".join(lines)
+
+    @property
+    def _why(self) -> list[str]:
+        """Lines on what stands in the way of a controller: a law, or the bounds."""
+        found = self.obstacle()
+        if found is not None:
+            return [f"proved     no controller at all keeps them: {found.sentence}"]
+        if not self.finished:
+            return []
+        if self.bounds is None:
+            return ["bounds     not even for the models themselves: the limits contradict the structure or the plant"]
+        if self.bounds:
+            return ["bounds     half as large: the limits could be kept"]
+        return ["bounds     half as large are not enough; for the models themselves the limits could be kept"]
+
+
+def _near(omega: float) -> str:
+    return "" if math.isnan(omega) else f" near {omega / (2 * math.pi):.5g} Hz"
 
 
 @one_thread()
@@ -103,6 +207,7 @@ def design_controller(
     limits: Limits | None = None,
     maximise: str | Goal = "bandwidth",
     time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> ControllerDesign:
     r"""The best controller of a structure for every plant that the data allow, with the proof that it keeps its limits.
 
@@ -128,7 +233,9 @@ def design_controller(
         The frequency up to which ``|P C| >= 1`` for every consistent plant; the gain of the integrator; the least peak of |C S|;
         or the attenuation of a range of frequencies.
     time_limit : float, optional
-        Seconds of the search of intervals; the best proved controller so far is returned.
+        Seconds of the whole design; the best controller proved so far is returned. Ctrl-C does the same where one was found.
+    progress : callable (text, done, count), optional
+        Receiver of what is done.
 
     Returns
     -------
@@ -137,11 +244,13 @@ def design_controller(
     Raises
     ------
     InputError, InputTypeError
-        Bands without models, of matrices, or that stand in different time; a structure that makes no controller.
+        Bands without models, of matrices, or that stand in different time; a structure that makes no controller; limits that
+        contradict each other or the sample time.
 
     Notes
     -----
-    The proof takes bounds of the cells of a band about its model. Assumed: what the bands assume.
+    The proof takes bounds of the cells of a band about its model. Assumed: what the bands assume. That no controller was found is
+    no proof that there is none, since the directions are searched; `obstacle` of the result is one, where a law says so.
 
     References
     ----------
@@ -161,47 +270,35 @@ def design_controller(
     """
     given = bands if isinstance(bands, list | tuple) else (bands,)
     plants = [Plants.of(one) for one in given]
-    _check(plants)
     limits = Limits() if limits is None else as_kind("limits", limits, Limits, "Limits of robustid.design")
     factors, goal = as_structure(structure), as_goal(maximise)
+    budget, progress = Budget(time_limit), as_function("progress", progress)
+    check_question(plants, factors, limits, goal)
     task = Task.of(plants, factors, limits, goal)
-    _check_limits(goal.asked(limits, 1.0), basis_of(factors, task.middle, task.dt, task.shape))
-    found = task.designed(Budget(time_limit))
     same = {"goal": goal, "limits": limits, "structure": factors}
-    if found is None:
-        return ControllerDesign(
-            status=DesignStatus.NONE, controller=None, level=0.0, proofs=(), shares={}, searched=(), **same
-        )
-    best, proof = found
+    least = goal.asked(limits, At(task, task.middle).ends[0])
+    law = obstacle_of(plants, factors, least)  # where no controller can be found none is sought
+    found, proof, finished = searched_with_proof(task, budget, progress) if law is None else (None, None, True)
+    if found is not None:
+        kept = proof is not None and proof.kept
+        status = DesignStatus.PROVED if kept else DesignStatus.FOUND
+        return _design(status, found, proof, finished=finished, **same)
+    near = closest(task, budget, progress) if finished else None
+    if near is not None:
+        more = {"bounds": near.bounds, "finished": near.finished}
+        return _design(DesignStatus.NONE, near.found, near.proof, **more, **same)
+    status = DesignStatus.NONE if finished else DesignStatus.UNFINISHED
+    nothing = {"controller": None, "level": 0.0, "proofs": (), "shares": {}, "searched": ()}
+    return ControllerDesign(status=status, finished=finished, **nothing, **same)
+
+
+def _design(status: DesignStatus, found: Found, proof: Proof | None, **more: Any) -> ControllerDesign:
     return ControllerDesign(
-        status=DesignStatus.PROVED if proof.kept else DesignStatus.FOUND,
-        controller=best.controller,
-        level=best.level,
-        proofs=proof.proofs,
-        shares=proof.shares,
-        searched=tuple(best.at),
-        **same,
+        status=status,
+        controller=found.controller,
+        level=found.level,
+        proofs=() if proof is None else proof.proofs,
+        shares={} if proof is None else proof.shares,
+        searched=tuple(found.at),
+        **more,
     )
-
-
-def _check_limits(limits: Limits, basis: Basis) -> None:
-    if limits.integral_gain and not basis.integral.any():
-        raise InputError("`structure` must hold an integrator for its gain to be largest, such as PID()")
-    if basis.shape == (1, 1):
-        return
-    for name in ("gain_margin", "phase_margin", "delay_margin", "integral_gain"):
-        if getattr(limits, name) is not None:
-            raise InputError(
-                f"`{name}` is of one input and one output; got {basis.shape[1]} outputs. The peak of the sensitivity keeps"
-                " margins of all loops"
-            )
-
-
-def _check(plants: list[Plants]) -> None:
-    if not plants:
-        raise InputError("`bands` must hold at least one band")
-    for one in plants:
-        if one.loop.shape != plants[0].loop.shape:
-            raise InputError("`bands` must have the same inputs and outputs")
-        if not math.isclose(one.dt, plants[0].dt, rel_tol=1e-9):
-            raise InputError(f"`bands` must have one sample time; got {plants[0].dt:g} and {one.dt:g} s")

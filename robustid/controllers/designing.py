@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _FINE = 1.005  # of the goal: two levels that are as good as equal
 _STEPS = 10  # levels over the axis that are tried from above
 _SPARE = 0.995  # of every limit: what the proof on arcs takes
-_CUTS = 6  # rounds of frequencies at which a proof failed
 _LOWER = (1.0, 0.998, 0.995, 0.99, 0.97)  # of a level that failed its proof
 _SEARCH = (1.5, 1.2, 1.07)  # factors that searched numbers are moved by
 
@@ -39,25 +38,54 @@ class Found:
     controller: control.StateSpace
 
 
+class TimeIsOver(Exception):
+    """End of a search whose time is over; what was found stays with whom it was told to."""
+
+
+def _everywhere(omega: Real) -> Real:
+    return np.ones(omega.shape)
+
+
+def _unheard(found: Found) -> None:
+    del found
+
+
 @dataclasses.dataclass
 class Task:
-    """A design: its plants, and the frequencies of each that are asked about."""
+    """A design: its plants, and the frequencies of each that are asked about.
+
+    Attributes
+    ----------
+    relaxed : float
+        Factor by which all limits are relaxed, those of the goal too.
+    smaller : callable
+        Factors of the radii of all discs, by frequency.
+    budget : Budget
+        Time of the search: TimeIsOver is raised after it.
+    heard : callable
+        Receiver of every controller that keeps the limits.
+    spare : float
+        Of every limit: what is asked for at frequencies.
+    """
 
     plants: list[Plants]
     structure: tuple[Factor, ...] | Matrix
     limits: Limits
     goal: Goal
     grids: list[Real]
+    relaxed: float = 1.0
+    smaller: Callable[[Real], Real] = _everywhere
+    budget: Budget = dataclasses.field(default_factory=Budget)
+    heard: Callable[[Found], None] = _unheard
+    spare: float = _SPARE
 
     @classmethod
     def of(cls, plants: list[Plants], structure: tuple[Factor, ...] | Matrix, limits: Limits, goal: Goal) -> Task:
         """The design with frequencies to begin with: those of the plants, and the ends of the limits."""
-        top = math.pi / plants[0].dt if plants[0].dt else math.inf
-        ends = [one for one in goal.asked(limits, 1.0).frequencies if one < top]
+        ends = goal.asked(limits, 1.0).frequencies
         grids = [one.grid() for one in plants]
-        inside = [[end for end in ends if grid[0] < end < grid[-1]] for grid in grids]
         return cls(
-            plants, structure, limits, goal, [np.unique([*grid, *own]) for grid, own in zip(grids, inside, strict=True)]
+            plants, structure, limits, goal, [np.unique([*grid, *(e for e in ends if e < grid[-1])]) for grid in grids]
         )
 
     @property
@@ -81,66 +109,67 @@ class Task:
         """Geometric means of them."""
         return [math.sqrt(low * high) for low, high in self.intervals]
 
-    def designed(self, budget: Budget) -> tuple[Found, Proof] | None:
-        """The best controller with its proof; None where none is found that keeps the limits at the frequencies."""
-        best = None
-        for at in (self.middle, *self._others()):
-            if (best := _At(self, at).best()) is not None:
-                break
-        if best is None:
-            return None
-        best = self._searched(best, budget)
-        proof = self._proof(best)
-        for _ in range(_CUTS):
-            where = [omega for share, omega in proof.shares.values() if share > 1 and omega > 0]
-            if proof.kept or not where:
-                break
-            self.grids = [np.unique(np.concatenate([grid, where])) for grid in self.grids]
-            here = _At(self, best.at)
-            again = here.near(best) or here.best()
-            if again is None:
-                break
-            best, proof = again, self._proof(again)
-        return best, proof
+    @property
+    def starts(self) -> list[list[float]]:
+        """Numbers of the structure to begin with: the middle of the intervals, and their ends."""
+        if all(low == high for low, high in self.intervals):
+            return [self.middle]
+        return [self.middle, *([low ** (1 - part) * high**part for low, high in self.intervals] for part in (0.0, 1.0))]
 
-    def _proof(self, found: Found) -> Proof:
+    def asked(self, level: float) -> Limits:
+        """The limits at a level of the goal."""
+        limits = self.goal.asked(self.limits, level)
+        return limits if self.relaxed == 1 else limits.relaxed(self.relaxed)
+
+    def discs(self, omegas: Sequence[Real]) -> Discs:
+        """Discs of all plants, each at its frequencies, one after the other."""
+        found = [one.discs(omega) for one, omega in zip(self.plants, omegas, strict=True)]
+        discs = _together(found)
+        return discs._replace(radius=discs.radius * self.smaller(discs.omega))
+
+    def with_frequencies(self, where: Sequence[float]) -> None:
+        """Ask about further frequencies."""
+        self.grids = [np.unique(np.concatenate([grid, where])) for grid in self.grids]
+
+    def go_on(self) -> None:
+        """Raise TimeIsOver where it is."""
+        if self.budget.over:
+            raise TimeIsOver
+
+    def proof(self, found: Found) -> Proof:
+        """Worst cases of a controller, and what it takes of the limits at its level."""
         return proof_of(self.plants, found.controller, self.goal.asked(self.limits, found.level))
 
-    def _others(self) -> Iterator[list[float]]:
-        """Ends of the intervals, for a start."""
-        for part in (0.0, 1.0):
-            yield [low ** (1 - part) * high**part for low, high in self.intervals]
-
-    def _searched(self, best: Found, budget: Budget) -> Found:
+    def searched(self, best: Found) -> Found:
         """A better controller with other numbers in their intervals, one after the other, in smaller steps."""
-        intervals = self.intervals
         for factor in _SEARCH:
             moved = True
-            while moved and not budget.over:
+            while moved:
                 moved = False
-                for k, (low, high) in enumerate(intervals):
-                    if low == high:
-                        continue
-                    for step in (factor, 1 / factor):
+                for k, (low, high) in enumerate(self.intervals):
+                    for step in (factor, 1 / factor) if low < high else ():
                         at = list(best.at)
                         at[k] = min(max(at[k] * step, low), high)
-                        if at[k] == best.at[k] or budget.over:
+                        if at[k] == best.at[k]:
                             continue
-                        other = _At(self, at).best(best.level * _FINE, best)
+                        other = At(self, at).best(best.level * _FINE, best)
                         if other is not None and other.level > best.level * _FINE:
                             best, moved = other, True
                             break
         return best
 
 
-class _At:
+def _together(parts: Sequence[Discs]) -> Discs:
+    return Discs(*(np.concatenate(one) for one in zip(*parts, strict=True)))
+
+
+class At:
     """The search with given numbers of the structure."""
 
     def __init__(self, task: Task, at: Sequence[float]) -> None:
         self.task, self.at = task, list(at)
         self.basis: Basis = basis_of(task.structure, at, task.dt, task.shape)
-        discs = [plants.discs(grid) for plants, grid in zip(task.plants, task.grids, strict=True)]
-        self.discs = Discs(*(np.concatenate(parts) for parts in zip(*discs, strict=True)))
+        self.discs = task.discs(task.grids)
         self.owners = [k for k, grid in enumerate(task.grids) for _ in grid]
         plain = self.basis.response(self.discs.omega)
         omega = self.discs.omega
@@ -155,48 +184,58 @@ class _At:
         """Values of the orthonormal combinations, (F, m, nu, ny)."""
         return np.einsum("fmij,mk->fkij", values, self.back)
 
-    def best(self, least: float | None = None, near: Found | None = None) -> Found | None:
-        """The controller of the highest level; None where none is found, or none above `least`."""
-        low, high = self.task.goal.ends(self.discs)
-        levels = np.geomspace(low, high, _STEPS)[::-1].tolist() if least is None else [least]
-        for level in levels:
-            if (found := self._found(level, near)) is not None:
-                return self._raised(found, high)
-        return None
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Levels of the goal between which it is searched."""
+        return self.task.goal.ends(self.discs)
+
+    def first(self) -> Found | None:
+        """A controller of a level from the highest down; None where none is found."""
+        low, high = self.ends
+        levels = np.geomspace(low, high, _STEPS)[::-1].tolist()
+        return next((found for level in levels if (found := self.found(level)) is not None), None)
+
+    def best(self, least: float, near: Found) -> Found | None:
+        """The controller of the highest level; None where none is found above `least`."""
+        found = self.found(least, near)
+        return None if found is None else self.raised(found)
 
     def near(self, best: Found) -> Found | None:
         """The controller of about the level of another one, with these frequencies."""
         for part in _LOWER:
-            if (found := self._found(best.level * part, best)) is not None:
-                return self._raised(found, best.level)
+            if (found := self.found(best.level * part, best)) is not None:
+                return self.raised(found, best.level)
         return None
 
-    def _raised(self, found: Found, high: float) -> Found:
+    def raised(self, found: Found, high: float | None = None) -> Found:
         """A controller of a higher level, in ever smaller steps."""
+        high = self.ends[1] if high is None else high
         step, centre = 1.5, found
         while step > _FINE:
-            other = self._found(found.level * step, centre) if found.level * step <= high else None
+            other = self.found(found.level * step, centre) if found.level * step <= high else None
             if other is not None:
                 found = centre = other
-            elif centre is found and (inner := self._found(found.level, found, centred=True)) is not None:
+            elif centre is found and (inner := self.found(found.level, found, centred=True)) is not None:
                 centre = inner  # directions from the middle of what is possible lead further
             else:
                 step = math.sqrt(step)
         return found
 
-    def _found(self, level: float, near: Found | None, *, centred: bool = False) -> Found | None:
+    def found(self, level: float, near: Found | None = None, *, centred: bool = False) -> Found | None:
         """A controller that keeps all limits at a level, from a few directions to begin with."""
-        limits = self.task.goal.asked(self.task.limits, level)
-        question, discs = self._question(limits)
+        limits = self.task.asked(level)
+        question, discs = self.question(limits)
 
         def accepted(factors: Real) -> bool:
             controller = self.basis.controller(self.back @ factors)
             return all(one.is_stable_with(controller) for one in self.task.plants)
 
         for values in self._starts(discs, limits, near):
-            factors = found_for(question, question.directions(values), accepted, centred=centred)
+            factors = found_for(question, question.directions(values), accepted, centred=centred, go_on=self.task.go_on)
             if factors is not None:
-                return Found(self.at, level, self.basis.controller(self.back @ factors))
+                found = Found(self.at, level, self.basis.controller(self.back @ factors))
+                self.task.heard(found)
+                return found
         return None
 
     def _starts(self, discs: Discs, limits: Limits, near: Found | None) -> Iterator[Complex]:
@@ -233,15 +272,14 @@ class _At:
             running[own] = plants.running(discs.omega[own])
         return running
 
-    def _question(self, limits: Limits) -> tuple[Question, Discs]:
+    def question(self, limits: Limits) -> tuple[Question, Discs]:
         """Conditions on a controller, and the discs they are about: where the bandwidth ends, too."""
         discs, values = self.discs, self.values
         if limits.bandwidth is not None:
             end = np.array([limits.bandwidth])
-            ends = [plants.discs(end) for plants in self.task.plants]
-            discs = Discs(*(np.concatenate(parts) for parts in zip(discs, *ends, strict=True)))
+            discs = _together([discs, self.task.discs([end] * len(self.task.plants))])
             last = self._in_basis(self.basis.response(end))
-            values = np.concatenate([values, np.repeat(last, len(ends), axis=0)])
+            values = np.concatenate([values, np.repeat(last, len(self.task.plants), axis=0)])
         linear = None
         if limits.integral_gain is not None:
             gain = (self.basis.integral @ self.back)[None]
@@ -250,4 +288,4 @@ class _At:
             left = 1 + centre * self._running(discs)[lowest, 0, 0]
             sign = np.sign(np.real(centre / left))
             linear = sign * gain, np.array([limits.integral_gain])
-        return Question(values, conditions_of(limits.closer(_SPARE), discs), linear), discs
+        return Question(values, conditions_of(limits.closer(self.task.spare), discs), linear), discs

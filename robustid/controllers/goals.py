@@ -8,7 +8,7 @@ from typing import ClassVar, get_args
 
 from robustid.controllers.conditions import Discs
 from robustid.controllers.limits import Limits
-from robustid.core import as_kind
+from robustid.core import as_float, as_kind
 from robustid.errors import InputError
 
 _REACH = 1e6  # between levels of a goal that are tried and one that is usual
@@ -84,6 +84,12 @@ class Attenuation:
     low: float
     high: float
     name: ClassVar[str] = "attenuation"
+
+    def __post_init__(self) -> None:
+        if not 0 <= as_float("low", self.low) < as_float("high", self.high):
+            raise InputError(
+                f"`low` must be below `high` in rad/s, and not negative; got {self.low:g} and {self.high:g}"
+            )
 
     def asked(self, limits: Limits, level: float) -> Limits:
         """The limits, and that the goal reaches a level."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
-from robustid.core import as_positive
+from robustid.core import as_float, as_positive
 from robustid.errors import InputError
 
 _PEAKS = ("sensitivity_peak", "complementary_peak", "control_peak", "process_peak")
+_LOWER = ("phase_margin", "delay_margin", "bandwidth", "integral_gain")
+_HALF = 0.5  # |T| is at least where |P C| is at least 1
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -67,13 +70,14 @@ class Limits:
                     "gain_margin": "it is a factor of the gain",
                 }
                 raise InputError(f"`{name}` must be above 1; got {value:g}: {why[name]}")
-        if self.phase_margin is not None and not 0 < self.phase_margin < math.pi / 2:
+        if self.phase_margin is not None and not 0 < as_float("phase_margin", self.phase_margin) < math.pi / 2:
             raise InputError(f"`phase_margin` must be between 0 and pi/2 rad; got {self.phase_margin:g}")
         for name in ("attenuation", "roll_off"):
             for row in getattr(self, name):
-                if len(row) != 3 or not 0 <= row[0] < row[1] or not row[2] > 0:
+                if len(row) != 3 or not 0 <= row[0] < row[1] or not 0 < row[2] < math.inf:
                     raise InputError(
-                        f"`{name}` must be rows (low, high, value), with low < high in rad/s and a positive value; got {row}"
+                        f"`{name}` must be rows (low, high, value), with low < high in rad/s and a positive value; got"
+                        f" {tuple(row)}"
                     )
 
     @property
@@ -84,19 +88,52 @@ class Limits:
 
     def closer(self, spare: float) -> Limits:
         """Limits of which a share is left: what is found at frequencies is then within the limits between them."""
+        own: dict[str, Any] = self._scaled(spare) | {"bandwidth": self.bandwidth, "integral_gain": self.integral_gain}
+        if self.gain_margin is not None:
+            own["gain_margin"] = self.gain_margin / spare
+        if self.phase_margin is not None:
+            own["phase_margin"] = min(self.phase_margin / spare, (self.phase_margin + math.pi / 2) / 2)
+        for name in ("sensitivity_peak", "complementary_peak"):
+            value = getattr(self, name)
+            if value is not None:
+                own[name] = max(value * spare, math.sqrt(value))  # above 1
+        return dataclasses.replace(self, **own)
 
-        def less(value: float | None, factor: float) -> float | None:
-            return None if value is None else value * factor
+    def relaxed(self, factor: float, name: str | None = None) -> Limits:
+        """Limits of which every share, or that of one of them, is smaller by a factor above 1."""
+        found = self._scaled(factor)
+        return dataclasses.replace(self, **(found if name is None else {name: found[name]}))
 
-        rows = {
-            name: tuple((low, high, value * spare) for low, high, value in getattr(self, name))
-            for name in ("attenuation", "roll_off")
-        }
-        return dataclasses.replace(
-            self,
-            **{name: less(getattr(self, name), spare) for name in _PEAKS},
-            gain_margin=less(self.gain_margin, 1 / spare),
-            phase_margin=less(self.phase_margin, 1 / spare),
-            delay_margin=less(self.delay_margin, 1 / spare),
-            **rows,
-        )
+    @property
+    def stated(self) -> list[str]:
+        """Names of the limits that are stated."""
+        values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        return [name for name, value in values.items() if value not in (None, (), [])]
+
+    def _scaled(self, factor: float) -> dict[str, Any]:
+        """Upper limits times a factor, lower ones divided by it: of a gain margin what is above 1."""
+        found: dict[str, Any] = {name: getattr(self, name) for name in (*_PEAKS, *_LOWER, "gain_margin")}
+        for name, value in found.items():
+            if value is not None:
+                found[name] = value * factor if name in _PEAKS else value / factor
+        if self.gain_margin is not None:
+            found["gain_margin"] = 1 + (self.gain_margin - 1) / factor
+        for name in ("attenuation", "roll_off"):
+            found[name] = tuple((low, high, value * factor) for low, high, value in getattr(self, name))
+        return found
+
+    def check(self) -> None:
+        """Raise InputError where two of the limits contradict each other at a frequency, whatever the loop."""
+        for low, high, value in self.roll_off:
+            for start, end, most in self.attenuation:
+                at = max(low, start)
+                if at < min(high, end) and value + most < 1:
+                    raise InputError(
+                        f"`attenuation` and `roll_off` must have a sum of at least 1 where they meet, since S + T = 1; got"
+                        f" {most:g} + {value:g} = {most + value:g} at {at:.5g} rad/s"
+                    )
+            if self.bandwidth is not None and value < _HALF and low < self.bandwidth:
+                raise InputError(
+                    f"`bandwidth` must be below the roll-off: |P C| at least 1 up to {self.bandwidth:.5g} rad/s leaves |T|"
+                    f" at least 0.5 there; got a `roll_off` of {value:g} from {low:.5g} rad/s"
+                )

@@ -10,6 +10,7 @@ import numpy as np
 
 from robustid.controllers.conditions import Discs, norms
 from robustid.controllers.limits import Limits
+from robustid.controllers.loop_gain import largest_reciprocal
 from robustid.core import (
     Complex,
     Real,
@@ -164,6 +165,8 @@ class Plants:
                     S = balls["sensitivity"]
                     real = (S.centre + S.centre.conj().swapaxes(1, 2)) / 2
                     size = (np.linalg.eigvalsh(real)[:, -1] + S.radius) / _HALF
+                    if self.loop.shape == (1, 1):
+                        size = largest_reciprocal(S.centre[:, 0, 0], S.radius)
                     if self.in_open_loop and self.loop.shape != (1, 1):
                         size = np.minimum(size, _closed_share(values, bounds))
                 else:

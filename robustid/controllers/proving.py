@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import control
 
 _LEAST = 1e-12  # of what a margin leaves: smaller ones are none
+_TINY = np.finfo(float).tiny
 _ROUNDING = 1e-6  # of an integral gain
 _PEAKS = {
     "sensitivity": "sensitivity_peak",
@@ -25,6 +26,13 @@ _PEAKS = {
     "control_sensitivity": "control_peak",
     "process_sensitivity": "process_peak",
 }
+
+SHARES = {
+    "bandwidth": "bandwidth",
+    "integral_gain": "integral gain",
+    "attenuation": "attenuation",
+    "control_peak": "control peak",
+}  # of limits that goals state, their names in `shares`
 
 
 class Proof(NamedTuple):
@@ -58,10 +66,10 @@ def proof_of(plants: Sequence[Plants], controller: control.StateSpace, limits: L
         if limits.phase_margin is not None:
             told("phase margin", limits.phase_margin / max(proof.margins.phase, _LEAST), math.nan)
         if limits.delay_margin is not None:
-            told("delay margin", limits.delay_margin / max(proof.margins.delay, np.finfo(float).tiny), math.nan)
+            told("delay margin", limits.delay_margin / max(proof.margins.delay, _TINY), math.nan)
         for name, (share, omega) in one.shares(controller, limits).items():
             told(name, share, omega)
     if limits.integral_gain is not None:
         gain = abs(float(integral_gain(StateMatrices.of(controller), plants[0].dt)))
-        told("integral gain", limits.integral_gain * (1 - _ROUNDING) / max(gain, np.finfo(float).tiny), math.nan)
+        told("integral gain", limits.integral_gain * (1 - _ROUNDING) / max(gain, _TINY), math.nan)
     return Proof(proofs, shares)

@@ -12,7 +12,7 @@ or of a loop that is wanted. The least slack, in units of each condition, is mad
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +45,11 @@ class Question(NamedTuple):
         """Values of C, (F, nu, ny)."""
         return np.einsum("fmij,m->fij", self.basis, factors)
 
+    def with_units(self) -> Iterator[tuple[Conditions, Real]]:
+        """The conditions, each with the units of its slack."""
+        for one in self.conditions:
+            yield one, _units(one)
+
     def slack(self, factors: Real) -> float:
         """The least slack of all conditions, each in its unit: not negative where all are kept, whatever the directions."""
         values = self.values(factors)
@@ -62,14 +67,20 @@ def _units(one: Conditions) -> Real:
 
 
 def found_for(
-    question: Question, start: Directions, accepted: Callable[[Real], bool], *, centred: bool = False
+    question: Question,
+    start: Directions,
+    accepted: Callable[[Real], bool],
+    *,
+    centred: bool = False,
+    go_on: Callable[[], None] = lambda: None,
 ) -> Real | None:
     """Factors that keep all conditions and are accepted, from directions to begin with; None where the rounds end before.
 
-    `centred`: not the first ones, but those of the largest slack that directions turn to.
+    `centred`: not the first ones, but those of the largest slack that directions turn to. `go_on`: is called in every round.
     """
     directions, before, best = start, -math.inf, None
     for _ in range(_ROUNDS):
+        go_on()
         factors = _solved(question, directions)
         if factors is None:
             break

@@ -40,6 +40,17 @@ def band_of(seed):
     return plant, rid.band(problem, model=rid.balanced_truncation(plant, tol=1e-3).model)
 
 
+@functools.cache
+def lag_band():
+    """The band of 0.1/(z - 0.9), known to 0.01 at 40 lines."""
+    plant = control.ss(control.tf([0.1], [1, -0.9], DT))
+    omega = np.linspace(3.0, 312.0, 40)
+    values = response_at(StateMatrices.of(plant), points_of(omega, DT))[:, 0, 0]
+    frf = rid.FrequencyResponse(omega, values, bound=0.01, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.2, decay_rate=1.08))
+    return rid.band(problem, model=plant)
+
+
 class Judge:
     """The bandwidth that combinations of a structure reach within the same bounds, on a dense grid, and the best one."""
 
