@@ -62,14 +62,14 @@ def closest(task: Task, budget: Budget, progress: Progress | None = None) -> Clo
 def _relaxed(task: Task, at: list[float], most: float) -> Iterator[tuple[float, Found]]:
     """Ever closer controllers, with the factors that the limits are relaxed by: from above 1, then by halves."""
     low, high, near = 1.0, None, None
-    factor = _FIRST
-    while factor < most and high is None:
+    factor = min(_FIRST, most)
+    while low < most and high is None:
         here = At(dataclasses.replace(task, relaxed=factor), at)
         if (near := here.found(here.ends[0])) is not None:
             high = factor
             yield factor, near
         else:
-            low, factor = factor, factor**2
+            low, factor = factor, min(factor**2, most)
     while high is not None and high > low * _RATIO:
         middle = math.sqrt(low * high)
         here = At(dataclasses.replace(task, relaxed=middle), at)

@@ -11,6 +11,7 @@ from robustid.controllers.limits import Limits
 from robustid.core import as_float, as_kind
 from robustid.errors import InputError
 
+_FAST = 10.0  # gain of an integrator, times that of a loop with the bandwidth of the axis: a zero may stand before it
 _REACH = 1e6  # between levels of a goal that are tried and one that is usual
 
 
@@ -59,7 +60,7 @@ class IntegralGain:
 
     def ends(self, discs: Discs) -> tuple[float, float]:
         """Levels between which it is searched."""
-        return discs.typical * float(discs.omega.min()) / _REACH, discs.typical * float(discs.omega.max())
+        return discs.typical * float(discs.omega.min()) / _REACH, _FAST * discs.typical * float(discs.omega.max())
 
     def told(self, level: float) -> str:
         """A level in plain text."""

@@ -67,6 +67,15 @@ def test_smaller_bounds_help_where_they_do(band, parts, answer):
     assert "bounds     half as large" in found.summary()
 
 
+@pytest.mark.slow
+def test_a_controller_that_breaks_the_limits_is_not_written_as_one_that_was_designed(band, tmp_path):
+    found = rid.design_controller(band, P, limits=Limits(attenuation=[(1.0, 60.0, 1e-3)]))
+    assert found.status.name == "NONE"
+    for ending in (".c", ".m"):
+        with pytest.raises(rid.InputError, match="the closest one breaks them"):
+            rid.save(tmp_path / f"controller{ending}", found)
+
+
 def test_a_law_with_its_numbers_says_that_no_controller_keeps_limits(band):
     plants, structure = [Plants.of(band)], (PID(filter=200.0),)
     for value in (0.3, 0.05):  # of |S| over a third of the axis, at most 2 elsewhere

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustid.app.exports import c_header, matlab, roots
-from robustid.app.exports.controller_source import write_controller_c
+from robustid.app.exports.controller_source import designed_controller, write_controller_c
 from robustid.controllers import ControllerDesign
 from robustid.core import Complex, atomic_write, exponents_of
 from robustid.data import FrequencyResponse
@@ -116,8 +116,8 @@ def exported(path: str | os.PathLike[str], thing: object) -> bool:
     if designed or (ending == ".c" and isinstance(thing, control.StateSpace | control.TransferFunction)):
         write_controller_c(path, thing)
         return True
-    if isinstance(thing, ControllerDesign) and thing.controller is not None and ending in (".m", ".mat", ".sos"):
-        thing = thing.controller
+    if isinstance(thing, ControllerDesign) and ending in (".m", ".mat", ".sos"):
+        thing = designed_controller(thing)
     writers = next((own for kind, own in _OF_RESULTS if isinstance(thing, kind)), None)
     if isinstance(thing, DelayedModel):  # its delay is in the states of the model
         thing = thing.model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -13,10 +13,13 @@ import scipy.linalg
 from robustid.app.exports.c_header import rows
 from robustid.app.exports.matlab import identifier
 from robustid.app.exports.sections import FLOOR, Comparison, Sections, sections
-from robustid.controllers import ControllerDesign
+from robustid.controllers import ControllerDesign, DesignStatus
 from robustid.core import Real, atomic_write
 from robustid.errors import InputError, InputTypeError
 from robustid.identification import as_system
+
+if TYPE_CHECKING:
+    import control
 
 _WORST = 1e-6  # of the response, that the sections may lose in double precision
 _TRUST = 0.1  # of the median gain: what the observer takes as error of the output that was realised
@@ -175,14 +178,24 @@ def controller_files(path: Path, controller: object) -> dict[Path, str]:
     }
 
 
+def designed_controller(design: ControllerDesign) -> control.StateSpace:
+    """The controller of a design; refused where it is only the closest one to limits that it breaks."""
+    if design.controller is None:
+        raise InputError("`controller` is a design that found none; there is nothing to write")
+    if design.status is DesignStatus.NONE:
+        raise InputError(
+            "`controller` is a design that found none that keeps the limits; the closest one breaks them. To write it all the"
+            " same, give its `controller`"
+        )
+    return design.controller
+
+
 def _words(controller: Any, name: str) -> dict[str, object]:
     """Numbers and words of the templates."""
     import control
 
     if isinstance(controller, ControllerDesign):
-        if controller.controller is None:
-            raise InputError("`controller` is a design that found none; there is nothing to write")
-        controller = controller.controller
+        controller = designed_controller(controller)
     if not isinstance(controller, control.StateSpace | control.TransferFunction):
         raise InputTypeError(
             "`controller` must be a ControllerDesign, a control.StateSpace or a control.TransferFunction; got"
