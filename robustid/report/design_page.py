@@ -10,9 +10,20 @@ from typing import cast
 import numpy as np
 import scipy.signal
 
-from robustid.controllers import FIR, PID, ControllerDesign, DesignStatus, Fixed, Limits, LowPass, Notch
-from robustid.controllers.factors import Factor
-from robustid.controllers.structure import Matrix, entries_of, integral_gain
+from robustid.controllers import (
+    FIR,
+    PID,
+    ControllerDesign,
+    DesignStatus,
+    Factor,
+    Fixed,
+    Limits,
+    LowPass,
+    Matrix,
+    Notch,
+    entries_of,
+    integral_gain,
+)
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system

@@ -18,7 +18,7 @@ from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, rea
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import USES, RecordSource, ResponseSource
-from robustid.controllers.factors import Factor
+from robustid.controllers import Factor
 from robustid.core import Source, digest
 from robustid.data import Fault, FrequencyResponse, TimeRecord, decimate, detrend, points_at
 from robustid.errors import FileFormatError, InputError, InputTypeError

@@ -14,8 +14,7 @@ from robustid.app.load_save import load_result
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.controllers import ControllerDesign
-from robustid.controllers.goals import as_goal
+from robustid.controllers import ControllerDesign, as_goal
 from robustid.core import Budget, Progress, Source, Stops, Unfinished, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status

@@ -11,8 +11,7 @@ from robustid.app.run.modes import Box
 from robustid.app.run.results import WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
-from robustid.controllers import ControllerDesign
-from robustid.controllers.factors import Factor
+from robustid.controllers import ControllerDesign, Factor
 from robustid.core import Real
 from robustid.data import FrequencyResponse, TimeRecord, Undoing
 from robustid.guarantees import Band, Contradiction, Coverage, LoopBounds, WorstCaseError, WorstCaseOverPoles
