@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy.signal
@@ -27,7 +27,7 @@ from robustid.controllers import (
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
-from robustid.report.charts import first_panel
+from robustid.report.charts import Chart, first_panel
 from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
 from robustid.report.document import (
     Block,
@@ -37,6 +37,7 @@ from robustid.report.document import (
     Drawing,
     Facts,
     Glance,
+    Grid,
     Heading,
     Share,
     Table,
@@ -49,9 +50,12 @@ from robustid.report.identified import Parts
 from robustid.report.loop_page import loop_stands_on
 from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table
 from robustid.report.poles import pole_cells, pole_rows
-from robustid.report.small_model import model_chart
+from robustid.report.small_model import model_chart, model_charts
 from robustid.report.words import HZ, at_most, number
 from robustid.report.words import title as heading
+
+if TYPE_CHECKING:
+    import control
 
 _KEYS = {
     DesignStatus.PROVED: ("consistent", "Proved"),
@@ -234,7 +238,17 @@ def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows(design) if single else [])])]
     if single:
         found.append(_roots_table(design))
-    return [*found, Drawing(model_chart(design.controller, "controller"))]
+        return [*found, Drawing(model_chart(design.controller, "controller"))]
+    return [*found, Grid(list(_entries(design.controller)), 2, small=False)]
+
+
+def _entries(controller: control.StateSpace) -> Iterator[Chart]:
+    """Charts of the entries of a matrix that are not zero."""
+    charts = model_charts(controller, "controller")
+    for (i, j), chart in zip(np.ndindex(controller.noutputs, controller.ninputs), charts, strict=True):
+        if np.nanmax(chart.panels[0].layers[0].y) > 0:
+            first = dataclasses.replace(chart.panels[0], title=f"From output {j} to input {i}")
+            yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
 
 
 def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
@@ -252,7 +266,7 @@ def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
             count = len(one.free)
             words.append(factor_words(one, searched[place : place + count]))
             place += count
-        name = "Structure" if len(entries) == 1 else f"Structure, axis {j} to {i}"
+        name = "Structure" if len(entries) == 1 else f"Structure, {j} to {i}"
         rows.append((name, " × ".join(words)))
     return rows
 

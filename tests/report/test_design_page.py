@@ -8,13 +8,16 @@ import pytest
 
 import robustid as rid
 from robustid.controllers.controller_design import DesignStatus
+from robustid.controllers.controller_storage import design_again
+from robustid.controllers.plants import Plants
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import FIR, PID, Fixed, LeadLag, LowPass, Notch
+from robustid.design import FIR, PID, Bandwidth, Fixed, LeadLag, Limits, LowPass, Matrix, Notch
 from robustid.errors import InputError
 from robustid.report import write_report
 from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode, step_chart
 from robustid.report.design_page import factor_words, shares_table
-from support.design_cases import DT, band_of
+from support.design_cases import DT, band_of, matrix_band_of
+from support.forging import kept
 from support.one_design import PI, small_design
 
 HZ = 2 * np.pi
@@ -122,3 +125,20 @@ def test_factors_in_words():
     assert factor_words(FIR(3), []) == "3 past samples"
     assert factor_words(Fixed(control.ss(0.5, 1, 1, 0, DT)), []) == "A known model of order 1"
     assert factor_words(LeadLag(HZ * 5), [HZ * 5]) == "Lead or lag with its pole at 5 Hz"
+
+
+@pytest.mark.slow
+def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
+    band = matrix_band_of(1)[1]
+    one = StateMatrices.of(control.append(*[control.ss(1.0, 1.0, 0.02, 0.3, DT)] * 2))
+    loop = Plants.of(band).loop
+    structure = Matrix([[PID(), None], [None, PID()]])
+    design = design_again((band,), (loop,), one, structure, Limits(sensitivity_peak=4.0), Bandwidth(), 0.5, ())
+    assert design.proofs[0].guaranteed
+    again = kept(design, tmp_path / "matrix")
+    assert again.shares == design.shares
+    assert again.structure.rows == structure.rows
+    write_report(again, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "From output 1 to input 1" in page
+    assert "From output 0 to input 1" not in page
