@@ -61,6 +61,7 @@ _KEYS = {
     DesignStatus.PROVED: ("consistent", "Proved"),
     DesignStatus.FOUND: ("weak", "Not proved"),
     DesignStatus.NONE: ("inconsistent", "None found"),
+    DesignStatus.UNFINISHED: ("weak", "Unfinished"),
 }
 
 
@@ -126,8 +127,17 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
 def design_verdict(design: ControllerDesign) -> Verdict:
     """Verdict on a design, in one sentence."""
     key, word = _KEYS[design.status]
-    if design.controller is None:
+    if design.status is DesignStatus.UNFINISHED:
+        words = "The time was over before a controller was found that keeps the limits."
+        return Verdict(key, word, words, id="design-verdict")
+    if design.status is DesignStatus.NONE:
+        law = design.obstacle()
         words = "No controller of this structure was found that keeps the limits with every consistent plant."
+        if law is not None:
+            words = f"No controller at all keeps these limits: {law.sentence}."
+        return Verdict(key, word, words, id="design-verdict")
+    if not design.proofs:
+        words = "It was found at frequencies; the time was over before it could be proved."
         return Verdict(key, word, words, id="design-verdict")
     reached = f"{design.goal.name} {design.goal.told(design.level)}"
     if design.status is DesignStatus.PROVED:
@@ -144,8 +154,14 @@ def design_verdict(design: ControllerDesign) -> Verdict:
 
 def _numbers(design: ControllerDesign) -> list[tuple[str, str]]:
     """Numbers of the first screen."""
-    if design.controller is None:
+    if design.controller is None or not design.proofs:
         return []
+    if design.status is DesignStatus.NONE:
+        return (
+            [("closest, limited by", f"{limit[0]}{_near(limit[1])}")]
+            if (limit := design.limited_by) is not None
+            else []
+        )
     found = [(design.goal.name, design.goal.told(design.level)), ("order", str(design.controller.nstates))]
     if (limit := design.limited_by) is not None:
         found.append(("limited by", f"{limit[0]}{_near(limit[1])}"))
@@ -157,7 +173,9 @@ def _near(omega: float) -> str:
 
 
 def _words(design: ControllerDesign) -> str:
-    if design.controller is None:
+    if design.status is DesignStatus.NONE and design.proofs:
+        return "What follows is of the closest controller, which exceeds its limits by the least factor."
+    if design.status is DesignStatus.NONE:
         return "That none was found is a search, and no proof that there is none."
     if (limit := design.limited_by) is None:
         return ""
@@ -166,7 +184,9 @@ def _words(design: ControllerDesign) -> str:
 
 
 def _next(design: ControllerDesign) -> list[Text]:
-    if design.controller is None:
+    if design.status is DesignStatus.UNFINISHED or not (design.proofs or design.controller is None):
+        return [Text("Give it more time: time_limit, or --time-limit.")]
+    if design.status is DesignStatus.NONE:
         return [
             Text("Ask for less, or give the structure more: a derivative, a lead, a notch where the plant has a mode.")
         ]
@@ -178,7 +198,7 @@ def _next(design: ControllerDesign) -> list[Text]:
         )
     ]
     if design.proofs[0].loop.dt:
-        code = 'rid.save("controller.h", design.controller)'
+        code = 'rid.save("controller.c", design)'
         steps.append(Text(f"For the machine: {code}", code=(code,)))
     return steps
 
@@ -188,10 +208,10 @@ def shares_table(design: ControllerDesign) -> Table:
     asked = dict(_asked(asked_of(design)))
     rows = [
         [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
-        for name, (share, omega) in design.shares.items()
+        for name, (share, omega) in design.asked_shares.items()
     ]
     columns = Column("limit"), Column("asked"), Column("share that is taken", "share"), *of_numbers("near [Hz]")
-    return Table(columns, rows, marks=[share <= 1 for share, _ in design.shares.values()])
+    return Table(columns, rows, marks=[share <= 1 for share, _ in design.asked_shares.values()])
 
 
 def _asked(limits: Limits) -> Iterator[tuple[str, str]]:
