@@ -87,14 +87,14 @@ class ControllerDesign(Frozen, Drawable, Savable):
     @property
     def limited_by(self) -> tuple[str, float] | None:
         """Limit of which the largest share is taken, and where, in rad/s."""
-        shares = self._told
+        shares = self.asked_shares
         if not shares:
             return None
         name = max(shares, key=lambda one: shares[one][0])
         return name, shares[name][1]
 
     @property
-    def _told(self) -> dict[str, tuple[float, float]]:
+    def asked_shares(self) -> dict[str, tuple[float, float]]:
         """The shares, where no controller was found less that of the least level of the goal, for which nobody asked."""
         if self.status is not DesignStatus.NONE:
             return self.shares
@@ -170,7 +170,7 @@ class ControllerDesign(Frozen, Drawable, Savable):
         excess = f"; {self._excess}" * none
         lines = [f"controller {self.status.value}{everywhere}{excess}{''.join(scopes)}"]
         lines += self._why if none else [f"goal       {self.goal.name} {self.goal.told(self.level)}"]
-        for name, (share, omega) in self._told.items():
+        for name, (share, omega) in self.asked_shares.items():
             lines.append(f"{name:20s} {share:.3g} of its limit{_near(omega)}")
         if not self.finished:
             lines.append("unfinished the search ended before its end: the best so far")

@@ -33,6 +33,10 @@ def _evidence(found: ControllerDesign) -> Record:
         "goal": found.goal,
         "level": found.level,
         "searched": tuple(map(float, found.searched)),
+        "dt": None if controller is None else float(controller.dt or 0.0),
+        "found": found.status,
+        "bounds_factor": found.bounds,
+        "finished": found.finished,
     }
 
 
@@ -45,21 +49,31 @@ def design_again(
     goal: Goal,
     level: float,
     searched: tuple[float, ...],
+    dt: float | None = None,
+    found: DesignStatus = DesignStatus.FOUND,
+    bounds_factor: float | None = None,
+    finished: bool = True,
 ) -> ControllerDesign:
-    """The design with its proof, judged again: what was claimed of the controller counts for nothing."""
+    """The design with its proof, judged again: that it is proved counts for nothing, that a search found none is recorded."""
     asked: dict[str, Any] = {"goal": goal, "limits": limits, "structure": structure, "searched": searched}
+    asked |= {"bounds": bounds_factor, "finished": finished, "level": level}
+    if len(bands) != len(loops):
+        raise ValueError("every band needs its loop")
     if controller is None:
-        return ControllerDesign(status=DesignStatus.NONE, controller=None, level=level, proofs=(), shares={}, **asked)
-    if not bands or len(bands) != len(loops):
-        raise ValueError("a controller needs the bands of its plants, each with its loop")
+        none = found if found is DesignStatus.UNFINISHED else DesignStatus.NONE
+        return ControllerDesign(status=none, controller=None, proofs=(), shares={}, **asked)
+    unproved = DesignStatus.NONE if found is DesignStatus.NONE else DesignStatus.FOUND
+    if not bands:
+        if found is DesignStatus.PROVED:
+            raise ValueError("a controller that is proved needs the bands of its plants")
+        return ControllerDesign(status=unproved, controller=controller.model(dt or 0.0), proofs=(), shares={}, **asked)
     plants = [Plants(*one) for one in zip(bands, loops, strict=True)]
     _refuse_foreign(controller, structure, searched, plants[0])
     model = controller.model(plants[0].dt)
     proof = proof_of(plants, model, goal.asked(limits, level))
     return ControllerDesign(
-        status=DesignStatus.PROVED if proof.kept else DesignStatus.FOUND,
+        status=DesignStatus.PROVED if proof.kept else unproved,
         controller=model,
-        level=level,
         proofs=proof.proofs,
         shares=proof.shares,
         **asked,
@@ -109,6 +123,7 @@ def _make_fixed(system: StateMatrices, dt: float | None) -> Fixed:
 
 
 stored(PID, Notch, LeadLag, LowPass, FIR, Matrix, Bandwidth, IntegralGain, Attenuation, LeastControl)
+stored(DesignStatus)
 stored(Limits, evidence=_limits)
 stored(Fixed, evidence=_fixed, make=_make_fixed)
 keep(ControllerDesign, "controller design", evidence=_evidence, make=design_again)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy.signal
@@ -27,7 +27,7 @@ from robustid.controllers import (
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
-from robustid.report.charts import first_panel
+from robustid.report.charts import Chart, first_panel
 from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
 from robustid.report.document import (
     Block,
@@ -37,6 +37,7 @@ from robustid.report.document import (
     Drawing,
     Facts,
     Glance,
+    Grid,
     Heading,
     Share,
     Table,
@@ -49,14 +50,18 @@ from robustid.report.identified import Parts
 from robustid.report.loop_page import loop_stands_on
 from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table
 from robustid.report.poles import pole_cells, pole_rows
-from robustid.report.small_model import model_chart
+from robustid.report.small_model import model_chart, model_charts
 from robustid.report.words import HZ, at_most, number
 from robustid.report.words import title as heading
+
+if TYPE_CHECKING:
+    import control
 
 _KEYS = {
     DesignStatus.PROVED: ("consistent", "Proved"),
     DesignStatus.FOUND: ("weak", "Not proved"),
     DesignStatus.NONE: ("inconsistent", "None found"),
+    DesignStatus.UNFINISHED: ("weak", "Unfinished"),
 }
 
 
@@ -122,8 +127,17 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
 def design_verdict(design: ControllerDesign) -> Verdict:
     """Verdict on a design, in one sentence."""
     key, word = _KEYS[design.status]
-    if design.controller is None:
+    if design.status is DesignStatus.UNFINISHED:
+        words = "The time was over before a controller was found that keeps the limits."
+        return Verdict(key, word, words, id="design-verdict")
+    if design.status is DesignStatus.NONE:
+        law = design.obstacle()
         words = "No controller of this structure was found that keeps the limits with every consistent plant."
+        if law is not None:
+            words = f"No controller at all keeps these limits: {law.sentence}."
+        return Verdict(key, word, words, id="design-verdict")
+    if not design.proofs:
+        words = "It was found at frequencies; the time was over before it could be proved."
         return Verdict(key, word, words, id="design-verdict")
     reached = f"{design.goal.name} {design.goal.told(design.level)}"
     if design.status is DesignStatus.PROVED:
@@ -140,8 +154,14 @@ def design_verdict(design: ControllerDesign) -> Verdict:
 
 def _numbers(design: ControllerDesign) -> list[tuple[str, str]]:
     """Numbers of the first screen."""
-    if design.controller is None:
+    if design.controller is None or not design.proofs:
         return []
+    if design.status is DesignStatus.NONE:
+        return (
+            [("closest, limited by", f"{limit[0]}{_near(limit[1])}")]
+            if (limit := design.limited_by) is not None
+            else []
+        )
     found = [(design.goal.name, design.goal.told(design.level)), ("order", str(design.controller.nstates))]
     if (limit := design.limited_by) is not None:
         found.append(("limited by", f"{limit[0]}{_near(limit[1])}"))
@@ -153,7 +173,9 @@ def _near(omega: float) -> str:
 
 
 def _words(design: ControllerDesign) -> str:
-    if design.controller is None:
+    if design.status is DesignStatus.NONE and design.proofs:
+        return "What follows is of the closest controller, which exceeds its limits by the least factor."
+    if design.status is DesignStatus.NONE:
         return "That none was found is a search, and no proof that there is none."
     if (limit := design.limited_by) is None:
         return ""
@@ -162,7 +184,9 @@ def _words(design: ControllerDesign) -> str:
 
 
 def _next(design: ControllerDesign) -> list[Text]:
-    if design.controller is None:
+    if design.status is DesignStatus.UNFINISHED or not (design.proofs or design.controller is None):
+        return [Text("Give it more time: time_limit, or --time-limit.")]
+    if design.status is DesignStatus.NONE:
         return [
             Text("Ask for less, or give the structure more: a derivative, a lead, a notch where the plant has a mode.")
         ]
@@ -174,7 +198,7 @@ def _next(design: ControllerDesign) -> list[Text]:
         )
     ]
     if design.proofs[0].loop.dt:
-        code = 'rid.save("controller.h", design.controller)'
+        code = 'rid.save("controller.c", design)'
         steps.append(Text(f"For the machine: {code}", code=(code,)))
     return steps
 
@@ -184,10 +208,10 @@ def shares_table(design: ControllerDesign) -> Table:
     asked = dict(_asked(asked_of(design)))
     rows = [
         [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
-        for name, (share, omega) in design.shares.items()
+        for name, (share, omega) in design.asked_shares.items()
     ]
     columns = Column("limit"), Column("asked"), Column("share that is taken", "share"), *of_numbers("near [Hz]")
-    return Table(columns, rows, marks=[share <= 1 for share, _ in design.shares.values()])
+    return Table(columns, rows, marks=[share <= 1 for share, _ in design.asked_shares.values()])
 
 
 def _asked(limits: Limits) -> Iterator[tuple[str, str]]:
@@ -234,7 +258,17 @@ def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows(design) if single else [])])]
     if single:
         found.append(_roots_table(design))
-    return [*found, Drawing(model_chart(design.controller, "controller"))]
+        return [*found, Drawing(model_chart(design.controller, "controller"))]
+    return [*found, Grid(list(_entries(design.controller)), 2, small=False)]
+
+
+def _entries(controller: control.StateSpace) -> Iterator[Chart]:
+    """Charts of the entries of a matrix that are not zero."""
+    charts = model_charts(controller, "controller")
+    for (i, j), chart in zip(np.ndindex(controller.noutputs, controller.ninputs), charts, strict=True):
+        if np.nanmax(chart.panels[0].layers[0].y) > 0:
+            first = dataclasses.replace(chart.panels[0], title=f"From output {j} to input {i}")
+            yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
 
 
 def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
@@ -252,7 +286,7 @@ def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
             count = len(one.free)
             words.append(factor_words(one, searched[place : place + count]))
             place += count
-        name = "Structure" if len(entries) == 1 else f"Structure, axis {j} to {i}"
+        name = "Structure" if len(entries) == 1 else f"Structure, {j} to {i}"
         rows.append((name, " × ".join(words)))
     return rows
 

@@ -217,6 +217,11 @@ def _printed(name: str, matrix: np.ndarray) -> str:
 
 def model_chart(model: control.StateSpace, called: str = "model") -> Chart:
     """Magnitude and phase of every entry of a `control.StateSpace`, around its poles and up to the Nyquist frequency."""
+    return side_by_side(called, model_charts(model, called), check_model("result", model).ninputs)
+
+
+def model_charts(model: control.StateSpace, called: str) -> list[Chart]:
+    """The same, a chart of each entry, row by row."""
     system = check_model("result", model)
     if system.dt is True:
         raise InputError("`result` is discrete without a sample time; give it its dt in s")
@@ -229,8 +234,7 @@ def model_chart(model: control.StateSpace, called: str = "model") -> Chart:
     omega = resolved(spread(low, high, _POINTS, log=True), s, _AROUND, low, high)
     values = response_at(StateMatrices.of(system), points_of(omega, dt))
     name = f"{called}, order {system.nstates}"
-    charts = [_entry(system, i, j, omega, values[:, i, j], name) for i, j in np.ndindex(values.shape[1:])]
-    return side_by_side(called, charts, system.ninputs)
+    return [_entry(system, i, j, omega, values[:, i, j], name) for i, j in np.ndindex(values.shape[1:])]
 
 
 def _entry(system: control.StateSpace, i: int, j: int, omega: np.ndarray, values: np.ndarray, name: str) -> Chart:

@@ -81,7 +81,7 @@ def test_that_no_controller_was_found_is_kept(tmp_path, capsys, monkeypatch):
     assert again.limits.attenuation == ((1.0, 200.0, 0.01),)
     code, out, _ = words(["verify", str(tmp_path / "none")], capsys, monkeypatch)
     assert code == 0
-    assert "recorded that none was found" in out
+    assert "recorded what a search found" in out
 
 
 def test_structures_limits_and_goals_come_back():

@@ -8,14 +8,17 @@ import pytest
 
 import robustid as rid
 from robustid.controllers.controller_design import DesignStatus
+from robustid.controllers.controller_storage import design_again
+from robustid.controllers.plants import Plants
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import FIR, PID, Fixed, LeadLag, LowPass, Notch
+from robustid.design import FIR, PID, Bandwidth, Fixed, LeadLag, Limits, LowPass, Matrix, Notch
 from robustid.errors import InputError
 from robustid.report import write_report
 from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode, step_chart
 from robustid.report.design_page import factor_words, shares_table
-from support.design_cases import DT, band_of
-from support.one_design import PI, small_design
+from support.design_cases import DT, band_of, matrix_band_of
+from support.forging import kept
+from support.one_design import LIMITS, PI, small_band, small_design
 
 HZ = 2 * np.pi
 
@@ -122,3 +125,40 @@ def test_factors_in_words():
     assert factor_words(FIR(3), []) == "3 past samples"
     assert factor_words(Fixed(control.ss(0.5, 1, 1, 0, DT)), []) == "A known model of order 1"
     assert factor_words(LeadLag(HZ * 5), [HZ * 5]) == "Lead or lag with its pole at 5 Hz"
+
+
+def test_the_closest_controller_of_none_is_kept_and_shown(tmp_path):
+    """A claim that none was found is recorded, and what the closest one exceeds is evaluated anew."""
+    limits = dataclasses.replace(LIMITS, sensitivity_peak=1.2)
+    loop = Plants.of(small_band()).loop
+    how = {"found": DesignStatus.NONE, "bounds_factor": 0.5}
+    design = design_again((small_band(),), (loop,), PI, (PID(),), limits, Bandwidth(), 11.0, (), **how)
+    again = kept(design, tmp_path / "none")
+    assert (again.status.name, again.bounds) == ("NONE", 0.5)
+    assert again.shares["sensitivity peak"][0] > 1.5
+    write_report(again, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "None found" in page
+    assert "What follows is of the closest controller" in page
+    kept_in_time = design_again((), (), PI, (PID(),), LIMITS, Bandwidth(), 11.0, (), DT, finished=False)
+    again = kept(kept_in_time, tmp_path / "early")
+    assert (again.status.name, again.finished, again.controller.dt) == ("FOUND", False, DT)
+    write_report(again, tmp_path / "page.html")
+    assert "before it could be proved" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
+    band = matrix_band_of(1)[1]
+    one = StateMatrices.of(control.append(*[control.ss(1.0, 1.0, 0.02, 0.3, DT)] * 2))
+    loop = Plants.of(band).loop
+    structure = Matrix([[PID(), None], [None, PID()]])
+    design = design_again((band,), (loop,), one, structure, Limits(sensitivity_peak=4.0), Bandwidth(), 0.5, ())
+    assert design.proofs[0].guaranteed
+    again = kept(design, tmp_path / "matrix")
+    assert again.shares == design.shares
+    assert again.structure.rows == structure.rows
+    write_report(again, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "From output 1 to input 1" in page
+    assert "From output 0 to input 1" not in page

@@ -41,8 +41,8 @@ def control(
 
     [bold]Example[/bold]: robustid control bench --structure "PID(80), Notch(30..40)" --peak 2 --gain-margin 2 --report new.html
 
-    Exit codes: 0 proved, 3 none was found for this structure (a finding, by search), 4 either, but of data with a fault that
-    nothing has undone, 1 found but not proved, 2 misuse, 70 an error of the program, 130 interrupted.
+    Exit codes: 0 proved, 3 none was found for this structure (a finding), 4 either, but of data with a fault that nothing has
+    undone, 1 found but not proved, or not found in time, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.load_save import save
     from robustid.controllers import design_controller
@@ -64,12 +64,14 @@ def control(
         for one in source:
             progress(f"reading {one}", 0, 0)
             plants.append(MeasuredPlant.of(one, progress))
-        progress("designing the controller", 0, 0)
-        found = design_controller(
-            [one.plants for one in plants], factors, limits=limits, maximise=asked.goal, time_limit=time_limit
-        )
+        how = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
+        found = design_controller([one.plants for one in plants], factors, **how)
         found.save(output)
-        if found.controller is not None:
+        usable = found.status.name in (
+            "PROVED",
+            "FOUND",
+        )  # the closest one of a design that found none is in its file alone
+        if usable:
             save(model, found.controller)
         say(console, found.summary())
         if report is not None:
@@ -77,6 +79,6 @@ def control(
             write_report(
                 found, report, title=f"Controller for {source[0].stem}" if len(source) == 1 else None, static=static
             )
-    screen.say_written(console, *files, None if found.controller is None else model, report)
-    status = {"PROVED": Status.CONSISTENT, "NONE": Status.INCONSISTENT, "FOUND": Status.UNDECIDED}[found.status.name]
+    screen.say_written(console, *files, model if usable else None, report)
+    status = {"PROVED": Status.CONSISTENT, "NONE": Status.INCONSISTENT}.get(found.status.name, Status.UNDECIDED)
     raise typer.Exit(screen.exit_code(status, any(one.band.problem.open_faults for one in plants)))

@@ -87,8 +87,8 @@ def _loop_failures(console: Console, result: LoopBounds | Interconnection | Cont
     from robustid.guarantees import Family, LoopBounds
 
     say(console, result.summary())
-    if isinstance(result, ControllerDesign) and result.controller is None:
-        say(console, "recorded   that none was found: a search, which has no proof")
+    if isinstance(result, ControllerDesign) and not result.proofs:
+        say(console, "recorded   what a search found: it has no proof")
         return []
     say(console, "verified   the verdict, from the bands, the models and what refutes it")
     if isinstance(result, ControllerDesign):

@@ -31,7 +31,12 @@ def designed(work: Work) -> None:
     with work.around.step("designing the controller", _SHARE, asked.time_limit) as limit:
         try:
             work.design = design_controller(
-                plants, [*work.factors], limits=asked.limits, maximise=asked.goal, time_limit=limit
+                plants,
+                [*work.factors],
+                limits=asked.limits,
+                maximise=asked.goal,
+                time_limit=limit,
+                progress=work.around.progress("designing the controller"),
             )
         except (InputError, InputTypeError) as error:
             work.not_designed = error.said(words, unknown=str)
@@ -41,8 +46,14 @@ def designed(work: Work) -> None:
 
 def design_words(design: ControllerDesign) -> str:
     """Sentence on a design."""
-    if design.controller is None:
-        return f"Controller: {design.status.value}; a search, no proof that there is none."
+    if design.status is DesignStatus.NONE or design.controller is None:
+        law = design.obstacle()
+        why = (
+            "; a search, no proof that there is none"
+            if law is None
+            else f"; no controller at all keeps them: {law.sentence}"
+        )
+        return f"Controller: {design.status.value}{why}."
     words = f"Controller of order {design.controller.nstates}: {design.goal.name} {design.goal.told(design.level)},"
     if design.status is DesignStatus.PROVED:
         scope = "".join(dict.fromkeys(one.band.problem.scope for one in design.proofs))

@@ -14,7 +14,7 @@ from robustid.app.load_save import load_result
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.controllers import ControllerDesign, as_goal
+from robustid.controllers import ControllerDesign, DesignStatus, as_goal
 from robustid.core import Budget, Progress, Source, Stops, Unfinished, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
@@ -146,7 +146,7 @@ class RunFolder:
         if self.folder is None or not self.resume or not paths(self.folder / _DESIGN)[1].is_file():
             return None
         found: ControllerDesign = load_result(self.folder / _DESIGN, "controller design")
-        if len(found.proofs) != 1:
+        if len(found.proofs) != 1 or not found.finished:
             return None
         band = plants.band if isinstance(plants, LoopBounds) else plants
         same = fingerprint((found.limits, found.goal)) == fingerprint((asked.limits, as_goal(asked.goal)))
@@ -168,7 +168,8 @@ class RunFolder:
                 if found.refuted_by is not None:
                     save_model(found.refuted_by.plant, self.folder / f"loop-{name}-plant.npz")
         design = result.design if isinstance(result, IdentifiedReduced) else None
-        if design is not None and design.controller is not None:
+        usable = design is not None and design.status in (DesignStatus.PROVED, DesignStatus.FOUND)
+        if usable and design is not None and design.controller is not None:
             save_model(design.controller, self.folder / _CONTROLLER)
         result.report(self.folder / _PAGE, static=self.static)
         self._clear()

@@ -362,7 +362,7 @@ LISTS: dict[str, type[DataclassInstance]] = {
     "frequency": ResponseSource,
     "members": MemberChoice,
 }
-SECTIONS: dict[str, type[DataclassInstance]] = {
+SECTIONS: dict[str, type[Any]] = {
     "family": FamilyChoice,
     "loop": LoopChoice,
     "estimate": Estimate,

@@ -38,18 +38,24 @@ class _Form(NamedTuple):
 def _forms() -> dict[str, _Form]:
     from robustid.controllers import FIR, PID, LeadLag, LowPass, Notch
 
-    def of_order(omega: Any, order: int = 1) -> LowPass:
+    def of_order(omega: Any, order: float = 1) -> LowPass:
         return LowPass(omega, int(order))
+
+    def without_integral(filter: Any) -> PID:
+        return PID(filter=filter, integral=False)
+
+    def of_length(length: float) -> FIR:
+        return FIR(int(length))
 
     return {
         "p": _Form("", (), lambda: PID(integral=False), "P"),
         "pi": _Form("", (), PID, "PI"),
-        "pd": _Form("filter", (), lambda filter: PID(filter=filter, integral=False), "PD(80)"),
+        "pd": _Form("filter", (), without_integral, "PD(80)"),
         "pid": _Form("filter", (), PID, "PID(80)"),
         "notch": _Form("omega", ("damping",), Notch, "Notch(300..400, damping=0.5)"),
         "leadlag": _Form("omega", (), LeadLag, "LeadLag(20)"),
         "lowpass": _Form("omega", ("order",), of_order, "LowPass(900, order=2)"),
-        "fir": _Form("length", (), lambda length: FIR(int(length)), "FIR(3)"),
+        "fir": _Form("length", (), of_length, "FIR(3)"),
     }
 
 
