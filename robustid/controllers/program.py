@@ -15,16 +15,17 @@ from robustid.core import Complex, Real
 _SMALL = 1e-10  # weight of the size of the factors, which makes them unique
 
 Indices = NDArray[np.intp]
-Helper = tuple[Indices, Real]  # numbers of helpers, one to a cone (N,), and their factor in every row of it (R,)
+Helper = tuple[Indices, Real]  # numbers of helpers, one to a cone (N,), and their factors (N,)
 
 
 class Rows(NamedTuple):
-    """N cones of R rows each: ``factors x + slack t + sum of helpers + constant`` is in the cone."""
+    """N cones of R rows each: ``factors x + slack t + (sum of helpers) unit + constant`` is in the cone."""
 
     factors: Real  # (N, R, m)
     slack: Real  # (N, R)
     constant: Real  # (N, R)
     helpers: Sequence[Helper] = ()
+    unit: Real = np.ones(1)  # (R,)
 
 
 class Program:
@@ -33,7 +34,7 @@ class Program:
     def __init__(self, count: int) -> None:
         self.count, self.size = count, count + 1
         self.groups: list[tuple[Rows, Any]] = []
-        self._norms: dict[tuple[int, bytes], int] = {}
+        self._norms: dict[tuple[int, bytes], tuple[int, float]] = {}
 
     def not_negative(self, factors: Real, slack: Real, constant: Real) -> None:
         """``factors x + slack t + constant >= 0``, (N, m), (N,), (N,)."""
@@ -53,12 +54,7 @@ class Program:
             (_pauli, clarabel.SecondOrderConeT(4)) if size == 2 else (_triangle, clarabel.PSDTriangleConeT(2 * size))
         )
         unit = form(np.eye(size, dtype=complex))
-        rows = Rows(
-            form(values).swapaxes(1, 2),
-            slack[:, None] * unit,
-            form(fixed),
-            [(index, factor[0] * unit) for index, factor in helpers],
-        )
+        rows = Rows(form(values).swapaxes(1, 2), slack[:, None] * unit, form(fixed), helpers, unit)
         self.groups.append((rows, cone))
 
     def norm(self, values: Complex, fixed: Complex, slack: Real, constant: Real, helpers: Sequence[Helper]) -> None:
@@ -69,7 +65,8 @@ class Program:
                 np.stack([np.zeros(one.shape), one.real, one.imag], axis=1),
                 np.stack([slack, none, none], axis=1),
                 np.stack([constant, fixed[:, 0, 0].real, fixed[:, 0, 0].imag], axis=1),
-                [(index, factor[0] * np.array([1.0, 0.0, 0.0])) for index, factor in helpers],
+                helpers,
+                np.array([1.0, 0.0, 0.0]),
             )
             self.groups.append((rows, clarabel.SecondOrderConeT(3)))
             return
@@ -88,25 +85,27 @@ class Program:
         return found
 
     def norms(self, place: Indices, q: Real, basis: Complex) -> list[Helper]:
-        """Helpers that are at least ``|diag(q_k) C|``, with C = basis x: (N,), (N, k, nu), (N, m, nu, ny); each is less one.
+        """Helpers that are at least ``|diag(q_k) C|``, with C = basis x: (N,), (N, k, nu), (N, m, nu, ny); less each.
 
-        Those of the same place are the same for all conditions.
+        Those of the same place are the same for all conditions. They are in units of the largest function.
         """
         found: list[Helper] = []
         for k in range(q.shape[1]):
             keys = [(int(at), row.tobytes()) for at, row in zip(place, q[:, k], strict=True)]
             new = np.array([n for n, key in enumerate(keys) if key not in self._norms], dtype=int)
-            for n, index in zip(new, self.helpers(new.size), strict=True):
-                self._norms[keys[n]] = int(index)
-            index = np.array([self._norms[key] for key in keys])
+            values = q[new, k, None, :, None] * basis[new]
+            units = np.maximum(np.abs(values).max(axis=(1, 2, 3), initial=0.0), np.finfo(float).tiny)
+            for n, index, unit in zip(new, self.helpers(new.size), units.tolist(), strict=True):
+                self._norms[keys[n]] = int(index), unit
+            index = np.array([self._norms[key][0] for key in keys])
             if new.size:
-                self._at_least(index[new], q[new, k, None, :, None] * basis[new])
-            found.append((index, np.array([-1.0])))
+                self._at_least(index[new], values / units[:, None, None, None])
+            found.append((index, -np.array([self._norms[key][1] for key in keys])))
         return found
 
     def _at_least(self, index: Indices, values: Complex) -> None:
         """Helpers not below norms of ``values x``: by entries where no row and no column holds two of them."""
-        none, helper = np.zeros(len(values)), [(index, np.ones(1))]
+        none, helper = np.zeros(len(values)), [(index, np.ones(len(values)))]
         held = np.any(values != 0, axis=(0, 1))
         if held.sum(axis=0).max() > 1 or held.sum(axis=1).max() > 1:
             self.norm(values, np.zeros((len(values), *held.shape), complex), none, none, helper)
@@ -120,14 +119,20 @@ class Program:
         dense, constants, cones, at, columns, values = (list[Any]() for _ in range(6))
         for rows, cone in self.groups:
             N, R = rows.slack.shape
-            dense.append(np.concatenate([rows.factors.reshape(N * R, m), rows.slack.reshape(N * R, 1)], axis=1))
-            constants.append(rows.constant.ravel())
+            every = np.concatenate([rows.factors, rows.slack[..., None], rows.constant[..., None]], axis=2)
+            size = np.abs(every).max(axis=(1, 2))
+            for _, factor in rows.helpers:
+                size = np.maximum(size, np.abs(factor))
+            size = np.where(size > 0, size, 1.0)  # cones don't mind, and the solver does
+            every = (every / size[:, None, None]).reshape(N * R, m + 2)
+            dense.append(every[:, :-1])
+            constants.append(every[:, -1])
             cones += [cone] * N
+            used = np.flatnonzero(rows.unit)
             for index, factor in rows.helpers:
-                used = np.flatnonzero(factor)
                 at.append((place + np.arange(N)[:, None] * R + used).ravel())
                 columns.append(np.repeat(index - m - 1, used.size))
-                values.append(np.tile(factor[used], N))
+                values.append(((factor / size)[:, None] * rows.unit[used]).ravel())
             place += N * R
         matrix = scipy.sparse.csc_matrix(-np.concatenate(dense))
         if values:
