@@ -39,7 +39,7 @@ class DesignStatus(enum.Enum):
     PROVED = "proved: every consistent plant keeps the limits with this controller"
     FOUND = "found at frequencies; not proved on the whole axis"
     NONE = "no controller of this structure was found that keeps the limits"
-    UNFINISHED = "none yet: the time was over before a controller was found that keeps the limits"
+    UNFINISHED = "none yet: the time was over before a controller was found and proved"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -145,13 +145,13 @@ class ControllerDesign(Frozen, Drawable, Savable):
         if self.controller is None:
             return f"<ControllerDesign: {name}>"
         if self.status is DesignStatus.NONE:
-            return f"<ControllerDesign: {name}; {self._excess}>"
+            return f"<ControllerDesign: {name}; {self.excess}>"
         reached = f"{self.goal.name} {self.goal.told(self.level)}"
         return f"<ControllerDesign: {name}, {reached}, order {self.controller.nstates}>"
 
     @property
-    def _excess(self) -> str:
-        """The limit that the closest controller exceeds most, in words."""
+    def excess(self) -> str:
+        """The limit that the closest controller exceeds most, where and by how much, in words."""
         limited = self.limited_by
         if limited is None:
             return "nothing is known of the closest one"
@@ -167,7 +167,7 @@ class ControllerDesign(Frozen, Drawable, Savable):
         none = self.status is DesignStatus.NONE
         everywhere = ", at every frequency" * (self.status is DesignStatus.PROVED)
         scopes = dict.fromkeys(one.band.problem.scope for one in self.proofs)
-        excess = f"; {self._excess}" * none
+        excess = f"; {self.excess}" * none
         lines = [f"controller {self.status.value}{everywhere}{excess}{''.join(scopes)}"]
         lines += self._why if none else [f"goal       {self.goal.name} {self.goal.told(self.level)}"]
         for name, (share, omega) in self.asked_shares.items():
@@ -279,9 +279,8 @@ def design_controller(
     least = goal.asked(limits, At(task, task.middle).ends[0])
     law = obstacle_of(plants, factors, least)  # where no controller can be found none is sought
     found, proof, finished = searched_with_proof(task, budget, progress) if law is None else (None, None, True)
-    if found is not None:
-        kept = proof is not None and proof.kept
-        status = DesignStatus.PROVED if kept else DesignStatus.FOUND
+    if found is not None and proof is not None:
+        status = DesignStatus.PROVED if proof.kept else DesignStatus.FOUND
         return _design(status, found, proof, finished=finished, **same)
     near = closest(task, budget, progress) if finished else None
     if near is not None:
@@ -292,13 +291,13 @@ def design_controller(
     return ControllerDesign(status=status, finished=finished, **nothing, **same)
 
 
-def _design(status: DesignStatus, found: Found, proof: Proof | None, **more: Any) -> ControllerDesign:
+def _design(status: DesignStatus, found: Found, proof: Proof, **more: Any) -> ControllerDesign:
     return ControllerDesign(
         status=status,
         controller=found.controller,
         level=found.level,
-        proofs=() if proof is None else proof.proofs,
-        shares={} if proof is None else proof.shares,
+        proofs=proof.proofs,
+        shares=proof.shares,
         searched=tuple(found.at),
         **more,
     )

@@ -76,6 +76,19 @@ def test_a_controller_that_breaks_the_limits_is_not_written_as_one_that_was_desi
             rid.save(tmp_path / f"controller{ending}", found)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("given", [{"limits": Limits(attenuation=[(1.0, 20.0, 0.15)])}, {"time_limit": 1e-9}])
+def test_designs_without_a_controller_that_keeps_the_limits_are_stored_and_have_a_page(band, given, tmp_path):
+    found = rid.design_controller(band, P, **given)
+    rid.save(tmp_path / "design.npz", found)
+    again = rid.load(tmp_path / "design.npz")
+    assert (again.status, again.bounds, again.finished) == (found.status, found.bounds, found.finished)
+    assert again.summary() == found.summary()
+    rid.write_report(again, tmp_path / "design.html")
+    page = (tmp_path / "design.html").read_text(encoding="utf-8")
+    assert ("closest: sensitivity peak exceeded" in page) == ("limits" in given)
+
+
 def test_a_law_with_its_numbers_says_that_no_controller_keeps_limits(band):
     plants, structure = [Plants.of(band)], (PID(filter=200.0),)
     for value in (0.3, 0.05):  # of |S| over a third of the axis, at most 2 elsewhere
