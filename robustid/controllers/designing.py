@@ -14,6 +14,7 @@ from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
+from robustid.controllers.program import Functions
 from robustid.controllers.proving import Proof, proof_of
 from robustid.controllers.search import Question, found_for
 from robustid.controllers.structure import Basis, Matrix, basis_of, entries_of, free_of
@@ -171,17 +172,18 @@ class At:
         self.basis: Basis = basis_of(task.structure, at, task.dt, task.shape)
         self.discs = task.discs(task.grids)
         self.owners = [k for k, grid in enumerate(task.grids) for _ in grid]
-        plain = self.basis.response(self.discs.omega)
         omega = self.discs.omega
+        axes = self.basis.axes(omega)
+        plain = self.basis.into @ axes @ self.basis.out_of
         falling = np.minimum(1.0, omega / np.exp(np.mean(np.log(omega))))  # an integrator is large where omega is small
         weighed = (falling[:, None] * self.discs.columns)[:, None, :, None] * plain
         flat = weighed.swapaxes(0, 1).reshape(self.basis.count, -1).T
         stacked = np.concatenate([flat.real, flat.imag])
         self.back = np.linalg.inv(np.linalg.qr(stacked, mode="r")) * math.sqrt(2 * omega.size)
-        self.values = self._in_basis(plain)
+        self.axes = self._in_basis(axes)
 
     def _in_basis(self, values: Complex) -> Complex:
-        """Values of the orthonormal combinations, (F, m, nu, ny)."""
+        """Values of the orthonormal combinations, (F, m, ...)."""
         return np.einsum("fmij,mk->fkij", values, self.back)
 
     @property
@@ -274,12 +276,12 @@ class At:
 
     def question(self, limits: Limits) -> tuple[Question, Discs]:
         """Conditions on a controller, and the discs they are about: where the bandwidth ends, too."""
-        discs, values = self.discs, self.values
+        discs, axes = self.discs, self.axes
         if limits.bandwidth is not None:
             end = np.array([limits.bandwidth])
             discs = _together([discs, self.task.discs([end] * len(self.task.plants))])
-            last = self._in_basis(self.basis.response(end))
-            values = np.concatenate([values, np.repeat(last, len(self.task.plants), axis=0)])
+            last = self._in_basis(self.basis.axes(end))
+            axes = np.concatenate([axes, np.repeat(last, len(self.task.plants), axis=0)])
         linear = None
         if limits.integral_gain is not None:
             gain = (self.basis.integral @ self.back)[None]
@@ -288,4 +290,5 @@ class At:
             left = 1 + centre * self._running(discs)[lowest, 0, 0]
             sign = np.sign(np.real(centre / left))
             linear = sign * gain, np.array([limits.integral_gain])
-        return Question(values, conditions_of(limits.closer(self.task.spare), discs), linear), discs
+        functions = Functions(axes, self.basis.into, self.basis.out_of)
+        return Question(functions, conditions_of(limits.closer(self.task.spare), discs), linear), discs

@@ -28,6 +28,37 @@ class Rows(NamedTuple):
     unit: Real = np.ones(1)  # (R,)
 
 
+class Functions(NamedTuple):
+    """Values of the functions of a controller between axes, (N, m, k, l), and constant matrices around them."""
+
+    axes: Complex
+    into: Real  # (nu, k)
+    out_of: Real  # (l, ny)
+
+    @property
+    def whole(self) -> Complex:
+        """From the outputs of the plant to its inputs, (N, m, nu, ny)."""
+        return self.into @ self.axes @ self.out_of
+
+    def at(self, place: Indices) -> Functions:
+        """At some of the points."""
+        return Functions(self.axes[place], self.into, self.out_of)
+
+    def scaled(self, q: Real) -> Complex:
+        r"""Values whose largest singular value bounds that of ``diag(q)`` times the whole, (N, m, ...): between axes, one to each.
+
+        With t the norms of the columns of Q A and w those of the rows of B,
+        :math:`\|Q A D B\| \le \|Q A T^{-1}\| \max_i t_i |d_i| w_i \|W^{-1} B\|`; else exact.
+        """
+        held = np.any(self.axes != 0, axis=(0, 1))
+        if held.sum(axis=0).max() > 1 or held.sum(axis=1).max() > 1:
+            return q[:, None, :, None] * self.whole
+        before, w = q[:, :, None] * self.into, np.linalg.norm(self.out_of, axis=1)
+        t = np.maximum(np.linalg.norm(before, axis=1), np.finfo(float).tiny)
+        lost = np.linalg.norm(before / t[:, None, :], 2, axis=(1, 2)) * np.linalg.norm(self.out_of / w[:, None], 2)
+        return self.axes * (lost[:, None] * t)[:, None, :, None] * w
+
+
 class Program:
     """Rows of a program, to be solved."""
 
@@ -84,8 +115,8 @@ class Program:
         self.size += count
         return found
 
-    def norms(self, place: Indices, q: Real, basis: Complex) -> list[Helper]:
-        """Helpers that are at least ``|diag(q_k) C|``, with C = basis x: (N,), (N, k, nu), (N, m, nu, ny); less each.
+    def norms(self, place: Indices, q: Real, functions: Functions) -> list[Helper]:
+        """Helpers that are at least ``|diag(q_k) C|``, (N, k, nu), with C of functions at N places; less each.
 
         Those of the same place are the same for all conditions. They are in units of the largest function.
         """
@@ -93,7 +124,7 @@ class Program:
         for k in range(q.shape[1]):
             keys = [(int(at), row.tobytes()) for at, row in zip(place, q[:, k], strict=True)]
             new = np.array([n for n, key in enumerate(keys) if key not in self._norms], dtype=int)
-            values = q[new, k, None, :, None] * basis[new]
+            values = functions.at(new).scaled(q[new, k])
             units = np.maximum(np.abs(values).max(axis=(1, 2, 3), initial=0.0), np.finfo(float).tiny)
             for n, index, unit in zip(new, self.helpers(new.size), units.tolist(), strict=True):
                 self._norms[keys[n]] = int(index), unit
@@ -141,6 +172,7 @@ class Program:
             matrix = scipy.sparse.csc_matrix(scipy.sparse.hstack([matrix, beside]))
         settings = clarabel.DefaultSettings()
         settings.verbose = False
+        settings.chordal_decomposition_enable = False  # many small cones: parts of them are no gain
         weight = scipy.sparse.csc_matrix(scipy.sparse.diags([_SMALL] * m + [0.0] * (self.size - m)))
         goal = np.zeros(self.size)
         goal[m] = -1.0

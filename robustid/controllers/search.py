@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.controllers.conditions import Conditions
-from robustid.controllers.program import Program
+from robustid.controllers.program import Functions, Program
 from robustid.core import Complex, Real
 
 _ROUNDS = 25  # of new directions
@@ -31,9 +31,9 @@ Directions = list[Complex]
 
 
 class Question(NamedTuple):
-    """Conditions on values of C, with an orthonormal basis B (F, m, nu, ny); linear ones on its factors, ``G x >= h``."""
+    """Conditions on values of C, with an orthonormal basis; linear ones on its factors, ``G x >= h``."""
 
-    basis: Complex
+    basis: Functions
     conditions: Sequence[Conditions]
     linear: tuple[Real, Real] | None = None
 
@@ -43,7 +43,7 @@ class Question(NamedTuple):
 
     def values(self, factors: Real) -> Complex:
         """Values of C, (F, nu, ny)."""
-        return np.einsum("fmij,m->fij", self.basis, factors)
+        return np.einsum("fmij,m->fij", self.basis.whole, factors)
 
     def with_units(self) -> Iterator[tuple[Conditions, Real]]:
         """The conditions, each with the units of its slack."""
@@ -97,7 +97,7 @@ def found_for(
 
 def _solved(question: Question, directions: Directions) -> Real | None:
     """The factors of the largest least slack for given directions."""
-    m = question.basis.shape[1]
+    m = question.basis.axes.shape[1]
     program = Program(m)
     program.not_negative(np.zeros((1, m)), np.array([-1.0]), np.array([_MOST]))
     if question.linear is not None:
@@ -105,16 +105,17 @@ def _solved(question: Question, directions: Directions) -> Real | None:
         program.not_negative(G, -np.maximum(np.abs(h), _UNIT), -h)
     for one, turn in zip(question.conditions, directions, strict=True):
         if one.place.size:
-            _ask(program, one, turn, question.basis[one.place])
+            _ask(program, one, turn, question.basis.at(one.place))
     return program.solved()
 
 
-def _ask(program: Program, one: Conditions, turn: Complex, basis: Complex) -> None:
-    """Add conditions for given directions; `basis` (N, m, nu, ny)."""
+def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions) -> None:
+    """Add conditions for given directions."""
+    basis = functions.whole
     unit, single = _units(one), one.a.shape[1:] == (1, 1)
     if one.inside:  # |a + b C| <= w - unit t - sum |Q C|
         values = np.einsum("npj,nmjq->nmpq", one.b, basis)
-        helpers = program.norms(one.place, one.q, basis)
+        helpers = program.norms(one.place, one.q, functions)
         program.norm(values, one.a, -unit, one.w, helpers)
         return
     turned = turn.conj().swapaxes(1, 2)
@@ -125,4 +126,4 @@ def _ask(program: Program, one: Conditions, turn: Complex, basis: Complex) -> No
             program.hold(np.real(ahead[:, :, 0, 0]), -unit, fixed, one.q[:, 0, 0, None] * basis[:, :, 0, 0])
         return
     fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[1])
-    program.semidefinite(ahead, fixed, -unit, program.norms(one.place, one.q, basis))
+    program.semidefinite(ahead, fixed, -unit, program.norms(one.place, one.q, functions))

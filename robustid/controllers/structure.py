@@ -153,11 +153,14 @@ class Basis:
 
     def response(self, omega: Real) -> Complex:
         """Values at frequencies in rad/s, (F, m, nu, ny)."""
+        return self.into @ self.axes(omega) @ self.out_of
+
+    def axes(self, omega: Real) -> Complex:
+        """Values between the axes, (F, m, k, l): each function in its entry alone."""
         points, place = points_of(omega, self.dt), 0
-        found = np.zeros((omega.size, self.count, *self.shape), complex)
+        found = np.zeros((omega.size, self.count, *self.held.shape), complex)
         for i, j, one in self.parts:
-            here = slice(place, place + len(one.D))
-            found[:, here] = response_at(one, points)[..., None] * np.outer(self.into[:, i], self.out_of[j])
+            found[:, place : place + len(one.D), i, j] = response_at(one, points)[:, :, 0]
             place += len(one.D)
         return found
 

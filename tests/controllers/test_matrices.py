@@ -7,7 +7,7 @@ import pytest
 import robustid as rid
 from robustid.controllers.conditions import Discs, conditions_of
 from robustid.controllers.plants import Plants
-from robustid.controllers.program import _pauli, _triangle
+from robustid.controllers.program import Functions, _pauli, _triangle
 from robustid.controllers.search import _ask
 from robustid.controllers.structure import basis_of
 from robustid.core import StateMatrices, points_of, response_at
@@ -94,7 +94,7 @@ def test_with_its_own_direction_a_cone_is_the_condition():
     """The rows of the program at a controller, in its own directions: as far inside of their cones as the condition says."""
 
     class Seen:
-        def norms(self, place, q, basis):
+        def norms(self, place, q, functions):
             return []
 
         def semidefinite(self, values, fixed, slack, helpers):
@@ -106,9 +106,25 @@ def test_with_its_own_direction_a_cone_is_the_condition():
     C = np.einsum("fmij,m->fij", basis, x)
     (condition,) = conditions_of(Limits(), discs)
     seen = Seen()
-    _ask(seen, condition, condition.directions(C), basis)
+    _ask(seen, condition, condition.directions(C), Functions(basis, np.eye(3), np.eye(3)))
     found = np.linalg.eigvalsh((seen.found + seen.found.conj().swapaxes(1, 2)) / 2)[:, 0]
     assert found == pytest.approx(condition.excess(C))
+
+
+def test_values_between_axes_bound_those_of_the_whole():
+    rng = np.random.default_rng(4)
+    q, into, out_of = rng.uniform(0, 1, (20, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 4))
+    for held in (np.eye(2), np.ones((2, 2))):
+        functions = Functions(random(rng, 20, 5, 2, 2) * held, into, out_of)
+        x = rng.standard_normal(5)
+        true = largest(q[:, :, None] * np.einsum("nmij,m->nij", functions.whole, x))
+        found = largest(np.einsum("nmij,m->nij", functions.scaled(q), x))
+        assert np.all(found >= true * (1 - 1e-12))
+        if held.sum() == 4:
+            assert found == pytest.approx(true)
+    alone = Functions(random(rng, 20, 5, 3, 3) * np.eye(3), np.eye(3), np.eye(3))
+    true = largest(q[:, :, None] * np.einsum("nmij,m->nij", alone.whole, x))
+    assert largest(np.einsum("nmij,m->nij", alone.scaled(q), x)) == pytest.approx(true)
 
 
 def check(plant, design, peak):

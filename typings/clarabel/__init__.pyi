@@ -11,6 +11,7 @@ class PSDTriangleConeT:
 
 class DefaultSettings:
     verbose: bool
+    chordal_decomposition_enable: bool
 
 class DefaultSolver:
     def __init__(self, P: Any, q: Any, A: Any, b: Any, cones: Any, settings: DefaultSettings) -> None: ...
