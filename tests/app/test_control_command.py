@@ -56,11 +56,11 @@ def test_exit_codes_say_what_was_found(here, capsys, monkeypatch):
     design = small_design()
     none = dataclasses.replace(design, status=DesignStatus.NONE, controller=None, proofs=(), shares={}, level=0.0)
     found = dataclasses.replace(design, status=DesignStatus.FOUND)
-    for one, wanted in ((none, 3), (found, 1)):
+    for one, wanted in ((found, 1), (none, 3)):
         given(monkeypatch, one)
         code, _, _ = words(["control", "band", "band", "--structure", "PI", "--force"], capsys, monkeypatch)
         assert code == wanted
-    assert (here / "controller-controller.npz").is_file()
+        assert (here / "controller-controller.npz").is_file() == (one is found)  # none is left of an earlier design
 
 
 @pytest.mark.parametrize(

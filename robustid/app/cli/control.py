@@ -73,6 +73,8 @@ def control(
         )  # the closest one of a design that found none is in its file alone
         if usable:
             save(model, found.controller)
+        else:
+            model.unlink(missing_ok=True)  # that of an earlier design, which --force replaces
         say(console, found.summary())
         if report is not None:
             progress("drawing the report", 0, 0)
