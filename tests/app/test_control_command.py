@@ -32,6 +32,8 @@ def given(monkeypatch, design):
 
 def test_the_command_writes_design_model_and_page(here, capsys, monkeypatch):
     asked = given(monkeypatch, small_design())
+    monkeypatch.setattr("robustid.report.design_charts._POINTS", 60)
+    monkeypatch.setattr("robustid.report.design_charts._DISCS", 30)
     text = ["control", "band", "--structure", "PID(80), Notch(30..40)", "--peak", "1.9", "--phase-margin", "45"]
     text += ["--attenuate", "1:2:0.5", "--maximise", "attenuation:1:3", "-o", "new", "--report", "new.html"]
     code, out, _ = words(text, capsys, monkeypatch)
