@@ -32,6 +32,8 @@ def given(monkeypatch, design):
 
 def test_the_command_writes_design_model_and_page(here, capsys, monkeypatch):
     asked = given(monkeypatch, small_design())
+    monkeypatch.setattr("robustid.report.design_charts._POINTS", 60)
+    monkeypatch.setattr("robustid.report.design_charts._DISCS", 30)
     text = ["control", "band", "--structure", "PID(80), Notch(30..40)", "--peak", "1.9", "--phase-margin", "45"]
     text += ["--attenuate", "1:2:0.5", "--maximise", "attenuation:1:3", "-o", "new", "--report", "new.html"]
     code, out, _ = words(text, capsys, monkeypatch)
@@ -56,11 +58,11 @@ def test_exit_codes_say_what_was_found(here, capsys, monkeypatch):
     design = small_design()
     none = dataclasses.replace(design, status=DesignStatus.NONE, controller=None, proofs=(), shares={}, level=0.0)
     found = dataclasses.replace(design, status=DesignStatus.FOUND)
-    for one, wanted in ((none, 3), (found, 1)):
+    for one, wanted in ((found, 1), (none, 3)):
         given(monkeypatch, one)
         code, _, _ = words(["control", "band", "band", "--structure", "PI", "--force"], capsys, monkeypatch)
         assert code == wanted
-    assert (here / "controller-controller.npz").is_file()
+        assert (here / "controller-controller.npz").is_file() == (one is found)  # none is left of an earlier design
 
 
 @pytest.mark.parametrize(

@@ -47,8 +47,10 @@ def test_a_controller_that_was_changed_is_not_proved(tmp_path):
     ("change", "status"),
     [
         (lambda text: text.update(level=1.5 * text["level"]), "FOUND"),
-        (lambda text: text["limits"].update(sensitivity_peak=1.2), "FOUND"),
-        (lambda text: text.update(level=0.9 * text["level"]), "PROVED"),
+        pytest.param(
+            lambda text: text["limits"].update(sensitivity_peak=1.2), "FOUND", marks=pytest.mark.slow, id="peak"
+        ),
+        pytest.param(lambda text: text.update(level=0.9 * text["level"]), "PROVED", marks=pytest.mark.slow, id="less"),
     ],
 )
 def test_what_is_proved_is_what_the_file_asks(tmp_path, change, status):

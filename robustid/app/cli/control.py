@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -64,7 +64,7 @@ def control(
         for one in source:
             progress(f"reading {one}", 0, 0)
             plants.append(MeasuredPlant.of(one, progress))
-        how = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
+        how: dict[str, Any] = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
         found = design_controller([one.plants for one in plants], factors, **how)
         found.save(output)
         usable = found.status.name in (
@@ -73,6 +73,8 @@ def control(
         )  # the closest one of a design that found none is in its file alone
         if usable:
             save(model, found.controller)
+        else:
+            model.unlink(missing_ok=True)  # that of an earlier design, which --force replaces
         say(console, found.summary())
         if report is not None:
             progress("drawing the report", 0, 0)
