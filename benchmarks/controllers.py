@@ -1,7 +1,8 @@
 """Controllers for every consistent plant: against weights and nominal models, on withheld records, on consistent plants; time.
 
-Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... PYTHONPATH=tests python benchmarks/controllers.py weight | nominal | withheld | members
-[count] | time. A line is printed as it is done; all seconds are of the processor, of one process.
+Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/controllers.py weight | nominal | withheld | members | time
+A line is printed as it is done; all seconds are of the processor, of one process. `nominal` and `members` take a number of random
+problems, `members --all` fifty.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import numpy as np
 from control_problems import TWO_PI, beams, mirrors, motor_benches, of_nominal, of_weight
 
 import robustid as rid
+from robustid.controllers.plants import Plants
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Limits, LowPass, Notch
 from robustid.guarantees import loop_bounds
@@ -51,7 +53,9 @@ def clock(start):
 def weight(arguments):
     """The level of the goal within the band over that within a weight above it, about the same model."""
     start, ratios = time.process_time(), {order: [] for order in ORDERS}
-    print("level that is proved with |S| <= 2: in the discs of the band, within weights W about the same model (ours/weight)")
+    print(
+        "level that is proved with |S| <= 2: in the discs of the band, within weights W about the same model (ours/weight)"
+    )
     for make in (motor_benches, beams, mirrors):
         for machine in make():
             wide = {order: of_weight(machine.band, order) for order in ORDERS}
@@ -69,7 +73,9 @@ def weight(arguments):
     for order in ORDERS:
         found = np.array(ratios[order])
         words = "the smallest that follows the bound" if order is None else f"at most {order}"
-        print(f"W of order {words}: median {np.median(found):.3f}, {found.min():.3f} to {found.max():.3f} ({found.size} designs)")
+        print(
+            f"W of order {words}: median {np.median(found):.3f}, {found.min():.3f} to {found.max():.3f} ({found.size} designs)"
+        )
     clock(start)
 
 
@@ -80,7 +86,8 @@ def judged_by(frf, controller, peak=PEAK):
     """Lines at which |S| with a response exceeds a peak: by its values, by every value within its bounds."""
     C = values_of(controller, frf.omega)
     X, size = np.abs(1 + frf.values[:, 0, 0] * C), frf.bound.outer_radius[:, 0, 0] * np.abs(C)
-    return X < 1 / peak, X + size < 1 / peak
+    limit = 1 / peak
+    return limit > X, limit > X + size
 
 
 def judged_on(plants, controller, peak=PEAK):
@@ -104,8 +111,8 @@ def nominal(arguments):
     """Designs on the model alone for the same limits, on withheld records and consistent plants."""
     start, total = time.process_time(), np.zeros(5, int)
     print(
-        "designs for the model alone: its level over ours; withheld: lines above the peak by their values (for sure, within all"
-        f" bounds);\nof {MEMBERS} consistent plants: not stable, above the peak, largest peak; both for the design on the model and for ours"
+        "designs for the model alone: level over ours; withheld lines above the peak by values (for sure, in all bounds);\n"
+        f"of {MEMBERS} consistent plants: not stable, above the peak, largest peak; for the design on the model and for ours"
     )
     for make in (motor_benches, beams, mirrors):
         for machine in make():
@@ -124,7 +131,9 @@ def nominal(arguments):
                     )
                     if design is theirs:
                         total += [1, above.any(), surely.any(), unstable > 0, unstable + over > 0]
-                print(f"{machine.name:26s} {name:26s} {theirs.level / ours.level:6.2f} | {' | '.join(cells)}", flush=True)
+                print(
+                    f"{machine.name:26s} {name:26s} {theirs.level / ours.level:6.2f} | {' | '.join(cells)}", flush=True
+                )
     count, *others = total
     print(
         f"measured: {count} designs on a model; above the peak on the withheld record {others[0]}, for sure {others[1]}; with a"
@@ -155,7 +164,9 @@ def random_problems(count):
             f"random: {count} designs {name}: the true plant above the peak or not stable {true.sum():.0f}; a consistent plant not"
             f" stable {unstable.sum():.0f}, or above the peak {any_.sum():.0f}"
         )
-    print(f"random: level on the model over ours: median {np.median(ratio):.2f}, {ratio.min():.2f} to {ratio.max():.2f}")
+    print(
+        f"random: level on the model over ours: median {np.median(ratio):.2f}, {ratio.min():.2f} to {ratio.max():.2f}"
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------------- withheld
@@ -167,8 +178,8 @@ def withheld(arguments):
     counts = {"kept surely": 0, "kept by the value": 0, "above by the value": 0, "above surely": 0, "outside": 0}
     lines, records, clean = 0, 0, 0
     print(
-        "lines of withheld records: |S| within the proved peak with every value of their own bounds (surely), by their value alone;\n"
-        "above it by their value, with every value; outside: P C more than its own bound beside the proved disc, at that line"
+        "lines of withheld records: |S| within the proved peak with every value of their own bounds (surely), by their value\n"
+        "alone; above it by their value, with every value; outside: the response more than its own bound beside the proved disc"
     )
     for make in (motor_benches, lambda: mirrors(MIRRORS)):
         for machine in make():
@@ -273,8 +284,11 @@ def seconds(arguments):
     start = time.process_time()
     result = rid.identify(problem)
     band = rid.band(problem).with_model(rid.balanced_truncation(result.model, order=12).model)
-    arcs = band.circle.bound.size
-    print(f"200 lines, class and two modes: {result.status.name.lower()}, band of {arcs} arcs {time.process_time() - start:.1f} s")
+    arcs, grid = band.circle.bound.size, Plants.of(band).grid().size
+    print(
+        f"200 lines, class and two modes: {result.status.name.lower()}, band of {arcs} arcs {time.process_time() - start:.1f} s;"
+        f" designed at {grid} frequencies to begin with"
+    )
     for name, low, high in (("notches as given", 1.0, 1.0), ("notches and filters searched", 0.8, 1.25)):
 
         def free(hz, low=low, high=high):
@@ -285,7 +299,9 @@ def seconds(arguments):
         found = designed(band, structure)
         spent = time.process_time() - start
         verdict = "held" if spent <= 10 and found.status.name == "PROVED" else "MISSED"
-        print(f"PID, two notches, low-pass, {name}: {told(found)}, {found.status.name.lower()}, {spent:.1f} s, bar 10 s {verdict}")
+        print(
+            f"PID, two notches, low-pass, {name}: {told(found)}, {found.status.name.lower()}, {spent:.1f} s, bar 10 s {verdict}"
+        )
         again = time.process_time()
         loop_bounds(band, controller=found.controller)
         print(f"    its proof alone {time.process_time() - again:.2f} s", flush=True)

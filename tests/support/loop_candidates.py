@@ -43,10 +43,9 @@ def is_consistent(problem, residual):
     if problem.parametric is not None:
         return True
     circle = np.exp(1j * np.linspace(0, np.pi, 2000)) / prior.decay_rate
-    return (
-        np.abs(poles_of(system.A)).max(initial=0) * prior.decay_rate < 1
-        and np.abs(response_at(system, circle)).max() <= prior.gain_bound * (1 + ROUNDED)
-    )
+    return np.abs(poles_of(system.A)).max(initial=0) * prior.decay_rate < 1 and np.abs(
+        response_at(system, circle)
+    ).max() <= prior.gain_bound * (1 + ROUNDED)
 
 
 class Plant(NamedTuple):
@@ -64,9 +63,7 @@ def consistent_plants(seed, count, near=()):
     """Plants P(R) of consistent R, some of them far out near to given frequencies."""
     case, result, _ = case_of(seed)
     rng = np.random.default_rng([seed, 31])
-    return [
-        plant_with_response(case.loop.plant_of(one)) for one in consistent_members(result, count, rng, near)
-    ]
+    return [plant_with_response(case.loop.plant_of(one)) for one in consistent_members(result, count, rng, near)]
 
 
 def consistent_members(result, count, rng, near=()):
