@@ -186,6 +186,7 @@ def withheld(arguments):
             for name, (structure, goal) in machine.structures.items():
                 design = designed(machine.band, structure, goal)
                 if not design.proofs:
+                    print(f"{machine.name:26s} {name:26s} {design.status.value}", flush=True)
                     continue
                 proof, C_of = design.proofs[0], design.controller
                 peak = proof.peaks["sensitivity"].value

@@ -62,10 +62,11 @@ def figure_of(design, withheld):
         above.fill_between(
             hz, np.maximum(size - radius, 1e-7), size + radius, color=f"C{k}", alpha=0.3, lw=0, label=f"stretch {k + 1}"
         )
+        above.plot(hz, size + radius, color=f"C{k}", lw=0.8)
         S, reach = proof.at(omega)["sensitivity"]
         largest = np.maximum(largest, np.abs(S[:, 0, 0]) + reach)
     above.loglog(withheld.freq_hz, np.abs(withheld.values[:, 0, 0]), ".", ms=3, color="k", label="stretch 3, withheld")
-    above.set(ylabel="|torsion/current| [rad per unit]", ylim=(1e-6, 0.1))
+    above.set(ylabel="|torsion/current| [rad per unit]", ylim=(1e-6, 0.3))
     L = withheld.values[:, 0, 0] * value(design.controller, withheld.omega)
     below.semilogx(hz, largest, color="C3", lw=1.2, label="|S| of the worst consistent plant, proved")
     below.plot(withheld.freq_hz, 1 / np.abs(1 + L), ".", ms=3, color="k", label="|S| with the withheld response")

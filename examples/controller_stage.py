@@ -27,7 +27,7 @@ MODES = ((140.0, 0.03, 0.5), (230.0, 0.03, -0.6))  # Hz, damping, gain over that
 MOVED = ((0.03, 0.4), (-0.02, 0.3))  # of frequency and gain, from the middle to the end
 POSITIONS = (-1.0, 1.0)  # that are measured
 BETWEEN = (-0.5, 0.0, 0.5)
-SLOW_HZ, FORCE, NOISE = 8.0, 20.0, 0.02  # crossover of the controller that ran, N, µm
+SLOW_HZ, FORCE, NOISE = 8.0, 20.0, 0.1  # crossover of the controller that ran, N, µm
 LINES = np.unique(np.append(np.arange(1, 30), np.geomspace(30, 950, 120).astype(int)))  # of the period, Hz
 PEAK = 2.0
 LEAST_INTEGRAL = 1e-3  # N/(µm s): an integrator there must be
@@ -108,9 +108,10 @@ def figure_of(loops, design):
             lw=0,
             label=f"position {position:g}",
         )
+        above.plot(hz, size, color=f"C{k}", lw=0.8)
         S, reach = design.proofs[k].at(omega)["sensitivity"]
         worst = np.maximum(worst, np.abs(S[:, 0, 0]) + reach)
-    above.set(xscale="log", yscale="log", ylabel="|position/force| [µm/N]")
+    above.set(xscale="log", yscale="log", ylim=(1e-5, 1e4), ylabel="|position/force| [µm/N]")
     for k, position in enumerate((*POSITIONS, *BETWEEN)):
         label = "true plants at these positions" * (k == 0) + "true plants between them" * (k == len(POSITIONS))
         S = 1 / np.abs(1 + response(stage(position), omega) * response(design.controller, omega))
