@@ -30,7 +30,8 @@ BETWEEN = (-0.5, 0.0, 0.5)
 SLOW_HZ, FORCE, NOISE = 8.0, 20.0, 0.05  # crossover of the controller that ran, N, µm
 LINES = np.unique(np.append(np.arange(1, 30), np.geomspace(30, 950, 120).astype(int)))  # of the period, Hz
 PEAK = 2.0
-LEAST_INTEGRAL = 1e-3  # N/(µm s): an integrator there must be
+LEAST_INTEGRAL = 1.0  # N/(µm s): a steady force leaves no error, after a second or two
+QUIET = 0.1, 5.0, 0.2  # Hz, and |S| at most: without it the loop may ring slowly, which no peak forbids
 STRUCTURE = (PID(filter=TWO_PI * 150), Notch(TWO_PI * 140, 0.5), Notch(TWO_PI * 230, 0.5), LowPass(TWO_PI * 500, 2))
 
 
@@ -137,7 +138,9 @@ def main(argv=None):
         print(f"   position {position:5g}: |S| at most {ran.peaks['sensitivity'].value:.3f}")
 
     print("\n2. One controller for all of them:")
-    limits = Limits(sensitivity_peak=PEAK, integral_gain=LEAST_INTEGRAL)
+    low, high, left = QUIET
+    quiet = [(TWO_PI * low, TWO_PI * high, left)]
+    limits = Limits(sensitivity_peak=PEAK, integral_gain=LEAST_INTEGRAL, attenuation=quiet)
     design = rid.design_controller(list(loops.values()), STRUCTURE, limits=limits)
     print(design.summary())
     if design.controller is None:
