@@ -5,7 +5,7 @@ band each, with the poles anywhere in the box that the data leave; one controlle
 filter, a notch at the torsion resonance and a low-pass. A third stretch, which nothing was designed from, judges it.
 
 Data: two_mass/MultisineTypeA.mat of github HoriFujimotoLab/FdiTools (MIT). Set ROBUSTID_DATA to the folder that holds two_mass/.
-Run: python controller_motor.py --out folder (ten seconds)
+Run: python controller_motor.py --out folder (half a minute)
 """
 
 import dataclasses
