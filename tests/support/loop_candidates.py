@@ -33,14 +33,19 @@ def case_of(seed):
 
 
 def is_consistent(problem, residual):
-    """Every sample within its bound, and the class kept: poles, and the gain on its circle; from the numbers of the model."""
+    """Every sample within its bound, and the class kept: poles, and the gain on its circle; from the numbers of the model.
+
+    Of problems with a parametric part the samples alone: its poles are none of the class, and a model keeps no track of its parts.
+    """
     prior, system = problem.prior, StateMatrices.of(residual)
+    if largest_ratio(problem, residual) > 1 + ROUNDED:
+        return False
+    if problem.parametric is not None:
+        return True
     circle = np.exp(1j * np.linspace(0, np.pi, 2000)) / prior.decay_rate
-    return (
-        largest_ratio(problem, residual) <= 1 + ROUNDED
-        and np.abs(poles_of(system.A)).max(initial=0) * prior.decay_rate < 1
-        and np.abs(response_at(system, circle)).max() <= prior.gain_bound * (1 + ROUNDED)
-    )
+    return np.abs(poles_of(system.A)).max(initial=0) * prior.decay_rate < 1 and np.abs(
+        response_at(system, circle)
+    ).max() <= prior.gain_bound * (1 + ROUNDED)
 
 
 class Plant(NamedTuple):
@@ -55,13 +60,19 @@ def plant_with_response(plant):
 
 
 def consistent_plants(seed, count, near=()):
-    """Plants P(R) of consistent R: each far out in a direction at a frequency, some of these near to given ones.
+    """Plants P(R) of consistent R, some of them far out near to given frequencies."""
+    case, result, _ = case_of(seed)
+    rng = np.random.default_rng([seed, 31])
+    return [plant_with_response(case.loop.plant_of(one)) for one in consistent_members(result, count, rng, near)]
+
+
+def consistent_members(result, count, rng, near=()):
+    """Systems that an identification allows: each far out in a direction at a frequency, some of these near to given ones.
 
     Of the interpolants of such samples one between the central one and those whose gain is all that the class allows.
     """
-    case, result, _ = case_of(seed)
-    every, rng, found = consistent_set(result), np.random.default_rng([seed, 31]), []
-    none, top = np.zeros(0), np.pi / DT
+    every, found = consistent_set(result), []
+    none, top = np.zeros(0), np.pi / result.problem.dt
     for attempt in range(3 * count):
         omega = rng.uniform(0, top)
         if near and attempt % 2:
@@ -73,12 +84,12 @@ def consistent_plants(seed, count, near=()):
         if point is None:
             continue
         free = rng.choice([0.0, rng.uniform(-0.99, 0.99)])
-        residual = nominal_model(here.posed, Candidate(*point, none, none, ""), every.level, free).model
-        if is_consistent(result.problem, residual):
-            found.append(plant_with_response(case.loop.plant_of(residual)))
+        system = nominal_model(here.posed, Candidate(*point, none, none, ""), every.level, free).model
+        if is_consistent(result.problem, system):
+            found.append(system)
         if len(found) == count:
             return found
-    raise AssertionError(f"{len(found)} consistent plants of {3 * count} tried")
+    raise AssertionError(f"{len(found)} consistent systems of {3 * count} tried")
 
 
 # -------------------------------------------------------------------------------------------------------------- verdicts
