@@ -24,6 +24,7 @@ from robustid.core import Budget, Frozen, Progress, Savable, as_flag, as_float, 
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees import Band, LoopBounds
+from robustid.identification import common_scope
 
 if TYPE_CHECKING:
     import control
@@ -102,6 +103,11 @@ class ControllerDesign(Frozen, Drawable, Savable):
         unasked = {SHARES[name] for name in own.difference(self.limits.stated)}
         return {name: share for name, share in self.shares.items() if name not in unasked} or self.shares
 
+    @property
+    def scope(self) -> str:
+        """Words that follow a claim about the data of all bands; empty where none is due."""
+        return common_scope([one.band.problem for one in self.proofs])
+
     def obstacle(self) -> Obstacle | None:
         """Law that the limits contradict, with its numbers: a proof that no controller at all keeps them; None where none is known.
 
@@ -166,9 +172,8 @@ class ControllerDesign(Frozen, Drawable, Savable):
             return f"controller {self.status.value}"
         none = self.status is DesignStatus.NONE
         everywhere = ", at every frequency" * (self.status is DesignStatus.PROVED)
-        scopes = dict.fromkeys(one.band.problem.scope for one in self.proofs)
         excess = f"; {self.excess}" * none
-        lines = [f"controller {self.status.value}{everywhere}{excess}{''.join(scopes)}"]
+        lines = [f"controller {self.status.value}{everywhere}{excess}{self.scope}"]
         lines += self._why if none else [f"goal       {self.goal.name} {self.goal.told(self.level)}"]
         for name, (share, omega) in self.asked_shares.items():
             lines.append(f"{name:20s} {share:.3g} of its limit{_near(omega)}")

@@ -27,6 +27,8 @@ _FINE = 1.005  # of the goal: two levels that are as good as equal
 _STEPS = 10  # levels over the axis that are tried from above
 _SPARE = 0.995  # of every limit: what the proof on arcs takes
 _LOWER = (1.0, 0.998, 0.995, 0.99, 0.97)  # of a level that failed its proof
+_PART = 0.25  # of the corner of a loop that is wanted, up to which it has a second integrator
+_BACK = (0.7,)  # of a level that was reached, from which the search begins once more
 _SEARCH = (1.5, 1.2, 1.07)  # factors that searched numbers are moved by
 
 
@@ -206,13 +208,23 @@ class At:
         """The controller of about the level of another one, with these frequencies."""
         for part in _LOWER:
             if (found := self.found(best.level * part, best)) is not None:
-                return self.raised(found, best.level)
+                return self._climbed(found, best.level, 1.5)
         return None
 
     def raised(self, found: Found, high: float | None = None) -> Found:
-        """A controller of a higher level, in ever smaller steps."""
+        """A controller of a higher level; from the middle of what a lower level leaves possible other directions may open."""
         high = self.ends[1] if high is None else high
-        step, centre = 1.5, found
+        best = self._climbed(found, high, 1.5)
+        for part in _BACK:
+            lower = self.found(best.level * part, best, centred=True)
+            other = None if lower is None else self._climbed(lower, high, 1 / part)
+            if other is not None and other.level > best.level * _FINE:
+                best = other
+        return best
+
+    def _climbed(self, found: Found, high: float, step: float) -> Found:
+        """A controller of a higher level, in ever smaller steps."""
+        centre = found
         while step > _FINE:
             other = self.found(found.level * step, centre) if found.level * step <= high else None
             if other is not None:
@@ -247,8 +259,11 @@ class At:
         running = self._running(discs)
         if running.any():
             yield running
-        wanted = (self._corner(discs, limits) / (1j * discs.omega))[:, None, None]
+        corner = self._corner(discs, limits)
+        wanted = (corner / (1j * discs.omega))[:, None, None]
         yield wanted * np.linalg.pinv(discs.centre)
+        if self.basis.integral.any() and discs.shape == (1, 1):  # with its integrator up to a part of the corner
+            yield wanted * (1 + _PART * corner / (1j * discs.omega))[:, None, None] / discs.centre
         if discs.shape != (1, 1):  # the same of every loop by itself
             basis, held = self.basis, self.basis.held
             alone = np.where(held, (basis.out_of @ discs.centre @ basis.into).swapaxes(1, 2), 1.0)
@@ -283,12 +298,12 @@ class At:
             last = self._in_basis(self.basis.axes(end))
             axes = np.concatenate([axes, np.repeat(last, len(self.task.plants), axis=0)])
         linear = None
-        if limits.integral_gain is not None:
+        if discs.shape == (1, 1) and self.basis.integral.any():
             gain = (self.basis.integral @ self.back)[None]
             lowest = int(np.argmin(discs.omega))  # an integrator is to lower what the loop that runs leaves there
             centre = discs.centre[lowest, 0, 0]
             left = 1 + centre * self._running(discs)[lowest, 0, 0]
             sign = np.sign(np.real(centre / left))
-            linear = sign * gain, np.array([limits.integral_gain])
+            linear = sign * gain, np.array([limits.integral_gain or 0.0])
         functions = Functions(axes, self.basis.into, self.basis.out_of)
         return Question(functions, conditions_of(limits.closer(self.task.spare), discs), linear), discs

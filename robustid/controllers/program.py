@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 
+_TOLERANCE = 1e-6  # of the solver: what it finds is judged by its numbers
 _SMALL = 1e-10  # weight of the size of the factors, which makes them unique
 
 Indices = NDArray[np.intp]
@@ -172,6 +173,7 @@ class Program:
             matrix = scipy.sparse.csc_matrix(scipy.sparse.hstack([matrix, beside]))
         settings = clarabel.DefaultSettings()
         settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
         settings.chordal_decomposition_enable = False  # many small cones: parts of them are no gain
         weight = scipy.sparse.csc_matrix(scipy.sparse.diags([_SMALL] * m + [0.0] * (self.size - m)))
         goal = np.zeros(self.size)

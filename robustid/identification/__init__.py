@@ -25,7 +25,7 @@ from robustid.identification.passive_prior import (
     prior_from,
 )
 from robustid.identification.prior import Prior, any_prior, prior_fields
-from robustid.identification.problem import MixedProblem, check_sampled, excited_lines, posed_alone
+from robustid.identification.problem import MixedProblem, check_sampled, common_scope, excited_lines, posed_alone
 from robustid.identification.residuals import Residual, entry_name, fit_percent, largest_ratio, model_residuals
 from robustid.identification.result import Identification
 from robustid.identification.sample_faults import sample_faults
@@ -62,6 +62,7 @@ __all__ = [
     "check_sampled",
     "class_size",
     "class_value",
+    "common_scope",
     "contradictions",
     "describe_poles",
     "entry_name",

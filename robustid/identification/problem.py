@@ -180,7 +180,7 @@ class MixedProblem(Frozen):
     @property
     def scope(self) -> str:
         """Words that follow a claim about these data, ", for this excitation, from data with a fault"; empty where none is due."""
-        return ", for this excitation" * self.of_one_excitation + ", from data with a fault" * bool(self.open_faults)
+        return common_scope([self])
 
     @functools.cached_property
     def placed_faults(self) -> tuple[PlacedFault, ...]:
@@ -384,3 +384,9 @@ def _check_same_time(items: Sequence[Any]) -> None:
         )
     if max(steps) - min(steps) > 1e-9 * max(steps):
         raise InputError(f"`dt` differs between experiments: {sorted(set(steps))} s; resample to one sample time")
+
+
+def common_scope(problems: Sequence[MixedProblem]) -> str:
+    """Words that follow a claim about the data of several problems: each once, where it is due to any of them."""
+    one, faulty = any(each.of_one_excitation for each in problems), any(each.open_faults for each in problems)
+    return ", for this excitation" * one + ", from data with a fault" * faulty

@@ -141,8 +141,7 @@ def design_verdict(design: ControllerDesign) -> Verdict:
         return Verdict(key, word, words, id="design-verdict")
     reached = f"{design.goal.name} {design.goal.told(design.level)}"
     if design.status is DesignStatus.PROVED:
-        scope = "".join(dict.fromkeys(one.band.problem.scope for one in design.proofs))
-        words = f"Every consistent plant keeps all limits with this controller, at every frequency{scope}: {reached}."
+        words = f"Every consistent plant keeps all limits with this controller, at every frequency{design.scope}: {reached}."
         return Verdict(key, word, words, id="design-verdict")
     if not all(one.guaranteed for one in design.proofs):
         words = "It was found at frequencies; that it stabilises every consistent plant is not proved."

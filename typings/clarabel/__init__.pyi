@@ -11,6 +11,9 @@ class PSDTriangleConeT:
 
 class DefaultSettings:
     verbose: bool
+    tol_gap_abs: float
+    tol_gap_rel: float
+    tol_feas: float
     chordal_decomposition_enable: bool
 
 class DefaultSolver:

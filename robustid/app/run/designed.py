@@ -56,6 +56,5 @@ def design_words(design: ControllerDesign) -> str:
         return f"Controller: {design.status.value}{why}."
     words = f"Controller of order {design.controller.nstates}: {design.goal.name} {design.goal.told(design.level)},"
     if design.status is DesignStatus.PROVED:
-        scope = "".join(dict.fromkeys(one.band.problem.scope for one in design.proofs))
-        return f"{words} proved for every consistent plant, at every frequency{scope}."
+        return f"{words} proved for every consistent plant, at every frequency{design.scope}."
     return f"{words} {design.status.value}."
