@@ -137,8 +137,8 @@ class LowPass:
         (w,) = at
         if self.order == 1:
             return Parts(False, [], [StateMatrices(*(np.array([[one]]) for one in (-w, 1.0, w, 0.0)))])
-        A = np.array([[0.0, 1.0], [-(w**2), -math.sqrt(2) * w]])
-        return Parts(False, [], [StateMatrices(A, np.array([[0.0], [1.0]]), np.array([[w**2, 0.0]]), np.zeros((1, 1)))])
+        A = w * np.array([[0.0, 1.0], [-1.0, -math.sqrt(2)]])
+        return Parts(False, [], [StateMatrices(A, np.array([[0.0], [w]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from robustid.controllers.loop_gain import largest_reciprocal
 from robustid.core import (
     Complex,
     Real,
+    Response,
     StateMatrices,
     closed_loop,
     decay_of,
@@ -71,15 +73,24 @@ class Plants:
         """Sample time in s; 0 in continuous time."""
         return self.loop.dt
 
-    @property
+    @functools.cached_property
     def in_open_loop(self) -> bool:
         """True of a plant that was measured without a controller."""
         return self.loop.auxiliary is None and not self.loop.as_controller(self.loop.controller).D.any()
 
-    @property
+    @functools.cached_property
     def model(self) -> StateMatrices:
         """The plant of the model of the band."""
         return StateMatrices.of(self.loop.plant_of(self._nominal))
+
+    @functools.cached_property
+    def _response(self) -> Response:
+        """The plant of the model, or the open loop about the model of the band: asked at many frequencies, many times."""
+        if self.in_open_loop:
+            return Response(self.model)
+        nu, ny = self.loop.shape
+        nothing = StateMatrices(np.zeros((0, 0)), np.zeros((0, ny)), np.zeros((nu, 0)), np.zeros((nu, ny)))
+        return Response(self.loop.about(StateMatrices.of(self._nominal), nothing))
 
     @property
     def _nominal(self) -> control.StateSpace:
@@ -110,18 +121,16 @@ class Plants:
         right = np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, len(entries) - 1)
         left = np.clip(np.searchsorted(edges, omega, side="left") - 1, 0, len(entries) - 1)
         bound = np.maximum(entries[left], entries[right])
-        nu, ny = self.loop.shape
+        nu, _ = self.loop.shape
         units = np.ones((omega.size, nu))
         if self.in_open_loop:
-            centre = response_at(self.model, points_of(omega, self.dt))
+            centre = self._response.at(points_of(omega, self.dt))
             if nu > 1:  # every input in the unit of its own bounds
                 units = np.linalg.norm(bound, axis=1)
                 units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
             radius = norm_of_bounds(bound / units[:, None])
         else:
-            nothing = StateMatrices(np.zeros((0, 0)), np.zeros((0, ny)), np.zeros((nu, 0)), np.zeros((nu, ny)))
-            around = self.loop.about(StateMatrices.of(self._nominal), nothing)
-            values = response_at(around, points_of(omega, self.dt))
+            values = self._response.at(points_of(omega, self.dt))
             centre, radius = LoopValues.at(values, self.loop.shape).balls(bound)["process_sensitivity"]
         if not np.all(np.isfinite(radius)):
             first = float(omega[np.argmin(np.isfinite(radius))])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import integral_gain
 from robustid.core import StateMatrices
-from robustid.guarantees import LoopBounds
+from robustid.guarantees import LoopBounds, LoopMargins, Peak
 
 if TYPE_CHECKING:
     import control
@@ -50,26 +50,45 @@ class Proof(NamedTuple):
 def proof_of(plants: Sequence[Plants], controller: control.StateSpace, limits: Limits) -> Proof:
     """Prove a controller with all plants: what it takes of every limit at most, and near which frequency (nan: of none)."""
     proofs = tuple(one.proved(controller) for one in plants)
+    found = [
+        Taken(proof.peaks, proof.margins, one.shares(controller, limits))
+        for one, proof in zip(plants, proofs, strict=True)
+    ]
+    return Proof(proofs, shares_of(limits, found, StateMatrices.of(controller), plants[0].dt))
+
+
+class Taken(NamedTuple):
+    """Numbers of one loop that limits are about: peaks, margins, and shares of the templates and of the bandwidth."""
+
+    peaks: Mapping[str, Peak]
+    margins: LoopMargins
+    rows: Mapping[str, tuple[float, float]]
+
+
+def shares_of(
+    limits: Limits, loops: Sequence[Taken], controller: StateMatrices, dt: float
+) -> dict[str, tuple[float, float]]:
+    """Largest share of every limit that any of the loops takes, and near which frequency (nan: of none)."""
     shares: dict[str, tuple[float, float]] = {}
 
     def told(name: str, share: float, omega: float) -> None:
         if share > shares.get(name, (-1.0, 0.0))[0]:
             shares[name] = share, omega
 
-    for one, proof in zip(plants, proofs, strict=True):
+    for peaks, margins, rows in loops:
         for name, own in _PEAKS.items():
             limit = getattr(limits, own)
             if limit is not None:
-                told(own.replace("_", " "), proof.peaks[name].value / limit, proof.peaks[name].omega)
+                told(own.replace("_", " "), peaks[name].value / limit, peaks[name].omega)
         if limits.gain_margin is not None:
-            told("gain margin", (limits.gain_margin - 1) / max(proof.margins.gain[1] - 1, _LEAST), math.nan)
+            told("gain margin", (limits.gain_margin - 1) / max(margins.gain[1] - 1, _LEAST), math.nan)
         if limits.phase_margin is not None:
-            told("phase margin", limits.phase_margin / max(proof.margins.phase, _LEAST), math.nan)
+            told("phase margin", limits.phase_margin / max(margins.phase, _LEAST), math.nan)
         if limits.delay_margin is not None:
-            told("delay margin", limits.delay_margin / max(proof.margins.delay, _TINY), math.nan)
-        for name, (share, omega) in one.shares(controller, limits).items():
+            told("delay margin", limits.delay_margin / max(margins.delay, _TINY), math.nan)
+        for name, (share, omega) in rows.items():
             told(name, share, omega)
     if limits.integral_gain is not None:
-        gain = abs(float(integral_gain(StateMatrices.of(controller), plants[0].dt)))
+        gain = abs(integral_gain(controller, dt))
         told("integral gain", limits.integral_gain * (1 - _ROUNDING) / max(gain, _TINY), math.nan)
-    return Proof(proofs, shares)
+    return shares

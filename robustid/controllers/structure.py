@@ -275,7 +275,7 @@ def _section(pole: complex, dt: float) -> StateMatrices:
 def _canonical(top: Real, bottom: Real) -> tuple[Real, Real, Real, Real]:
     import scipy.signal
 
-    A, B, C, D = (np.asarray(one, dtype=float) for one in scipy.signal.tf2ss(top, bottom))
+    A, B, C, D = (np.asarray(one, dtype=float) for one in scipy.signal.tf2ss(np.trim_zeros(top, "f"), bottom))
     return A[::-1, ::-1], B[::-1], C[:, ::-1], D
 
 

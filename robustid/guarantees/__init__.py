@@ -19,10 +19,10 @@ from robustid.guarantees.interconnection_result import Interconnection, Intercon
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
-from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak
+from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
-from robustid.guarantees.loop_values import LoopValues
+from robustid.guarantees.loop_values import LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -112,6 +112,7 @@ __all__ = [
     "interconnection",
     "loop_bounds",
     "magnitude_weight",
+    "margins_of",
     "ncf_margin",
     "norm_of_bounds",
     "nu_gap",
@@ -128,4 +129,5 @@ __all__ = [
     "uncertainty_weight",
     "worst_case_error",
     "worst_case_over_poles",
+    "worst_of",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -147,7 +147,7 @@ class LoopAxis:
         sizes, omega = BandAxis(self.band).largest(self.around, self._sizes, floors)
         largest = dict(zip(self._names, sizes.tolist(), strict=True))
         where = dict(zip(self._names, omega.tolist(), strict=True))
-        return {name: Peak(largest[name], where[name]) for name in MAPS}, self._margins(largest)
+        return {name: Peak(largest[name], where[name]) for name in MAPS}, margins_of(largest, self.shape)
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -169,20 +169,22 @@ class LoopAxis:
             found.append(delay_of(balls["complementary_sensitivity"], top))
         return np.stack(found, axis=1)
 
-    def _margins(self, largest: dict[str, float]) -> LoopMargins:
-        modulus, disk = 1 / largest["sensitivity"], 1 / largest["disk"]
-        delay = 1 / largest["delay"] if largest["delay"] else np.inf
-        if self.shape == (1, 1):
-            above, below, t = (max(largest[name], _FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
-            up, down = (
-                (1 + 1 / above if np.isfinite(above) else 1.0),
-                (below / (1 + below) if np.isfinite(below) else 1.0),
-            )
-            return LoopMargins(modulus, (down, up), math.pi - 2 * math.atan(2 * t), delay, disk)
-        alpha = min(disk, 2 * (1 - 1e-9))
-        return LoopMargins(
-            modulus, ((2 - alpha) / (2 + alpha), (2 + alpha) / (2 - alpha)), 2 * math.atan(alpha / 2), delay, disk
+
+def margins_of(largest: Mapping[str, float], shape: tuple[int, int]) -> LoopMargins:
+    """Margins that follow from the largest sizes that limit them, by their names."""
+    modulus, disk = 1 / largest["sensitivity"], 1 / largest["disk"]
+    delay = 1 / largest["delay"] if largest["delay"] else np.inf
+    if shape == (1, 1):
+        above, below, t = (max(largest[name], _FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
+        up, down = (
+            (1 + 1 / above if np.isfinite(above) else 1.0),
+            (below / (1 + below) if np.isfinite(below) else 1.0),
         )
+        return LoopMargins(modulus, (down, up), math.pi - 2 * math.atan(2 * t), delay, disk)
+    alpha = min(disk, 2 * (1 - 1e-9))
+    return LoopMargins(
+        modulus, ((2 - alpha) / (2 + alpha), (2 + alpha) / (2 - alpha)), 2 * math.atan(alpha / 2), delay, disk
+    )
 
 
 def _smaller_model(model: control.StateSpace) -> tuple[control.StateSpace, Real]:

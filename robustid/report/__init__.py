@@ -7,6 +7,7 @@ from robustid.report.live import live_figure, live_words, look_figure, look_word
 from robustid.report.pages import render_report, render_summary, verdict, write_report
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.proved_band import stands_on
+from robustid.report.tuning import tuning_bode, tuning_limits, tuning_numbers, tuning_nyquist, tuning_words
 from robustid.report.words import at_least, at_most
 
 __all__ = [
@@ -25,6 +26,11 @@ __all__ = [
     "render_summary",
     "same",
     "stands_on",
+    "tuning_bode",
+    "tuning_limits",
+    "tuning_numbers",
+    "tuning_nyquist",
+    "tuning_words",
     "verdict",
     "write_report",
 ]

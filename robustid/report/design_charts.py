@@ -55,7 +55,7 @@ def design_chart(design: ControllerDesign) -> Chart:
         curve = Layer(
             LARGEST, omega / HZ, np.where(np.isfinite(largest), largest, np.nan), NOMINAL, "solid", size=_THIN
         )
-        bounds = _limits(getattr(limits, peak), getattr(limits, rows) if rows else (), omega)
+        bounds = limit_layers(getattr(limits, peak), getattr(limits, rows) if rows else (), omega)
         y = np.concatenate([curve.y, *(layer.y for layer in bounds)])
         y = y[np.isfinite(y)]
         span = span_of(np.maximum(y, _DEEP * y.max(initial=0.0)), 1.3) if y.size else None
@@ -81,7 +81,7 @@ def _frequencies(proofs: tuple[LoopBounds, ...]) -> Real:
     return np.geomspace(float(known.min()) / _BELOW, high, _POINTS)
 
 
-def _limits(peak: float | None, rows: Sequence[tuple[float, float, float]], omega: Real) -> list[Layer]:
+def limit_layers(peak: float | None, rows: Sequence[tuple[float, float, float]], omega: Real) -> list[Layer]:
     """A peak as a line over the whole axis, ranges of frequencies as steps."""
     steps = [] if peak is None else [(float(omega[0]), float(omega[-1]), peak)]
     steps += [(max(low, float(omega[0])), min(high, float(omega[-1])), value) for low, high, value in rows]
@@ -127,12 +127,12 @@ def open_loop_bode(design: ControllerDesign) -> Chart:
 
 def nyquist_charts(design: ControllerDesign) -> list[Chart]:
     """Nyquist plots of the open loops of every band, discs of all consistent plants, and what the limits keep them out of."""
-    proofs, kept_out = _proofs(design), _kept_out(asked_of(design))
+    proofs, further = _proofs(design), kept_out(asked_of(design))
     high = float(_frequencies(proofs)[-1])
     charts: list[Chart] = []
     for k, one in enumerate(proofs, start=1):
         omega = np.geomspace(float(one.omega[one.omega > 0].min()) / _BELOW, high, _DISCS)
-        chart = open_loop_chart(one, omega, kept_out, f"open-loop-{k}")
+        chart = open_loop_chart(one, omega, further, f"open-loop-{k}")
         if chart is not None:
             whole = chart.panels[0]
             x, y = (dataclasses.replace(axis, range=span) for axis, span in zip((whole.x, whole.y), _NEAR, strict=True))
@@ -141,21 +141,21 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
     return charts
 
 
-def _kept_out(limits: Limits) -> list[Layer]:
-    """Parts of the plane of the open loop that limits keep every plant out of."""
+def kept_out(limits: Limits, said: str = "kept out: ") -> list[Layer]:
+    """Parts of the plane of the open loop that limits keep every plant out of; `said` before their names."""
     found: list[Layer] = []
     if (peak := limits.sensitivity_peak) is not None:
-        found.append(plane_layer(f"kept out: |S| above {number(peak)}", -1 + TURN / peak, ALERT, dash="dash"))
+        found.append(plane_layer(f"{said}|S| above {number(peak)}", -1 + TURN / peak, ALERT, dash="dash"))
     if (peak := limits.complementary_peak) is not None:
         size = peak / (peak**2 - 1)
         circle = -peak * size + size * TURN
-        found.append(plane_layer(f"kept out: |T| above {number(peak)}", circle, FURTHER[1], dash="dash"))
+        found.append(plane_layer(f"{said}|T| above {number(peak)}", circle, FURTHER[1], dash="dash"))
     if (gain := limits.gain_margin) is not None:
         ends = np.array([-1.0, -1 / gain], complex)
-        found.append(plane_layer(f"kept out: gain margin {number(gain)}", ends, FURTHER[2], dash="dash", size=1.5))
+        found.append(plane_layer(f"{said}gain margin {number(gain)}", ends, FURTHER[2], dash="dash", size=1.5))
     if (phase := limits.phase_margin) is not None:
         arc = -np.exp(1j * np.linspace(-phase, phase, _ARC))
-        words = f"kept out: phase margin {number(math.degrees(phase))}°"
+        words = f"{said}phase margin {number(math.degrees(phase))}°"
         found.append(plane_layer(words, arc, FURTHER[0], dash="dash"))
     return found
 

@@ -98,7 +98,7 @@ def design_section(design: ControllerDesign) -> list[Block]:
 def design_blocks(design: ControllerDesign) -> list[Block]:
     """Build the sections on a controller, each under its heading."""
     if not design.proofs:
-        return [Heading("What was asked"), Facts([*_asked(design.limits), *_structure_rows(design)])]
+        return [Heading("What was asked"), Facts([*asked_words(design.limits), *_structure_rows(design)])]
     single = design.proofs[0].loop.shape == (1, 1)
     return [
         Heading("Limits", guarantee=True),
@@ -204,7 +204,7 @@ def _next(design: ControllerDesign) -> list[Text]:
 
 def shares_table(design: ControllerDesign) -> Table:
     """Limits with what was asked, the share that is taken, and where."""
-    asked = dict(_asked(asked_of(design)))
+    asked = dict(asked_words(asked_of(design)))
     rows = [
         [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
         for name, (share, omega) in design.asked_shares.items()
@@ -213,7 +213,7 @@ def shares_table(design: ControllerDesign) -> Table:
     return Table(columns, rows, marks=[share <= 1 for share, _ in design.asked_shares.values()])
 
 
-def _asked(limits: Limits) -> Iterator[tuple[str, str]]:
+def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
     """Limits by their names, in words."""
     signs = {
         "sensitivity_peak": "|S| ≤ {}",

@@ -10,7 +10,7 @@ import numpy as np
 from robustid.core import Complex, Real, points_of, response_at
 from robustid.guarantees import Interconnection, LoopBounds
 from robustid.identification import as_system
-from robustid.report.charts import ALERT, FAINT, FINE, FURTHER, NOMINAL, Chart, Layer
+from robustid.report.charts import ALERT, FAINT, FINE, FURTHER, NOMINAL, Chart, Layer, Panel
 from robustid.report.value_sets import TURN, plane_layer, square_panel, with_gaps
 from robustid.report.words import HZ, number
 
@@ -74,7 +74,12 @@ def open_loop_chart(
     if bounds.loop.shape != (1, 1):
         return None
     omega = bounds.omega[bounds.omega > 0] if omega is None else omega
-    values, radii = open_loop_of(bounds, omega)
+    panel = open_loop_panel(*open_loop_of(bounds, omega), further)
+    return None if panel is None else Chart(name, [panel])
+
+
+def open_loop_panel(values: Complex, radii: Real, further: Sequence[Layer] = ()) -> Panel | None:
+    """Nyquist plot of discs that hold open loops; None where none is near -1."""
     near = np.isfinite(radii) & (np.abs(values) <= _WIDE + 0.5) & (radii <= _WIDE)
     shown = np.flatnonzero(near)
     if not shown.size:
@@ -87,7 +92,7 @@ def open_loop_chart(
         plane_layer("centre", line, NOMINAL, dash="solid", marker="circle", size=0.4),
         plane_layer("-1", np.array([-1.0 + 0j]), ALERT, marker="x"),
     ]
-    return Chart(name, [square_panel("Open loop, plant times controller", "of the open loop [–]", layers)])
+    return square_panel("Open loop, plant times controller", "of the open loop [–]", layers)
 
 
 def open_loop_of(bounds: LoopBounds, omega: Real) -> tuple[Complex, Real]:

@@ -1,4 +1,4 @@
-"""robustid explore: one live page; robustid demo: the whole way on a simulated structure."""
+"""robustid explore: one live page of data, or of a controller; robustid demo: the whole way on a simulated structure."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from robustid.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from robustid.app.explore.tuning import Tuning
     from robustid.app.run.reading import Tables
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.work import Work
@@ -30,7 +31,10 @@ _SIDES = 6  # of the polygons around the errors of the demo at each frequency
 def explore(
     *,
     file: Annotated[
-        Path | None, typer.Argument(help="A frequency response, or a run file. Default: the data of the demo.")
+        Path | None,
+        typer.Argument(
+            help="A frequency response, a run file, or a saved controller design. Default: the data of the demo."
+        ),
     ] = None,
     responses: ResponseSource,
     general: Annotated[General, only("entry")],
@@ -42,13 +46,23 @@ def explore(
     The page is served on this machine, to nobody else, until Ctrl-C; nothing is fetched from a network. Every choice can be written
     as a run file that gives the same again. One input and one output: of a matrix say which --entry. Needs robustid\[explore].
 
+    Of a controller design: tune it by hand; worst cases over all plants follow, the proof comes when asked, and it is written as a
+    model.
+
     [bold]Example[/bold]: robustid explore frf.csv --frequency-bound 0.03
     """
     from robustid.app.explore.server import serve
     from robustid.app.explore.session import Session
     from robustid.app.run.reading import Tables
+    from robustid.core import saved_kind
 
     console = screen.console()
+    if file is not None and saved_kind(file) is not None:
+        with in_words({"port": "--port"}):
+            tuning = _tuned(file, responses, general)
+            serve(tuning, f"Tuning of {file.name}", port, lambda address: _opened(console, address, browser))
+        say(console, "closed")
+        return
     tables = Tables()
     run, folder, title = _asked(console, file, responses, general, tables)
     with in_words({"entry": "--entry", "port": "--port"}):
@@ -91,6 +105,16 @@ def _asked(
         withheld=Withheld(every=0),  # all that is shown is used
     )
     return run, file.parent, file.name
+
+
+def _tuned(file: Path, source: ResponseSource, general: General) -> Tuning:
+    """The design of a file, to be tuned."""
+    from robustid.app.explore.tuning import Tuning
+    from robustid.app.load_save import load_result
+
+    if source != ResponseSource() or general.entry is not None:
+        raise InputError(f"{file} is a saved result: leave the options of frequency responses out")
+    return Tuning.of(load_result(file, "controller design"))
 
 
 def _demo(console: Console) -> Path:

@@ -11,7 +11,7 @@ from robustid.app.explore.session import Session
 if TYPE_CHECKING:
     from dash.development.base_component import Component
 
-_POLL = 100  # milliseconds
+POLL = 100  # milliseconds
 _BUTTONS = ["select2d", "zoom2d", "pan2d", "resetScale2d", "toImage"]
 _HEIGHT = "760px"
 _PICTURE = (
@@ -38,7 +38,7 @@ def layout(session: Session, title: str) -> Component:
         [
             html.Header(html.H1(title)),
             html.Main([html.Div([_verdict(), _picture(), _numbers()], id="seen"), _fields(session)]),
-            dcc.Interval(id="tick", interval=_POLL),
+            dcc.Interval(id="tick", interval=POLL),
             dcc.Store(id="shown", data=[-1, 0, 0]),
         ]
     )
@@ -59,7 +59,7 @@ def _verdict() -> Component:
         html.P(id="stopped", className="trouble", role="alert"),
         html.Div(work, id="work"),
     ]
-    return html.Section(parts, **_named("Verdict"))
+    return html.Section(parts, **named("Verdict"))
 
 
 def _picture() -> Component:
@@ -73,7 +73,7 @@ def _picture() -> Component:
         figure={"layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}},
     )
     words = [html.P(text, className="soft") for text in (_BRUSH, _PROVED)]
-    return html.Figure([html.Div(graph, role="img", **_named(_PICTURE)), html.Figcaption(words)])
+    return html.Figure([html.Div(graph, role="img", **named(_PICTURE)), html.Figcaption(words)])
 
 
 def _numbers() -> Component:
@@ -97,15 +97,15 @@ def _fields(session: Session) -> Component:
         html.P(id="written", role="status"),
     ]
     parts = [
-        *((name, [_row(one) for one in group]) for name, group in groups),
+        *((name, [row(one) for one in group]) for name, group in groups),
         ("Frequency points", points),
         ("Run file", file),
     ]
     sets = [html.Fieldset([html.Legend(name), *inside]) for name, inside in parts]
-    return html.Section(sets, id="fields", **_named("Choices"))
+    return html.Section(sets, id="fields", **named("Choices"))
 
 
-def _row(one: Quantity) -> Component:
+def row(one: Quantity) -> Component:
     """A number with its field and its slider."""
     from dash import dcc, html
 
@@ -119,6 +119,6 @@ def _row(one: Quantity) -> Component:
     return html.Div(parts, className="row")
 
 
-def _named(words: str) -> dict[str, Any]:
+def named(words: str) -> dict[str, Any]:
     """The name of a part for those who don't see it."""
     return {"aria-label": words}

@@ -28,11 +28,13 @@ class Quantity:
     high: float
     offset: float = 0.0
     most: float = math.inf  # largest value that makes sense
+    signed: bool = False  # any number makes sense, and its slider keeps the sign of its ends
 
     @property
     def position(self) -> int:
         """Place of the value on its slider."""
-        share = math.log((self.value - self.offset) / self.low) / math.log(self.high / self.low)
+        part = (self.value - self.offset) / self.low
+        share = math.log(part) / math.log(self.high / self.low) if part > 0 else 0.0
         return round(STEPS * min(max(share, 0.0), 1.0))
 
     @property
@@ -42,7 +44,10 @@ class Quantity:
 
     def checked(self, value: object) -> float:
         """The number that a field states; InputError of none, or of one that makes no class."""
-        if not isinstance(value, int | float) or not math.isfinite(value) or not self.offset < value <= self.most:
+        known = isinstance(value, int | float) and math.isfinite(value)
+        if self.signed and not known:
+            raise InputError(f"{self.group}, {self.label}: give a number")
+        if not isinstance(value, int | float) or not known or not (self.signed or self.offset < value <= self.most):
             wanted = f"above {self.offset:g}" + (f" and at most {self.most:g}" if math.isfinite(self.most) else "")
             got = "" if value is None else f"; got {value}"
             raise InputError(f"{self.group}, {self.label}: give a number {wanted}{got}")

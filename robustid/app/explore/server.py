@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hmac
 import json
 import logging
@@ -10,16 +11,19 @@ import os
 import secrets
 import socket
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from robustid.app.explore.callbacks import connect
 from robustid.app.explore.layout import layout
-from robustid.app.explore.quantities import quantities
+from robustid.app.explore.quantities import Quantity, quantities
 from robustid.app.explore.session import Session
+from robustid.app.explore.tuning import Tuner, Tuning
+from robustid.app.explore.tuning_page import connect_tuning, tuning_layout, tuning_quantities
 from robustid.app.explore.worker import Worker
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
+    from dash.development.base_component import Component
     from flask import Flask, Response
     from werkzeug.wrappers import Response as WerkzeugResponse
 
@@ -41,10 +45,30 @@ _PAGE = """<!DOCTYPE html>
 </html>"""
 
 
+class _Page(NamedTuple):
+    """Parts of a page that is served: numbers with sliders, its layout, its reactions, and the thread that computes."""
+
+    numbers: list[Quantity]
+    layout: Component
+    connect: Callable[[Any], None]
+    worker: Worker | Tuner
+
+
+def _page_of(session: Session | Tuning, title: str) -> _Page:
+    """The page of a class that is changed by hand, or of a controller that is tuned."""
+    if isinstance(session, Tuning):
+        tuner = Tuner(session)
+        react = functools.partial(connect_tuning, tuner=tuner)
+        return _Page(tuning_quantities(session), tuning_layout(session, title), react, tuner)
+    worker = Worker(session)
+    react = functools.partial(connect, session=session, worker=worker)
+    return _Page(quantities(session), layout(session, title), react, worker)
+
+
 class Server:
     """A page that is served; it begins with `serve` and ends with `close`, from another thread or by Ctrl-C."""
 
-    def __init__(self, session: Session, title: str, port: int = 0) -> None:
+    def __init__(self, session: Session | Tuning, title: str, port: int = 0) -> None:
         try:
             import dash
             from werkzeug.serving import WSGIRequestHandler, make_server
@@ -53,13 +77,14 @@ class Server:
                 "robustid explore needs the package Dash, which is not installed: pip install 'robustid[explore]'"
             ) from None
         listening = _listening(port)
-        self._worker = Worker(session)
+        page = _page_of(session, title)
+        self._worker = page.worker
         self._token, self._site = secrets.token_urlsafe(24), f"{_HOST}:{listening.getsockname()[1]}"
         app = dash.Dash(__name__, title=title, update_title=None, assets_folder="assets", compress=False)  # type: ignore[arg-type]
-        numbers = {one.name: {"low": one.low, "high": one.high, "offset": one.offset} for one in quantities(session)}
+        numbers = {one.name: {"low": one.low, "high": one.high, "offset": one.offset} for one in page.numbers}
         app.index_string = _PAGE.replace("EXPLORED", json.dumps(numbers))
-        app.layout = layout(session, title)
-        connect(app, session, self._worker)
+        app.layout = page.layout
+        page.connect(app)
         self._guard(app.server)
         logging.getLogger("werkzeug").setLevel(logging.ERROR)  # no line for every request
 
@@ -141,7 +166,7 @@ def _listening(port: int) -> socket.socket:
     return listening
 
 
-def serve(session: Session, title: str, port: int, ready: Callable[[str], None]) -> None:
+def serve(session: Session | Tuning, title: str, port: int, ready: Callable[[str], None]) -> None:
     """Serve the page until Ctrl-C; `ready` is told its address."""
     server = Server(session, title, port)
     with contextlib.suppress(KeyboardInterrupt):  # its usual end

@@ -4,31 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import logging
-import threading
-from typing import TypedDict, Unpack
 
 import numpy as np
 
+from robustid.app.explore.newest import Newest, State, Superseded
 from robustid.app.explore.session import ByHand, Session
 from robustid.app.run.modes import Box, held_box
-from robustid.core import Real, one_thread
+from robustid.core import Real
 from robustid.data import FrequencyResponse
-from robustid.errors import RobustIdError
 from robustid.guarantees import Band, SampleCheck, WorstCaseError, band, check_samples, default_grid, growing_error
 from robustid.identification import Identification, MixedProblem, identify
-
-_log = logging.getLogger("robustid")
 
 _DIRECTIONS, _GAP = 4, 0.1  # coarse: what a person sees
 _KNOTS, _KNOTS_OF_BOX = 400, 300
 _THIN = 3  # of so many frequencies of the usual grid one is bounded, and those of the modes
 MARGIN = "margin and model"
 BAND = "guaranteed error"
-
-
-class Superseded(BaseException):
-    """Raised in a computation that nobody waits for any more; no error of it, which others might catch."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -57,44 +48,27 @@ def _band_at_once(problem: MixedProblem, box: Box | None) -> Band:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Computed:
+class Computed(State):
     """The state of a computation, as a page shows it; results as far as they are known."""
 
-    number: int = 0  # rises with every change of what is drawn
     choice: ByHand | None = None
-    doing: str = ""  # the step at hand; empty where there is none
     done: int = 0
     count: int = 0
     look: Glance | None = None  # the newest one, of this choice or of one before
     identification: Identification | None = None
     band: Band | None = None  # around the nominal model
     error: WorstCaseError | None = None
-    trouble: str = ""  # the sentence of an error
     cancelled: bool = False
 
 
-class News(TypedDict, total=False):
-    """Fields of a state that change."""
-
-    doing: str
-    done: int
-    count: int
-    identification: Identification | None
-    band: Band | None
-    error: WorstCaseError
-    trouble: str
-
-
-class Worker:
+class Worker(Newest[Computed, ByHand]):
     """Computes the newest choice; an older one ends at its next step."""
 
+    _STEPS = frozenset({"done", "count"})
+
     def __init__(self, session: Session) -> None:
-        self.found = Computed()  # the present state
-        self._session, self._asked = session, threading.Condition()
-        self._wanted: ByHand | None = None
-        self._ticket, self._closed = 0, False
-        self._thread = threading.Thread(target=self._work, name="explore", daemon=True)
-        self._thread.start()
+        self._session = session
+        super().__init__(Computed())
 
     def ask(self, choice: ByHand) -> None:
         """Compute a choice, in place of the one at hand; nothing where it is that one."""
@@ -107,50 +81,9 @@ class Worker:
         if self.found.doing:
             self._replace(None, dataclasses.replace(self.found, doing="", cancelled=True))
 
-    def close(self) -> None:
-        """End the thread."""
-        self._closed = True
-        self._replace(None, self.found)
-        self._thread.join(timeout=1)
-
-    def _replace(self, choice: ByHand | None, found: Computed) -> None:
-        with self._asked:
-            self._ticket += 1
-            self._wanted = choice
-            self.found = dataclasses.replace(found, number=self.found.number + 1, look=self.found.look)
-            self._asked.notify()
-
-    def _work(self) -> None:
-        with one_thread():
-            while True:
-                with self._asked:
-                    self._asked.wait_for(lambda: self._closed or self._wanted is not None)
-                    if self._closed:
-                        return
-                    choice, ticket, self._wanted = self._wanted, self._ticket, None
-                try:
-                    if choice is not None:
-                        self._compute(ticket, choice)
-                except Superseded:
-                    continue
-                except RobustIdError as error:
-                    self._end(ticket, str(error))
-                except Exception as error:  # the page must say that nothing more will come
-                    _log.exception("explore")
-                    self._end(ticket, f"internal error, please report: {error!r}")
-
-    def _end(self, ticket: int, trouble: str) -> None:
-        try:
-            self._say(ticket, doing="", trouble=trouble)
-        except Superseded:
-            return
-
-    def _say(self, ticket: int, **new: Unpack[News]) -> None:
-        with self._asked:
-            if ticket != self._ticket:
-                raise Superseded
-            number = self.found.number + (not new.keys() <= {"done", "count"})
-            self.found = dataclasses.replace(self.found, number=number, **new)
+    def _begun(self, found: Computed) -> Computed:
+        """The look stays until there is another one."""
+        return dataclasses.replace(found, look=self.found.look)
 
     def _look(self, ticket: int, choice: ByHand) -> Glance:
         """Look at a choice; while it goes on changing, every look that was begun is shown."""

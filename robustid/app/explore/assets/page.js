@@ -14,9 +14,11 @@ window.dash_clientside.explore = (() => {
       slider.setAttribute("aria-valuetext", String(value));
       return [value, same()];
     }
-    if (!(number > one.offset)) return [same(), same()];
+    const part = (number - one.offset) / one.low;
+    if (number === undefined || number === null) return [same(), same()];
     slider.setAttribute("aria-valuetext", String(number));
-    const share = Math.log((number - one.offset) / one.low) / Math.log(one.high / one.low);
+    if (!(part > 0)) return [same(), same()];
+    const share = Math.log(part) / Math.log(one.high / one.low);
     return [same(), Math.round(STEPS * Math.min(Math.max(share, 0), 1))];
   }
 

@@ -1,0 +1,132 @@
+"""Worst cases of a loop over all consistent plants at frequencies: exact in the discs of the plants, and no proof between them.
+
+With the plants in ``|F - c| <= r`` the open loops are a disc about c C with the radius r |C|; S, T, P S and C S have discs too,
+since they are Möbius maps of F.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from robustid.controllers.conditions import Discs
+from robustid.controllers.limits import Limits
+from robustid.controllers.plants import Plants
+from robustid.controllers.proving import Taken
+from robustid.core import Complex, Real, StateMatrices, points_of, response_at
+from robustid.guarantees import LoopMargins, LoopValues, Peak, margins_of, worst_of
+
+_STEPS = 6  # of the search for a crossing
+_NEAR = np.array([0.92, 0.96, 0.98, 1.0, 1.02, 1.04, 1.08])  # frequencies about a crossing: margins are least near it
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class WorstAt:
+    """Worst cases of a controller with the plants of one band, at frequencies.
+
+    Attributes
+    ----------
+    omega : (F,) array, rad/s
+    centre, radius : (F,) arrays
+        Discs of the open loops, in which -1 may lie.
+    largest : dict of str to (F,) array
+        Of |S|, |T|, |P S| and |C S|, by the names of `LoopBounds`; infinite where a loop may be singular.
+    stable : bool
+        With the model of the band.
+    margins : LoopMargins
+        At these frequencies.
+    """
+
+    omega: Real
+    centre: Complex
+    radius: Real
+    largest: dict[str, Real]
+    stable: bool
+    margins: LoopMargins
+
+    @property
+    def clear(self) -> bool:
+        """True if no disc holds -1, and the loop with the model is stable."""
+        return self.stable and bool(np.all(np.isfinite(self.largest["sensitivity"])))
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency in rad/s up to which every open loop is at least 1; 0 where the first is not."""
+        low = np.flatnonzero(np.abs(self.centre) - self.radius < 1)
+        if not low.size:
+            return float(self.omega[-1])
+        return float(self.omega[low[0] - 1]) if low[0] else 0.0
+
+    def taken(self, limits: Limits) -> Taken:
+        """Numbers that limits are about, as those of a proof."""
+        places = {name: int(np.argmax(one)) for name, one in self.largest.items()}
+        peaks = {name: Peak(float(self.largest[name][k]), float(self.omega[k])) for name, k in places.items()}
+        rows: dict[str, tuple[float, float]] = {}
+        templates = [("attenuation", "sensitivity", row) for row in limits.attenuation]
+        templates += [("roll-off", "complementary_sensitivity", row) for row in limits.roll_off]
+        sizes = [(name, self.largest[own] / value, low, high) for name, own, (low, high, value) in templates]
+        if limits.bandwidth is not None:
+            least = np.abs(self.centre) - self.radius
+            sizes.append(("bandwidth", 1 / np.maximum(least, np.finfo(float).tiny), 0.0, limits.bandwidth))
+        for name, size, low, high in sizes:
+            here = np.flatnonzero((self.omega >= low) & (self.omega <= high))
+            if here.size:
+                k = here[np.argmax(size[here])]
+                if size[k] >= rows.get(name, (0.0, 0.0))[0]:
+                    rows[name] = float(size[k]), float(self.omega[k])
+        return Taken(peaks, self.margins, rows)
+
+
+def worst_at(plants: Plants, controller: StateMatrices, omega: Real) -> WorstAt:
+    """Worst cases at frequencies, and where the centre of the open loop crosses the unit circle and the negative real axis."""
+    dt = plants.dt
+
+    def seen(at: Real) -> tuple[Discs, Complex]:
+        return plants.discs(at), response_at(controller, points_of(at, dt))[:, 0, 0]
+
+    def loop(at: Real) -> Complex:
+        found, value = seen(at)
+        return found.centre[:, 0, 0] * value
+
+    discs, gain = seen(np.sort(np.concatenate([omega, _crossings(loop, omega)])))
+    centre, reach = discs.centre[:, 0, 0], discs.radius * discs.units[:, 0]
+    balls = _values(centre, gain).balls(reach[:, None, None])
+    S = balls["sensitivity"]
+    sizes = dict(zip(("gain_above", "gain_below", "phase", "delay"), worst_of(S, discs.omega), strict=True))
+    largest = {name: one.largest for name, one in balls.items()}
+    sizes |= {"sensitivity": largest["sensitivity"], "disk": S.about(np.full((1, 1), 0.5)).largest}
+    return WorstAt(
+        omega=discs.omega,
+        centre=centre * gain,
+        radius=reach * np.abs(gain),
+        largest=largest,
+        stable=plants.is_stable_with(controller.model(dt)),
+        margins=margins_of({name: float(np.max(one)) for name, one in sizes.items()}, (1, 1)),
+    )
+
+
+def _values(centre: Complex, gain: Complex) -> LoopValues:
+    """The loop of plants about a centre with a controller: from r, e and d to u, y and x."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        S = 1 / (1 + centre * gain)
+        values = [[S, -gain * S, -gain * S], [centre * S, S, S], [S, -gain * S, -gain * S]]
+    return LoopValues.at(np.moveaxis(np.array(values), 2, 0), (1, 1))
+
+
+def _crossings(loop: Callable[[Real], Complex], omega: Real) -> Real:
+    """Frequencies about those where an open loop crosses the unit circle or the negative real axis."""
+    found, values = list[Real](), loop(omega)
+    for part in (lambda L: np.abs(L) - 1, np.imag):
+        size = part(values)
+        change = np.flatnonzero(size[1:] * size[:-1] < 0)
+        change = change[np.minimum(values.real[change], values.real[change + 1]) < 0] if part is np.imag else change
+        low, high, below = omega[change], omega[change + 1], size[change]
+        for _ in range(_STEPS if change.size else 0):
+            middle = np.sqrt(low * high)
+            left = part(loop(middle)) * below <= 0
+            low, high = np.where(left, low, middle), np.where(left, middle, high)
+        found.append(np.sqrt(low * high))
+    near = np.outer(np.concatenate(found), _NEAR).ravel()
+    return near[(near > omega[0]) & (near < omega[-1])]

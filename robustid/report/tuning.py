@@ -1,0 +1,146 @@
+"""The picture, the words and the numbers of a controller that is tuned by hand: worst cases at frequencies, as it is turned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from robustid.controllers import Limits, Proof, WorstAt
+from robustid.core import Real
+from robustid.report.charts import BAND, FAINT, NOMINAL, Axis, Layer, Panel, frequency_axis
+from robustid.report.curves import span_of
+from robustid.report.design_charts import kept_out, limit_layers
+from robustid.report.design_page import asked_words
+from robustid.report.loci import open_loop_panel
+from robustid.report.with_plotly import Drawn, plotly_figure
+from robustid.report.words import HZ, at_least, at_most, number
+
+Shares = Mapping[str, tuple[float, float]]
+_HEIGHT, _PLANE = 700, 400  # pixels
+_DOMAINS = ((0.7, 1.0), (0.36, 0.63), (0.0, 0.29))
+_NEAR = ((-2.1, 0.5), (-1.3, 1.3))  # of the plane that is drawn
+_DEEP = 1e-3  # smaller values are not drawn, but for limits
+_HIGH = 20.0  # largest |S| and |T| that are drawn
+_BEFORE = "with the controller of the design"
+_NOW = "largest with any consistent plant"
+_MAPS = (
+    ("sensitivity", "S", "sensitivity_peak", "attenuation"),
+    ("complementary_sensitivity", "T", "complementary_peak", "roll_off"),
+)
+
+
+def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Limits) -> Drawn:
+    """|L| in its range, and the largest |S| and |T| with their limits, of every band; and as they were with the design."""
+    omega = np.sort(np.concatenate([one.omega for one in found]))
+    axis = frequency_axis(omega)
+    panels = [_open_loop(found, before, axis)]
+    for name, letter, peak, rows in _MAPS:
+        layers = [
+            Layer(_BEFORE, one.omega / HZ, _finite(one.largest[name]), FAINT, dash="dot", size=0.6) for one in before
+        ]
+        layers += [Layer(_NOW, one.omega / HZ, _finite(one.largest[name]), NOMINAL, dash="solid") for one in found]
+        values = np.clip(np.concatenate([layer.y for layer in layers]), _DEEP, _HIGH)
+        asked = limit_layers(getattr(limits, peak), getattr(limits, rows), omega)
+        layers += asked
+        span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), 1.3)
+        panels.append(Panel(letter, axis, Axis(f"largest |{letter}|", log=True, range=span), layers))
+    return plotly_figure(panels, _HEIGHT, domains=_DOMAINS)
+
+
+def _finite(values: Real) -> Real:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _open_loop(found: Sequence[WorstAt], before: Sequence[WorstAt], axis: Axis) -> Panel:
+    """Magnitudes of open loops, in the range of all consistent plants."""
+    sizes = np.concatenate([np.abs(one.centre) for one in (*found, *before)])
+    floor, top = max(0.5 * float(sizes.min()), _DEEP), max(2 * float(sizes.max()), 2 * _DEEP)
+    layers = list[Layer]()
+    for one in found:
+        size = np.abs(one.centre)
+        low, high = (np.clip(size + sign * one.radius, floor, top) for sign in (-1, 1))
+        layers.append(Layer("|L| of every consistent plant", one.omega / HZ, size, BAND, low=low, high=high, fill=True))
+    layers += [Layer(_BEFORE, one.omega / HZ, np.abs(one.centre), FAINT, dash="dot", size=0.6) for one in before]
+    layers += [Layer("|L|, centre", one.omega / HZ, np.abs(one.centre), NOMINAL, dash="solid") for one in found]
+    return Panel("L", axis, Axis("|L|, L = P C", log=True, range=(floor, top)), layers)
+
+
+def tuning_nyquist(found: Sequence[WorstAt], limits: Limits) -> Drawn:
+    """Open loops near -1 in their discs, and what limits keep them out of."""
+    layers = kept_out(limits, "")
+    for one in found:
+        panel = open_loop_panel(one.centre, one.radius)
+        layers += [] if panel is None else panel.layers
+    x, y = (Axis(f"{part} part of L", range=span) for part, span in zip(("real", "imaginary"), _NEAR, strict=True))
+    drawn = plotly_figure([Panel("", x, y, layers, square=True)], _PLANE)
+    drawn["layout"]["margin"] |= {"l": 60, "r": 40}
+    return drawn
+
+
+def tuning_words(found: Sequence[WorstAt], shares: Shares, proof: Proof | None = None) -> tuple[str, str]:
+    """Key of the verdict, and the verdict: of the loop at frequencies, or of the proof where there is one."""
+    if proof is not None:
+        return _proved_words(proof)
+    count = sum(one.omega.size for one in found)
+    if not all(one.stable for one in found):
+        return "inconsistent", "Not stable: the loop with the model itself is unstable."
+    if (open_ := next((one for one in found if not one.clear), None)) is not None:
+        hz = float(open_.omega[np.argmax(~np.isfinite(open_.largest["sensitivity"]))]) / HZ
+        return (
+            "inconsistent",
+            f"Not stable with every consistent plant: near {number(hz)} Hz one may have its loop at −1.",
+        )
+    over = [f"{name}, {_of_limit(*one)}" for name, one in shares.items() if one[0] > 1]
+    if over:
+        return "inconsistent", f"Stable with the model. Exceeded: {'; '.join(over)}."
+    asked = "All limits are kept" if shares else "The loop is stable"
+    return "", f"{asked} at {count} frequencies with every consistent plant. Between them nothing is proved yet."
+
+
+def _of_limit(share: float, omega: float) -> str:
+    near = "" if math.isnan(omega) else f", near {number(omega / HZ)} Hz"
+    return f"{at_most(share)} times its limit{near}"
+
+
+def _proved_words(proof: Proof) -> tuple[str, str]:
+    scope = "".join(dict.fromkeys(one.band.problem.scope for one in proof.proofs))
+    if proof.kept:
+        kept = " and keeps all limits" if proof.shares else ""
+        return "consistent", f"PROVED: every consistent plant is stable{kept}, at every frequency{scope}."
+    failed = [one for one in proof.proofs if not one.guaranteed]
+    if failed:
+        return "inconsistent", f"Not proved: {failed[0].status.value}."
+    over = [f"{name}, {_of_limit(*one)}" for name, one in proof.shares.items() if one[0] > 1]
+    return "inconsistent", f"Not proved: some consistent plant may exceed {'; '.join(over)}."
+
+
+def tuning_numbers(found: Sequence[WorstAt]) -> list[tuple[str, str]]:
+    """Worst-case numbers over all bands, each with its name."""
+    if not all(one.clear for one in found):
+        names = ("peak of |S|", "modulus margin", "gain margin", "phase margin", "delay margin")
+        return [(name, "–") for name in names] + [_bandwidth(found)]
+    margins = [one.margins for one in found]
+    gain, delay = min(one.gain[1] for one in margins), min(one.delay for one in margins)
+    return [
+        ("peak of |S|", at_most(1 / min(one.modulus for one in margins))),
+        ("modulus margin", at_least(min(one.modulus for one in margins), 3)),
+        ("gain margin", f"{at_least(gain, 3)} ({at_least(20 * math.log10(gain), 3)} dB)"),
+        ("phase margin", f"{at_least(math.degrees(min(one.phase for one in margins)), 3)}°"),
+        ("delay margin", f"{at_least(1e3 * delay, 3)} ms"),
+        _bandwidth(found),
+    ]
+
+
+def _bandwidth(found: Sequence[WorstAt]) -> tuple[str, str]:
+    return "bandwidth", f"{at_least(min(one.bandwidth for one in found) / HZ)} Hz"
+
+
+def tuning_limits(shares: Shares, limits: Limits) -> list[tuple[str, str, str, str, bool]]:
+    """Limits: name, what is asked, the share that is taken, near which frequency in Hz, and if it is kept."""
+    asked = dict(asked_words(limits))
+    return [
+        (name, asked.get(name, ""), at_most(share, 3), number(omega / HZ), share <= 1)
+        for name, (share, omega) in shares.items()
+    ]
