@@ -221,22 +221,25 @@ def design_controller(
     .. math:: |1 + F C| \ge w \;\forall F \Leftrightarrow \exists\, |\varphi| = 1:\;
               \operatorname{Re} \bar\varphi (1 + c\, C) - r |C| \ge w,
 
-    a second-order cone in the free numbers of C for a given direction, which is turned until nothing is gained. What is found at
+    a second-order cone in the free numbers of C for a given direction, which is turned until nothing is gained. Of matrices the
+    direction is a unitary matrix U, and the Hermitian part of :math:`U^*(I + c\, C)` is at least w and a bound of what the ball
+    adds; all sizes are largest singular values then, a bandwidth is one of the smallest singular value. What is found at
     frequencies is then proved on the whole axis for every plant; where a proof fails, that frequency is added.
 
     Parameters
     ----------
     bands : Band, LoopBounds or a sequence of them
-        About models; of one input and one output. Of a plant in a loop its `loop_bounds`. Of several (amplitudes, positions, loads)
-        one controller is designed for all plants of all of them.
-    structure : factor or sequence of factors
+        About models. Of a plant in a loop its `loop_bounds`. Of several (amplitudes, positions, loads) one controller is designed for
+        all plants of all of them.
+    structure : factor, sequence of factors, or Matrix
         `PID`, `Notch`, `LeadLag`, `LowPass`, `FIR` and `Fixed` of `robustid.design`; their product is the controller, with one free
-        numerator. Intervals are searched.
+        numerator. Intervals are searched. Of several outputs a loop to each, or a `Matrix`.
     limits : Limits, optional
         Default: a peak of the sensitivity of 2.
     maximise : {"bandwidth", "integral gain", "least control"} or Attenuation
         The frequency up to which ``|P C| >= 1`` for every consistent plant; the gain of the integrator; the least peak of |C S|;
-        or the attenuation of a range of frequencies.
+        or the attenuation of a range of frequencies. What is not limited may be used up: the fastest loop can return slowly from a
+        load, until an attenuation or an integral gain asks for more.
     time_limit : float, optional
         Seconds of the whole design; the best controller proved so far is returned. Ctrl-C does the same where one was found.
     progress : callable (text, done, count), optional
@@ -249,7 +252,7 @@ def design_controller(
     Raises
     ------
     InputError, InputTypeError
-        Bands without models, of matrices, or that stand in different time; a structure that makes no controller; limits that
+        Bands without models, of other inputs and outputs, or that stand in different time; a structure that makes no controller; limits that
         contradict each other or the sample time.
 
     Notes

@@ -73,3 +73,16 @@ def test_controller_stage(run_with_result):
         omega = np.geomspace(1.0, design.level, 2000)
         z = np.exp(1j * omega * example.DT)
         assert np.abs(plant(z) * design.controller(z)).min() >= 1
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+def test_controller_mirror(run_with_result):
+    """Three axes are proved together, and withheld records keep the peak."""
+    needs("fsm_cubespec/u_300mV_train.npy")
+    example = load("controller_mirror")
+    printed, design = run_with_result(example)
+    assert design.status.name == "PROVED"
+    assert design.proofs[0].peaks["sensitivity"].value <= example.PEAK
+    assert design.level > 2 * np.pi * 10
+    assert float(printed.split("largest |S|")[1].split()[0]) <= example.PEAK

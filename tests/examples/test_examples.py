@@ -29,6 +29,7 @@ def fewer_samples(monkeypatch):
         ("motor_torsion", [], "HoriFujimotoLab/FdiTools"),
         ("torsion_margin", [], "HoriFujimotoLab/FdiTools"),
         ("controller_motor", [], "HoriFujimotoLab/FdiTools"),
+        ("controller_mirror", [], "merijnfloren/fsm-benchmark-data"),
         ("converters", [], "wenboklose/TPEL_GNC"),
         ("beam_damping", [], "flavioluiz/MIMO-FRF"),
         ("beam_mimo", [], "flavioluiz/MIMO-FRF"),
