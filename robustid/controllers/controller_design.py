@@ -229,8 +229,8 @@ def design_controller(
     Parameters
     ----------
     bands : Band, LoopBounds or a sequence of them
-        About models. Of a plant in a loop its `loop_bounds`. Of several (amplitudes, positions, loads) one controller is designed for
-        all plants of all of them.
+        About models. Of a plant in a loop its `loop_bounds`. Of several (amplitudes, positions, loads) one controller is designed
+        for all plants of all of them.
     structure : factor, sequence of factors, or Matrix
         `PID`, `Notch`, `LeadLag`, `LowPass`, `FIR` and `Fixed` of `robustid.design`; their product is the controller, with one free
         numerator. Intervals are searched. Of several outputs a loop to each, or a `Matrix`.
@@ -252,8 +252,8 @@ def design_controller(
     Raises
     ------
     InputError, InputTypeError
-        Bands without models, of other inputs and outputs, or that stand in different time; a structure that makes no controller; limits that
-        contradict each other or the sample time.
+        Bands without models, of other inputs and outputs, or that stand in different time; a structure that makes no controller;
+        limits that contradict each other or the sample time.
 
     Notes
     -----
