@@ -176,7 +176,7 @@ def test_misuse_is_named(frf, records, tmp_path):
         with pytest.raises(error, match=re.escape(sentence)):
             write_report(frf, path, records=wrong)
     with pytest.raises(
-        rid.errors.InputTypeError, match=r"`result` must be of class .*FrequencyResponse, StateSpace or Family; got"
+        rid.errors.InputTypeError, match=r"`result` must be of class .*StateSpace, Family or ControllerDesign; got"
     ):
         plot.bode(records[0])
     with pytest.raises(rid.errors.InputTypeError, match="`data` doesn't belong to a FrequencyResponse"):
