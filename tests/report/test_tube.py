@@ -98,7 +98,8 @@ def test_matplotlib_draws_these_numbers(step):
     assert any(np.array_equal(line.get_ydata(), step.attained.T.ravel()) for line in ax.lines)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "x [mm]")
     with pytest.raises(
-        rid.errors.InputTypeError, match="`result` must be of class Identification, ResponseTube or ControllerDesign; got"
+        rid.errors.InputTypeError,
+        match="`result` must be of class Identification, ResponseTube or ControllerDesign; got",
     ):
         plot.time_response(step.model)
 
