@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _FINE = 1.005  # of the goal: two levels that are as good as equal
 _STEPS = 10  # levels over the axis that are tried from above
 _SPARE = 0.995  # of every limit: what the proof on arcs takes
+_BETWEEN = 8  # parts of the way from one frequency to the next that are looked at before a proof
 _LOWER = (1.0, 0.998, 0.995, 0.99, 0.97)  # of a level that failed its proof
 _PART = 0.25  # of the corner of a loop that is wanted, up to which it has a second integrator
 _BACK = (0.7,)  # of a level that was reached, from which the search begins once more
@@ -133,6 +134,22 @@ class Task:
     def with_frequencies(self, where: Sequence[float]) -> None:
         """Ask about further frequencies."""
         self.grids = [np.unique(np.concatenate([grid, where])) for grid in self.grids]
+
+    def broken(self, found: Found) -> list[float]:
+        """Frequencies between those asked about at which a controller breaks a limit most, one to each stretch where it does."""
+        where: list[float] = []
+        limits, parts = self.asked(found.level), np.arange(1, _BETWEEN) / _BETWEEN
+        for plants, grid in zip(self.plants, self.grids, strict=True):
+            omega: Real = (grid[:-1, None] ** (1 - parts) * grid[1:, None] ** parts).ravel()
+            discs = plants.discs(omega)
+            values = response_at(StateMatrices.of(found.controller), points_of(omega, self.dt))
+            worst = np.zeros(omega.size)
+            for one in conditions_of(limits, discs._replace(radius=discs.radius * self.smaller(omega))):
+                np.minimum.at(worst, one.place, one.excess(values))
+            over = np.flatnonzero(worst < 0)
+            stretches = np.split(over, np.flatnonzero(np.diff(over) > 1) + 1)
+            where += [float(omega[one[np.argmin(worst[one])]]) for one in stretches if one.size]
+        return where
 
     def go_on(self) -> None:
         """Raise TimeIsOver where it is."""

@@ -100,6 +100,7 @@ class _Search:
 
     def cut(self, best: Found) -> Found:
         """Prove the best controller, and ask about frequencies where that fails; the best that is proved, else the last one."""
+        best = self.kept_between(best)
         kept = self.prove(best)
         for _ in range(_CUTS):
             over = [(share, omega) for share, omega in kept.shares.values() if share > 1]
@@ -107,19 +108,35 @@ class _Search:
             much = max((share for share, omega in over if math.isnan(omega)), default=1.0)
             if kept.kept or not (where or 1 < much < _MUCH):
                 break
-            self.task.with_frequencies(where)
             if much < _MUCH:  # margins tell no frequency: a little more is asked for everywhere
                 self.task.spare /= 1 + _AGAIN * (much - 1)
-            self.found = None  # those before don't know of them
-            here = At(self.task, best.at)
-            again = here.near(best)
-            if again is None:
-                again = here.first()
-                again = None if again is None else here.raised(again)
+            again = self.again(best, where)
             if again is None:
                 break
-            best, kept = again, self.prove(again)
+            best = self.kept_between(again)
+            kept = self.prove(best)
         return self.judged[0] if self.judged is not None and self.judged[1].kept else best
+
+    def kept_between(self, best: Found) -> Found:
+        """A controller that breaks no limit between the frequencies either, as far as a closer look tells: sooner than a proof."""
+        for _ in range(_CUTS):
+            where = self.task.broken(best)
+            again = self.again(best, where) if where else None
+            if again is None:
+                break
+            best = again
+        return best
+
+    def again(self, best: Found, where: list[float]) -> Found | None:
+        """The best controller with further frequencies that are asked about."""
+        self.task.with_frequencies(where)
+        self.found = None  # those before don't know of them
+        here = At(self.task, best.at)
+        found = here.near(best)
+        if found is None:
+            found = here.first()
+            found = None if found is None else here.raised(found)
+        return found
 
     def prove(self, found: Found) -> Proof:
         """Judge a controller; one that is proved stays until a better one is."""

@@ -7,10 +7,11 @@ import scipy.signal
 
 import robustid as rid
 from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.designing import At, Task
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import basis_of
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import FIR, PID, Fixed, LeadLag, Limits, LowPass, Notch
+from robustid.design import FIR, PID, Bandwidth, Fixed, LeadLag, Limits, LowPass, Notch
 from support.design_cases import DT, PEAK, band_of, reached
 
 
@@ -238,3 +239,24 @@ def test_numerators_split_into_those_of_the_factors(first):
     assert zeros.size == poles.size == 4
     assert np.isreal(gain)
     assert np.abs(np.sort_complex(zeros) - np.sort_complex(zeros.conj())).max() < 1e-9
+
+
+def test_a_limit_that_is_broken_between_frequencies_is_seen(first):
+    """With ten frequencies a controller breaks the peak of S between them: where it is told, and where a dense look says so."""
+    plants = Plants.of(first)
+    task = Task.of([plants], (PID(),), Limits(), Bandwidth())
+    task.grids = [task.grids[0][::12]]
+    here = At(task, [])
+    found = here.raised(here.first())
+    where = np.array(task.broken(found))
+
+    def room(omega):
+        discs, C = plants.discs(omega), values(found.controller, omega)
+        return np.abs(1 + discs.centre[:, 0, 0] * C) - discs.radius * np.abs(C) - 1 / PEAK
+
+    assert where.size
+    high = where[where > found.level]
+    assert np.all(room(high) < 0)
+    dense = np.geomspace(task.grids[0][0], task.grids[0][-1], 4000)
+    worst = dense[np.argmin(room(dense))]
+    assert np.min(np.abs(np.log(where / worst))) < 0.1
