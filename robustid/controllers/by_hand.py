@@ -7,6 +7,8 @@ Sampled, a section has its roots where those in s are, at :math:`e^{sT}`, and it
 Roots are counted from z = 1, or from s = 0, here: :math:`w = e^{sT} - 1` keeps its digits however fast the sampling is.
 """
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
@@ -43,7 +45,7 @@ class Gains:
         if self.ki is not None:
             rows.append((one, unit, self.ki))
         if self.kd is not None and self.filter_hz is not None:
-            pole = float(np.real(shifted(np.array([-HZ * self.filter_hz]), dt)[0]))
+            pole = float(shifted(np.array([-HZ * self.filter_hz]), dt)[0].real)
             slope = self.kd * -pole / unit
             rows.append((one + pole, pole, slope))
             D += slope
@@ -76,7 +78,7 @@ class OneRoot:
 
     def system(self, dt: float) -> StateMatrices:
         """One state."""
-        zero, pole = (float(np.real(one)) for one in shifted(-HZ * np.array([self.zero_hz, self.pole_hz]), dt))
+        zero, pole = (float(one.real) for one in shifted(-HZ * np.array([self.zero_hz, self.pole_hz]), dt))
         one, gain = 1.0 if dt else 0.0, pole / zero
         return StateMatrices(*(np.array([[part]]) for part in (one + pole, 1.0, gain * (pole - zero), gain)))
 
@@ -215,15 +217,15 @@ def shifted(roots: Complex | Real, dt: float) -> Complex:
 def _quotient(zeros: Complex, poles: Complex, dt: float) -> StateMatrices:
     """Two zeros over two poles, each a conjugate pair or real, of gain 1 at frequency 0."""
     gain = float(np.real(np.prod(poles) / np.prod(zeros)))
-    one, slope = 1.0 if dt else 0.0, float(np.real(poles.sum() - zeros.sum()))
+    one, slope = 1.0 if dt else 0.0, float((poles.sum() - zeros.sum()).real)
     if poles[0].imag:
         a, b = poles[0].real, abs(poles[0].imag)
         A = np.array([[one + a, b], [-b, one + a]])
-        B, left = np.array([[0.0], [1.0]]), float(np.real(np.prod(a - zeros))) - b**2
+        B, left = np.array([[0.0], [1.0]]), float((a - zeros).prod().real) - b**2
         C = np.array([[left / b, slope]])
     else:
         first, second = poles.real
-        left = float(np.real(np.prod(first - zeros)))
+        left = float((first - zeros).prod().real)
         A = np.array([[one + first, 0.0], [left, one + second]])
         B, C = np.array([[1.0], [slope]]), np.array([[0.0, 1.0]])
     return StateMatrices(A, B, gain * C, np.array([[gain]]))

@@ -6,11 +6,12 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple
 
-from robustid.controllers.designing import At, Found, Task, TimeIsOver
+from robustid.controllers.designing import At, Found, Task, TimeIsOver, unheard
 from robustid.controllers.proving import Proof
-from robustid.core import Budget, Interruptible, Progress
+from robustid.core import Budget, Interruptible, Progress, Real
 
 _RATIO = 1.01  # of two factors that limits are relaxed by, which are as good as equal
 _FIRST, _MOST = 1.05, 1e4  # factors that are tried
@@ -36,7 +37,7 @@ class Closest(NamedTuple):
 
 def closest(task: Task, budget: Budget, progress: Progress | None = None) -> Closest | None:
     """The closest controller of a structure where none keeps the limits; None where no limits could be kept."""
-    task = dataclasses.replace(task, budget=budget, heard=lambda _: None)
+    task = dataclasses.replace(task, budget=budget, heard=unheard)
     best: tuple[float, Found] | None = None
     bounds, finished = None, False
 
@@ -80,9 +81,13 @@ def _relaxed(task: Task, at: list[float], most: float) -> Iterator[tuple[float, 
             low = middle
 
 
+def _uniform(factor: float, omega: Real) -> Real:
+    return 0 * omega + factor
+
+
 def _with_smaller_bounds(task: Task, near: Found | None) -> float | None:
     for factor in _SMALLER:
-        smaller = dataclasses.replace(task, smaller=lambda omega, factor=factor: 0 * omega + factor)
+        smaller = dataclasses.replace(task, smaller=partial(_uniform, factor))
         for at in task.starts if near is None else [near.at, *task.starts]:
             here = At(smaller, at)
             if here.found(here.ends[0]) is not None or (near and here.found(here.ends[0], near) is not None):

@@ -6,7 +6,7 @@ import dataclasses
 import enum
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robustid.controllers.closest import closest
 from robustid.controllers.designing import At, Found, Task
@@ -283,29 +283,43 @@ def design_controller(
     budget, progress = Budget(time_limit), as_function("progress", progress)
     check_question(plants, factors, limits, goal)
     task = Task.of(plants, factors, limits, goal)
-    same = {"goal": goal, "limits": limits, "structure": factors}
     least = goal.asked(limits, At(task, task.middle).ends[0])
     law = obstacle_of(plants, factors, least)  # where no controller can be found none is sought
     found, proof, finished = searched_with_proof(task, budget, progress) if law is None else (None, None, True)
     if found is not None and proof is not None:
         status = DesignStatus.PROVED if proof.kept else DesignStatus.FOUND
-        return _design(status, found, proof, finished=finished, **same)
+        return _design(task, status, found, proof, finished)
     near = closest(task, budget, progress) if finished else None
     if near is not None:
-        more = {"bounds": near.bounds, "finished": near.finished}
-        return _design(DesignStatus.NONE, near.found, near.proof, **more, **same)
+        return _design(task, DesignStatus.NONE, near.found, near.proof, near.finished, near.bounds)
     status = DesignStatus.NONE if finished else DesignStatus.UNFINISHED
-    nothing = {"controller": None, "level": 0.0, "proofs": (), "shares": {}, "searched": ()}
-    return ControllerDesign(status=status, finished=finished, **nothing, **same)
+    return ControllerDesign(
+        status=status,
+        controller=None,
+        goal=goal,
+        level=0.0,
+        limits=limits,
+        structure=factors,
+        proofs=(),
+        shares={},
+        searched=(),
+        finished=finished,
+    )
 
 
-def _design(status: DesignStatus, found: Found, proof: Proof, **more: Any) -> ControllerDesign:
+def _design(
+    task: Task, status: DesignStatus, found: Found, proof: Proof, finished: bool, bounds: float | None = None
+) -> ControllerDesign:
     return ControllerDesign(
         status=status,
         controller=found.controller,
+        goal=task.goal,
         level=found.level,
+        limits=task.limits,
+        structure=task.structure,
         proofs=proof.proofs,
         shares=proof.shares,
         searched=tuple(found.at),
-        **more,
+        bounds=bounds,
+        finished=finished,
     )

@@ -103,7 +103,8 @@ def _refuse_foreign(
 def _distance(columns: Real, wanted: Real) -> float:
     """Largest distance of an array from the combinations of columns, each brought to the same size before."""
     scaled = columns / np.linalg.norm(columns, axis=0)
-    return float(np.abs(scaled @ np.linalg.lstsq(scaled, wanted)[0] - wanted).max())
+    weights: Real = np.asarray(np.linalg.lstsq(scaled, wanted)[0], dtype=float)
+    return float(np.abs(scaled @ weights - wanted).max())
 
 
 def _limits(limits: Limits) -> Record:

@@ -50,7 +50,8 @@ def _everywhere(omega: Real) -> Real:
     return np.ones(omega.shape)
 
 
-def _unheard(found: Found) -> None:
+def unheard(found: Found) -> None:
+    """Nobody hears of a controller that was found."""
     del found
 
 
@@ -80,7 +81,7 @@ class Task:
     relaxed: float = 1.0
     smaller: Callable[[Real], Real] = _everywhere
     budget: Budget = dataclasses.field(default_factory=Budget)
-    heard: Callable[[Found], None] = _unheard
+    heard: Callable[[Found], None] = unheard
     spare: float = _SPARE
 
     @classmethod
@@ -320,7 +321,7 @@ class At:
             lowest = int(np.argmin(discs.omega))  # an integrator is to lower what the loop that runs leaves there
             centre = discs.centre[lowest, 0, 0]
             left = 1 + centre * self._running(discs)[lowest, 0, 0]
-            sign = np.sign(np.real(centre / left))
+            sign = np.sign((centre / left).real)
             linear = sign * gain, np.array([limits.integral_gain or 0.0])
         functions = Functions(axes, self.basis.into, self.basis.out_of)
         return Question(functions, conditions_of(limits.closer(self.task.spare), discs), linear), discs

@@ -10,6 +10,8 @@ with Poisson's kernel of a zero :math:`\zeta`, or with Fejér's kernel about any
 the loop is unstable). Limits that leave less contradict it. All of it is about the plant of the model.
 """
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses

@@ -162,7 +162,8 @@ class Program:
             cones += [cone] * N
             used = np.flatnonzero(rows.unit)
             for index, factor in rows.helpers:
-                at.append((place + np.arange(N)[:, None] * R + used).ravel())
+                filled: Indices = np.asarray(place + np.arange(N)[:, None] * R + used, dtype=np.intp)
+                at.append(filled.ravel())
                 columns.append(np.repeat(index - m - 1, used.size))
                 values.append(((factor / size)[:, None] * rows.unit[used]).ravel())
             place += N * R

@@ -94,7 +94,7 @@ def _factors(placed: Sequence[_Placed], dt: float, values: Complex, omega: Real)
     columns = np.concatenate([weighed.real, weighed.imag])
     wanted = np.concatenate([(values / sizes).real, (values / sizes).imag])
     scale = np.linalg.norm(columns, axis=0)
-    factors = np.linalg.lstsq(columns / scale, wanted)[0]
+    factors: Real = np.asarray(np.linalg.lstsq(columns / scale, wanted)[0], dtype=float)
     if np.abs(columns / scale @ factors - wanted).max(initial=0.0) > _LOST:
         raise InputError("`controller` must be one of its structure: no numerator gives its values")
     return factors / scale
@@ -184,7 +184,8 @@ class _Split:
 
     def _greedy_reals(self, slots: list[int], groups: Sequence[tuple[float, ...]]) -> None:
         """Real zeros, one or two at a time, to the nearest poles."""
-        open_, left = set(slots), list(groups)
+        open_ = set(slots)
+        left: list[tuple[float, ...]] = list(groups)
         while open_ and left:
 
             def distance(one: tuple[int, tuple[float, ...]]) -> float:
@@ -260,7 +261,7 @@ class _Split:
         integral, (filter_, *_) = placed.factor.parts(placed.at).integrator, placed.at or (None,)
         unit, pole = self.dt or 1.0, 0.0
         if filter_ is not None:
-            pole = float(np.real(shifted(np.array([-filter_]), self.dt)[0]))
+            pole = float(shifted(np.array([-filter_]), self.dt)[0].real)
 
         def numerator(w: float) -> float:
             return leading * float(np.real(np.prod(w - zeros)))
@@ -278,6 +279,6 @@ class _Split:
         point = shifted_points(omega, self.dt)
         poles = np.concatenate([_poles(one, self.dt) for one in kept])
         values = leading * _product(point, zeros) / _product(point, poles)
-        names = {FIR: "past samples", PID: "PID", Notch: "notch", LeadLag: "lead or lag"}
+        names: dict[type[Factor], str] = {FIR: "past samples", PID: "PID", Notch: "notch", LeadLag: "lead or lag"}
         words = ", ".join(names[type(one.factor)] for one in kept)
         return Kept(words, _made(kept, self.dt, _factors(kept, self.dt, values, omega)))

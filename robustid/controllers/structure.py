@@ -4,12 +4,14 @@ A product of factors is a row of states with fixed poles; with its numerator fre
 states: ``C(z) = sum_k x_k b_k(z)``. A numerator of real numbers splits into those of the factors again.
 """
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy.linalg
@@ -180,16 +182,17 @@ class Basis:
 
 def as_product(structure: object) -> tuple[Factor, ...]:
     """The factors of a product, checked."""
-    found: tuple[Any, ...] = tuple(structure) if isinstance(structure, list | tuple) else (structure,)
-    for one in found:
+    found: list[Factor] = []
+    for one in cast("Sequence[object]", structure) if isinstance(structure, list | tuple) else (structure,):
         if not isinstance(one, Factor):
             raise InputTypeError(
                 f"`structure` must be factors of robustid.design, such as PID(filter=500.0) or [PID(), Notch(300.0)]; got"
                 f" {type(one).__name__}"
             )
+        found.append(one)
     if not found:
         raise InputError("`structure` must hold at least one factor")
-    return found
+    return tuple(found)
 
 
 def as_structure(structure: object) -> tuple[Factor, ...] | Matrix:
@@ -308,5 +311,6 @@ def _residues(system: StateMatrices, dt: float) -> Real:
     pole = 1.0 if dt else 0.0
     values, left, right = scipy.linalg.eig(A, left=True)
     k = int(np.argmin(np.abs(values - pole)))
-    size = np.vdot(left[:, k], right[:, k])
-    return np.real((C @ right[:, k]) * (left[:, k].conj() @ B)[0] / size) / (dt or 1.0)
+    unscaled = (C @ right[:, k]) * (left[:, k].conj() @ B)[0]
+    factors: Complex = np.asarray(unscaled / np.vdot(left[:, k], right[:, k]), dtype=complex)
+    return factors.real / (dt or 1.0)

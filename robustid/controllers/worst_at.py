@@ -115,13 +115,22 @@ def _values(centre: Complex, gain: Complex) -> LoopValues:
     return LoopValues.at(np.moveaxis(np.array(values), 2, 0), (1, 1))
 
 
+def _outside(loop: Complex) -> Real:
+    """Distance outside the unit circle."""
+    return np.abs(loop) - 1
+
+
+def _imaginary(loop: Complex) -> Real:
+    return loop.imag
+
+
 def _crossings(loop: Callable[[Real], Complex], omega: Real) -> Real:
     """Frequencies about those where an open loop crosses the unit circle or the negative real axis."""
     found, values = list[Real](), loop(omega)
-    for part in (lambda L: np.abs(L) - 1, np.imag):
+    for part in (_outside, _imaginary):
         size = part(values)
         change = np.flatnonzero(size[1:] * size[:-1] < 0)
-        change = change[np.minimum(values.real[change], values.real[change + 1]) < 0] if part is np.imag else change
+        change = change[np.minimum(values.real[change], values.real[change + 1]) < 0] if part is _imaginary else change
         low, high, below = omega[change], omega[change + 1], size[change]
         for _ in range(_STEPS if change.size else 0):
             middle = np.sqrt(low * high)
