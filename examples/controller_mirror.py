@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from steering_mirror import PERIOD
+from steering_mirror import PERIOD, mirror_records
 
 import robustid as rid
 from robustid.design import PID, Limits, LowPass, Matrix
@@ -37,7 +37,7 @@ def banded():
     modes = rid.suggest_kautz(lines)
     inside = modes.omega < TWO_PI * 2900  # the data end at 3 kHz
     box = modes.omega_interval[inside], modes.damping_interval[inside]
-    smooth = rid.estimate_frf(records, method="local").band(*BELOW_HZ).select(slice(None, None, EVERY))
+    smooth = rid.estimate_frf(mirror_records("train"), method="local").band(*BELOW_HZ).select(slice(None, None, EVERY))
     problem = rid.MixedProblem(
         frequency=smooth.with_bound(smooth.bound.inflated(ROOM)),
         prior=rid.Prior(gain_bound=GAIN_BOUND, decay_rate=DECAY_RATE),
