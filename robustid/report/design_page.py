@@ -179,7 +179,8 @@ def _words(design: ControllerDesign) -> str:
     if (limit := design.limited_by) is None:
         return ""
     share = design.shares[limit[0]][0]
-    return f"What limits it is the {limit[0]}{_near(limit[1])}: up to {at_most(100 * share, 4)} % of it are taken by a consistent plant."
+    taken = f"{at_most(100 * share, 4)} % of it are taken by some consistent plant"
+    return f"What limits it is the {limit[0]}{_near(limit[1])}: {taken}."
 
 
 def _next(design: ControllerDesign) -> list[Text]:
