@@ -12,7 +12,7 @@ from robustid.controllers.goals import Attenuation, Goal, IntegralGain, LeastCon
 from robustid.controllers.limits import Limits
 from robustid.controllers.obstacles import unstable_of, zeros_of
 from robustid.controllers.plants import Plants
-from robustid.controllers.structure import Matrix, entries_of
+from robustid.controllers.structure import Entry, Matrix, entries_of
 from robustid.core import StateMatrices, as_count, loop_is_stable, poles_of
 from robustid.errors import InputError
 
@@ -25,7 +25,9 @@ def check_question(
     """Raise InputError where a design makes no sense whatever the data say."""
     _check_plants(plants)
     dt, (nu, ny) = plants[0].dt, plants[0].loop.shape
-    products = [factors for *_, factors in entries_of(structure, (ny, nu))]
+    entries = entries_of(structure, (ny, nu))
+    _check_integrators(entries)
+    products = [factors for *_, factors in entries]
     for factors in products:
         _check_factors(factors, dt)
     limits.check()
@@ -48,6 +50,19 @@ def _check_plants(plants: Sequence[Plants]) -> None:
             raise InputError("`bands` must have the same inputs and outputs")
         if not math.isclose(one.dt, plants[0].dt, rel_tol=1e-9):
             raise InputError(f"`bands` must have one sample time; got {plants[0].dt:g} and {one.dt:g} s")
+
+
+def _check_integrators(entries: Sequence[Entry]) -> None:
+    """Refuse two integrators behind one output or before one input: what they differ by is seen or moved by nothing."""
+    places = [(i, j) for i, j, factors in entries if any(isinstance(one, PID) and one.integral for one in factors)]
+    for side, name in ((0, "row"), (1, "column")):
+        for number in {place[side] for place in places}:
+            count = sum(place[side] == number for place in places)
+            if count > 1:
+                raise InputError(
+                    f"`structure` must have at most one integrator in every row and column; got {count} in {name} {number + 1}:"
+                    " their difference is a state that no loop moves. Take PID(integral=False) beside one of them"
+                )
 
 
 def _check_factors(factors: Sequence[Factor], dt: float) -> None:
