@@ -2,12 +2,12 @@
 
 Read and measure:     look, load, save, datasets, FrequencyResponse, TimeRecord, TangentialResponse, Bound, estimate_frf,
                       estimate_bound; robustid.prepare: excitations, faults and corrections, delays, drifts, noise floors
-Ask:                  kautz, integrators, Prior, MixedProblem, identify, validate; PositiveReal, NegativeImaginary, BoundedReal
-                      for passive plants
+Ask:                  kautz, integrators, Prior, MixedProblem, identify, validate, compare; PositiveReal, NegativeImaginary,
+                      BoundedReal for passive plants
 Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robustid.advise: classes, roll-off, scaling, poles
 What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
                       weights, stability margins
-Plants in a loop:     Loop, loop_from_data, loop_bounds, reduce_plant, interconnection; robustid.prepare.loop_response
+Plants in a loop:     Loop, loop_bounds, reduce_plant, interconnection; robustid.prepare: loop_response, loop_from_data
 Controllers:          design_controller: of fixed structure, for every plant of a band; robustid.design: PID, Notch, LowPass, Limits
 Fit:                  fit_mfd, fit_records, RigidBody; robustid.fits: orders, modes, exact conditions, covariance
 Small models:         reduce_within_bounds, balanced_truncation, to_continuous, prove_passive; robustid.passive: the nearest one
@@ -77,7 +77,6 @@ _MEANT = {
     "poles": "kautz",
     "Kautz": "kautz",
     "enforce_passivity": "passive.make_passive",
-    "compare": "validate",
     "resid": "validate",
     "bounds": "worst_case_error",
 }

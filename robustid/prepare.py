@@ -12,6 +12,7 @@ from robustid.estimation import (
     with_delay,
 )
 from robustid.identification import loop_response
+from robustid.reduction import loop_from_data
 
 __all__ = [
     "Fault",
@@ -23,6 +24,7 @@ __all__ = [
     "estimate_delay",
     "experiment_faults",
     "inverse_response",
+    "loop_from_data",
     "loop_response",
     "multisine",
     "nonlinear_records",

@@ -1,6 +1,7 @@
 """Tools of every room: validation, frozen values, files, saving, workers, threads, simulation."""
 
 from robustid.core.balancing import Balancing, balancing
+from robustid.core.by_value import ByValue, Tabular
 from robustid.core.choice import Choice, Source
 from robustid.core.coprime import (
     balanced_scales,
@@ -64,6 +65,7 @@ __all__ = [
     "Arrays",
     "Balancing",
     "Budget",
+    "ByValue",
     "Choice",
     "Complex",
     "DampedSteps",
@@ -85,6 +87,7 @@ __all__ = [
     "StateMatrices",
     "StateSpace",
     "Stops",
+    "Tabular",
     "Unfinished",
     "Workers",
     "ZPlane",

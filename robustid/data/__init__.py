@@ -3,7 +3,7 @@
 from robustid.core import save, stored
 from robustid.data.bound import Bound, Caveat
 from robustid.data.bound_checks import as_probability
-from robustid.data.error_sets import bound_ratio, joint_radius, stacked, tilted, variances
+from robustid.data.error_sets import bound_ratio, chance_beyond, joint_radius, stacked, tilted, variances
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.faults import Fault, FaultKind, PlacedFault, Undoing, as_faults
 from robustid.data.feedthrough import FeedThrough, expected_feedthrough
@@ -41,6 +41,7 @@ __all__ = [
     "as_probability",
     "as_records",
     "bound_ratio",
+    "chance_beyond",
     "decimate",
     "detrend",
     "expected_feedthrough",
