@@ -1,6 +1,6 @@
 """Records and responses before they are used: excitations, faults and corrections, delays, drifts, noise floors."""
 
-from robustid.core import Signal
+from robustid.core import Signal, explain
 from robustid.data import Fault, decimate, detrend, inverse_response, multisine, nonlinear_records, sample_time
 from robustid.estimation import (
     bounds_from_noise_floor,
@@ -33,3 +33,5 @@ __all__ = [
     "sample_time",
     "with_delay",
 ]
+
+explain(__name__, __all__)

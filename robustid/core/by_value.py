@@ -37,7 +37,7 @@ class Tabular:
 
     INDEX: ClassVar[str] = ""  # the column by whose values rows are named
 
-    def columns(self) -> Mapping[str, Any]:
+    def table(self) -> Mapping[str, Any]:
         """Columns of one length by their names."""
         raise NotImplementedError
 
@@ -57,5 +57,5 @@ class Tabular:
             frame: Any = importlib.import_module("pandas").DataFrame
         except ImportError:
             raise InputError("`to_dataframe` needs pandas, which is not installed: pip install pandas") from None
-        found = frame({name: np.array(column) for name, column in self.columns().items()})
+        found = frame({name: np.array(column) for name, column in self.table().items()})
         return found.set_index(self.INDEX) if self.INDEX else found

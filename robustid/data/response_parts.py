@@ -54,7 +54,7 @@ class ResponseParts(FrequencyPoints, Tabular):
             outputs=tuple(self.outputs[i] for i in rows),
         )
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def table(self) -> dict[str, np.ndarray]:
         """Frequency, real and imaginary part, and bound of every entry, by name."""
         found = {self.INDEX: self.freq_hz}
         for i, j in np.ndindex(self.values.shape[1:]):

@@ -184,7 +184,7 @@ class TimeRecord(ByValue, Frozen, Tabular, Drawable, Savable):
             outputs=tuple(self.outputs[i] for i in rows),
         )
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def table(self) -> dict[str, np.ndarray]:
         """Time, inputs, outputs and their bounds, by the names of the signals with their units."""
         found = {self.INDEX: self.time}
         found |= {str(signal): self.u[:, j] for j, signal in enumerate(self.inputs)}

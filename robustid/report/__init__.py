@@ -4,7 +4,7 @@ from robustid.report import plot
 from robustid.report.document import Verdict
 from robustid.report.identified import Parts, same
 from robustid.report.live import live_figure, live_words, look_figure, look_words
-from robustid.report.pages import render_report, render_summary, verdict, write_report
+from robustid.report.pages import has_page, render_report, render_summary, verdict, write_report
 from robustid.report.poles import PoleRow, pole_table
 from robustid.report.proved_band import stands_on
 from robustid.report.tuning import tuning_bode, tuning_limits, tuning_numbers, tuning_nyquist, tuning_words
@@ -16,6 +16,7 @@ __all__ = [
     "Verdict",
     "at_least",
     "at_most",
+    "has_page",
     "live_figure",
     "live_words",
     "look_figure",

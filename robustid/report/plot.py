@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.controllers import ControllerDesign
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.core import as_state_space, explain
+from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response
 from robustid.fitting import MatrixFraction, OrderSweep
 from robustid.guarantees import (
     Band,
@@ -23,9 +24,10 @@ from robustid.guarantees import (
     WorstCaseError,
     WorstCaseOverPoles,
 )
-from robustid.identification import Identification
+from robustid.identification import Comparison, Identification
 from robustid.reduction import ModelWorth, PlantReduction, Reduction
 from robustid.report.charts import Chart
+from robustid.report.comparison_page import comparison_chart
 from robustid.report.design_charts import design_chart, open_loop_bode, step_chart
 from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
@@ -38,6 +40,7 @@ from robustid.report.pages import kind_of, refuse_foreign
 from robustid.report.pole_box import pole_box_chart
 from robustid.report.poles import pole_chart
 from robustid.report.proved_band import centre_chart
+from robustid.report.record_charts import record_chart
 from robustid.report.residual_charts import identified_residuals
 from robustid.report.response_charts import response_bode
 from robustid.report.small_model import hankel_chart, model_chart, tried_orders, worth_chart
@@ -47,15 +50,15 @@ from robustid.report.value_sets import nyquist_chart
 from robustid.report.with_matplotlib import draw
 
 if TYPE_CHECKING:
-    import control
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    Models = Mapping[str, control.StateSpace] | None
+    Models = Any  # by names, one, or several
     Where = Axes | Sequence[Axes] | None
 
 __all__ = [
     "bode",
+    "comparison",
     "convergence",
     "design",
     "hankel",
@@ -64,6 +67,7 @@ __all__ = [
     "of",
     "orders",
     "poles",
+    "record",
     "residuals",
     "schedule",
     "stabilisation",
@@ -81,7 +85,7 @@ def of(result: Any, **options: Any) -> Figure:
 
     Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a
     RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of LoopBounds the `loop`, of a ControllerDesign the
-    `design`, of everything else `bode`.
+    `design`, of a TimeRecord the `record`, of a Comparison the `comparison`, of everything else `bode`.
 
     Parameters
     ----------
@@ -103,7 +107,7 @@ def of(result: Any, **options: Any) -> Figure:
     """
     figures: dict[type, Callable[..., Figure]] = {ResponseTube: time_response, RobustStabilityMargin: stability}
     figures |= {OrderSweep: orders, Reduction: orders, Interconnection: nyquist, LoopBounds: loop}
-    figures |= {ControllerDesign: design}
+    figures |= {ControllerDesign: design, TimeRecord: record, Comparison: comparison}
     return next((figure for kind, figure in figures.items() if isinstance(result, kind)), bode)(result, **options)
 
 
@@ -130,8 +134,8 @@ def bode(
     ----------
     result : Identification, Band, WorstCaseError, WorstCaseOverPoles, MatrixFraction, FrequencyResponse, StructuredWeight or
         control.StateSpace
-    models : mapping of str to control.StateSpace, optional
-        Further models with the sample time of an identification's data, such as a reduced one.
+    models : model, sequence of models, or mapping from names to them, optional
+        Of an Identification or a FrequencyResponse: further models with the sample time of the data, or results that have one.
     data : FrequencyResponse, optional
         What a MatrixFraction was fitted to: gives the names of the signals and the noise.
     records : TimeRecord or sequence of TimeRecord, optional
@@ -162,6 +166,7 @@ def bode(
     """
     import control
 
+    result = as_frequency_response("result", result) if hasattr(result, "frdata") else as_state_space("result", result)
     kinds: dict[type, tuple[Callable[..., Chart], tuple[str, ...]]] = {
         Identification: (identified_bode, ("models",)),
         WorstCaseError: (guaranteed_bode, ()),
@@ -169,7 +174,7 @@ def bode(
         Band: (centre_chart, ()),
         StructuredWeight: (weights_chart, ()),
         MatrixFraction: (fit_bode, ("data",)),
-        FrequencyResponse: (response_bode, ("records",)),
+        FrequencyResponse: (response_bode, ("records", "models")),
         control.StateSpace: (model_chart, ()),
         Family: (family_chart, ()),
         ControllerDesign: (open_loop_bode, ()),
@@ -377,6 +382,38 @@ def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin
     return draw(stability_chart(result), ax)
 
 
+def record(result: TimeRecord, *, ax: Where = None) -> Figure:
+    """Draw every input and output of a record over time, with the bounds of the outputs, and their spectra beside them.
+
+    Spectra are the amplitudes of the sines that make up the whole record, its mean taken off.
+
+    Parameters and errors as for `bode`.
+
+    Examples
+    --------
+    >>> import numpy as np, robustid as rid
+    >>> step = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01, outputs=["torsion [rad]"])
+    >>> [axes.get_title(loc="left") for axes in step.plot().axes[2:]]
+    ['output torsion [rad]', 'its spectrum']
+    """
+    return _drawn({TimeRecord: (record_chart, ())}, result, {}, ax)
+
+
+def comparison(result: Comparison, *, ax: Where = None) -> Figure:
+    """Draw two responses, their difference, and the limit that noise alone reaches nowhere; what lies beyond is marked.
+
+    Parameters and errors as for `bode`.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> first, second = (rid.FrequencyResponse([1.0, 2.0, 3.0], [1.0, value, 1.0], bound=0.1) for value in (1.0, 1.5))
+    >>> rid.compare(first, second).plot().axes[2].get_ylabel()
+    'difference'
+    """
+    return _drawn({Comparison: (comparison_chart, ())}, result, {}, ax)
+
+
 def loop(result: LoopBounds, *, plant: PlantReduction | None = None, ax: Where = None) -> Figure:
     """Draw the plant of a loop with the range of every consistent one, and the largest S and T.
 
@@ -443,3 +480,6 @@ def _drawn(
     given = {name: value for name, value in options.items() if value is not None}
     refuse_foreign(result, given, belonging)
     return draw(chart(result, **given), ax)
+
+
+explain(__name__, __all__)

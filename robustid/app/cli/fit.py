@@ -60,7 +60,15 @@ def fit(
     response: Annotated[
         ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step", "correct")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="NAME for the whole fit (NAME.npz and NAME.json, for robustid report and load), or its model alone: NAME.npz or"
+            " NAME.mat.",
+        ),
+    ] = Path("fit.npz"),
     report: Report = None,
     static: Static = False,
     force: Force = False,
@@ -82,10 +90,10 @@ def fit(
     from robustid.formats import save_model
     from robustid.report import render_report, render_summary, verdict
 
-    wanted, model_file = _order(order), _model_file(output)
+    wanted, model_files = _order(order), _model_files(output)
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
     written_files.check_static(report, static)
-    written_files.check_outputs([model_file, report], [source], force)
+    written_files.check_outputs([*model_files, report], [source], force)
     console = screen.console()
     (frf,) = asked_files.read(console)
     constraints = (RollOff(roll_off),) if roll_off else ()
@@ -102,12 +110,15 @@ def fit(
     if report is not None:
         with step(console, "drawing the report"):
             page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
-    save_model(result.model, model_file)
+    if len(model_files) > 1:
+        result.save(output)
+    else:
+        save_model(result.model, output)
     written_files.write_page(report, page)
     if sweep is not None:
         screen.say(console, sweep.summary())
     console.print(render_summary(result, data=frf, order_sweep=sweep))
-    screen.say_written(console, model_file, report)
+    screen.say_written(console, *model_files, report)
     screen.say_next(console, undoing)
     good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
     raise typer.Exit(screen.exit_code(good, any(not one.fault.undone for one in faults)))
@@ -131,12 +142,13 @@ def _order(text: str) -> int | None:
     return int(text)
 
 
-def _model_file(output: Path) -> Path:
+def _model_files(output: Path) -> list[Path]:
+    """The file of the model, or both files of the whole fit."""
     if output.suffix.lower() in (".npz", ".mat"):
-        return output
+        return [output]
     if output.suffix.lower() in (".csv", ".txt", ".json", ".html"):
-        raise InputError(f"--output {output} must end in .npz or .mat")
-    return output.with_name(output.name + ".npz")
+        raise InputError(f"--output {output} must end in .npz or .mat, or have no ending for the whole fit")
+    return list(written_files.result_files(output))
 
 
 def _fitted(console: Console, frf: FrequencyResponse, order: int, asked: dict[str, Any]) -> MatrixFraction:

@@ -29,6 +29,7 @@ COMMANDS = {  # in the order of the list, with the file of each
     "loop": "loops",
     "connect": "loops",
     "control": "control",
+    "compare": "compare",
     "verify": "verify",
     "reduce": "reduce",
     "report": "report",

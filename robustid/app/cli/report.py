@@ -1,4 +1,4 @@
-"""robustid report: the page of a saved identification."""
+"""robustid report: the page of a saved identification, or of whatever else was saved and has one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,13 @@ if TYPE_CHECKING:
 
 
 def report(
-    source: Annotated[Path, typer.Argument(help="A saved identification (NAME, NAME.npz or NAME.json).")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A saved identification (NAME, NAME.npz or NAME.json); without further options also a fit, a comparison, a loop, a"
+            " connection, a design or a response."
+        ),
+    ],
     bounds: Annotated[
         list[Path] | None, typer.Option(help="Add what robustid bounds saved of it: NAME, and NAME-poles. Repeatable.")
     ] = None,
@@ -39,21 +45,27 @@ def report(
     static: Static = False,
     force: Force = False,
 ) -> None:
-    """Write the report of a saved identification again; its claims are verified again from the numbers.
+    """Write the report of a saved result again; its claims are verified again from the numbers.
 
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
-    from robustid.app.load_save import load_result
+    from robustid.app.load_save import load
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, reduced
     from robustid.app.run.work import Work
+    from robustid.identification import Identification
     from robustid.report import render_summary, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
     console = screen.console()
-    result = load_result(source, "identification")
+    result = load(source)
+    if not isinstance(result, Identification):
+        _other(result, source, {"--bounds": bounds, "--step": steps, "--sensitivity": sensitivity or None})
+        write_report(result, output, title=title, static=static)
+        screen.say_written(console, output)
+        return
     with telling(console) as progress:
         work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
         _take_bounds(work, bounds or [])
@@ -68,6 +80,19 @@ def report(
     screen.say_written(console, output)
     screen.repeat_warnings(console, result)
     raise typer.Exit(screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
+
+
+def _other(result: object, source: Path, options: dict[str, object]) -> None:
+    """Refuse what has no page, and options that belong to an identification."""
+    from robustid.report import has_page
+
+    if not has_page(result):
+        kind = type(result).__name__
+        raise InputError(
+            f"{source} holds a {kind}, which has no page of its own; bounds are shown with --bounds beside NAME"
+        )
+    if given := [flag for flag, value in options.items() if value is not None]:
+        raise InputError(f"{given[0]} belongs to an identification; {source} holds a {type(result).__name__}")
 
 
 def _take_bounds(work: Work, paths: list[Path]) -> None:
