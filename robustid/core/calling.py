@@ -94,7 +94,7 @@ def open_to_users(thing: Any, name: str, module: str) -> Any:
     """Return a function whose wrong calls are explained, or the class with such a constructor; everything else as it is."""
     if isinstance(thing, FunctionType):
         return explained(thing, name, module)
-    own = vars(cast("type", thing)).get("__init__") if isinstance(thing, type) else None
+    own = vars(thing).get("__init__") if isinstance(thing, type) else None
     if isinstance(own, FunctionType) and not hasattr(own, "__wrapped__"):
         cast("Any", thing).__init__ = explained(own, name)
     return thing
@@ -103,10 +103,11 @@ def open_to_users(thing: Any, name: str, module: str) -> Any:
 def explain_methods(cls: type) -> None:
     """Explain wrong calls of the methods of a class that take arguments by name only."""
     for name, method in list(vars(cls).items()):
-        kind: Any = type(method) if isinstance(method, classmethod | staticmethod) else None
-        inner = method if kind is None else method.__func__
+        own: Any = method
+        bound = isinstance(method, classmethod | staticmethod)
+        inner: Any = own.__func__ if bound else own
         if name.startswith("_") or not isinstance(inner, FunctionType):
             continue
         if inspect.unwrap(inner).__code__.co_kwonlyargcount:
             again = explained(inner, name)
-            setattr(cls, name, again if kind is None else kind(again))
+            setattr(cls, name, type(own)(again) if bound else again)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ class Coverage(Frozen, Tabular):
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "error", "noise", "shown")})
 
-    def table(self) -> dict[str, list[object]]:
+    def table(self) -> dict[str, list[Any]]:
         """Columns of distances from the middle of the band, in half-widths: a row for every record, frequency and entry."""
         places = list(np.ndindex(*self.error.shape))
         outputs, inputs = self.signals

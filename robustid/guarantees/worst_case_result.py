@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -131,14 +132,14 @@ class WorstCaseError(WorstCase, Tabular):
         result._circle.take(circle)
         return result
 
-    def table(self) -> dict[str, list[object]]:
+    def table(self) -> dict[str, list[Any]]:
         """Model and bounds of its error, a row for every frequency and entry."""
         upper, lower = self.upper, self.lower
         nominal, places = self.nominal.reshape(upper.shape), list(np.ndindex(*upper.shape))
         return {
             "frequency [Hz]": [self.omega[k] / (2 * np.pi) for k, *_ in places],
-            "output": [str(self.problem.outputs[i]) for _, i, _ in places],
-            "input": [str(self.problem.inputs[j]) for *_, j in places],
+            "output": [str(self.problem.outputs[int(i)]) for _, i, _ in places],
+            "input": [str(self.problem.inputs[int(j)]) for *_, j in places],
             "real": nominal.real.ravel().tolist(),
             "imag": nominal.imag.ravel().tolist(),
             "guaranteed error": upper.ravel().tolist(),

@@ -214,7 +214,8 @@ def models_by_name(models: Models) -> dict[str, object]:
         return {f"model {k}": one for k, one in enumerate(cast("Sequence[object]", models), start=1)}
     if isinstance(models, str):
         raise InputTypeError(f"`models` must be models, by names, in a list or one; got {models!r}")
-    return by_name("models", models, "map names to models") if isinstance(models, Mapping) else {"model": models}
+    several = isinstance(models, Mapping)
+    return by_name("models", cast("object", models), "map names to models") if several else {"model": models}
 
 
 def by_name(argument: str, things: object, wanted: str) -> dict[str, object]:

@@ -16,10 +16,11 @@ _DEPTH = 1e-5  # of the largest amplitude: what is lower is leakage or rounding
 def amplitudes(signals: Real, dt: float) -> tuple[Real, Real]:
     """Frequencies in Hz and amplitudes of the sines that make up signals (R, T), root mean square over them; 0 Hz left out."""
     samples = signals.shape[1]
-    size = 2 * np.sqrt(np.mean(np.abs(np.fft.rfft(signals, axis=1)) ** 2, axis=0)) / samples
+    size: Real = 2 * np.sqrt(np.mean(np.abs(np.fft.rfft(signals, axis=1)) ** 2, axis=0)) / samples
     if samples % 2 == 0:
         size[-1] /= 2
-    return np.arange(1, size.size) / (samples * dt), size[1:]
+    hz: Real = np.arange(1, size.size) / (samples * dt)
+    return hz, size[1:]
 
 
 def record_chart(record: TimeRecord) -> Chart:
@@ -51,8 +52,8 @@ def _over_time(record: TimeRecord, title: str, signal: Signal, values: Real, bou
     if bound is not None and (used := np.isfinite(bound)).any():
         part = kept[used[kept]]
         x, y = rounded(time[part]), rounded(values[part])
-        ends = {"low": rounded((values - bound)[part]), "high": rounded((values + bound)[part])}
-        layers.append(Layer("± bound", x, y, NOMINAL, fill=True, **ends))
+        low, high = rounded((values - bound)[part]), rounded((values + bound)[part])
+        layers.append(Layer("± bound", x, y, NOMINAL, low=low, high=high, fill=True))
         if not used.all():
             rest = kept[~used[kept]]
             layers.append(

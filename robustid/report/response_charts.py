@@ -244,8 +244,8 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
     for one, at, response in view.curves:
         value = response[:, i, j]
         turned = next_to(np.degrees(np.angle(value)), np.interp(at, omega, angle))
-        look = {"colour": one.colour, "dash": one.dash, "size": 0.7}
-        drawn.add(one.name, at / HZ, _shown(np.abs(value)), rounded(with_gaps(turned)), **look)
+        curve = _shown(np.abs(value)), rounded(with_gaps(turned))
+        drawn.add(one.name, at / HZ, *curve, colour=one.colour, dash=one.dash, size=0.7)
     if (lost := silent[kept]).any():
         places = _shown(size[kept][lost]), rounded(angle[kept][lost])
         drawn.add("response below its bound", x[lost], *places, colour=ALERT, marker="circle-open", size=0.5)

@@ -50,7 +50,7 @@ def compare(
     from robustid.report import write_report
 
     written_files.check_static(report, static)
-    files = [] if output is None else written_files.result_files(output)
+    files = [] if output is None else list(written_files.result_files(output))
     written_files.check_outputs(
         [*files, report], [*written_files.sources(first), *written_files.sources(second)], force
     )
