@@ -18,7 +18,7 @@ from robustid.core import Frozen, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
-from robustid.formats import Item, contents, read_table, record_pairs
+from robustid.formats import Item, contents, heading, read_table, record_pairs
 from robustid.identification import sample_faults
 
 _EVEN = 1e-6  # part of a step
@@ -248,7 +248,7 @@ def _two_sided(values: np.ndarray) -> bool:
     """Return whether the rows of a DFT of real signals go on beyond the Nyquist frequency."""
     rows = values.reshape(len(values), -1)
     size = float(np.abs(rows).max()) if rows.shape[0] >= _FEW else np.nan
-    return bool(np.any(np.imag(rows))) and bool(np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size))
+    return bool(np.any(np.abs(np.imag(rows)) > _EVEN * size)) and bool(np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size))
 
 
 def _odd(item: Item) -> list[Fault]:
@@ -267,7 +267,9 @@ def _odd(item: Item) -> list[Fault]:
     if np.iscomplexobj(values) or not values.size or missing == values.size:
         return found
     finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
-    if _MAGNITUDE.search(item.name) and "db" not in name.lower() and (least := float(finite.min())) < 0:
+    said = heading(name)
+    size = not item.unit and (said is None or said.part in ("magnitude", ""))
+    if size and _MAGNITUDE.search(item.name) and "db" not in name.lower() and (least := float(finite.min())) < 0:
         words = f"{name} has negative values: a magnitude in decibels"
         found.append(Fault(FaultKind.MAGNITUDE_UNIT, words, where=name, size=least))
     if _PHASE.search(item.name) and not item.unit and "rad" not in name.lower() and not re.search(r"deg|°", name, re.I):
