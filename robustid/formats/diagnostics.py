@@ -33,13 +33,17 @@ def read_diagnostics(path: Path) -> Table:
     """Transfer functions, input the channel that was driven; of others every one by the names of its channels."""
     content = path.read_bytes()
     if _ENTITY.search(content):
-        raise FileFormatError(f"{path.name} declares entities, which such files never have; is it a file of LIGO's tools?")
+        raise FileFormatError(
+            f"{path.name} declares entities, which such files never have; is it a file of LIGO's tools?"
+        )
     try:
         root = ElementTree.fromstring(content)
         nodes = [node for node in root.iter("LIGO_LW") if node.get("Type") == "TransferFunction"]
         read = [transfer for node in nodes if (transfer := _transfer(node)) is not None]
     except (ElementTree.ParseError, binascii.Error, ValueError, KeyError, TypeError, IndexError) as error:
-        raise FileFormatError(f"{path.name} can't be read as XML of LIGO's tools ({said(error)}); is it cut off?") from None
+        raise FileFormatError(
+            f"{path.name} can't be read as XML of LIGO's tools ({said(error)}); is it cut off?"
+        ) from None
     if not read:
         raise FileFormatError(
             f"{path.name} has no transfer functions: spectra don't say a response by themselves. Export the transfer function as"

@@ -112,7 +112,9 @@ def _turned(values: np.ndarray, turn: np.ndarray) -> bool:
     """Return whether a phase is that of the conjugates rather than that of the values."""
     there = np.isfinite(values) & np.isfinite(turn) & (values != 0)
     unit = values[there] / np.abs(values[there])
-    return bool(np.sum(np.abs(unit - turn[there])) > 4 * np.sum(np.abs(unit.conj() - turn[there])) + _ROUNDED * unit.size)
+    return bool(
+        np.sum(np.abs(unit - turn[there])) > 4 * np.sum(np.abs(unit.conj() - turn[there])) + _ROUNDED * unit.size
+    )
 
 
 def _check_matrix(quantity: str, entries: dict[str, _Parts], complete: set[str]) -> None:
@@ -147,10 +149,11 @@ def _with_response(
         )
     scale = units.factor(_SCALES.get(quantity, {}), unit)
     matrix = matrix * (scale or 1.0)
-    said = [column for one in used.values() for column in one.values()]
+    said = [column for entry in sorted(used) for column in _taken(used[entry])]
     turned = [column.name for column in said if column.heading.sign < 0]
     of = f"{quantity} " if quantity else ""
-    how = f"{table.how}; response {of}from {', '.join(repr(column.name) for column in said[:4])}" + " …" * (len(said) > 4)
+    names = [repr(column.name) for column in said]
+    how = f"{table.how}; response {of}from {', '.join(names[:4])}" + " …" * (len(said) > 4)
     if turned:
         shown = ", ".join(map(repr, turned[:4])) + " …" * (len(turned) > 4)
         how += f"; the sign of {shown} is turned, as the minus in the name says"
@@ -164,7 +167,17 @@ def _with_response(
             columns = {name: one[~idle] if isinstance(one, np.ndarray) and len(one) == len(idle) else one
                        for name, one in columns.items()}  # fmt: skip
     facts = {side: labels for side, labels in facts.items() if labels is not None}
-    return dataclasses.replace(table, columns=columns, facts={**table.facts, "frequency": facts}, how=how)
+    remarks = {**table.remarks, "values": "made of the others"}
+    return dataclasses.replace(
+        table, columns=columns, facts={**table.facts, "frequency": facts}, how=how, remarks=remarks
+    )
+
+
+def _taken(parts: _Parts) -> list[_Column]:
+    """The columns of an entry that its values are made of."""
+    wanted = ("real", "imag") if {"real", "imag"} <= set(parts) else ("magnitude", "phase")
+    wanted = wanted if wanted[0] in parts else ("decibels", "phase")
+    return [parts[part] for part in wanted]
 
 
 def _unit(column: _Column) -> str:

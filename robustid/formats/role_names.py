@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from robustid.formats import headings, units
 
 # Roles and the names tried for them, which may have a unit: "frequency [Hz]", "time_ms". Names whose unit isn't certain
@@ -34,6 +36,7 @@ NAMES = {
 _ANGULAR = ("omega", "ω", "w", "angular frequency", "angular_frequency")
 _PARTS = {word: part for word, part in headings.PARTS.items() if part in ("phase", "magnitude")}
 _AXES = {**dict.fromkeys(_ANGULAR, "frequency"), **headings.AXES, **_PARTS}
+_FREQUENCY_WORDS = {"omega", "ω", "frequency", "frequencies", "freq", "frequenz", "hz", "khz", "mhz", "ghz"}
 UNSURE = "unsure "  # before the kind of an axis: its unit isn't known
 
 
@@ -62,6 +65,12 @@ def axis_role(name: str) -> str | None:
     if kind == "magnitude":
         return "magnitude_db" if unit.lower() == "db" else UNSURE + kind if "db" in unit.lower() else "magnitude"
     return None
+
+
+def speaks_of_frequency(name: str) -> bool:
+    """Return whether a word of a name is one for frequency, or a unit of it: it is no signal of a record then."""
+    words = set(re.split(r"[^a-zω]+", name.lower()))
+    return bool(words & _FREQUENCY_WORDS)
 
 
 def rank(role: str, name: str) -> tuple[int, bool]:

@@ -26,9 +26,7 @@ _SECTIONS = (
         re.compile(r"EXPLAIN\b"), re.compile(r"ZCURVE\b"), re.compile(r"\S"), "table ZCURVE, which holds the impedance"
     ),
     # VersaStudio: the line of names begins with "Definition=".
-    _Section(
-        re.compile(r"<Application>"), re.compile(r"<Segment\d+>"), re.compile(r"</Segment"), "section <Segment1>"
-    ),
+    _Section(re.compile(r"<Application>"), re.compile(r"<Segment\d+>"), re.compile(r"</Segment"), "section <Segment1>"),
     # Network analysers by Keysight and others.
     _Section(re.compile(r"!\s*CSV\b"), re.compile(r"BEGIN\b"), re.compile(r"END\b"), "line BEGIN"),
 )

@@ -187,7 +187,17 @@ def _reading(lines: list[str], separator: str | None, decimal: str) -> _Reading 
     inside = zip(rows[start : last + 1], patterns[start : last + 1], strict=True)
     below = [flag for row, pattern in inside for cell, flag in zip(row, pattern, strict=False) if cell]
     named = start == 0 or len(rows[start - 1]) == width
-    return _Reading(2 * sum(below) > len(below), sum(like), sum(below) / len(below), named, width > 1, decimal == ".", separator, width, start)
+    return _Reading(
+        2 * sum(below) > len(below),
+        sum(like),
+        sum(below) / len(below),
+        named,
+        width > 1,
+        decimal == ".",
+        separator,
+        width,
+        start,
+    )
 
 
 def _like(row: list[str], pattern: tuple[bool, ...], usual: tuple[bool, ...], width: int) -> bool:
@@ -248,8 +258,10 @@ def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) 
             row = words
         if row is None and ends and len(cuts[0]) == best.width + 1:
             row = cuts[0][:-1]  # the title of a column without numbers, behind the last separator
-        if row is None or not any(row) or any(
-            is_number(cell) or is_number(cell, ",") or cell.endswith(":") for cell in row
+        if (
+            row is None
+            or not any(row)
+            or any(is_number(cell) or is_number(cell, ",") or cell.endswith(":") for cell in row)
         ):
             break
         found.insert(0, (k, row))

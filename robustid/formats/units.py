@@ -39,8 +39,10 @@ def in_brackets(name: str) -> tuple[str, str]:
         return name, ""
     if match := _BRACKETS.fullmatch(name):
         return match[1], (match[2] or match[3] or "").strip()
-    if (match := _QUOTIENT.fullmatch(name)) and match[1].lower() not in USUAL and (
-        match[2].lower() in _BEHIND or (match[1].lower() in _TIMES and factor(TIME, match[2]) is not None)
+    if (
+        (match := _QUOTIENT.fullmatch(name))
+        and match[1].lower() not in USUAL
+        and (match[2].lower() in _BEHIND or (match[1].lower() in _TIMES and factor(TIME, match[2]) is not None))
     ):
         return match[1], match[2]
     return name, ""

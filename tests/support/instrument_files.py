@@ -77,20 +77,30 @@ def ec_lab_text():
 def gamry(comma=False, rest=True):
     """Gamry Framework, .DTA: tables that begin with a tab, one of the potential at rest before that of the impedance."""
     at_rest = "\tPt\tT\tVf\tVm\tAch\tOver\tTemp\r\n\t#\ts\tV vs. Ref.\tV\tV\tbits\tdeg C\r\n"
-    at_rest += lines(counted(HZ), 0.25 * counted(HZ), -0.3 + 0 * HZ, first="\t", last="\t0.1\t0.1\t..........a\t-327.67")
+    at_rest += lines(
+        counted(HZ), 0.25 * counted(HZ), -0.3 + 0 * HZ, first="\t", last="\t0.1\t0.1\t..........a\t-327.67"
+    )
     head = "EXPLAIN\r\nTAG\tEISPOT\r\nTITLE\tLABEL\tPotentiostatic EIS\tTest &Identifier\r\nNOTES\tNOTES\t1\t&Notes...\r\n\tcell 8\r\n"
     head += "FREQINIT\tQUANT\t1.00000E+004\tInitial Fre&q. (Hz)\r\nZGUESS\tQUANT\t1.00000E+002\tE&stimated Z (ohms)\r\n"
     names = "\tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\tIdc\tVdc\tIERange\r\n\t#\ts\tHz\tohm\tohm\tV\tohm\t°\tA\tV\t#\r\n"
     body = lines(counted(HZ), counted(HZ) + 1, HZ, CELL.real, CELL.imag, 1 + 0 * HZ, abs(CELL), degrees(CELL), -3e-6 + 0 * HZ,
                  -0.34 + 0 * HZ, 7 + 0 * HZ, first="\t", number="{:.9g}")  # fmt: skip
-    text = head + f"OCVCURVE\tTABLE\t9\r\n{at_rest}EOC\tQUANT\t-0.29\tOpen Circuit (V)\r\n" * rest + "ZCURVE\tTABLE\r\n" + names + body
+    text = (
+        head
+        + f"OCVCURVE\tTABLE\t9\r\n{at_rest}EOC\tQUANT\t-0.29\tOpen Circuit (V)\r\n" * rest
+        + "ZCURVE\tTABLE\r\n"
+        + names
+        + body
+    )
     return (text.replace(".", ",") if comma else text).encode("latin-1")
 
 
 def zplot():
     """ZPlot (Scribner, with Solartron analysers), .z: names, then a line "End Comments"."""
     head = "ZPLOT2 ASCII\r\n  Measured Data, ZPlot:       3.2c\r\n  Date:                       10-12-2018\r\n"
-    head += "  Begin Experiment:           0\r\n    Potential-DC:             0\r\n    vs Freq-Initial:          300000\r\n"
+    head += (
+        "  Begin Experiment:           0\r\n    Potential-DC:             0\r\n    vs Freq-Initial:          300000\r\n"
+    )
     names = "  Data Points:                9\r\n  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\tGD\tErr\tRange\r\nEnd Comments\r\n"
     zero = 0 * HZ
     body = lines(HZ, 0.01 + zero, zero, counted(HZ), CELL.real, CELL.imag, zero, zero, 3 + zero, number="{:.6E}")
@@ -103,7 +113,9 @@ def zplot_windows():
     head += '1.7 sccm CO, 1.50 sccm CO2, 800 C\r\n"Open Circuit Potential (V):  0 "\r\n"Frequency"\r\n0,3,0,1,300000,0.005\r\n9\r\n'
     names = "\"  Freq(Hz)    Ampl     Bias   Time(Sec)   Z'(a)    Z''(b)    GD   Err   Range\"\r\n"
     zero = 0 * HZ
-    body = lines(HZ, 0.01 + zero, zero, counted(HZ), CELL.real, CELL.imag, zero, zero, 5 + zero, separator=", ", number="{:.6E}")
+    body = lines(
+        HZ, 0.01 + zero, zero, counted(HZ), CELL.real, CELL.imag, zero, zero, 5 + zero, separator=", ", number="{:.6E}"
+    )
     return (head + names + body).encode()
 
 
@@ -177,14 +189,18 @@ def pstrace():
     """PSTrace (PalmSens): UTF-16, the phase negated."""
     head = "Date and time:,2025-01-01 00:00:00\r\nNotes:\r\nMeasurement:,Impedance Spectroscopy\r\nCH 3: Fixed at 9 freqs\r\n"
     names = "freq / Hz,neg. Phase / °,Idc / uA,Z / Ohm,Z' / Ohm,-Z'' / Ohm,Cs / F\r\n"
-    body = lines(HZ, -degrees(CELL), 1 + 0 * HZ, abs(CELL), CELL.real, -CELL.imag, 1e-3 + 0 * HZ, separator=",", number="{:.9g}")
+    body = lines(
+        HZ, -degrees(CELL), 1 + 0 * HZ, abs(CELL), CELL.real, -CELL.imag, 1e-3 + 0 * HZ, separator=",", number="{:.9g}"
+    )
     return (head + names + body).encode("utf-16")
 
 
 def smart():
     """SMaRT (Solartron), comma-separated: magnitude and phase in words."""
     names = "Time (s),Frequency (Hz),Impedance Magnitude (Ohms),Impedance Phase (Degrees),Admittance Magnitude (S),Admittance Phase (Degrees)\r\n"
-    body = lines(counted(HZ), HZ, abs(CELL), degrees(CELL), 1 / abs(CELL), -degrees(CELL), separator=",", number="{:.9g}")
+    body = lines(
+        counted(HZ), HZ, abs(CELL), degrees(CELL), 1 / abs(CELL), -degrees(CELL), separator=",", number="{:.9g}"
+    )
     return (names + body).encode()
 
 
@@ -275,7 +291,15 @@ def vibration_controller():
     """A vibration controller: one column of a matrix of accelerances, its coherence beside it."""
     names = "Frequency [Hz];H11 Re [(m/s²)/N];H11 Im [(m/s²)/N];H21 Re [(m/s²)/N];H21 Im [(m/s²)/N]\r\n"
     first, second = MATRIX[0, 0], MATRIX[1, 0]
-    body = lines(HZ[::-1], first[::-1].real, first[::-1].imag, second[::-1].real, second[::-1].imag, separator=";", number="{:.9g}")
+    body = lines(
+        HZ[::-1],
+        first[::-1].real,
+        first[::-1].imag,
+        second[::-1].real,
+        second[::-1].imag,
+        separator=";",
+        number="{:.9g}",
+    )
     return (names + body).encode("latin-1")
 
 
@@ -298,7 +322,10 @@ def diagnostics(stimulus="H1:LSC-DARM1_EXC", subtype=3):
     for k, (channel, values) in enumerate(rows.items()):
         numbers = np.concatenate([hz] * (subtype == 3) + values).astype("<c8").tobytes()
         text = base64.encodebytes(numbers).decode()
-        params = "".join(f'<Param Name="ChannelB[{n}]" Type="string" Unit="channel">{name}</Param>\n' for n, name in enumerate(channels))
+        params = "".join(
+            f'<Param Name="ChannelB[{n}]" Type="string" Unit="channel">{name}</Param>\n'
+            for n, name in enumerate(channels)
+        )
         results += f"""  <LIGO_LW Name="Result[{k}]" Type="TransferFunction">
     <Param Name="Flag" Type="string">Result</Param>
     <Param Name="Subtype" Type="int">{subtype}</Param>
