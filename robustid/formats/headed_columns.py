@@ -78,7 +78,7 @@ def _quantities(table: Table) -> dict[tuple[str, str], dict[str, _Parts]]:
     found = {key: entries for key, entries in found.items() if key not in twice}
     named = [entries[""] for (quantity, _), entries in found.items() if quantity and set(entries) == {""}]
     if bare := found.get(("", ""), {}).get("", {}):
-        lacking = [parts for parts in named if _values(parts) is None]
+        lacking = [parts for parts in named if _values(parts) is None] or named
         if len(lacking) == 1 and not set(lacking[0]) & set(bare):
             lacking[0].update(bare)
             del found["", ""]
