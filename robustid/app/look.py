@@ -99,6 +99,8 @@ class Look(Frozen):
             bound = [] if self.data.bound is not None or self.bound else ["--frequency-bound", "RADIUS"]
             called = ["identify", "--frequency", name, *bound, "--report", "report.html"]
             return python, command_line(with_option(called, _CORRECT, self.correction) if self.correction else called)
+        if not self.kind and self.data is not None:  # a model
+            return (python,)
         ready = "a run file, ready to edit" + ", with what undoes the fault" * bool(self.correction)
         return python, f"{command_line(['new', name, '-o', 'run.toml'])}   # {ready}"
 
@@ -200,7 +202,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         ):
             odd += experiment_faults(one, same)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
-    kind = "time" if len(records) == len(several) else "frequency"
+    kind = "time" if records else "frequency" if isinstance(several[0], FrequencyResponse) else ""
     told = {
         "arguments": {"fields": apart[0]} if apart else options,
         "records": tuple(apart),
@@ -255,7 +257,7 @@ def _said(item: Item) -> str:
 def _range(item: Item) -> str:
     """Range of numbers, with their step where they are evenly spaced; else the text."""
     if item.values is None or not item.values.size:
-        return str(item.text)[:60]
+        return item.text.replace("\n", ", ")[:60]
     values = np.asarray(item.values)
     if np.iscomplexobj(values):
         size = np.abs(values[np.isfinite(values)])
