@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from robustid.app.look import Look
 from robustid.app.run.toml import is_array, is_table
-from robustid.data import FaultKind, FrequencyResponse
+from robustid.data import FaultKind
 
 _HEAD = """\
 # A run file for `robustid run`: what isn't stated here is chosen from the data, and written back with its reason.

@@ -7,7 +7,7 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -177,7 +177,8 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     rows = tuple((item.address, _shape(item), _said(item)) for item in found.items)
     odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
     try:
-        data, how = ([load(table, fields=one) for one in apart], found.how) if apart else read_said(table, **options)
+        data, how = ([load(table, fields=one) for one in apart], "") if apart else read_said(table, **options)
+        how = found.how if apart or table.meta is not None else how
     except (InputError, InputTypeError, FileFormatError) as error:
         tried, unknown = _tried(error, {"fields": apart[0]} if apart else options)
         kind = _kind(table, tried)

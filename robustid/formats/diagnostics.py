@@ -1,4 +1,4 @@
-"""Diagnostics test tools of LIGO (diaggui), XML: transfer functions of measured channels."""
+"""Diagnostics test tools of LIGO (diaggui), XML: transfer functions between measured signals."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"\[(\d{1,6})\]")
 
 
 class _Transfer(NamedTuple):
-    """The responses of channels B to a channel A."""
+    """The responses of signals B to a signal A."""
 
     source: str
     channels: list[str]
@@ -30,7 +30,7 @@ class _Transfer(NamedTuple):
 
 
 def read_diagnostics(path: Path) -> Table:
-    """Transfer functions, input the channel that was driven; of others every one by the names of its channels."""
+    """Transfer functions, input the signal that was driven; of others every one by the names of its signals."""
     content = path.read_bytes()
     if _ENTITY.search(content):
         raise FileFormatError(
@@ -72,7 +72,7 @@ def read_diagnostics(path: Path) -> Table:
 
 
 def _fill(table: Table, driven: _Transfer) -> None:
-    """The usual arrays: the responses of all other channels."""
+    """The usual arrays: the responses of all other signals."""
     kept = [k for k, channel in enumerate(driven.channels) if channel != driven.source]
     there = driven.hz > 0  # a sweep that was stopped is filled up with zeros
     table.columns["freq_hz"] = driven.hz[there]
@@ -81,7 +81,7 @@ def _fill(table: Table, driven: _Transfer) -> None:
 
 
 def _driven(root: ElementTree.Element) -> set[str]:
-    """Channels that the test drives."""
+    """Signals that the test drives."""
     params = [node for node in root.iter("Param") if (node.get("Name") or "").startswith(("Stimulus", "TestChannel"))]
     texts = {node.get("Name") or "": (node.text or "").strip() for node in params}
     return {text for name, text in texts.items() if name.startswith("StimulusChannel")
@@ -104,7 +104,7 @@ def _transfer(node: ElementTree.Element) -> _Transfer | None:
     if numbers.size != points * (rows + (kind == _LISTED)):
         raise ValueError(f"an array of {numbers.size} numbers for {rows} channels and {points} frequencies")
     if kind == _LISTED:
-        hz, numbers = numbers[:points].real, numbers[points:]
+        hz, numbers = np.real(numbers[:points]), numbers[points:]
     else:
         hz = float(params["f0"]) + float(params["df"]) * np.arange(points)
     places = {name: _NUMBER.search(name) for name in params if name.startswith("ChannelB")}

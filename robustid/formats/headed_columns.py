@@ -126,9 +126,10 @@ def _check_matrix(quantity: str, entries: dict[str, _Parts], complete: set[str])
         first = sorted(complete)[0]
         names = [entries[first][part].name for part in ("real", "imag", "magnitude", "decibels", "phase")
                  if part in entries[first]]  # fmt: skip
+        verb = "are" if len(missing) > 1 else "is"
         raise InputError(
-            f"the columns are entries of a matrix {quantity}, of which {shown} {'are' if len(missing) > 1 else 'is'} missing: export"
-            f" all, or name one entry by `fields`; {quantity}{first} is in {', '.join(map(repr, names))}"
+            f"the columns are entries of a matrix {quantity}, of which {shown} {verb} missing: export all,"
+            f" or name one entry by `fields`; {quantity}{first} is in {', '.join(map(repr, names))}"
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.errors import Remedy
 from robustid.formats import units
-from robustid.formats.addresses import parse, written
+from robustid.formats.addresses import written
 from robustid.formats.headings import PARTS
 from robustid.formats.record_pairs import record_pairs
 from robustid.formats.role_names import UNSURE, axis_role, speaks_of_frequency
@@ -19,7 +19,7 @@ from robustid.formats.table import NAMELESS, Table
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
 _STEADY = 1e-6
 _CARTESIAN = ("real", "imag")
-_PARTS_WORDS = "'real' and 'imag', or 'magnitude' or 'magnitude_db' and 'phase_deg' or 'phase_rad'"
+_PARTS_WORDS = "'values' (complex), 'real' and 'imag', or 'magnitude' or 'magnitude_db' and 'phase_deg' or 'phase_rad'"
 _RECORD = "As a time record, if these are its inputs and outputs: "
 _SIDES = {"u": "its input", "y": "its output"}
 _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "output"), ("output", "input"),

@@ -8,13 +8,14 @@ it a plain list of matrices, each with a header of five whole numbers. Those of 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import os
 import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,7 +125,8 @@ class _Elements:
         return _matrix(_Elements(value, self.order))[1] if len(value) else np.empty((0, 0))
 
 
-class _Object(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class _Object:
     """The class of an object, and what the file has of it: fields of old ones, references of new ones."""
 
     kind: str

@@ -8,6 +8,7 @@ know it (github foreverallama/matio). Models of the Control System Toolbox hold 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -51,7 +52,7 @@ class Subsystem:
             raise ValueError("the regions of the table of objects overlap")
         words = table[4 * _HEADER : begins[0]].split(b"\0")[: int(header[1])]
         self.names = [word.decode("utf-8", "replace") for word in words]
-        region = [np.frombuffer(table[a:b], f"{order}u4") for a, b in zip(begins, begins[1:], strict=False)]
+        region = [np.frombuffer(table[a:b], f"{order}u4") for a, b in pairwise(begins)]
         self.classes = [self._name(int(row[1])) for row in region[0].reshape(-1, 4)]
         self.objects = region[2].reshape(-1, 6)
         self.saved, self.plain = _blocks(region[1]), _blocks(region[3])
@@ -78,9 +79,12 @@ class Subsystem:
 
     def of_reference(self, value: Any) -> Any:
         """The properties of the object that an array of numbers stands for; several are a tuple; anything else as it is."""
-        if not isinstance(value, np.ndarray) or value.dtype.kind != "u" or value.size < 4 or value.flat[0] != REFERENCE:
+        if not isinstance(value, np.ndarray):
             return value
-        numbers = [int(one) for one in value.flat]
+        array = cast("np.ndarray", value)
+        numbers: list[int] = array.ravel(order="F").tolist() if array.dtype.kind == "u" and array.size > 3 else [0]
+        if numbers[0] != REFERENCE:
+            return array
         ids = numbers[2 + numbers[1] : -1]
         return self.properties(ids[0]) if len(ids) == 1 else tuple(self.properties(one) for one in ids)
 

@@ -26,8 +26,9 @@ _LONGEST_NAME = 500  # characters; what is longer states no unit
 _ADDRESS = re.compile(r"\[[^\[\]]*(?::|\.\.\.)[^\[\]]*\]\s*$")  # of a slice: no unit
 # Behind a stroke, as "freq/Hz"; of a time only where the name is one, since "m/s" is a unit itself.
 _QUOTIENT = re.compile(r"(.*[^\s/])\s*/\s*([^\s/]+|1/[^\s/]+)")
-_BEHIND = {unit.lower() for known in (FREQUENCY, PHASE, OHM, SIEMENS) for unit in known if "/" not in unit}
-_BEHIND |= {"db", "v", "mv", "a", "ma", "ua", "µa", "f", "µf", "uf"}
+_BEHIND = {"db", "v", "mv", "a", "ma", "ua", "µa", "f", "µf", "uf"} | {
+    unit.lower() for known in (FREQUENCY, PHASE, OHM, SIEMENS) for unit in known if "/" not in unit
+}
 _TIMES = ("time", "t", "times", "elapsed time", "zeit")
 _SUFFIX = re.compile(r"(?:(.*?)_)?(k?hz|mhz|ghz|rad_s|ms|us|ns|s|deg|degrees|rad|db)", re.IGNORECASE)
 

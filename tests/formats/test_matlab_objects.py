@@ -85,5 +85,5 @@ def test_references_that_go_round_or_nowhere_leave_the_object_unread(tmp_path):
         if number == 2:
             assert load(path).dt == 0.01
             continue
-        with pytest.raises(InputError, match="The file has x .*'G' is an object of the MATLAB class frd, which only"):
+        with pytest.raises(InputError, match=r"The file has x .*'G' is an object of the MATLAB class frd, which only"):
             load(path)

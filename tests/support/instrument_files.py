@@ -61,7 +61,8 @@ goto Ns'            0
 
 def ec_lab(comma=False):
     """EC-Lab (BioLogic), .mpt: a head whose length its second line says, Latin-1, a tab behind the last cell."""
-    names = "freq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm\t|Z|/Ohm\tPhase(Z)/deg\ttime/s\t<Ewe>/V\t<I>/mA\tCs/µF\tcycle number\tRe(Y)/Ohm-1\tIm(Y)/Ohm-1\t\n"
+    names = "freq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm\t|Z|/Ohm\tPhase(Z)/deg"
+    names += "\ttime/s\t<Ewe>/V\t<I>/mA\tCs/µF\tcycle number\tRe(Y)/Ohm-1\tIm(Y)/Ohm-1\t\n"
     Y = 1 / CELL
     body = lines(HZ, CELL.real, -CELL.imag, abs(CELL), degrees(CELL), counted(HZ) + 0.5, 3.3 + 0 * HZ, 1.5 + 0 * HZ, 1e3 + 0 * HZ,
                  1 + 0 * HZ, Y.real, Y.imag, last="\t", comma=comma)  # fmt: skip
@@ -80,7 +81,8 @@ def gamry(comma=False, rest=True):
     at_rest += lines(
         counted(HZ), 0.25 * counted(HZ), -0.3 + 0 * HZ, first="\t", last="\t0.1\t0.1\t..........a\t-327.67"
     )
-    head = "EXPLAIN\r\nTAG\tEISPOT\r\nTITLE\tLABEL\tPotentiostatic EIS\tTest &Identifier\r\nNOTES\tNOTES\t1\t&Notes...\r\n\tcell 8\r\n"
+    head = "EXPLAIN\r\nTAG\tEISPOT\r\nTITLE\tLABEL\tPotentiostatic EIS\tTest &Identifier\r\n"
+    head += "NOTES\tNOTES\t1\t&Notes...\r\n\tcell 8\r\n"
     head += "FREQINIT\tQUANT\t1.00000E+004\tInitial Fre&q. (Hz)\r\nZGUESS\tQUANT\t1.00000E+002\tE&stimated Z (ohms)\r\n"
     names = "\tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\tIdc\tVdc\tIERange\r\n\t#\ts\tHz\tohm\tohm\tV\tohm\t°\tA\tV\t#\r\n"
     body = lines(counted(HZ), counted(HZ) + 1, HZ, CELL.real, CELL.imag, 1 + 0 * HZ, abs(CELL), degrees(CELL), -3e-6 + 0 * HZ,
@@ -101,7 +103,8 @@ def zplot():
     head += (
         "  Begin Experiment:           0\r\n    Potential-DC:             0\r\n    vs Freq-Initial:          300000\r\n"
     )
-    names = "  Data Points:                9\r\n  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\tGD\tErr\tRange\r\nEnd Comments\r\n"
+    names = "  Data Points:                9\r\n"
+    names += "  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\tGD\tErr\tRange\r\nEnd Comments\r\n"
     zero = 0 * HZ
     body = lines(HZ, 0.01 + zero, zero, counted(HZ), CELL.real, CELL.imag, zero, zero, 3 + zero, number="{:.6E}")
     return (head + names + body).encode()
@@ -109,7 +112,8 @@ def zplot():
 
 def zplot_windows():
     """ZPlot for Windows: quoted lines, the names one text with spaces, numbers with commas and spaces."""
-    head = '"ZPlotW Data File: Version 3.2c"\r\n"Raw Data"\r\n"Sweep Frequency: Control Voltage"\r\nDate: 12-17-2019    Time: 16:24:35\r\n'
+    head = '"ZPlotW Data File: Version 3.2c"\r\n"Raw Data"\r\n"Sweep Frequency: Control Voltage"\r\n'
+    head += "Date: 12-17-2019    Time: 16:24:35\r\n"
     head += '1.7 sccm CO, 1.50 sccm CO2, 800 C\r\n"Open Circuit Potential (V):  0 "\r\n"Frequency"\r\n0,3,0,1,300000,0.005\r\n9\r\n'
     names = "\"  Freq(Hz)    Ampl     Bias   Time(Sec)   Z'(a)    Z''(b)    GD   Err   Range\"\r\n"
     zero = 0 * HZ
@@ -138,7 +142,8 @@ def nova(separator="\t", comma=False):
 
 def ch_instruments():
     """CH Instruments: a stroke before the units, one quotation mark in a name, magnitude without bars."""
-    head = "Feb. 20, 2020   15:55:08\r\nA.C. Impedance\r\nFile: c:\\eis.bin\r\nInstrument Model:  CHI660E\r\nHeader: \r\nNote: \r\n\r\n"
+    head = "Feb. 20, 2020   15:55:08\r\nA.C. Impedance\r\nFile: c:\\eis.bin\r\n"
+    head += "Instrument Model:  CHI660E\r\nHeader: \r\nNote: \r\n\r\n"
     head += "Init E (V) = 0\r\nHigh Frequency (Hz) = 1e+4\r\nAmplitude (V) = 0.025\r\nCycles (.1-1Hz) = 1\r\n\r\n"
     names = "Freq/Hz, Z'/ohm, Z\"/ohm, Z/ohm, Phase/deg\r\n\r\n"
     body = lines(HZ, CELL.real, CELL.imag, abs(CELL), degrees(CELL), separator=", ", number="{:.7e}")
@@ -147,11 +152,13 @@ def ch_instruments():
 
 def versastudio():
     """VersaStudio (Princeton), .par: sections in angle brackets, names behind "Definition=" with a zero at their end."""
-    names = "Segment #, Point #, E(V), I(A), Elapsed Time(s), Frequency(Hz), E Real, E Imag, I Real, I Imag, Z Real, Z Imag, ActionId, 0"
+    names = "Segment #, Point #, E(V), I(A), Elapsed Time(s), Frequency(Hz), "
+    names += "E Real, E Imag, I Real, I Imag, Z Real, Z Imag, ActionId, 0"
     zero = 0 * HZ
     body = lines(zero, counted(HZ), zero, zero, counted(HZ), HZ, 0.02 * CELL.real, 0.02 * CELL.imag, 0.02 + zero, zero, CELL.real,
                  CELL.imag, 21 + zero, separator=",", number="{:.9g}")  # fmt: skip
-    head = "<Application>\r\nName=VersaStudio\r\n</Application>\r\n\r\n<Action1>\r\nAmplitude (mV RMS)=20\r\nSegments=1\r\n</Action1>\r\n\r\n"
+    head = "<Application>\r\nName=VersaStudio\r\n</Application>\r\n\r\n"
+    head += "<Action1>\r\nAmplitude (mV RMS)=20\r\nSegments=1\r\n</Action1>\r\n\r\n"
     graph = "</Segment1>\r\n\r\n<Graph1>\r\nHeight=291\r\nWidth=1023\r\nXAxisName=Frequency (Hz)\r\n</Graph1>\r\n"
     return f"{head}<Segment1>\r\nType=2\r\nVersion=3\r\nDefinition={names}\r\n{body}{graph}".encode()
 
@@ -197,14 +204,16 @@ def pstrace():
 
 def smart():
     """SMaRT (Solartron), comma-separated: magnitude and phase in words."""
-    names = "Time (s),Frequency (Hz),Impedance Magnitude (Ohms),Impedance Phase (Degrees),Admittance Magnitude (S),Admittance Phase (Degrees)\r\n"
+    names = "Time (s),Frequency (Hz),Impedance Magnitude (Ohms),Impedance Phase (Degrees),"
+    names += "Admittance Magnitude (S),Admittance Phase (Degrees)\r\n"
     body = lines(
         counted(HZ), HZ, abs(CELL), degrees(CELL), 1 / abs(CELL), -degrees(CELL), separator=",", number="{:.9g}"
     )
     return (names + body).encode()
 
 
-_REW = "* Measurement data measured by REW V5.20\r\n* Source: USB, volume: no control\r\n* Format: 1M Log Swept Sine\r\n* Smoothing: None\r\n*\r\n"
+_REW = "* Measurement data measured by REW V5.20\r\n* Source: USB, volume: no control\r\n"
+_REW += "* Format: 1M Log Swept Sine\r\n* Smoothing: None\r\n*\r\n"
 
 
 def rew(values=SPEAKER, names="Freq(Hz) Z(Ohms) Phase(degrees)", size=np.abs, comma=False):
@@ -253,7 +262,8 @@ def keysight():
     """Keysight network analysers (PNA), two ports between the lines BEGIN and END; order of the columns as there."""
     names = "Freq(Hz)," + ",".join(f"S{port}({part})" for port in ("21", "11", "22", "12") for part in ("REAL", "IMAG"))
     columns = [part for i, j in ((1, 0), (0, 0), (1, 1), (0, 1)) for part in (S[i, j].real, S[i, j].imag)]
-    head = "!CSV A.01.01\r\n!Keysight Technologies,N5247B,US56070639,A.17.30.08\r\n!Date: Friday, September 11, 2026 14:48:21\r\n!Source: Standard\r\n\r\n"
+    head = "!CSV A.01.01\r\n!Keysight Technologies,N5247B,US56070639,A.17.30.08\r\n"
+    head += "!Date: Friday, September 11, 2026 14:48:21\r\n!Source: Standard\r\n\r\n"
     body = lines(HZ_RADIO, *columns, separator=",", number="{:.9g}")
     return f"{head}BEGIN CH1_DATA\r\n{names}\r\n{body}END\r\n\r\n".encode()
 
@@ -261,7 +271,8 @@ def keysight():
 def keysight_decibels():
     """The same of one port, in dB and degrees."""
     body = lines(HZ_RADIO, decibels(S[0, 0]), degrees(S[0, 0]), separator=",", number="{:.9g}")
-    head = "!CSV A.01.01\r\n!Agilent Technologies,E5071C,MY46100000,A.09.30\r\n\r\nBEGIN CH1_DATA\r\nFreq(Hz),S11 Log Mag(dB),S11 Phase(deg)\r\n"
+    head = "!CSV A.01.01\r\n!Agilent Technologies,E5071C,MY46100000,A.09.30\r\n\r\n"
+    head += "BEGIN CH1_DATA\r\nFreq(Hz),S11 Log Mag(dB),S11 Phase(deg)\r\n"
     return f"{head}{body}END\r\n".encode()
 
 
@@ -280,7 +291,8 @@ def impedance_analyser():
 
 def bode_100():
     """Bode 100 (Omicron): traces with their numbers and quantities in the names, semicolons."""
-    names = 'Frequency (Hz);"Trace 1: Gain: Real ";"Trace 1: Gain: Imaginary ";Trace 1: Gain: Magnitude (dB);"Trace 2: Gain: Real ";'
+    names = 'Frequency (Hz);"Trace 1: Gain: Real ";"Trace 1: Gain: Imaginary ";'
+    names += 'Trace 1: Gain: Magnitude (dB);"Trace 2: Gain: Real ";'
     names += '"Trace 2: Gain: Imaginary ";Trace 2: Gain: Phase (°)\r\n'
     G = SPEAKER
     body = lines(HZ, G.real, G.imag, decibels(G), G.real, G.imag, degrees(G), separator=";", number="{:.12g}")
@@ -342,5 +354,6 @@ def diagnostics(stimulus="H1:LSC-DARM1_EXC", subtype=3):
   </LIGO_LW>
 """
     head = '<?xml version="1.0"?>\n<!DOCTYPE LIGO_LW [\n<!ELEMENT LIGO_LW ((LIGO_LW|Comment|Param|Time|Table|Array|Stream)*)>\n]>\n'
-    test = f'  <LIGO_LW Name="Test" Type="TestParameter">\n    <Param Name="StimulusChannel" Type="string">{stimulus}</Param>\n  </LIGO_LW>\n'
+    test = '  <LIGO_LW Name="Test" Type="TestParameter">\n'
+    test += f'    <Param Name="StimulusChannel" Type="string">{stimulus}</Param>\n  </LIGO_LW>\n'
     return f'{head}<LIGO_LW Name="Diagnostics Test">\n{test}{results}</LIGO_LW>\n'.encode()
