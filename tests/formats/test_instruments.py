@@ -135,7 +135,10 @@ def test_headings_that_are_not_understood_are_asked_about(tmp_path, name):
             "freq/Hz,Z'/Ohm,Z''/Ohm,Phase/deg\n1,1,1,-45\n2,1,2,-63.4\n",
             "\"Z''/Ohm\" and 'Phase/deg' contradict each other: one of them is the negative of what its name says",
         ),
-        ("Frequency (Hz);Foo;Bar\n1;2;3\n2;3;4\n", "As a frequency response: say by `fields` which columns are 'values' .complex., 'real' and"),
+        (
+            "Frequency (Hz);Foo;Bar\n1;2;3\n2;3;4\n",
+            "As a frequency response: say by `fields` which columns are 'values' .complex., 'real'",
+        ),
     ],
 )  # fmt: skip
 def test_what_is_missing_or_contradicts_is_said(tmp_path, text, sentence):
