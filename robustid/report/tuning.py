@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid.controllers import Limits, Proof, WorstAt
 from robustid.core import Real
+from robustid.guarantees import scope_of
 from robustid.report.charts import BAND, FAINT, NOMINAL, Axis, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
 from robustid.report.design_charts import kept_out, limit_layers
@@ -105,7 +106,7 @@ def _of_limit(share: float, omega: float) -> str:
 
 
 def _proved_words(proof: Proof) -> tuple[str, str]:
-    scope = "".join(dict.fromkeys(one.band.problem.scope for one in proof.proofs))
+    scope = scope_of([one.band for one in proof.proofs])
     if proof.kept:
         kept = " and keeps all limits" if proof.shares else ""
         return "consistent", f"PROVED: every consistent plant is stable{kept}, at every frequency{scope}."
