@@ -10,7 +10,7 @@ import numpy as np
 from robustid.controllers.controller_design import ControllerDesign, DesignStatus
 from robustid.controllers.factors import FIR, PID, Factor, Fixed, LeadLag, LowPass, Notch
 from robustid.controllers.goals import Attenuation, Bandwidth, Goal, IntegralGain, LeastControl
-from robustid.controllers.limits import Limits
+from robustid.controllers.limits import TEMPLATES, Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import proof_of
 from robustid.controllers.structure import Matrix, basis_of, entries_of, free_of
@@ -108,9 +108,7 @@ def _distance(columns: Real, wanted: Real) -> float:
 
 
 def _limits(limits: Limits) -> Record:
-    rows = {
-        name: tuple(tuple(map(float, row)) for row in getattr(limits, name)) for name in ("attenuation", "roll_off")
-    }
+    rows = {name: tuple(tuple(map(float, row)) for row in getattr(limits, name)) for name in TEMPLATES}
     return fields_of(limits) | rows
 
 

@@ -296,6 +296,7 @@ class At:
         if limits.integral_gain is not None:
             return limits.integral_gain / discs.typical
         ends = [high / max(value, 1e-3) for _, high, value in limits.attenuation]
+        ends += [high for _, high, _ in limits.tracking]
         return min(max(ends), discs.omega.max()) if ends else math.sqrt(discs.omega.min() * discs.omega.max())
 
     def _running(self, discs: Discs) -> Complex:

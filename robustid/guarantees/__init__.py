@@ -22,7 +22,7 @@ from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
-from robustid.guarantees.loop_values import LoopValues, worst_of
+from robustid.guarantees.loop_values import Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -52,6 +52,7 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 __all__ = [
     "LEAST",
     "MOST",
+    "Balls",
     "Band",
     "BandAxis",
     "CircleBound",

@@ -26,10 +26,7 @@ _DEEP = 1e-3  # smaller values are not drawn, but for limits
 _HIGH = 20.0  # largest |S| and |T| that are drawn
 _BEFORE = "with the controller of the design"
 _NOW = "largest with any consistent plant"
-_MAPS = (
-    ("sensitivity", "S", "sensitivity_peak", "attenuation"),
-    ("complementary_sensitivity", "T", "complementary_peak", "roll_off"),
-)
+_MAPS = (("sensitivity", "S"), ("complementary_sensitivity", "T"))
 
 
 def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Limits) -> Drawn:
@@ -37,13 +34,13 @@ def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Lim
     omega = np.sort(np.concatenate([one.omega for one in found]))
     axis = frequency_axis(omega)
     panels = [_open_loop(found, before, axis)]
-    for name, letter, peak, rows in _MAPS:
+    for name, letter in _MAPS:
         layers = [
             Layer(_BEFORE, one.omega / HZ, _finite(one.largest[name]), FAINT, dash="dot", size=0.6) for one in before
         ]
         layers += [Layer(_NOW, one.omega / HZ, _finite(one.largest[name]), NOMINAL, dash="solid") for one in found]
         values = np.clip(np.concatenate([layer.y for layer in layers]), _DEEP, _HIGH)
-        asked = limit_layers(getattr(limits, peak), getattr(limits, rows), omega)
+        asked = limit_layers(limits, name, omega)
         layers += asked
         span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), 1.3)
         panels.append(Panel(letter, axis, Axis(f"largest |{letter}|", log=True, range=span), layers))

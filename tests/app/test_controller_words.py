@@ -78,6 +78,9 @@ def test_limits_are_in_the_units_of_the_library():
         bandwidth_hz=5.0,
         attenuate=((1.0, 2.0, 0.1),),
         roll_off=((8.0, 9.0, 0.2),),
+        tracking=((1.0, 2.0, 0.8),),
+        disturbance=((1.0, 3.0, 5.0),),
+        action=((8.0, 9.0, 0.3),),
     )
     limits = asked.limits
     assert limits.sensitivity_peak == 2.0
@@ -85,6 +88,9 @@ def test_limits_are_in_the_units_of_the_library():
     assert limits.bandwidth == pytest.approx(HZ * 5)
     assert limits.attenuation == ((HZ, 2 * HZ, 0.1),)
     assert limits.roll_off == ((8 * HZ, 9 * HZ, 0.2),)
+    assert limits.tracking == ((HZ, 2 * HZ, 0.8),)
+    assert limits.disturbance == ((HZ, 3 * HZ, 5.0),)
+    assert limits.action == ((8 * HZ, 9 * HZ, 0.3),)
 
 
 def test_a_run_file_states_a_controller(tmp_path):
@@ -106,6 +112,7 @@ def test_a_run_file_states_a_controller(tmp_path):
         ('structure = "PI"\npeak = 0.9', "[controller] peak must be above 1; got 0.9"),
         ('structure = "PI"\nphase_margin_deg = 100', "[controller] phase_margin_deg must be between 0 and pi/2 rad"),
         ('structure = "PI"\nattenuate = [[2.0, 1.0, 0.1]]', "[controller] attenuate must be rows (low, high, value)"),
+        ('structure = "PI"\ntracking = [[1.0, 2.0, 1.5]]', "[controller] tracking must be rows (low, high, value)"),
         ('structure = "PI"\nmaximise = "speed"', "[controller] maximise must be one of bandwidth"),
         ('structure = "PI"\n[worst_case]\ncompute = false', "[controller] needs the band of all consistent plants"),
     ],

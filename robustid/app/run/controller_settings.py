@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robustid.app.run.checks import key, number, several, text
+from robustid.app.run.checks import Described, key, number, several, text
 from robustid.app.run.structure_text import goal_of, goal_text, structure_of, structure_text
 from robustid.errors import InputError, InputTypeError
 
@@ -27,11 +27,14 @@ _NAMES = {
     "phase_margin_deg": "phase_margin",
     "delay_margin": "delay_margin",
     "attenuate": "attenuation",
+    "tracking": "tracking",
     "roll_off": "roll_off",
+    "disturbance": "disturbance",
+    "action": "action",
     "bandwidth_hz": "bandwidth",
     "integral_gain": "integral_gain",
 }
-Rows = tuple[tuple[float, float, float], ...]
+Row = tuple[float, float, float]
 
 
 def _rows(name: str, content: str) -> list[list[float]]:
@@ -48,6 +51,12 @@ def _rows(name: str, content: str) -> list[list[float]]:
 def _files(name: str, content: str) -> list[str]:
     del name
     return [one.strip() for one in content.split(",")]
+
+
+def _over_frequency(flag: str, what: str) -> Described:
+    """Description of rows over frequency."""
+    words = f"Ranges in Hz in which {what}: rows of low, high and value."
+    return {"help": words, "flag": flag, "text": _rows, "metavar": _ROW}
 
 
 _template = several(several(number(least=0.0), 3))
@@ -102,19 +111,19 @@ class ControllerChoice:
     process_peak: float | None = key(
         _positive, help="Largest |P S|, from a disturbance at the input to the output.", flag="--process-peak"
     )
-    attenuate: tuple[tuple[float, float, float], ...] | None = key(
+    attenuate: tuple[Row, ...] | None = key(
         _template,
-        help="Ranges in Hz in which |S| is at most a value, rows of low, high and value.",
-        flag="--attenuate",
-        text=_rows,
-        metavar=_ROW,
+        **_over_frequency("--attenuate", "|S| is at most a value (the error of tracking, a disturbance at the output)"),
     )
-    roll_off: tuple[tuple[float, float, float], ...] | None = key(
-        _template,
-        help="Ranges in Hz in which |T| is at most a value, rows of low, high and value.",
-        flag="--roll-off",
-        text=_rows,
-        metavar=_ROW,
+    tracking: tuple[Row, ...] | None = key(
+        _template, **_over_frequency("--tracking", "|T| is at least a value below 1")
+    )
+    roll_off: tuple[Row, ...] | None = key(_template, **_over_frequency("--roll-off", "|T| is at most a value"))
+    disturbance: tuple[Row, ...] | None = key(
+        _template, **_over_frequency("--disturbance", "|P S| is at most a value (a disturbance at the input)")
+    )
+    action: tuple[Row, ...] | None = key(
+        _template, **_over_frequency("--action", "|C S| is at most a value (noise that reaches the input)")
     )
     bandwidth_hz: float | None = key(
         _positive, help="Frequency up to which |P C| is at least 1.", unit="Hz", flag="--bandwidth"
@@ -155,7 +164,7 @@ class ControllerChoice:
         """The limits, in the library's units."""
         from robustid.controllers import Limits
 
-        def rows(value: Sequence[tuple[float, float, float]] | None) -> Rows:
+        def rows(value: tuple[Row, ...] | None) -> tuple[Row, ...]:
             return tuple((_HZ * low, _HZ * high, most) for low, high, most in value or ())
 
         return Limits(
@@ -167,7 +176,10 @@ class ControllerChoice:
             control_peak=self.control_peak,
             process_peak=self.process_peak,
             attenuation=rows(self.attenuate),
+            tracking=rows(self.tracking),
             roll_off=rows(self.roll_off),
+            disturbance=rows(self.disturbance),
+            action=rows(self.action),
             bandwidth=None if self.bandwidth_hz is None else _HZ * self.bandwidth_hz,
             integral_gain=self.integral_gain,
         )
