@@ -53,7 +53,7 @@ def design_chart(design: ControllerDesign) -> Chart:
         balls = [Balls(*one[name]) for one in maps]
         curves = [curve(LARGEST, omega, np.max([one.largest for one in balls], axis=0), NOMINAL)]
         if bounded_below(limits, name):
-            curves.append(curve(SMALLEST, omega, np.min([one.least for one in balls], axis=0), BAND))
+            curves.append(curve(SMALLEST, omega, np.min([one.least for one in balls], axis=0), FURTHER[0]))
         bounds = limit_layers(limits, name, omega)
         y = np.concatenate([curves[0].y, *(layer.y for layer in bounds)])
         y = y[np.isfinite(y)]
