@@ -6,14 +6,15 @@ import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robustid.app.run.checks import Described, key, number, several, text
-from robustid.app.run.structure_text import goal_of, goal_text, structure_of, structure_text
+from robustid.app.run.constant_matrix import matrix_of, matrix_or_file, matrix_text
+from robustid.app.run.structure_text import goal_of, goal_text, structure_around, structure_of, structure_text
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
-    from robustid.controllers import Attenuation, Limits
+    from robustid.controllers import Attenuation, Factor, Limits, Matrix
 
 _HZ = 2 * math.pi
 _ROW = "LOW:HIGH:VALUE,..."
@@ -70,10 +71,27 @@ class ControllerChoice:
     structure: str | None = key(
         structure_text,
         help="What the drive runs, as factors with their poles in Hz; numerators are free, LOW..HIGH is searched: P, PI, PD(80),"
-        " PID(80), Notch(300..400, damping=0.5), LeadLag(20), LowPass(900, order=2), FIR(3), with commas between them.",
+        " PID(80), Notch(300..400, damping=0.5), LeadLag(20), LowPass(900, order=2), FIR(3), with commas between them. Of several"
+        " outputs one such loop to each; other loops are Diagonal(PI, PID(80) * Notch(30)), any are rows of entries, each row from"
+        " all outputs to one input: Matrix(PI, 0; P, PI).",
         flag="--structure",
         metavar="FACTORS",
         text=lambda _, content: content,
+    )
+    actuators: tuple[tuple[float, ...], ...] | str | None = key(
+        matrix_or_file,
+        help="Constant matrix from the loops to the inputs of the plant, where these are no axes: the controller is actuators x"
+        " structure x sensors. Rows, or a file that holds it.",
+        flag="--actuators",
+        text=matrix_text,
+        metavar="1,0;0,1|FILE",
+    )
+    sensors: tuple[tuple[float, ...], ...] | str | None = key(
+        matrix_or_file,
+        help="Constant matrix from the outputs of the plant to the loops.",
+        flag="--sensors",
+        text=matrix_text,
+        metavar="1,0;0,1|FILE",
     )
     fixed: tuple[str, ...] | None = key(
         several(text()),
@@ -140,19 +158,36 @@ class ControllerChoice:
         """Return whether a controller is asked for."""
         return self.structure is not None
 
-    def factors(self, place: str, folder: Path = Path()) -> list[Any]:
-        """Factors of the structure, with the models beside it from their files, seen from a folder."""
+    @property
+    def files(self) -> list[str]:
+        """Files that are read: models beside the structure, and matrices around it."""
+        return [*(self.fixed or ()), *(one for one in (self.actuators, self.sensors) if isinstance(one, str))]
+
+    def renamed(self, name: Callable[[str], str]) -> ControllerChoice:
+        """The same with other names of its files."""
+        fixed = None if self.fixed is None else tuple(map(name, self.fixed))
+        ends = {one: name(value) for one in ("actuators", "sensors") if isinstance(value := getattr(self, one), str)}
+        return dataclasses.replace(self, fixed=fixed, **ends)
+
+    def read(self, called: Callable[[str], str], folder: Path = Path()) -> tuple[Factor, ...] | Matrix:
+        """The structure, with the models beside each loop and the matrices around them from their files, seen from a folder."""
         from robustid.app.load_save import load
         from robustid.controllers import Fixed
 
-        if self.structure is None:
-            raise InputError(f"{place} needs a structure, such as PID(80)")
-        found: list[Any] = [*structure_of(place, self.structure)]
+        beside: list[Fixed] = []
         for name in self.fixed or ():
             if not (folder / name).is_file():
-                raise InputError(f"{place} {name}: there is no such file")
-            found.append(Fixed(load(folder / name, kind="model")))
-        return found
+                raise InputError(f"{called('fixed')} {name}: there is no such file")
+            beside.append(Fixed(load(folder / name, kind="model")))
+        around = {
+            one: matrix_of(called(one), value, folder)
+            for one in ("actuators", "sensors")
+            if (value := getattr(self, one)) is not None
+        }
+        try:
+            return structure_around(structure_of(called("structure"), self.structure or ""), beside, around)
+        except InputError as error:
+            raise error.reworded({one: called(one) for one in ("actuators", "sensors", "structure")}) from None
 
     @property
     def goal(self) -> str | Attenuation:

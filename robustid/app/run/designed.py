@@ -22,7 +22,7 @@ def designed(work: Work) -> None:
         return
     if work.loop is None and work.band is not None:
         plants = work.band.with_model(work.model)
-    before = work.around.folder.design(plants, asked)
+    before = work.around.folder.design(plants, work.structure, asked)
     if before is not None:
         work.around.say("controller: taken from the unfinished run")
         work.design = before
@@ -32,7 +32,7 @@ def designed(work: Work) -> None:
         try:
             work.design = design_controller(
                 plants,
-                [*work.factors],
+                work.structure,
                 limits=asked.limits,
                 maximise=asked.goal,
                 time_limit=limit,

@@ -134,9 +134,7 @@ class RunFile(Frozen, General):
         loop = dataclasses.replace(self.loop, **named)
         if loop.candidates is not None:
             loop = dataclasses.replace(loop, candidates=tuple(map(name, loop.candidates)))
-        designed = self.controller
-        if designed.fixed is not None:
-            designed = dataclasses.replace(designed, fixed=tuple(map(name, designed.fixed)))
+        designed = self.controller.renamed(name)
         return dataclasses.replace(self, record=record, frequency=frequency, loop=loop, controller=designed)
 
     def of_member(self, name: str) -> RunFile:

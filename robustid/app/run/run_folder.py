@@ -14,7 +14,7 @@ from robustid.app.load_save import load_result
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.controllers import ControllerDesign, DesignStatus, as_goal
+from robustid.controllers import ControllerDesign, DesignStatus, Factor, Matrix, as_goal
 from robustid.core import Budget, Progress, Source, Stops, Unfinished, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
@@ -141,15 +141,18 @@ class RunFolder:
         if self.folder is not None:
             design.save(self.folder / _DESIGN)
 
-    def design(self, plants: Band | LoopBounds, asked: ControllerChoice) -> ControllerDesign | None:
-        """The controller that was designed before for exactly these plants, limits and goal, proved again on loading."""
+    def design(
+        self, plants: Band | LoopBounds, structure: tuple[Factor, ...] | Matrix, asked: ControllerChoice
+    ) -> ControllerDesign | None:
+        """The controller of this structure that was designed before for exactly these plants, limits and goal, proved again."""
         if self.folder is None or not self.resume or not paths(self.folder / _DESIGN)[1].is_file():
             return None
         found: ControllerDesign = load_result(self.folder / _DESIGN, "controller design")
         if len(found.proofs) != 1 or not found.finished:
             return None
         band = plants.band if isinstance(plants, LoopBounds) else plants
-        same = fingerprint((found.limits, found.goal)) == fingerprint((asked.limits, as_goal(asked.goal)))
+        before, now = (found.structure, found.limits, found.goal), (structure, asked.limits, as_goal(asked.goal))
+        same = fingerprint(before) == fingerprint(now)
         return found if same and fingerprint(found.proofs[0].band) == fingerprint(band) else None
 
     def finish(self, result: IdentifiedReduced | FamilyRun) -> None:
