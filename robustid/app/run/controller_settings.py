@@ -187,7 +187,7 @@ class ControllerChoice:
         try:
             return structure_around(structure_of(called("structure"), self.structure or ""), beside, around)
         except InputError as error:
-            raise error.reworded({one: called(one) for one in ("actuators", "sensors", "structure")}) from None
+            raise error.reworded(self.words(called)) from None
 
     @property
     def goal(self) -> str | Attenuation:
@@ -221,9 +221,10 @@ class ControllerChoice:
 
     @staticmethod
     def words(called: Callable[[str], str]) -> dict[str, str]:
-        """The library's names of the limits, as they are called here; `called`: the name of a key."""
-        found = {name: called(one) for one, name in _NAMES.items()}
-        return found | {one: called(one) for one in ("structure", "maximise")} | {"filter": called("structure")}
+        """The library's names of what is stated, as it is called here; `called`: the name of a key."""
+        same = ("structure", "actuators", "sensors", "maximise")
+        found = {name: called(one) for one, name in (*_NAMES.items(), *zip(same, same, strict=True))}
+        return found | {"filter": called("structure")}
 
     def check(self, place: str) -> None:
         """Refuse limits without a structure, and limits that make no sense."""

@@ -212,10 +212,6 @@ def _check_controller(run: RunFile) -> None:
     run.controller.check("[controller]")
     if not run.controller.is_stated:
         return
-    if run.members:
-        raise InputError(
-            "[controller] does not go with [[members]]: one for all plants is designed by robustid control, from a folder of each"
-        )
     if not run.worst_case.compute:
         raise InputError("[controller] needs the band of all consistent plants; leave [worst_case] compute = false out")
 
