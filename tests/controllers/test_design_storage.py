@@ -108,6 +108,22 @@ def test_structures_limits_and_goals_come_back():
     assert np.asarray(made(text, arrays).model.D).item() == 2.0
 
 
+def test_loading_tells_how_far_its_proofs_are_and_can_be_interrupted(tmp_path, capsys, monkeypatch):
+    small_design().save(tmp_path / "design")
+    told = []
+    rid.load(tmp_path / "design", progress=lambda *one: told.append(one))
+    text = "proving the controller on the whole axis"
+    assert told == [(text, 0, 0), *((text, k, 3) for k in (1, 2, 3))]
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Plants, "proved", interrupted)
+    code, out, _ = words(["verify", str(tmp_path / "design")], capsys, monkeypatch)
+    assert code == 130
+    assert f"{text} …" in out
+
+
 def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
     omega = np.linspace(3.0, 312.0, 40)
     mode = control.tf([0.02], np.poly(0.97 * np.exp([0.3j, -0.3j])).real, DT)

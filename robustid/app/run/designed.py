@@ -59,7 +59,8 @@ def _design(
     around: Surroundings,
 ) -> tuple[ControllerDesign | None, str]:
     """The controller for all plants, kept in the folder or taken from it; or why there is none."""
-    before = around.folder.design(plants, structure, asked)
+    progress = around.progress("designing the controller")
+    before = around.folder.design(plants, structure, asked, progress)
     if before is not None:
         around.say("controller: taken from the unfinished run")
         return before, ""
@@ -67,12 +68,7 @@ def _design(
     with around.step("designing the controller", _SHARE, asked.time_limit) as limit:
         try:
             found = design_controller(
-                plants,
-                structure,
-                limits=asked.limits,
-                maximise=asked.goal,
-                time_limit=limit,
-                progress=around.progress("designing the controller"),
+                plants, structure, limits=asked.limits, maximise=asked.goal, time_limit=limit, progress=progress
             )
         except (InputError, InputTypeError) as error:
             return None, error.said(words, unknown=str)

@@ -142,12 +142,16 @@ class RunFolder:
             design.save(self.folder / _DESIGN)
 
     def design(
-        self, plants: Sequence[Band | LoopBounds], structure: tuple[Factor, ...] | Matrix, asked: ControllerChoice
+        self,
+        plants: Sequence[Band | LoopBounds],
+        structure: tuple[Factor, ...] | Matrix,
+        asked: ControllerChoice,
+        progress: Progress,
     ) -> ControllerDesign | None:
         """The controller of this structure that was designed before for exactly these plants, limits and goal, proved again."""
         if self.folder is None or not self.resume or not paths(self.folder / _DESIGN)[1].is_file():
             return None
-        found: ControllerDesign = load_result(self.folder / _DESIGN, "controller design")
+        found: ControllerDesign = load_result(self.folder / _DESIGN, "controller design", progress=progress)
         if not found.finished:
             return None
         bands = tuple(Plants.of(one).band for one in plants)  # about the models that the design takes
