@@ -22,6 +22,7 @@ from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
+from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube
 from robustid.guarantees.loop_values import LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
@@ -51,6 +52,7 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 __all__ = [
     "LEAST",
     "MOST",
+    "STEPS",
     "Band",
     "BandAxis",
     "CircleBound",
@@ -82,6 +84,7 @@ __all__ = [
     "RobustStabilityMargin",
     "Sample",
     "SampleCheck",
+    "StepTube",
     "StructuredPlant",
     "StructuredWeight",
     "UncertaintyWeight",
@@ -122,7 +125,9 @@ __all__ = [
     "refute",
     "response_tube",
     "robust_stability_margin",
+    "settled",
     "shown",
+    "step_tube",
     "structured_weight",
     "structured_weights",
     "told_apart_of",

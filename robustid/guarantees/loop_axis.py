@@ -86,20 +86,7 @@ class BandAxis:
         `sizes`: of pieces and how far the values may be from those in their middles, (N, S). `floors` (S,): smaller ones limit
         nothing.
         """
-        edges = self._edges
-        if edges[0] > 0:
-            raise InputError(
-                f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s. R of a loop has no integrator, and a plant that"
-                " has one is measured in a loop"
-            )
-        whole = system.model(self.band.problem.dt or 0.0)
-        image = Image.of(whole, edges)
-        if image is None:
-            angles = edges * float(self.band.problem.dt or 0.0)
-            angles[-1] = np.pi
-        else:
-            angles = image.edges
-        model, lost = _smaller_model(whole if image is None else image.model("band", whole))
+        model, lost, angles, image = self.arcs_of(system)
         reached, count = floors, 0
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
@@ -124,6 +111,26 @@ class BandAxis:
         ends = omega(angles[pieces.cell]), omega(angles[pieces.cell + 1])
         found, middle = (sizes(pieces, reach, *ends) for reach in (pieces.radius + lost, 0.0 * pieces.radius))
         return found.max(axis=0), omega(pieces.middle[np.argmax(middle, axis=0)])
+
+    def arcs_of(self, system: StateMatrices) -> tuple[control.StateSpace, Real, Real, Image | None]:
+        """A stable system on the circle: a smaller model, by how much its entries differ, where cells end, and the map to there.
+
+        The map is that of continuous time.
+        """
+        edges = self._edges
+        if edges[0] > 0:
+            raise InputError(
+                f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s. R of a loop has no integrator, and a plant that"
+                " has one is measured in a loop"
+            )
+        whole = system.model(self.band.problem.dt or 0.0)
+        image = Image.of(whole, edges)
+        if image is None:
+            angles = edges * float(self.band.problem.dt or 0.0)
+            angles[-1] = np.pi
+        else:
+            angles = image.edges
+        return *_smaller_model(whole if image is None else image.model("band", whole)), angles, image
 
     def bounds(self, pieces: Pieces) -> Real:
         """Bounds of the entries on the cell of every piece, (N, ny, nu)."""

@@ -100,12 +100,13 @@ class LoopValues(NamedTuple):
 Part = tuple[Complex, Real]  # values, and radii that hold around them
 
 
-def image_ball(left: Part, right: Part, inner: Part, bound: Real) -> Real:
-    """Bound of the largest singular value of ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``, (N,)."""
-    if bound.shape[1:] != (1, 1):
-        return _added(left, right, inner, bound)
-    none = 0.0 * left[0], 0.0 * left[1]
-    return _disc(none, left, right, inner, bound).largest
+def image_of(left: Part, right: Part, inner: Part, bound: Real) -> Balls:
+    """Balls that hold ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``: of scalars discs."""
+    if bound.shape[1:] == (1, 1):
+        return _disc((0.0 * left[0], 0.0 * left[1]), left, right, inner, bound)
+    return Balls(
+        np.zeros((len(bound), left[0].shape[1], right[0].shape[2]), dtype=complex), _added(left, right, inner, bound)
+    )
 
 
 def _added(left: Part, right: Part, inner: Part, bound: Real) -> Real:

@@ -28,7 +28,8 @@ from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
-from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode
+from robustid.report.design_steps import steps_section
 from robustid.report.document import (
     Block,
     Code,
@@ -110,7 +111,7 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
         *(_open_loop(design) if single else []),
         Heading("The controller"),
         *_controller(design, single),
-        *(_steps(design) if single else []),
+        *(steps_section(design) if single else []),
         Heading("Peaks and margins", guarantee=True),
         *_margins(design),
         Heading("What it stands on"),
@@ -348,13 +349,6 @@ def _zeros_and_poles(system: StateMatrices) -> tuple[Complex, Complex]:
     A, B, C, D = system
     found = cast("tuple[Complex, Complex, float]", scipy.signal.ss2zpk(A, B, C, D))
     return np.asarray(found[0], dtype=complex), np.asarray(found[1], dtype=complex)
-
-
-def _steps(design: ControllerDesign) -> list[Block]:
-    words = (
-        "With the plant of the model of the band alone, as it stands: nothing is proved of the steps of other plants."
-    )
-    return [Heading("Steps of the loop"), Text(words, "soft"), Drawing(step_chart(design))]
 
 
 def _margins(design: ControllerDesign) -> list[Block]:

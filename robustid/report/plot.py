@@ -26,7 +26,8 @@ from robustid.guarantees import (
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, PlantReduction, Reduction
 from robustid.report.charts import Chart
-from robustid.report.design_charts import design_chart, open_loop_bode, step_chart
+from robustid.report.design_charts import design_chart, open_loop_bode
+from robustid.report.design_steps import step_chart
 from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
