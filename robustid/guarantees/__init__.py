@@ -21,6 +21,7 @@ from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
+from robustid.guarantees.loop_by_loop import MarginsByLoop, margins_by_loop
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
 from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube
 from robustid.guarantees.loop_values import LoopValues, worst_of
@@ -72,6 +73,7 @@ __all__ = [
     "LoopStatus",
     "LoopValues",
     "MarginStatus",
+    "MarginsByLoop",
     "Member",
     "ParameterIntervals",
     "Peak",
@@ -115,6 +117,7 @@ __all__ = [
     "interconnection",
     "loop_bounds",
     "magnitude_weight",
+    "margins_by_loop",
     "margins_of",
     "ncf_margin",
     "norm_of_bounds",

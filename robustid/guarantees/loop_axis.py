@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _TOLERANCE = 2e-3  # of peaks and margins on the whole axis: how far they are above what they have at single frequencies
 _LOST, _GRID, _BALANCING = 1e-6, 400, 4  # what a smaller model may lose, points and steps for the units of its signals
 _FEW = 200_000  # pieces of arc, beyond which the bounds are left as they are
-_FLOORS = {"gain_above": 1e-3, "gain_below": 1e-3, "phase": 1e-2, "delay": 0.0}  # smaller ones limit nothing
+FLOORS = {"gain_above": 1e-3, "gain_below": 1e-3, "phase": 1e-2, "delay": 0.0}  # smaller ones limit nothing
 
 
 class Peak(NamedTuple):
@@ -150,7 +150,7 @@ class LoopAxis:
 
     def enclosed(self) -> tuple[dict[str, Peak], LoopMargins]:
         """Peaks and margins."""
-        floors = np.array([_FLOORS.get(name, 0.0) for name in self._names])
+        floors = np.array([FLOORS.get(name, 0.0) for name in self._names])
         sizes, omega = BandAxis(self.band).largest(self.around, self._sizes, floors)
         largest = dict(zip(self._names, sizes.tolist(), strict=True))
         where = dict(zip(self._names, omega.tolist(), strict=True))
@@ -182,7 +182,7 @@ def margins_of(largest: Mapping[str, float], shape: tuple[int, int]) -> LoopMarg
     modulus, disk = 1 / largest["sensitivity"], 1 / largest["disk"]
     delay = 1 / largest["delay"] if largest["delay"] else np.inf
     if shape == (1, 1):
-        above, below, t = (max(largest[name], _FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
+        above, below, t = (max(largest[name], FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
         up, down = (
             (1 + 1 / above if np.isfinite(above) else 1.0),
             (below / (1 + below) if np.isfinite(below) else 1.0),

@@ -86,9 +86,21 @@ class LoopValues(NamedTuple):
         rows, columns = self._places()
         return self.values[:, rows[row], columns[column]], self.reach[:, rows[row], columns[column]]
 
-    def _ball(self, row: str, column: str, bound: Real) -> Balls:
-        fixed, left = self.part(row, column), self.part(row, "e")
-        right, inner = self.part("x", column), self.part("x", "e")
+    def entry(self, row: str, column: str, place: int, bound: Real) -> Balls:
+        """Balls of one entry on the diagonal of a map, (N, 1, 1): no larger than those of the whole."""
+        own = slice(place, place + 1)
+        return self._ball(row, column, bound, own)
+
+    def _ball(self, row: str, column: str, bound: Real, own: slice = slice(None)) -> Balls:
+        fixed, left, right = (
+            (one[0][:, rows, columns], one[1][:, rows, columns])
+            for one, rows, columns in (
+                (self.part(row, column), own, own),
+                (self.part(row, "e"), own, slice(None)),
+                (self.part("x", column), slice(None), own),
+            )
+        )
+        inner = self.part("x", "e")
         if self.shape == (1, 1):
             found = _disc(fixed, left, right, inner, bound)
         else:

@@ -49,7 +49,7 @@ from robustid.report.document import (
 )
 from robustid.report.identified import Parts
 from robustid.report.loop_page import loop_stands_on
-from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table
+from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
 from robustid.report.words import HZ, at_most, number
@@ -355,7 +355,7 @@ def _margins(design: ControllerDesign) -> list[Block]:
     found: list[Block] = []
     for k, one in enumerate(design.proofs, start=1):
         found += [Heading(f"Band {k}", 3)] if len(design.proofs) > 1 else []
-        found += [peaks_table(one), Facts(_without_assumed(one))]
+        found += [peaks_table(one), Facts(_without_assumed(one)), *single_loops(one)]
     return found
 
 
