@@ -45,7 +45,7 @@ BY_ENDING = {
 
 
 class Heading(NamedTuple):
-    """What the name of a column says of it; "" for what it leaves open.
+    """Meaning of a column by its name; "" for what it leaves open.
 
     Attributes
     ----------
