@@ -33,12 +33,12 @@ def __getattr__(name: str) -> Any:
     except AttributeError:
         from robustid.spellings import meant
 
-        found = meant(name, known())
+        found = meant(name, _known())
         hint = f"; robustid.{found} is what you look for" if found else "; help(robustid) lists them by task"
         raise AttributeError(f"robustid has no {name!r}{hint}") from None
 
 
-def known() -> dict[str, str]:
+def _known() -> dict[str, str]:
     """Public names, with those of the groups, and where they are found."""
     found = {one: f"{group}.{one}" for group in _GROUPS for one in _found(group).__all__}
     return found | {one: one for one in _NAMES}
@@ -50,5 +50,5 @@ def _opened(name: str) -> Any:
     if name in _NAMES and name not in _GROUPS:
         from robustid.core import open_to_users
 
-        globals()[name] = found = open_to_users(found, name, __name__)
+        globals()[name] = found = open_to_users(found, name)
     return found

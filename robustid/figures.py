@@ -43,7 +43,7 @@ class Modes:
 def led_on(thing: Any, name: str) -> str:
     """Sentence on an attribute that an object has not, with what is meant."""
     front = importlib.import_module("robustid")  # through the front door, where all names are known
-    return importlib.import_module("robustid.spellings").attribute_words(thing, name, front.known())
+    return importlib.import_module("robustid.spellings").attribute_words(thing, name, front._known())
 
 
 def head(result: Any) -> str | None:

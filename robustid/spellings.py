@@ -37,20 +37,20 @@ _TYPED = {
     " import_data",
     "save": "write save_model export to_csv to_matlab to_mat to_c to_spice write_csv write_mat write_spice export_c export_matlab"
     " export_spice savemat dump",
-    "write_report": "report html to_html publish",
+    "write_report": "html to_html publish",
     "diagnose": "help_me why explain",
     "fits.mode_table": "modes poles damp eigenfrequencies natural_frequencies modal_parameters",
     "fits.suggest_order": "order choose_order select_order stabilisation_diagram stabilization_diagram selstruc",
     "kautz": "Kautz laguerre basis obf",
-    "passive.make_passive": "enforce_passivity passivity",
-    "validate": "resid goodnessOfFit goodness_of_fit nrmse crossval validate_model check_model",
+    "passive.make_passive": "enforce_passivity enforce_passive",
+    "validate": "resid goodnessOfFit goodness_of_fit nrmse crossval validate_model",
     "refute": "falsify invalidate",
     "worst_case_error": "bounds wcgain error_bounds model_error hinfnorm",
     "compare": "diff difference same isequal compare_records compare_responses",
     "prepare.multisine": "idinput chirp prbs excitation schroeder",
     "prepare.detrend": "remove_mean",
     "prepare.decimate": "resample downsample",
-    "identify": "identification sysid setmem set_membership",
+    "identify": "sysid setmem set_membership",
 }
 MEANT = {typed: meant for meant, words in _TYPED.items() for typed in words.split()}
 

@@ -67,8 +67,8 @@ def _short(value: Any) -> str:
     return text if len(text) <= _LONG else "..."
 
 
-def explained(function: Callable[..., Any], name: str, module: str | None = None) -> Callable[..., Any]:
-    """Return a function whose wrong calls are explained; it says to come from a module that users know, if one is given."""
+def explained(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Return a function whose wrong calls are explained."""
     inner = inspect.unwrap(function)
     if not isinstance(inner, FunctionType):
         return function
@@ -78,8 +78,6 @@ def explained(function: Callable[..., Any], name: str, module: str | None = None
         check_call(name, inner, given, named)
         return function(*given, **named)
 
-    if module is not None:  # found there again by its name, as pickle does for other processes
-        called.__module__ = module
     return called
 
 
@@ -87,13 +85,16 @@ def explain(module: str, names: Iterable[str]) -> None:
     """Explain wrong calls of everything in a module that users call."""
     namespace = vars(sys.modules[module])
     for name in names:
-        namespace[name] = open_to_users(namespace[name], name, module)
+        namespace[name] = open_to_users(namespace[name], name)
 
 
-def open_to_users(thing: Any, name: str, module: str) -> Any:
+def open_to_users(thing: Any, name: str) -> Any:
     """Return a function whose wrong calls are explained, or the class with such a constructor; everything else as it is."""
     if isinstance(thing, FunctionType):
-        return explained(thing, name, module)
+        found: Any = explained(thing, name)
+        cast("Any", thing).explained = found.explained = found  # where pickle finds it for other processes
+        found.__qualname__ = f"{thing.__qualname__}.explained"
+        return found
     own = vars(thing).get("__init__") if isinstance(thing, type) else None
     if isinstance(own, FunctionType) and not hasattr(own, "__wrapped__"):
         cast("Any", thing).__init__ = explained(own, name)

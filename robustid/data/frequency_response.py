@@ -13,7 +13,7 @@ from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
 from robustid.data.faults import Fault, as_faults
-from robustid.data.frequency_points import as_level, as_modes, as_note, as_points, check_measured
+from robustid.data.frequency_points import as_level, as_modes, as_note, as_points, check_measured, hz_span
 from robustid.data.response_parts import ENTRIES, ResponseParts
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
@@ -131,9 +131,8 @@ class FrequencyResponse(ResponseParts, Drawable):
         )
 
     def __repr__(self) -> str:
-        low, high = self.freq_hz[[0, -1]]
         parts = [
-            f"{self.omega.size} frequency points, {low:.5g} to {high:.5g} Hz",
+            f"{self.omega.size} frequency points, {hz_span(*self.freq_hz[[0, -1]].tolist())}",
             f"{len(self.outputs)}x{len(self.inputs)}",
         ]
         if self.bound is not None:

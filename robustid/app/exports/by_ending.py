@@ -105,7 +105,8 @@ def exported(path: str | os.PathLike[str], thing: object) -> bool:
     if isinstance(thing, FrequencyResponse) and ending in _OF_RESPONSES:
         write_universal(path, thing)
         return True
-    thing = as_state_space("thing", model_of(thing) if ending in _FOR_MODELS else thing)
+    of_its_own = any(isinstance(thing, kind) and ending in own for kind, own in _OF_RESULTS)
+    thing = as_state_space("thing", model_of(thing) if ending in _FOR_MODELS and not of_its_own else thing)
     designed = isinstance(thing, ControllerDesign) and ending in (".c", ".h")
     if designed or (ending == ".c" and isinstance(thing, control.StateSpace | control.TransferFunction)):
         write_controller_c(path, thing)
