@@ -29,6 +29,7 @@ from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
 from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.design_improvements import as_improvements, improvements_section, where_to_measure
 from robustid.report.document import (
     Block,
     Code,
@@ -67,7 +68,8 @@ _KEYS = {
 
 def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Document:
     """Build the page of a designed controller."""
-    del parts
+    given = parts.get("sensitivity")
+    improved = () if given is None else as_improvements(given)
     if title is None and design.proofs:
         problem = design.proofs[0].band.problem
         title = heading("Controller", problem.outputs, problem.inputs)
@@ -76,12 +78,17 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
     return Document(
         title or "Controller",
         head=[design_verdict(design)],
-        body=[*body, Heading("In plain text"), Code(design.summary())],
+        body=[
+            *body,
+            *(improvements_section(design, improved) if improved else []),
+            Heading("In plain text"),
+            Code(design.summary()),
+        ],
         glance=Glance(
             numbers=_numbers(design),
             words=_words(design),
             chart=None if curves is None else first_panel(curves),
-            next=_next(design),
+            next=[*_next(design), *([Text(where)] if (where := where_to_measure(design, improved)) else [])],
         ),
     )
 
