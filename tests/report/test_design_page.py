@@ -14,8 +14,9 @@ from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import FIR, PID, Bandwidth, Fixed, Improvement, LeadLag, Limits, LowPass, Matrix, Notch
 from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
-from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode
 from robustid.report.design_page import design_verdict, factor_words, shares_table
+from robustid.report.design_steps import step_chart
 from support.design_cases import DT, band_of, matrix_band_of
 from support.forging import kept
 from support.one_design import LIMITS, PI, small_band, small_design
@@ -116,7 +117,11 @@ def test_the_open_loop_of_the_plant_is_in_the_range_and_discs_keep_out_of_the_pe
 
 def test_steps_are_those_of_the_loop_with_the_model():
     design = small_design()
-    set_point, given, disturbed = (panel.layers[0] for panel in step_chart(design).panels)
+    panels = step_chart(design).panels
+    set_point, given, disturbed = (panel.layers[-1] for panel in panels)
+    for panel in panels[::2]:
+        area = panel.layers[0]
+        assert np.all((area.low < area.y) & (area.y < area.high))
     plant, C = design.proofs[0].band.model, control.ss(design.controller)
     for drawn, loop in (
         (set_point, control.feedback(plant * C, 1)),
@@ -136,6 +141,7 @@ def test_the_page_says_what_is_proved_and_what_limits(tmp_path):
         "Every consistent plant keeps all limits",
         "sensitivity peak, near 4.764 Hz",
         "Steps of the loop",
+        "beyond a set point of 1, with every consistent plant",
         "zero",
     ):
         assert words in page, words
