@@ -53,7 +53,7 @@ def design_chart(design: ControllerDesign) -> Chart:
         y = np.concatenate([curves[0].y, *(layer.y for layer in bounds)])
         y = y[np.isfinite(y)]
         span = span_of(np.maximum(y, _DEEP * y.max(initial=0.0)), 1.3) if y.size else None
-        label = Axis(f"largest |{letters}|", log=True, range=span)
+        label = Axis(f"{'largest ' * (len(curves) == 1)}|{letters}|", log=True, range=span)
         panels.append(Panel(letters, axis, label, [*curves, *bounds]))
     return Chart("design", panels, linked=True)
 

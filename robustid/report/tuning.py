@@ -45,7 +45,8 @@ def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Lim
             layers += [curve(SMALLEST, one.omega, one.balls[name].least, FURTHER[0]) for one in found]
         asked = limit_layers(limits, name, omega)
         span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), _MARGIN)
-        panels.append(Panel(letters, axis, Axis(f"largest |{letters}|", log=True, range=span), [*layers, *asked]))
+        label = f"{'largest ' * (not bounded_below(limits, name))}|{letters}|"
+        panels.append(Panel(letters, axis, Axis(label, log=True, range=span), [*layers, *asked]))
     return plotly_figure(panels, _HEIGHT, domains=_DOMAINS)
 
 
