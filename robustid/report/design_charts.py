@@ -145,6 +145,8 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
         chart = open_loop_chart(one, omega, further, f"open-loop-{k}")
         if chart is not None:
             whole = chart.panels[0]
+            if len(proofs) > 1:
+                whole = dataclasses.replace(whole, title=f"{whole.title}, band {k}")
             x, y = (dataclasses.replace(axis, range=span) for axis, span in zip((whole.x, whole.y), _NEAR, strict=True))
             near = dataclasses.replace(whole, title="The same, near -1", x=x, y=y)
             charts.append(dataclasses.replace(chart, panels=[whole, near], columns=2))
