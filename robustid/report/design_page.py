@@ -47,6 +47,7 @@ from robustid.report.words import title as heading
 if TYPE_CHECKING:
     import control
 
+_KEPT = "\u00a0"  # a space that no line ends with
 _KEYS = {
     DesignStatus.PROVED: ("consistent", "Proved"),
     DesignStatus.FOUND: ("weak", "Not proved"),
@@ -201,13 +202,20 @@ def _next(design: ControllerDesign) -> list[Text]:
 
 def shares_table(design: ControllerDesign) -> Table:
     """Limits with what was asked, the share that is taken, and where."""
-    asked = dict(asked_words(asked_of(design)))
+    asked = asked_in_lines(asked_of(design))
     rows = [
         [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
         for name, (share, omega) in design.asked_shares.items()
     ]
     columns = Column("limit"), Column("asked"), Column("share that is taken", "share"), *of_numbers("near [Hz]")
     return Table(columns, rows, marks=[share <= 1 for share, _ in design.asked_shares.values()])
+
+
+def asked_in_lines(limits: Limits) -> dict[str, str]:
+    """Limits by their names, in words that narrow columns break after commas alone."""
+    return {
+        name: ", ".join(part.replace(" ", _KEPT) for part in words.split(", ")) for name, words in asked_words(limits)
+    }
 
 
 def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:

@@ -13,7 +13,7 @@ from robustid.guarantees import scope_of
 from robustid.report.charts import BAND, FAINT, FURTHER, NOMINAL, Axis, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
 from robustid.report.design_charts import LARGEST, MAPS, SMALLEST, bounded_below, curve, kept_out, limit_layers
-from robustid.report.design_page import asked_words
+from robustid.report.design_page import asked_in_lines
 from robustid.report.loci import open_loop_panel
 from robustid.report.with_plotly import Drawn, plotly_figure
 from robustid.report.words import HZ, at_least, at_most, number
@@ -136,7 +136,7 @@ def _bandwidth(found: Sequence[WorstAt]) -> tuple[str, str]:
 
 def tuning_limits(shares: Shares, limits: Limits) -> list[tuple[str, str, str, str, bool]]:
     """Limits: name, what is asked, the share that is taken, near which frequency in Hz, and if it is kept."""
-    asked = dict(asked_words(limits))
+    asked = asked_in_lines(limits)
     return [
         (name, asked.get(name, ""), at_most(share, 3), number(omega / HZ), share <= 1)
         for name, (share, omega) in shares.items()

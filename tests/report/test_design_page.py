@@ -90,7 +90,7 @@ def test_templates_of_every_map_are_drawn_and_listed():
     smallest, largest = layer(panels["T"], "smallest"), layer(panels["T"], "largest")
     assert np.nanmin(smallest.y[(smallest.x * HZ >= 0.5) & (smallest.x * HZ <= 4)]) >= 0.5
     assert np.all((smallest.y <= largest.y) | np.isnan(smallest.y))
-    asked = {row[0]: row[1] for row in shares_table(design).rows}
+    asked = {row[0]: row[1].replace("\u00a0", " ") for row in shares_table(design).rows}
     assert asked["tracking"] == "|T| ≥ 0.5, 0.0796 to 0.637 Hz"
     assert asked["disturbance"].startswith("|P S| ≤ 1,")
     assert asked["action"].startswith("|C S| ≤ 0.6,")
