@@ -73,7 +73,7 @@ class Heading(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the column is: "imaginary part of Z in Ohm, its sign turned"."""
+        """Description of the column: "imaginary part of Z in Ohm, its sign turned"."""
         names = {"real": "real part", "imag": "imaginary part", "magnitude": "magnitude", "phase": "phase"}
         of = f"{self.quantity}{self.entry}"
         text = f"{names[self.part]} of {of}" if of and self.part else names.get(self.part, of)
