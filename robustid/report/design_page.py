@@ -262,7 +262,7 @@ def _open_loop(design: ControllerDesign) -> list[Block]:
 def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     if design.controller is None:
         return []
-    found: list[Block] = [Facts([*structure_rows(design), *(_gain_rows(design) if single else [])])]
+    found: list[Block] = [Facts([*structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
         return [*found, Drawing(model_chart(design.controller, "controller"))]
@@ -287,6 +287,12 @@ def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
     end = f"{number(_at(system, -1.0))}, at {number(0.5 / dt)} Hz" if dt else number(float(system.D[0, 0]))
     rows = [("Gain at frequency 0", size), ("Gain at the end of the axis", end)]
     return [*rows, *([("Gain of the integrator", f"{number(integral, 5)} 1/s")] if integral else [])]
+
+
+def _least_gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Least gain of the integrators of a matrix."""
+    gain = integral_gain(as_system("controller", design.controller)[0], design.proofs[0].loop.dt)
+    return [("Least gain of the integrators", f"{number(gain, 5)} 1/s, their smallest singular value")] if gain else []
 
 
 def _at(system: StateMatrices, point: float) -> float:
