@@ -29,6 +29,7 @@ from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
 from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode
+from robustid.report.design_improvements import as_improvements, improvements_section, where_to_measure
 from robustid.report.design_steps import steps_section
 from robustid.report.document import (
     Block,
@@ -68,7 +69,8 @@ _KEYS = {
 
 def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Document:
     """Build the page of a designed controller."""
-    del parts
+    given = parts.get("sensitivity")
+    improved = () if given is None else as_improvements(given)
     if title is None and design.proofs:
         problem = design.proofs[0].band.problem
         title = heading("Controller", problem.outputs, problem.inputs)
@@ -77,12 +79,17 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
     return Document(
         title or "Controller",
         head=[design_verdict(design)],
-        body=[*body, Heading("In plain text"), Code(design.summary())],
+        body=[
+            *body,
+            *(improvements_section(design, improved) if improved else []),
+            Heading("In plain text"),
+            Code(design.summary()),
+        ],
         glance=Glance(
             numbers=_numbers(design),
             words=_words(design),
             chart=None if curves is None else first_panel(curves),
-            next=_next(design),
+            next=[*_next(design), *([Text(where)] if (where := where_to_measure(design, improved)) else [])],
         ),
     )
 
@@ -259,7 +266,7 @@ def _open_loop(design: ControllerDesign) -> list[Block]:
 def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     if design.controller is None:
         return []
-    found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows(design) if single else [])])]
+    found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
         return [*found, Drawing(model_chart(design.controller, "controller"))]
@@ -329,6 +336,12 @@ def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
     end = f"{number(_at(system, -1.0))}, at {number(0.5 / dt)} Hz" if dt else number(float(system.D[0, 0]))
     rows = [("Gain at frequency 0", size), ("Gain at the end of the axis", end)]
     return [*rows, *([("Gain of the integrator", f"{number(integral, 5)} 1/s")] if integral else [])]
+
+
+def _least_gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Least gain of the integrators of a matrix."""
+    gain = integral_gain(as_system("controller", design.controller)[0], design.proofs[0].loop.dt)
+    return [("Least gain of the integrators", f"{number(gain, 5)} 1/s, their smallest singular value")] if gain else []
 
 
 def _at(system: StateMatrices, point: float) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +15,10 @@ from robustid.app.cli.screen import in_words, say, telling
 from robustid.app.run.checks import options
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.errors import InputError, Status
+
+if TYPE_CHECKING:
+    from robustid.controllers import ControllerDesign
+    from robustid.guarantees import Band
 
 
 def control(
@@ -82,5 +87,11 @@ def control(
                 found, report, title=f"Controller for {source[0].stem}" if len(source) == 1 else None, static=static
             )
     screen.say_written(console, *files, model if usable else None, report)
+    raise typer.Exit(design_exit(found, [one.band for one in plants]))
+
+
+def design_exit(found: ControllerDesign, bands: Sequence[Band] = ()) -> int:
+    """Exit code of a design for the plants of bands; default: of those that its proofs are about."""
     status = {"PROVED": Status.CONSISTENT, "NONE": Status.INCONSISTENT}.get(found.status.name, Status.UNDECIDED)
-    raise typer.Exit(screen.exit_code(status, any(one.band.problem.open_faults for one in plants)))
+    about = bands or [one.band for one in found.proofs]
+    return screen.exit_code(status, any(one.problem.open_faults for one in about))
