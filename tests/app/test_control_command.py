@@ -38,7 +38,7 @@ def test_the_command_writes_design_model_and_page(here, capsys, monkeypatch):
     text += ["--attenuate", "1:2:0.5", "--maximise", "attenuation:1:3", "-o", "new", "--report", "new.html"]
     code, out, _ = words(text, capsys, monkeypatch)
     assert code == 0
-    assert "proved: every consistent plant keeps the limits" in out
+    assert "Proved Every consistent plant keeps all limits" in out
     assert rid.load(here / "new").status.name == "PROVED"
     model = rid.load(here / "new-controller.npz", kind="model")
     assert np.array_equal(model.C, small_design().controller.C)

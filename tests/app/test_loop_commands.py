@@ -111,12 +111,12 @@ def test_what_is_not_bounded_is_told_by_its_reason_and_not_as_infinite(folder):
 
 
 def test_the_command_loop_proves_one_controller_and_refutes_the_other(here, capsys, monkeypatch):
-    code, out, _ = words(["loop", ".", "--controller", "near.npz", "--report", "near.html"], capsys, monkeypatch)
+    code, out, _ = words(["loop", ".", "--controller", "near.npz", "--report", "near.html", "-v"], capsys, monkeypatch)
     assert code == 0
     assert "every consistent plant is stabilised, proved on the whole axis" in out
     assert "Stable with every consistent plant" in (here / "near.html").read_text(encoding="utf-8")
     assert rid.load(here / "tried").guaranteed
-    asked = ["loop", "loop.npz", "--controller", "bad.npz", "-o", "two-bad"]
+    asked = ["loop", "loop.npz", "--controller", "bad.npz", "-o", "two-bad", "-v"]
     code, out, _ = words(asked, capsys, monkeypatch)
     assert code == 3
     assert "whose closed loop has a pole at 0 Hz (real part +" in out
@@ -149,7 +149,7 @@ def test_misuse_is_one_sentence(arguments, sentence, here, capsys, monkeypatch):
 
 
 def test_the_command_connect_decides_and_verify_holds(here, capsys, monkeypatch):
-    asked = ["connect", "part", "known.npz", "-o", "pair", "--report", "pair.html", "--keep-out", "6:30"]
+    asked = ["connect", "part", "known.npz", "-o", "pair", "--report", "pair.html", "--keep-out", "6:30", "-v"]
     code, out, _ = words(asked, capsys, monkeypatch)
     assert code == 0
     assert "stable: every pair of consistent systems makes a stable loop" in out

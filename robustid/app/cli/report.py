@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Static
+from robustid.app.cli.command_options import Force, Static, Verbose
+from robustid.app.cli.identify import everything, next_of
 from robustid.app.cli.screen import telling
 from robustid.errors import InputError
 
@@ -38,6 +39,7 @@ def report(
     reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write the report of a saved identification again; its claims are verified again from the numbers.
 
@@ -48,11 +50,11 @@ def report(
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, reduced
     from robustid.app.run.work import Work
-    from robustid.report import render_summary, write_report
+    from robustid.report import first_screen, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     result = load_result(source, "identification")
     with telling(console) as progress:
         work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
@@ -64,9 +66,8 @@ def report(
         diagnosed(work)
         work.around.say("verifying every certificate")
         write_report(result, output, title=title, static=static, **{**work.parts, **shown})
-    console.print(render_summary(result, work.reduction))
-    screen.say_written(console, output)
-    screen.repeat_warnings(console, result)
+    head = first_screen(result, **work.parts)
+    screen.conclude(console, head, lambda: everything(work), written=[output], steps=next_of(work, source, []))
     raise typer.Exit(screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
 
 
