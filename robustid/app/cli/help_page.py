@@ -61,7 +61,7 @@ def _paragraphs(text: str) -> Iterator[str]:
 
 
 def _heading(thing: Any) -> str:
-    """What a parameter or a command is for."""
+    """Heading of a parameter or a command."""
     if getattr(thing, "param_type_name", "") == "argument":
         return "Arguments"
     return getattr(thing, "rich_help_panel", None) or "Options"
