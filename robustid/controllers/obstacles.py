@@ -121,6 +121,9 @@ def _at_frequencies(plants: Plants, limits: Limits) -> Obstacle | None:
     for low, high, value in limits.attenuation:
         here = (discs.omega >= low) & (discs.omega <= high)
         needed = np.where(here, np.maximum(needed, 1 - value), needed)
+    for low, high, value in limits.tracking:
+        here = (discs.omega >= low) & (discs.omega <= high)
+        needed = np.where(here, np.maximum(needed, value), needed)
     if limits.bandwidth is not None:
         needed = np.where(discs.omega <= limits.bandwidth, np.maximum(needed, _HALF), needed)
     size, radius = np.abs(discs.centre[:, 0, 0]), discs.radius * discs.units[:, 0]
@@ -128,12 +131,14 @@ def _at_frequencies(plants: Plants, limits: Limits) -> Obstacle | None:
     k = int(np.argmax(share))
     if share[k] >= 1 + _ROUNDING:
         return Obstacle(Law.BOUNDS, 1.0, float(share[k]), float(discs.omega[k]))
-    if limits.control_peak is None:
-        return None
+    allowed = np.full(discs.omega.size, limits.control_peak or math.inf)
+    for low, high, value in limits.action:
+        here = (discs.omega >= low) & (discs.omega <= high)
+        allowed = np.where(here, np.minimum(allowed, value), allowed)
     action = np.where(needed > 0, needed / np.maximum(size - radius, np.finfo(float).tiny), 0.0)
-    k = int(np.argmax(action))
-    if action[k] > limits.control_peak * (1 + _ROUNDING):
-        return Obstacle(Law.ACTION, float(action[k]), limits.control_peak, float(discs.omega[k]))
+    k = int(np.argmax(action / allowed))
+    if action[k] > allowed[k] * (1 + _ROUNDING):
+        return Obstacle(Law.ACTION, float(action[k]), float(allowed[k]), float(discs.omega[k]))
     return None
 
 

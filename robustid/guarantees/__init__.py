@@ -22,7 +22,7 @@ from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
-from robustid.guarantees.loop_values import LoopValues, worst_of
+from robustid.guarantees.loop_values import Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -33,6 +33,7 @@ from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
 from robustid.guarantees.power import Judgement, shown
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
+from robustid.guarantees.scope import scope_of
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.unstable_plant import UnstablePlant
@@ -51,6 +52,7 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 __all__ = [
     "LEAST",
     "MOST",
+    "Balls",
     "Band",
     "BandAxis",
     "CircleBound",
@@ -122,6 +124,7 @@ __all__ = [
     "refute",
     "response_tube",
     "robust_stability_margin",
+    "scope_of",
     "shown",
     "structured_weight",
     "structured_weights",

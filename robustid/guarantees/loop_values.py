@@ -38,6 +38,11 @@ class Balls(NamedTuple):
         """Bound of the largest singular value, (N,)."""
         return _norms(self.centre) + self.radius
 
+    @property
+    def least(self) -> Real:
+        """Bound of the smallest singular value, (N,); negative where it may be 0."""
+        return np.linalg.svd(self.centre, compute_uv=False)[:, -1] - self.radius
+
     def about(self, centre: Complex | Real) -> Balls:
         """The same values less a matrix."""
         return Balls(self.centre - centre, self.radius)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
@@ -12,7 +11,7 @@ import scipy.linalg
 from robustid.controllers import ControllerDesign, Limits
 from robustid.core import Real, StateMatrices, closed_loop, decay_of, poles_of, simulate
 from robustid.errors import InputError
-from robustid.guarantees import LoopBounds
+from robustid.guarantees import Balls, LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import ALERT, BAND, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.curves import half_angle, phase_curves, span_of
@@ -30,13 +29,14 @@ _PERIODS = 40.0  # of the fastest pole, at most
 _ARC = 41  # points of an arc
 _THIN = 0.6  # of a curve with many fine ripples
 _NEAR = ((-2.0, 0.4), (-1.5, 0.9))  # real and imaginary parts of what is near -1
-_MAPS = (
-    ("sensitivity", "S", "sensitivity_peak", "attenuation"),
-    ("complementary_sensitivity", "T", "complementary_peak", "roll_off"),
-    ("process_sensitivity", "P S", "process_peak", ""),
-    ("control_sensitivity", "C S", "control_peak", ""),
-)
-LARGEST, LIMIT = "largest with any consistent plant", "limit"
+MAPS = {
+    "sensitivity": ("S", "sensitivity_peak"),
+    "complementary_sensitivity": ("T", "complementary_peak"),
+    "process_sensitivity": ("P S", "process_peak"),
+    "control_sensitivity": ("C S", "control_peak"),
+}  # of the loop: letters, and the limit of the peak
+LARGEST, SMALLEST = "largest with any consistent plant", "smallest with any consistent plant"
+LIMIT, LEAST = "limit", "limit, at least"
 
 
 def asked_of(design: ControllerDesign) -> Limits:
@@ -49,19 +49,29 @@ def design_chart(design: ControllerDesign) -> Chart:
     omega, limits = _frequencies(_proofs(design)), asked_of(design)
     maps = [one.at(omega) for one in design.proofs]
     axis, panels = frequency_axis(omega), list[Panel]()
-    for name, letters, peak, rows in _MAPS:
-        sizes = [np.linalg.norm(one[name][0], 2, axis=(1, 2)) + one[name][1] for one in maps]
-        largest = np.max(sizes, axis=0)
-        curve = Layer(
-            LARGEST, omega / HZ, np.where(np.isfinite(largest), largest, np.nan), NOMINAL, "solid", size=_THIN
-        )
-        bounds = limit_layers(getattr(limits, peak), getattr(limits, rows) if rows else (), omega)
-        y = np.concatenate([curve.y, *(layer.y for layer in bounds)])
+    for name, (letters, _) in MAPS.items():
+        balls = [Balls(*one[name]) for one in maps]
+        curves = [curve(LARGEST, omega, np.max([one.largest for one in balls], axis=0), NOMINAL)]
+        if bounded_below(limits, name):
+            curves.append(curve(SMALLEST, omega, np.min([one.least for one in balls], axis=0), FURTHER[0]))
+        bounds = limit_layers(limits, name, omega)
+        y = np.concatenate([curves[0].y, *(layer.y for layer in bounds)])
         y = y[np.isfinite(y)]
         span = span_of(np.maximum(y, _DEEP * y.max(initial=0.0)), 1.3) if y.size else None
         label = Axis(f"largest |{letters}|", log=True, range=span)
-        panels.append(Panel(letters, axis, label, [curve, *bounds]))
+        panels.append(Panel(letters, axis, label, [*curves, *bounds]))
     return Chart("design", panels, linked=True)
+
+
+def curve(name: str, omega: Real, sizes: Real, colour: str) -> Layer:
+    """Sizes over frequency, where they are finite and positive."""
+    shown = np.where(np.isfinite(sizes) & (sizes > 0), sizes, np.nan)
+    return Layer(name, omega / HZ, shown, colour, "solid", size=_THIN)
+
+
+def bounded_below(limits: Limits, name: str) -> bool:
+    """Return whether a template asks that a map of the loop is large."""
+    return any(template.least and template.map == name for template, *_ in limits.rows)
 
 
 def _proofs(design: ControllerDesign) -> tuple[LoopBounds, ...]:
@@ -81,16 +91,21 @@ def _frequencies(proofs: tuple[LoopBounds, ...]) -> Real:
     return np.geomspace(float(known.min()) / _BELOW, high, _POINTS)
 
 
-def limit_layers(peak: float | None, rows: Sequence[tuple[float, float, float]], omega: Real) -> list[Layer]:
-    """A peak as a line over the whole axis, ranges of frequencies as steps."""
-    steps = [] if peak is None else [(float(omega[0]), float(omega[-1]), peak)]
-    steps += [(max(low, float(omega[0])), min(high, float(omega[-1])), value) for low, high, value in rows]
-    shown = [(low, high, value) for low, high, value in steps if low < high]
-    if not shown:
-        return []
-    x = np.concatenate([[low, high, np.nan] for low, high, _ in shown]) / HZ
-    y = np.concatenate([[value, value, np.nan] for *_, value in shown])
-    return [Layer(LIMIT, x, y, ALERT, dash="dash")]
+def limit_layers(limits: Limits, name: str, omega: Real) -> list[Layer]:
+    """Limits of a map of the loop: its peak as a line over the whole axis, ranges of frequencies as steps."""
+    start, end, peak = float(omega[0]), float(omega[-1]), getattr(limits, MAPS[name][1])
+    steps = [] if peak is None else [(LIMIT, start, end, peak)]
+    for template, low, high, value in limits.rows:
+        if template.map == name and max(low, start) < min(high, end):
+            steps.append((LEAST if template.least else LIMIT, max(low, start), min(high, end), value))
+    found: list[Layer] = []
+    for said, dash in ((LIMIT, "dash"), (LEAST, "dashdot")):
+        shown = [row for own, *row in steps if own == said]
+        if shown:
+            x = np.concatenate([[low, high, np.nan] for low, high, _ in shown]) / HZ
+            y = np.concatenate([[value, value, np.nan] for *_, value in shown])
+            found.append(Layer(said, x, y, ALERT, dash=dash))
+    return found
 
 
 def open_loop_bode(design: ControllerDesign) -> Chart:

@@ -28,7 +28,7 @@ from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
-from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
 from robustid.report.document import (
     Block,
     Code,
@@ -231,13 +231,16 @@ def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
             yield name.replace("_", " "), sign.format(number(value))
     if limits.phase_margin is not None:
         yield "phase margin", f"at least {number(math.degrees(limits.phase_margin))}°"
-    for name, field, map_ in (("attenuation", "attenuation", "S"), ("roll-off", "roll_off", "T")):
-        rows = [
-            f"|{map_}| ≤ {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
-            for low, high, value in getattr(limits, field)
-        ]
-        if rows:
-            yield name, "; ".join(rows)
+    for template in dict.fromkeys(template for template, *_ in limits.rows):
+        letters, sign = MAPS[template.map][0], "≥" if template.least else "≤"
+        yield (
+            template.name,
+            "; ".join(
+                f"|{letters}| {sign} {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
+                for one, low, high, value in limits.rows
+                if one is template
+            ),
+        )
     if limits.bandwidth is not None:
         yield "bandwidth", f"|P C| ≥ 1 up to {number(limits.bandwidth / HZ)} Hz"
 

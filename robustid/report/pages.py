@@ -200,7 +200,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
     MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
     FrequencyResponse: (response_page, ("records", "undoing")),
-    Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing")),
+    Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing", "design")),
     LoopBounds: (loop_page, ("candidates",)),
     Interconnection: (interconnection_page, ("forbidden",)),
     ControllerDesign: (design_page, ()),

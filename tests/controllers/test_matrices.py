@@ -6,6 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.limits import TEMPLATES
 from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions, _pauli, _triangle
 from robustid.controllers.search import _ask
@@ -78,8 +79,10 @@ def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
         "roll_off": (0.6, lambda L, C: L @ np.linalg.inv(one + L)),
         "bandwidth": (1.0, lambda L, C: np.linalg.inv(L)),
     }
+    limits |= {"disturbance": limits["process_peak"], "action": limits["control_peak"]}
+    limits["tracking"] = 0.6, lambda L, _: 0.36 * (one + np.linalg.inv(L))  # the inverse of T: at least 0.6
     for name, (limit, part) in limits.items():
-        given = [(0.5, 2.0, limit)] if name in ("attenuation", "roll_off") else limit
+        given = [(0.5, 2.0, limit)] if name in TEMPLATES else limit
         (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), discs)
         kept = 0
         for _ in range(60):

@@ -52,6 +52,23 @@ def test_the_curves_hold_the_plant_itself_and_keep_the_limits_that_are_drawn():
     assert [one.name for one in panels["P S"].layers] == ["largest with any consistent plant"]
 
 
+def test_templates_of_every_map_are_drawn_and_listed():
+    limits = Limits(tracking=((0.5, 4.0, 0.5),), disturbance=((2.0, 9.0, 1.0),), action=((40.0, 200.0, 0.6),))
+    loop = Plants.of(small_band()).loop
+    design = design_again((small_band(),), (loop,), PI, (PID(),), limits, Bandwidth(), 11.0, ())
+    panels = {panel.title: panel for panel in design_chart(design).panels}
+    for name, value in (("P S", 1.0), ("C S", 0.6)):
+        assert layer(panels[name], "limit").y[0] == value
+    assert layer(panels["T"], "limit, at least").y[0] == 0.5
+    smallest, largest = layer(panels["T"], "smallest"), layer(panels["T"], "largest")
+    assert np.nanmin(smallest.y[(smallest.x * HZ >= 0.5) & (smallest.x * HZ <= 4)]) >= 0.5
+    assert np.all((smallest.y <= largest.y) | np.isnan(smallest.y))
+    asked = {row[0]: row[1] for row in shares_table(design).rows}
+    assert asked["tracking"] == "|T| ≥ 0.5, 0.0796 to 0.637 Hz"
+    assert asked["disturbance"].startswith("|P S| ≤ 1,")
+    assert asked["action"].startswith("|C S| ≤ 0.6,")
+
+
 def test_the_open_loop_of_the_plant_is_in_the_range_and_discs_keep_out_of_the_peak():
     design, plant = small_design(), band_of(1)[0]
     magnitude, phase = open_loop_bode(design).panels

@@ -59,17 +59,17 @@ def control(
         raise InputError('--structure is missing: what the drive runs, such as --structure "PID(80)"')
     files, model = written_files.result_files(output), beside(output, "-controller.npz")
     read = [file for one in source for file in read_files(one)]
-    written_files.check_outputs([*files, model, report], [*read, *map(Path, asked.fixed or ())], force)
+    written_files.check_outputs([*files, model, report], [*read, *map(Path, asked.files)], force)
     words = words_of(control, time_limit="--time-limit", bands="the source", band="the band", loop="the loop")
     words |= asked.words(flags.__getitem__) | {"identification": "the identification"}
     with in_words(words), telling(console) as progress:
-        limits, factors = asked.limits, asked.factors("--structure")
+        limits, structure = asked.limits, asked.read(flags.__getitem__)
         plants: list[MeasuredPlant] = []
         for one in source:
             progress(f"reading {one}", 0, 0)
             plants.append(MeasuredPlant.of(one, progress))
         how: dict[str, Any] = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
-        found = design_controller([one.plants for one in plants], factors, **how)
+        found = design_controller([one.plants for one in plants], structure, **how)
         found.save(output)
         usable = found.status.name in (
             "PROVED",

@@ -66,11 +66,12 @@ def _on_screen(console: Terminal, looks: list[Look]) -> None:
 
 def _next(found: Look) -> list[str]:
     """The command to go on with, to files that are not there yet."""
-    if found.data is None and not found.arguments:
-        return []
     (what, called), name = found.step, Path(found.path).stem
-    if called[0] == "new":
-        written = ["-o", f"{written_files.free(Path(name), '.toml')}.toml"]
+    if not called or (found.data is None and not found.arguments):
+        return []
+    if called[0] in ("new", "export"):
+        ending = ".toml" if called[0] == "new" else ".m"
+        written = ["-o", f"{written_files.free(Path(name), ending)}{ending}"]
     else:
         ending = {"identify": "model", "fit": "fit", "frf": "response"}[called[0]]
         new = written_files.free(Path(f"{name}-{ending}"), ".npz", ".json", ".html")
