@@ -38,8 +38,11 @@ COMMANDS = {  # in the order of the list, with the file of each
     "connect": "loops",
     "control": "control",
 }
-_HEADINGS: dict[str, str] = dict.fromkeys(("demo", "look", "identify", "new", "run"), _START)
-_HEADINGS |= dict.fromkeys(("excite", "frf"), _MEASURE) | dict.fromkeys(("loop", "connect", "control"), _LOOP)
+_HEADINGS: dict[str, str] = {
+    **dict.fromkeys(("demo", "look", "identify", "new", "run"), _START),
+    **dict.fromkeys(("excite", "frf"), _MEASURE),
+    **dict.fromkeys(("loop", "connect", "control"), _LOOP),
+}
 MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}

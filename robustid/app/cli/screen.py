@@ -142,7 +142,7 @@ def conclude(
     tail = [written_words(files, _MOST_FILES if not out.verbose else len(files)), *next_lines(undoing, own)]
     if out.verbose:
         for one in everything():
-            out.print(plain(one) if isinstance(one, str) else one, highlight=False)
+            say(out, one) if isinstance(one, str) else out.print(one, highlight=False)
     else:
         tail[0] += " (-v prints all numbers)"
         out.print(head_at_terminal(document, out.width, out.left(tail)), highlight=False)
