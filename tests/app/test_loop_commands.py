@@ -7,7 +7,7 @@ import pytest
 import robustid as rid
 from robustid.app.run.run_file import read_run_file
 from robustid.errors import FileFormatError, InputError
-from support.command_line import main, refused, words
+from support.command_line import main, one_screen, refused, to_paste, words
 from support.forging import forge, kept
 
 DT = 0.01
@@ -116,6 +116,12 @@ def test_the_command_loop_proves_one_controller_and_refutes_the_other(here, caps
     assert "every consistent plant is stabilised, proved on the whole axis" in out
     assert "Stable with every consistent plant" in (here / "near.html").read_text(encoding="utf-8")
     assert rid.load(here / "tried").guaranteed
+    short = ["loop", ".", "--controller", "near.npz", "--controller", "bad.npz", "-o", "both"]
+    code, out, _ = main(short, capsys, monkeypatch, columns=80)
+    assert code == 3
+    one_screen(out)
+    assert "Controller near: stable with every consistent plant" in out
+    assert "Controller bad: refused" in out
     asked = ["loop", "loop.npz", "--controller", "bad.npz", "-o", "two-bad", "-v"]
     code, out, _ = words(asked, capsys, monkeypatch)
     assert code == 3
@@ -156,6 +162,10 @@ def test_the_command_connect_decides_and_verify_holds(here, capsys, monkeypatch)
     page = (here / "pair.html").read_text(encoding="utf-8")
     assert "Stable for every pair" in page
     assert "no eigenvalue of any pair is in it" in page
+    code, out, _ = main([*asked[:3], "-o", "short"], capsys, monkeypatch, columns=80)
+    assert code == 0
+    one_screen(out)
+    assert to_paste(out) == [["verify", "short"]]
     code, out, _ = words(["verify", "pair"], capsys, monkeypatch)
     assert (code, out.split()[-1]) == (0, "verified")
     refused(main(asked, capsys, monkeypatch), "pair.npz exists")

@@ -62,6 +62,7 @@ def test_an_identification_says_verdict_error_and_what_is_not_covered_and_the_re
     assert to_paste(out)[0][:2] == ["bounds", "result"]
 
 
+@pytest.mark.slow
 def test_a_contradiction_offers_the_command_that_resolves_it(here, run):
     wrong = [part.replace("17.67", "17.2") for part in CLASS]
     code, out, _ = run(["identify", "--frequency", "my response.csv", *wrong, "--no-reduce"])

@@ -218,7 +218,7 @@ def work_on(
 
 
 def next_of(work: Work, output: Path, called: Sequence[str]) -> list[Next | str] | None:
-    """What to do with an identification; None for what its page says."""
+    """Steps to go on with an identification; None for those of its page."""
     from robustid.app.run.undoing import again
     from robustid.errors import Status
 
