@@ -39,7 +39,7 @@ _FEW = 8  # rows of a spectrum
 _MANY = 12  # things that are listed
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
 _AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
-_TIME = re.compile(r"t$|time", re.I)
+_TIME = re.compile(r"\bt$|time", re.I)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -273,7 +273,7 @@ def _shape(item: Item) -> str:
 def _said(item: Item) -> str:
     """Range of an item, and what its name says of it: quantity, unit, and whether its sign is turned."""
     said = heading(item.address) if item.kind == "real" else None
-    known = said is not None and said.part and (said.unit or said.quantity)
+    known = said is not None and said.part and (said.unit or said.quantity or said.sign < 0)
     return f"{_range(item)}: {said.words}" if said is not None and known else _range(item)
 
 

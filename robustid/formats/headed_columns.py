@@ -14,6 +14,7 @@ from robustid.formats.headings import Heading, heading
 from robustid.formats.role_names import UNSURE, axis_role
 from robustid.formats.table import Options, Table
 
+_ORDER = "dqpn123456789"  # of outputs and inputs
 _ROUNDED = 0.01  # of a phase, in rad: instruments write a tenth of a degree
 _AXES = ("omega", "freq_hz", f"{UNSURE}frequency")
 _SCALES = {"Z": units.OHM, "Y": units.SIEMENS}
@@ -137,7 +138,7 @@ def _with_response(
     table: Table, axis: str, quantity: str, values: dict[str, np.ndarray], used: dict[str, _Parts]
 ) -> Table:
     """The table with the response as the usual array, and with what the file says of its signals."""
-    outputs, inputs = (sorted({entry[k : k + 1] for entry in values}) for k in (0, 1))
+    outputs, inputs = (sorted({entry[k : k + 1] for entry in values}, key=_ORDER.index) for k in (0, 1))
     matrix = np.stack([values[row + column] for row in outputs for column in inputs], axis=-1)
     matrix = matrix.reshape(-1, len(outputs), len(inputs))
     parts = next(iter(used.values()))

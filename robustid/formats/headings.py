@@ -31,9 +31,10 @@ _ANGLE_SIGN = re.compile(r"[∠∡<]\s*(?=[a-z])")
 _APART = re.compile(r"[\s_:;(){}\[\]<>.,*]+")
 _WORD = "|".join(sorted(PARTS, key=len, reverse=True))
 _TOGETHER = re.compile(
-    rf"(?P<before>{_WORD})?(?P<quantity>[zyshg])(?P<entry>[dq]{{2}}|[1-9]{{2}})?(?P<behind>{_WORD})?"
+    rf"(?P<before>{_WORD})?(?P<quantity>[zyshg])(?P<entry>[dq]{{2}}|[pn]{{2}}|[1-9]{{2}})?(?P<behind>{_WORD})?"
 )
 _TRACE = re.compile(rf"(?P<before>{_WORD})?trc\d*|\d{{1,2}}")
+_ENTRIES = {a + b for axes in ("dq", "pn") for a in axes for b in axes}  # of rotating axes, of sequences
 _LONGEST = 200  # characters
 # ZPlot names the axes of its plots so.
 _PROGRAMS = {"z'(a)": "z' [Ohm]", "z''(b)": "z'' [Ohm]"}
@@ -45,7 +46,7 @@ BY_ENDING = {
 
 
 class Heading(NamedTuple):
-    """What the name of a column says of it; "" for what it leaves open.
+    """Meaning of a column by its name; "" for what the name leaves open.
 
     Attributes
     ----------
@@ -72,7 +73,7 @@ class Heading(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the column is: "imaginary part of Z in Ohm, its sign turned"."""
+        """Description of the column: "imaginary part of Z in Ohm, its sign turned"."""
         names = {"real": "real part", "imag": "imaginary part", "magnitude": "magnitude", "phase": "phase"}
         of = f"{self.quantity}{self.entry}"
         text = f"{names[self.part]} of {of}" if of and self.part else names.get(self.part, of)
@@ -130,7 +131,7 @@ def _said(base: str) -> tuple[str, str, str] | None:
             found["part"] |= {PARTS[word] for word in (match["before"], match["behind"]) if word}
         elif match := _TRACE.fullmatch(token):
             found["part"] |= {PARTS[match["before"]]} if match["before"] else set()
-        elif token in ("dd", "dq", "qd", "qq"):
+        elif token in _ENTRIES:
             found["entry"].add(token)
         elif token not in _SILENT:
             return None

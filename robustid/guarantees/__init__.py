@@ -21,7 +21,9 @@ from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
+from robustid.guarantees.loop_by_loop import MarginsByLoop, margins_by_loop
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
+from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube
 from robustid.guarantees.loop_values import Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
@@ -52,6 +54,7 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 __all__ = [
     "LEAST",
     "MOST",
+    "STEPS",
     "Balls",
     "Band",
     "BandAxis",
@@ -72,6 +75,7 @@ __all__ = [
     "LoopStatus",
     "LoopValues",
     "MarginStatus",
+    "MarginsByLoop",
     "Member",
     "ParameterIntervals",
     "Peak",
@@ -84,6 +88,7 @@ __all__ = [
     "RobustStabilityMargin",
     "Sample",
     "SampleCheck",
+    "StepTube",
     "StructuredPlant",
     "StructuredWeight",
     "UncertaintyWeight",
@@ -114,6 +119,7 @@ __all__ = [
     "interconnection",
     "loop_bounds",
     "magnitude_weight",
+    "margins_by_loop",
     "margins_of",
     "ncf_margin",
     "norm_of_bounds",
@@ -125,7 +131,9 @@ __all__ = [
     "response_tube",
     "robust_stability_margin",
     "scope_of",
+    "settled",
     "shown",
+    "step_tube",
     "structured_weight",
     "structured_weights",
     "told_apart_of",

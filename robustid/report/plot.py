@@ -26,7 +26,8 @@ from robustid.guarantees import (
 from robustid.identification import Identification
 from robustid.reduction import ModelWorth, Reduction
 from robustid.report.charts import Chart
-from robustid.report.design_charts import open_loop_bode, step_chart
+from robustid.report.design_charts import open_loop_bode
+from robustid.report.design_steps import step_chart
 from robustid.report.drawn import drawn
 from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,7 @@ from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
     from robustid.controllers import ControllerDesign
+    from robustid.guarantees import Band
 
 
 def control(
@@ -87,8 +89,14 @@ def control(
     written = [*files, model if usable else None, report]
     steps = _next(found, model) if found.status.name == "PROVED" else None
     screen.conclude(console, first_screen(found), lambda: [found.summary()], written=written, steps=steps)
+    raise typer.Exit(design_exit(found, [one.band for one in plants]))
+
+
+def design_exit(found: ControllerDesign, bands: Sequence[Band] = ()) -> int:
+    """Exit code of a design for the plants of bands; default: of those that its proofs are about."""
     status = {"PROVED": Status.CONSISTENT, "NONE": Status.INCONSISTENT}.get(found.status.name, Status.UNDECIDED)
-    raise typer.Exit(screen.exit_code(status, any(one.band.problem.open_faults for one in plants)))
+    about = bands or [one.band for one in found.proofs]
+    return screen.exit_code(status, any(one.problem.open_faults for one in about))
 
 
 def _next(found: ControllerDesign, model: Path) -> list[Next | str]:

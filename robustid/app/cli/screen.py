@@ -113,7 +113,7 @@ class Next(NamedTuple):
 
 
 def next_lines(undoing: Undoing | None, steps: Sequence[Next | str]) -> list[str]:
-    """What undoes a fault of the data, each line of it as it is pasted; else the steps."""
+    """Lines that undo a fault of the data, as they are pasted; else those of the steps."""
     if undoing is None:
         return [line for one in steps for line in (one.lines if isinstance(one, Next) else [f"next: {one}"])]
     if undoing.place:
