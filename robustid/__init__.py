@@ -31,6 +31,8 @@ def __getattr__(name: str) -> Any:
     try:
         return _opened(name)
     except AttributeError:
+        if name.startswith("_"):  # asked for by programs, of every module that they look at
+            raise
         from robustid.spellings import meant
 
         found = meant(name, _known())

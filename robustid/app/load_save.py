@@ -82,12 +82,14 @@ def load(
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
           numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;
-        * measurements: tables of text of any ending (separator, decimal mark, lines of names and units are found, or the sentence
-          says what to give; lines that start with ``#``, ``%``, ``!`` are remarks), ``.npy`` and ``.npz`` (pickled objects are
-          refused), ``.mat`` (v4, v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers such as ``dt`` as
-          attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
-          and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in continuous time,
-          extra ``robustid[touchstone]``). Contents decide before the ending;
+        * measurements: tables of text of any ending (separator, decimal mark, lines of names and units are found, or the
+          sentence says what to give; lines that start with ``#``, ``%``, ``!`` are remarks; columns whose headings say
+          quantity, part, unit and sign, ``-Im(Z)/Ohm``, ``S21(DB)``, ``Zdq_phase_deg``, make the response or the matrix),
+          ``.npy`` and ``.npz`` (pickled objects are refused), ``.mat`` (v4, v5 or v7.3), ``.h5`` (arrays in the axis order that
+          h5py shows, numbers such as ``dt`` as attributes too, units in an attribute ``units``), universal files (data set 58:
+          frequency responses and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in
+          continuous time, extra ``robustid[touchstone]``), transfer functions of LIGO's diagnostics test tools (``.xml``).
+          Contents decide before the ending;
         * objects: a dictionary of arrays, an array of NumPy, a DataFrame or Series of pandas (a named index, or one of instants, is
           a column), a Dataset or DataArray of xarray (units in the attribute ``units``), a `control.FRD`.
     kind : {"frequency", "time", "model"}, optional

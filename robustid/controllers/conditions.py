@@ -96,7 +96,7 @@ class Conditions(NamedTuple):
         """A + b C, and what is taken from its distance, with values C (F, nu, ny) at all frequencies."""
         C = values[self.place]
         taken = sum(norms(self.q[:, k, :, None] * C) for k in range(self.q.shape[1]))
-        return self.a + self.b @ C, np.asarray(taken, dtype=float)
+        return self.a + self.b @ C, np.zeros(len(C)) + taken
 
     def excess(self, values: Complex) -> Real:
         """Distance to the limit of each: negative where it is not kept."""
@@ -219,6 +219,14 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     if limits.process_peak is not None:
         clear.process("process peak", np.ones(omega.size, dtype=bool), limits.process_peak)
     return clear.found
+
+
+def integrators_of(gain: float, discs: Discs) -> Conditions:
+    """Least singular value of the factors K of the integrators of a matrix: C is about K/s at the lowest frequency."""
+    lowest, ny = int(np.argmin(discs.omega)), discs.shape[0]
+    w = np.array([(1 + _ABOVE) * gain / discs.omega[lowest]])
+    one = np.eye(ny, dtype=complex)[None]
+    return Conditions("integral gain", np.array([lowest]), 0 * one, one, np.zeros((1, 0, ny)), w)
 
 
 def _kept_clear(limits: Limits) -> list[Complex]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.conditions import Discs, conditions_of, integrators_of
 from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal
 from robustid.controllers.limits import Limits
@@ -324,5 +324,7 @@ class At:
             left = 1 + centre * self._running(discs)[lowest, 0, 0]
             sign = np.sign((centre / left).real)
             linear = sign * gain, np.array([limits.integral_gain or 0.0])
-        functions = Functions(axes, self.basis.into, self.basis.out_of)
-        return Question(functions, conditions_of(limits.closer(self.task.spare), discs), linear), discs
+        conditions = conditions_of(limits.closer(self.task.spare), discs)
+        if discs.shape != (1, 1) and limits.integral_gain is not None:
+            conditions.append(integrators_of(limits.integral_gain, discs))
+        return Question(Functions(axes, self.basis.into, self.basis.out_of), conditions, linear), discs

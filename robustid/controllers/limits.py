@@ -76,7 +76,7 @@ class Limits:
     bandwidth : float or None
         |P C| at least 1 up to this frequency, rad/s.
     integral_gain : float or None
-        Least gain of the integrator, in size.
+        Least gain of the integrator, in size; of matrices the smallest singular value of the gains of all integrators.
     """
 
     sensitivity_peak: float | None = 2.0

@@ -37,7 +37,7 @@ def check_question(
     if (nu, ny) == (1, 1):
         _check_cancelled(plants, products[0])
     else:
-        _check_matrices(goal.asked(limits, 1.0), ny)
+        _check_matrices(goal.asked(limits, 1.0), products, (nu, ny))
     if isinstance(goal, LeastControl):
         _check_action(plants, limits)
 
@@ -103,9 +103,16 @@ def _fixed(factors: Sequence[Factor]) -> Iterator[StateMatrices]:
             yield from (system for system, _ in one.parts([]).systems)
 
 
-def _check_matrices(limits: Limits, ny: int) -> None:
-    """Limits that are of one loop."""
-    for name in ("gain_margin", "phase_margin", "delay_margin", "integral_gain"):
+def _check_matrices(limits: Limits, products: Sequence[Sequence[Factor]], shape: tuple[int, int]) -> None:
+    """Limits that are of one loop, and integrators, whose least gain is 0 where they are fewer than the outputs."""
+    nu, ny = shape
+    count = sum(map(_integrators, products))
+    if limits.integral_gain is not None and (nu != ny or count < ny):
+        raise InputError(
+            f"`structure` must hold an integrator for each of {ny} outputs, and the plant as many inputs, for their least gain to"
+            f" be large; got {count} integrators and {nu} inputs"
+        )
+    for name in ("gain_margin", "phase_margin", "delay_margin"):
         if getattr(limits, name) is not None:
             raise InputError(
                 f"`{name}` is of one input and one output; got {ny} outputs. The peak of the sensitivity keeps margins of"

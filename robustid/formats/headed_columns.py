@@ -10,10 +10,11 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.formats import units
-from robustid.formats.headings import Heading, heading
+from robustid.formats.headings import Heading, heading, turned
 from robustid.formats.role_names import UNSURE, axis_role
 from robustid.formats.table import Options, Table
 
+_ORDER = "dqpn123456789"  # of outputs and inputs
 _ROUNDED = 0.01  # of a phase, in rad: instruments write a tenth of a degree
 _AXES = ("omega", "freq_hz", f"{UNSURE}frequency")
 _SCALES = {"Z": units.OHM, "Y": units.SIEMENS}
@@ -137,7 +138,7 @@ def _with_response(
     table: Table, axis: str, quantity: str, values: dict[str, np.ndarray], used: dict[str, _Parts]
 ) -> Table:
     """The table with the response as the usual array, and with what the file says of its signals."""
-    outputs, inputs = (sorted({entry[k : k + 1] for entry in values}) for k in (0, 1))
+    outputs, inputs = (sorted({entry[k : k + 1] for entry in values}, key=_ORDER.index) for k in (0, 1))
     matrix = np.stack([values[row + column] for row in outputs for column in inputs], axis=-1)
     matrix = matrix.reshape(-1, len(outputs), len(inputs))
     parts = next(iter(used.values()))
@@ -151,13 +152,9 @@ def _with_response(
     scale = units.factor(_SCALES.get(quantity, {}), unit)
     matrix = matrix * (scale or 1.0)
     said = [column for entry in sorted(used) for column in _taken(used[entry])]
-    turned = [column.name for column in said if column.heading.sign < 0]
-    of = f"{quantity} " if quantity else ""
-    names = [repr(column.name) for column in said]
-    how = f"{table.how}; response {of}from {', '.join(names[:4])}" + " …" * (len(said) > 4)
-    if turned:
-        shown = ", ".join(map(repr, turned[:4])) + " …" * (len(turned) > 4)
-        how += f"; the sign of {shown} is turned, as the minus in the name says"
+    of, names = f"{quantity} " if quantity else "", [column.name for column in said]
+    how = f"{table.how}; response {of}from {', '.join(map(repr, names[:4]))}" + " …" * (len(names) > 4)
+    how += turned(names)
     facts: Options = dict(zip(("outputs", "inputs"), _signals(quantity, outputs, inputs, unit, scale), strict=True))
     columns = {**table.columns, "values": matrix}
     frequency = table.columns[axis]

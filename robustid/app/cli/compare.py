@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Report, Static, only, words_of
+from robustid.app.cli.command_options import Force, Report, Static, Verbose, only, words_of
 from robustid.app.cli.screen import in_words, say, step
 from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from robustid.app.cli.screen import Terminal
     from robustid.identification import Validation
 
 _FILE = "A time record, a frequency response, a model or a saved result."
@@ -35,6 +34,7 @@ def compare(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     """Compare two measurements: where they differ by more than their noise, and how probable that is by chance.
 
@@ -47,20 +47,20 @@ def compare(
     """
     from robustid.identification import Comparison
     from robustid.identification import compare as compared
-    from robustid.report import write_report
+    from robustid.report import first_screen, write_report
 
     written_files.check_static(report, static)
     files = [] if output is None else list(written_files.result_files(output))
     written_files.check_outputs(
         [*files, report], [*written_files.sources(first), *written_files.sources(second)], force
     )
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     things = [_read(console, path, records, responses) for path in (first, second)]
     words = words_of(compare, a=str(first), b=str(second), first=str(first), second=str(second), data="the measurement")
     with in_words(words), step(console, "comparing"):
         found: Any = compared(*things, probability=how.probability, period=how.period)
-    say(console, found.summary())
     if not isinstance(found, Comparison):
+        say(console, found.summary())
         if output is not None or report is not None:
             flag = "--output" if output is not None else "--report"
             raise InputError(f"{flag} is for two measurements; of a model robustid report and robustid verify say more")
@@ -69,8 +69,7 @@ def compare(
         found.save(output)
     if report is not None:
         write_report(found, report, title=f"{first.stem} and {second.stem}", static=static)
-    if files or report is not None:
-        screen.say_written(console, *files, report)
+    screen.conclude(console, first_screen(found), lambda: [found.summary()], written=[*files, report])
     status = Status.INCONSISTENT if found.differ else Status.CONSISTENT
     open_faults = [fault for frf in (found.first, found.second) for fault in frf.faults if not fault.undone]
     raise typer.Exit(screen.exit_code(status, bool(open_faults)))
@@ -82,7 +81,7 @@ def _of_model(found: Validation) -> int:
     return screen.exit_code(Status.INCONSISTENT if found.outside else Status.CONSISTENT, False)
 
 
-def _read(console: Console, path: Path, records: RecordSource, responses: ResponseSource) -> Any:
+def _read(console: Terminal, path: Path, records: RecordSource, responses: ResponseSource) -> Any:
     """The saved result, model, response or records of a file, as what it looks like."""
     from robustid.app.cli.measured_files import Files
     from robustid.app.load_save import load, load_result
