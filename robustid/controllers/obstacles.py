@@ -123,14 +123,14 @@ def _at_frequencies(plants: Plants, limits: Limits) -> Obstacle | None:
         needed = np.where(here, np.maximum(needed, 1 - value), needed)
     if limits.bandwidth is not None:
         needed = np.where(discs.omega <= limits.bandwidth, np.maximum(needed, _HALF), needed)
-    size, radius = np.abs(discs.centre[:, 0, 0]), discs.radius * discs.units[:, 0]
-    share = np.where(needed > 0, radius / np.maximum(size, np.finfo(float).tiny), 0.0)
+    size, least = np.abs(discs.centre[:, 0, 0]), discs.least
+    share = np.where(needed > 0, (size - least) / np.maximum(size, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(share))
     if share[k] >= 1 + _ROUNDING:
         return Obstacle(Law.BOUNDS, 1.0, float(share[k]), float(discs.omega[k]))
     if limits.control_peak is None:
         return None
-    action = np.where(needed > 0, needed / np.maximum(size - radius, np.finfo(float).tiny), 0.0)
+    action = np.where(needed > 0, needed / np.maximum(least, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(action))
     if action[k] > limits.control_peak * (1 + _ROUNDING):
         return Obstacle(Law.ACTION, float(action[k]), limits.control_peak, float(discs.omega[k]))

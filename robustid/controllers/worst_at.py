@@ -1,4 +1,4 @@
-"""Worst cases of a loop over all consistent plants at frequencies: exact in the discs of the plants, and no proof between them.
+"""Worst cases of a loop over all consistent plants at frequencies: exact in their discs, or in polygons, and no proof between them.
 
 With the plants in ``|F - c| <= r`` the open loops are a disc about c C with the radius r |C|; S, T, P S and C S have discs too,
 since they are Möbius maps of F.
@@ -7,7 +7,7 @@ since they are Möbius maps of F.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import Taken
 from robustid.core import Complex, Real, StateMatrices, points_of, response_at
-from robustid.guarantees import LoopMargins, LoopValues, Peak, margins_of, worst_of
+from robustid.guarantees import MAPS, Balls, LoopMargins, LoopValues, Peak, margins_of, worst_of
 
 _STEPS = 6  # of the search for a crossing
 _NEAR = np.array([0.92, 0.96, 0.98, 1.0, 1.02, 1.04, 1.08])  # frequencies about a crossing: margins are least near it
@@ -31,6 +31,10 @@ class WorstAt:
     omega : (F,) array, rad/s
     centre, radius : (F,) arrays
         Discs of the open loops, in which -1 may lie.
+    corners : (F, V) array
+        Of polygons that hold them, where they are narrower; nan elsewhere.
+    least : (F,) array
+        Of the size of the open loops.
     largest : dict of str to (F,) array
         Of |S|, |T|, |P S| and |C S|, by the names of `LoopBounds`; infinite where a loop may be singular.
     stable : bool
@@ -42,6 +46,8 @@ class WorstAt:
     omega: Real
     centre: Complex
     radius: Real
+    corners: Complex
+    least: Real
     largest: dict[str, Real]
     stable: bool
     margins: LoopMargins
@@ -54,7 +60,7 @@ class WorstAt:
     @property
     def bandwidth(self) -> float:
         """Frequency in rad/s up to which every open loop is at least 1; 0 where the first is not."""
-        low = np.flatnonzero(np.abs(self.centre) - self.radius < 1)
+        low = np.flatnonzero(self.least < 1)
         if not low.size:
             return float(self.omega[-1])
         return float(self.omega[low[0] - 1]) if low[0] else 0.0
@@ -68,8 +74,7 @@ class WorstAt:
         templates += [("roll-off", "complementary_sensitivity", row) for row in limits.roll_off]
         sizes = [(name, self.largest[own] / value, low, high) for name, own, (low, high, value) in templates]
         if limits.bandwidth is not None:
-            least = np.abs(self.centre) - self.radius
-            sizes.append(("bandwidth", 1 / np.maximum(least, np.finfo(float).tiny), 0.0, limits.bandwidth))
+            sizes.append(("bandwidth", 1 / np.maximum(self.least, np.finfo(float).tiny), 0.0, limits.bandwidth))
         for name, size, low, high in sizes:
             here = np.flatnonzero((self.omega >= low) & (self.omega <= high))
             if here.size:
@@ -92,19 +97,25 @@ def worst_at(plants: Plants, controller: StateMatrices, omega: Real) -> WorstAt:
 
     discs, gain = seen(np.sort(np.concatenate([omega, _crossings(loop, omega)])))
     centre, reach = discs.centre[:, 0, 0], discs.radius * discs.units[:, 0]
-    balls = _values(centre, gain).balls(reach[:, None, None])
-    S = balls["sensitivity"]
-    sizes = dict(zip(("gain_above", "gain_below", "phase", "delay"), worst_of(S, discs.omega), strict=True))
-    largest = {name: one.largest for name, one in balls.items()}
-    sizes |= {"sensitivity": largest["sensitivity"], "disk": S.about(np.full((1, 1), 0.5)).largest}
+    every = [_sizes(balls, discs.omega) for balls in _values(centre, gain).over(discs.errors)]
+    sizes = {name: np.minimum.reduce([one[name] for one in every]) for name in every[0]}
     return WorstAt(
         omega=discs.omega,
         centre=centre * gain,
         radius=reach * np.abs(gain),
-        largest=largest,
+        corners=(discs.centre[:, 0] + discs.errors.corners) * gain[:, None],
+        least=discs.least * np.abs(gain),
+        largest={name: sizes[name] for name in MAPS},
         stable=plants.is_stable_with(controller.model(dt)),
         margins=margins_of({name: float(np.max(one)) for name, one in sizes.items()}, (1, 1)),
     )
+
+
+def _sizes(balls: Mapping[str, Balls], omega: Real) -> dict[str, Real]:
+    """Largest sizes of all maps, and what limits margins."""
+    S = balls["sensitivity"]
+    found = dict(zip(("gain_above", "gain_below", "phase", "delay"), worst_of(S, omega), strict=True))
+    return found | {name: balls[name].largest for name in MAPS} | {"disk": S.about(np.full((1, 1), 0.5)).largest}
 
 
 def _values(centre: Complex, gain: Complex) -> LoopValues:

@@ -16,13 +16,14 @@ from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.interconnection import interconnection
 from robustid.guarantees.interconnection_result import Interconnection, InterconnectionStatus
+from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
 from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
-from robustid.guarantees.loop_values import LoopValues, worst_of
+from robustid.guarantees.loop_values import MAPS, Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
 from robustid.guarantees.nominal import as_frequencies, default_grid
@@ -50,7 +51,9 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 
 __all__ = [
     "LEAST",
+    "MAPS",
     "MOST",
+    "Balls",
     "Band",
     "BandAxis",
     "CircleBound",
@@ -60,6 +63,7 @@ __all__ = [
     "Coverage",
     "Diameter",
     "Driver",
+    "ErrorSets",
     "Family",
     "Interconnection",
     "InterconnectionStatus",

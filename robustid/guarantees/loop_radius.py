@@ -49,7 +49,7 @@ def farthest_plant(band: Band, loop: Loop, model: control.StateSpace) -> Peak:
     def sizes(pieces: Pieces, reach: Real, *_: Real) -> Real:
         complement, graph, second, inverse = _taken(pieces.values, reach, parts)
         outer, inner = _product(complement, second), _product(inverse, _product(_adjoint(graph), second))
-        tangent = image_ball(outer, inverse, (-inner[0], inner[1]), axis.bounds(pieces))
+        tangent = image_ball(outer, inverse, (-inner[0], inner[1]), axis.errors(pieces).bound)
         return _sine(tangent)[:, None]
 
     value, omega = axis.largest(whole, sizes, np.zeros(1))

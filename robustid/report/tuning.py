@@ -71,7 +71,7 @@ def tuning_nyquist(found: Sequence[WorstAt], limits: Limits) -> Drawn:
     """Open loops near -1 in their discs, and what limits keep them out of."""
     layers = kept_out(limits, "")
     for one in found:
-        panel = open_loop_panel(one.centre, one.radius)
+        panel = open_loop_panel(one.centre, one.radius, corners=one.corners)
         layers += [] if panel is None else panel.layers
     x, y = (Axis(f"{part} part of L", range=span) for part, span in zip(("real", "imaginary"), _NEAR, strict=True))
     drawn = plotly_figure([Panel("", x, y, layers, square=True)], _PLANE)
