@@ -1,14 +1,27 @@
 """Conditions and worst cases over convex sets of plants, discs and polygons alike: against all of their values, sampled densely."""
 
+import functools
+
+import control
 import numpy as np
 import pytest
 
+import robustid as rid
 from robustid.controllers.conditions import Discs, conditions_of
 from robustid.controllers.limits import Limits
+from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions
 from robustid.controllers.search import Question, found_for
 from robustid.controllers.worst_at import _values
+from robustid.core import StateMatrices, points_of, response_at
+from robustid.design import PID
 from robustid.guarantees.linear.polygon_discs import hull
+from support.design_cases import DT
+from support.loop_candidates import consistent_members, is_stable
+
+
+def values(model, omega):
+    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))[:, 0, 0]
 
 
 def polygons(rng, count):
@@ -128,3 +141,50 @@ def test_worst_cases_over_polygons_hold_and_are_near_the_worst_value():
             assert np.isinf(discs).sum() > 5 * np.sum(~finite)
     outside = Discs.least.fget(held._replace(centre=held.centre + (1 / C)[:, None, None])) > 0.02
     assert np.all(np.isfinite(found["sensitivity"][outside]))
+
+
+@functools.cache
+def refined():
+    """The band of a lag, with polygons, and plants that the data allow."""
+    plant = control.ss(control.tf([0.1], [1, -0.9], DT))
+    lines = np.linspace(3.0, 312.0, 20)
+    frf = rid.FrequencyResponse(lines, values(plant, lines), bound=0.1 * np.abs(values(plant, lines)) + 0.01, dt=DT)
+    plain = rid.band(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.2, decay_rate=1.08)), model=plant)
+    result = rid.identify(plain.problem)
+    return (
+        plain,
+        plain.refine(result, omega=[0.3, 12.0]),
+        consistent_members(result, 3, np.random.default_rng(0), [5.0]),
+    )
+
+
+def test_polygons_of_a_band_hold_the_plants_that_the_data_allow_and_prove_more_of_a_loop():
+    plain, band, members = refined()
+    omega = np.geomspace(0.3, 12.0, 60)
+    discs = Plants.of(band).discs(omega)
+    assert np.sum(discs.around == 0) > 20
+    for one in members:
+        assert np.all(discs._replace(centre=discs.centre - values(one, omega)[:, None, None]).least <= 1e-9)
+    law = control.ss(1.0, 1.0, 0.12, 0.3, DT)
+    wide, found = (rid.loop_bounds(one, controller=law) for one in (plain, band))
+    assert found.guaranteed
+    assert found.peaks["sensitivity"].value < 0.99 * wide.peaks["sensitivity"].value
+    assert found.sensitivity.max() <= found.peaks["sensitivity"].value
+    fine = np.geomspace(0.1, np.pi / DT, 3000)
+    for one in members:
+        assert is_stable(one, law)
+        for name, size in sizes(values(one, fine), values(law, fine)).items():
+            assert size.max() <= found.peaks[name].value
+
+
+@pytest.mark.slow
+def test_a_refined_band_has_a_faster_loop_which_plants_that_the_data_allow_keep():
+    plain, band, members = refined()
+    before, after = (rid.design_controller(one, PID(filter=200.0)) for one in (plain, band))
+    assert {before.status.name, after.status.name} == {"PROVED"}
+    assert after.level > 1.02 * before.level
+    fine = np.geomspace(0.1, np.pi / DT, 3000)
+    for one in members:
+        assert is_stable(one, after.controller)
+        for name, size in sizes(values(one, fine), values(after.controller, fine)).items():
+            assert size.max() <= after.proofs[0].peaks[name].value
