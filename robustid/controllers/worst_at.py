@@ -7,7 +7,8 @@ since they are Möbius maps of F.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import Taken
 from robustid.core import Complex, Real, StateMatrices, points_of, response_at
-from robustid.guarantees import MAPS, Balls, LoopMargins, LoopValues, Peak, margins_of, worst_of
+from robustid.guarantees import Balls, LoopMargins, LoopValues, Peak, margins_of, worst_of
 
 _STEPS = 6  # of the search for a crossing
 _NEAR = np.array([0.92, 0.96, 0.98, 1.0, 1.02, 1.04, 1.08])  # frequencies about a crossing: margins are least near it
@@ -35,8 +36,9 @@ class WorstAt:
         Of polygons that hold them, where they are narrower; nan elsewhere.
     least : (F,) array
         Of the size of the open loops.
-    largest : dict of str to (F,) array
-        Of |S|, |T|, |P S| and |C S|, by the names of `LoopBounds`; infinite where a loop may be singular.
+    balls : sequence of dict of str to Balls
+        Values of S, T, P S and C S, by the names of `LoopBounds`, all of which hold; of an infinite radius where a loop may be
+        singular.
     stable : bool
         With the model of the band.
     margins : LoopMargins
@@ -48,9 +50,19 @@ class WorstAt:
     radius: Real
     corners: Complex
     least: Real
-    largest: dict[str, Real]
+    balls: Sequence[Mapping[str, Balls]]
     stable: bool
     margins: LoopMargins
+
+    @functools.cached_property
+    def largest(self) -> dict[str, Real]:
+        """Largest |S|, |T|, |P S| and |C S|, (F,) each; infinite where a loop may be singular."""
+        return {name: np.minimum.reduce([one[name].largest for one in self.balls]) for name in self.balls[0]}
+
+    @functools.cached_property
+    def smallest(self) -> dict[str, Real]:
+        """Smallest |S|, |T|, |P S| and |C S| at least, (F,) each."""
+        return {name: np.maximum.reduce([one[name].least for one in self.balls]) for name in self.balls[0]}
 
     @property
     def clear(self) -> bool:
@@ -70,9 +82,10 @@ class WorstAt:
         places = {name: int(np.argmax(one)) for name, one in self.largest.items()}
         peaks = {name: Peak(float(self.largest[name][k]), float(self.omega[k])) for name, k in places.items()}
         rows: dict[str, tuple[float, float]] = {}
-        templates = [("attenuation", "sensitivity", row) for row in limits.attenuation]
-        templates += [("roll-off", "complementary_sensitivity", row) for row in limits.roll_off]
-        sizes = [(name, self.largest[own] / value, low, high) for name, own, (low, high, value) in templates]
+        sizes = [
+            (one.name, np.minimum.reduce([one.share(balls[one.map], value) for balls in self.balls]), low, high)
+            for one, low, high, value in limits.rows
+        ]
         if limits.bandwidth is not None:
             sizes.append(("bandwidth", 1 / np.maximum(self.least, np.finfo(float).tiny), 0.0, limits.bandwidth))
         for name, size, low, high in sizes:
@@ -97,25 +110,26 @@ def worst_at(plants: Plants, controller: StateMatrices, omega: Real) -> WorstAt:
 
     discs, gain = seen(np.sort(np.concatenate([omega, _crossings(loop, omega)])))
     centre, reach = discs.centre[:, 0, 0], discs.radius * discs.units[:, 0]
-    every = [_sizes(balls, discs.omega) for balls in _values(centre, gain).over(discs.errors)]
-    sizes = {name: np.minimum.reduce([one[name] for one in every]) for name in every[0]}
+    every = list(_values(centre, gain).over(discs.errors))
+    found = [_sizes(balls, discs.omega) for balls in every]
+    sizes = {name: np.minimum.reduce([one[name] for one in found]) for name in found[0]}
     return WorstAt(
         omega=discs.omega,
         centre=centre * gain,
         radius=reach * np.abs(gain),
         corners=(discs.centre[:, 0] + discs.errors.corners) * gain[:, None],
         least=discs.least * np.abs(gain),
-        largest={name: sizes[name] for name in MAPS},
+        balls=every,
         stable=plants.is_stable_with(controller.model(dt)),
         margins=margins_of({name: float(np.max(one)) for name, one in sizes.items()}, (1, 1)),
     )
 
 
 def _sizes(balls: Mapping[str, Balls], omega: Real) -> dict[str, Real]:
-    """Largest sizes of all maps, and what limits margins."""
+    """Sizes that limit margins."""
     S = balls["sensitivity"]
     found = dict(zip(("gain_above", "gain_below", "phase", "delay"), worst_of(S, omega), strict=True))
-    return found | {name: balls[name].largest for name in MAPS} | {"disk": S.about(np.full((1, 1), 0.5)).largest}
+    return found | {"sensitivity": S.largest, "disk": S.about(np.full((1, 1), 0.5)).largest}
 
 
 def _values(centre: Complex, gain: Complex) -> LoopValues:

@@ -40,7 +40,8 @@ def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[str, str
             both = " and `fields={'omega': ...}`" if units.axis_label(unsure)[1] else ""
             raise InputError(
                 f"the unit of the frequencies in {unsure!r} isn't certain: give `frequency_unit` ('Hz' or 'rad/s'){both},"
-                f" or call the column 'frequency [Hz]' or 'omega [rad/s]'. {lookup.inventory()}"
+                f" or call the column 'frequency [Hz]' or 'omega [rad/s]'. {lookup.inventory()}",
+                argument="frequency_unit",
             )
         return unsure, None
     if name is None:

@@ -28,7 +28,9 @@ from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
-from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode
+from robustid.report.design_improvements import as_improvements, improvements_section, where_to_measure
+from robustid.report.design_steps import steps_section
 from robustid.report.document import (
     Block,
     Code,
@@ -48,7 +50,7 @@ from robustid.report.document import (
 )
 from robustid.report.identified import Parts
 from robustid.report.loop_page import loop_stands_on
-from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table
+from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
 from robustid.report.words import HZ, at_most, number
@@ -67,7 +69,8 @@ _KEYS = {
 
 def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Document:
     """Build the page of a designed controller."""
-    del parts
+    given = parts.get("sensitivity")
+    improved = () if given is None else as_improvements(given)
     if title is None and design.proofs:
         problem = design.proofs[0].band.problem
         title = heading("Controller", problem.outputs, problem.inputs)
@@ -76,12 +79,17 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
     return Document(
         title or "Controller",
         head=[design_verdict(design)],
-        body=[*body, Heading("In plain text"), Code(design.summary())],
+        body=[
+            *body,
+            *(improvements_section(design, improved) if improved else []),
+            Heading("In plain text"),
+            Code(design.summary()),
+        ],
         glance=Glance(
             numbers=_numbers(design),
             words=_words(design),
             chart=None if curves is None else first_panel(curves),
-            next=_next(design),
+            next=[*_next(design), *([Text(where)] if (where := where_to_measure(design, improved)) else [])],
         ),
     )
 
@@ -110,7 +118,7 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
         *(_open_loop(design) if single else []),
         Heading("The controller"),
         *_controller(design, single),
-        *(_steps(design) if single else []),
+        *(steps_section(design) if single else []),
         Heading("Peaks and margins", guarantee=True),
         *_margins(design),
         Heading("What it stands on"),
@@ -230,13 +238,16 @@ def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
             yield name.replace("_", " "), sign.format(number(value))
     if limits.phase_margin is not None:
         yield "phase margin", f"at least {number(math.degrees(limits.phase_margin))}°"
-    for name, field, map_ in (("attenuation", "attenuation", "S"), ("roll-off", "roll_off", "T")):
-        rows = [
-            f"|{map_}| ≤ {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
-            for low, high, value in getattr(limits, field)
-        ]
-        if rows:
-            yield name, "; ".join(rows)
+    for template in dict.fromkeys(template for template, *_ in limits.rows):
+        letters, sign = MAPS[template.map][0], "≥" if template.least else "≤"
+        yield (
+            template.name,
+            "; ".join(
+                f"|{letters}| {sign} {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
+                for one, low, high, value in limits.rows
+                if one is template
+            ),
+        )
     if limits.bandwidth is not None:
         yield "bandwidth", f"|P C| ≥ 1 up to {number(limits.bandwidth / HZ)} Hz"
 
@@ -255,7 +266,7 @@ def _open_loop(design: ControllerDesign) -> list[Block]:
 def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     if design.controller is None:
         return []
-    found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows(design) if single else [])])]
+    found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
         return [*found, Drawing(model_chart(design.controller, "controller"))]
@@ -327,6 +338,12 @@ def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
     return [*rows, *([("Gain of the integrator", f"{number(integral, 5)} 1/s")] if integral else [])]
 
 
+def _least_gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Least gain of the integrators of a matrix."""
+    gain = integral_gain(as_system("controller", design.controller)[0], design.proofs[0].loop.dt)
+    return [("Least gain of the integrators", f"{number(gain, 5)} 1/s, their smallest singular value")] if gain else []
+
+
 def _at(system: StateMatrices, point: float) -> float:
     return float(response_at(system, np.array([point]))[0, 0, 0].real)
 
@@ -350,18 +367,11 @@ def _zeros_and_poles(system: StateMatrices) -> tuple[Complex, Complex]:
     return np.asarray(found[0], dtype=complex), np.asarray(found[1], dtype=complex)
 
 
-def _steps(design: ControllerDesign) -> list[Block]:
-    words = (
-        "With the plant of the model of the band alone, as it stands: nothing is proved of the steps of other plants."
-    )
-    return [Heading("Steps of the loop"), Text(words, "soft"), Drawing(step_chart(design))]
-
-
 def _margins(design: ControllerDesign) -> list[Block]:
     found: list[Block] = []
     for k, one in enumerate(design.proofs, start=1):
         found += [Heading(f"Band {k}", 3)] if len(design.proofs) > 1 else []
-        found += [peaks_table(one), Facts(_without_assumed(one))]
+        found += [peaks_table(one), Facts(_without_assumed(one)), *single_loops(one)]
     return found
 
 

@@ -29,6 +29,7 @@ from robustid.report.charts import (
 )
 from robustid.report.curves import magnitude_range, spread
 from robustid.report.data_faults import problem_verdict, steps_with_faults
+from robustid.report.design_page import design_section
 from robustid.report.document import (
     Block,
     Column,
@@ -90,6 +91,7 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
                 *moving,
                 Heading("What is not known"),
                 *(Text(sentence) for sentence in family.not_known),
+                *([] if (design := parts.get("design")) is None else design_section(design)),
                 *withheld_section(withheld),
                 *run_file_section(parts.get("run_file")),
             ],

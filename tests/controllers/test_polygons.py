@@ -69,6 +69,8 @@ LIMITS = {
     "control_peak": (1.1, lambda F, C: sizes(F, C)["control_sensitivity"]),
     "attenuation": (0.8, lambda F, C: sizes(F, C)["sensitivity"]),
     "roll_off": (0.6, lambda F, C: sizes(F, C)["complementary_sensitivity"]),
+    "tracking": (0.7, lambda F, C: 0.7**2 / sizes(F, C)["complementary_sensitivity"]),
+    "action": (1.1, lambda F, C: sizes(F, C)["control_sensitivity"]),
     "bandwidth": (2.0, lambda F, C: 2.0 * 1.005 / np.abs(F * C)),
 }
 
@@ -82,7 +84,7 @@ def test_conditions_are_the_limits_for_all_values_of_a_polygon(name):
     C = rng.standard_normal(1000) + 1j * rng.standard_normal(1000)
     (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), held)
     excess, worst = condition.excess(C[:, None, None]), size(F, C[:, None]).max(axis=1)
-    if name != "roll_off":
+    if name not in ("roll_off", "tracking"):
         outside = (
             Discs.least.fget(
                 held._replace(centre=held.centre + (1 / C if name != "bandwidth" else 0 * C)[:, None, None])
