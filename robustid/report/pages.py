@@ -21,8 +21,9 @@ from robustid.guarantees import (
     WorstCaseError,
     WorstCaseOverPoles,
 )
-from robustid.identification import Identification
+from robustid.identification import Comparison, Identification
 from robustid.report import html, with_rich
+from robustid.report.comparison_page import comparison_page
 from robustid.report.data_faults import problem_verdict
 from robustid.report.design_page import design_page
 from robustid.report.document import Code, Document, Glance, Text, Verdict, unfinished_notice
@@ -51,7 +52,16 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _LINES = 18  # of a summary
-Shown = Identification | MatrixFraction | FrequencyResponse | Family | LoopBounds | Interconnection | ControllerDesign
+Shown = (
+    Identification
+    | MatrixFraction
+    | FrequencyResponse
+    | Family
+    | LoopBounds
+    | Interconnection
+    | ControllerDesign
+    | Comparison
+)
 
 
 def write_report(
@@ -75,11 +85,13 @@ def write_report(
     where, how it moves with the condition, and what is not known. Of LoopBounds: whether the controller stabilises every consistent
     plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
     the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
-    loop with every consistent plant, its factors and gains. The page works offline and fetches nothing.
+    loop with every consistent plant, its factors and gains. Of a Comparison: where two measurements differ by more than noise, and
+    how probable that is by chance. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection or ControllerDesign
+    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign or
+        Comparison
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -205,6 +217,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     LoopBounds: (loop_page, ("candidates",)),
     Interconnection: (interconnection_page, ("forbidden",)),
     ControllerDesign: (design_page, ("sensitivity",)),
+    Comparison: (comparison_page, ()),
 }
 
 
@@ -294,6 +307,11 @@ def kind_of(name: str, value: object, kinds: Iterable[type]) -> type:
     *names, last = (kind.__name__ for kind in kinds)
     wanted = f"{', '.join(names)} or {last}" if names else last
     raise InputTypeError(f"`{name}` must be of class {wanted}; got {type(value).__name__}")
+
+
+def has_page(result: object) -> bool:
+    """Return whether `write_report` has a page about this kind of result."""
+    return isinstance(result, tuple(_PAGES))
 
 
 def refuse_foreign(result: object, given: Iterable[str], belonging: Iterable[str]) -> None:

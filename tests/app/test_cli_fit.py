@@ -55,14 +55,15 @@ def poles_hz(name):
 def test_fit_writes_model_and_report_and_says_what_it_does(files, run):
     code, out, err = run(["frf.csv", "--order", "8", "-o", "model", "--report", "page.html", "-v"])
     assert code == 0, err
-    np.testing.assert_allclose(poles_hz("model.npz"), np.sort(SYSTEM.frequency) / HZ, rtol=1e-3)
+    fit = rid.load("model")
+    np.testing.assert_allclose([row.hz for row in fit.modes], np.sort(SYSTEM.frequency) / HZ, rtol=1e-3)
     text = " ".join(out.split())
     for words in (
         "all of 2 outputs and 2 inputs, continuous time",
         "Converged",
         "McMillan degree 8",
         "[red]phi[/red] /",
-        "written: model.npz, page.html",
+        "written: model.npz, model.json, page.html",
     ):
         assert words in text
     assert "iteration 1" not in text  # a line for each is for a terminal, where it replaces the one before
@@ -77,7 +78,7 @@ def test_units_fields_band_and_form(files, run):
     assert "D⁻¹ N" in out
     np.testing.assert_allclose(poles_hz("hz.mat"), np.sort(SMALL.frequency) / HZ, rtol=1e-3)
     fields = ["--frequency-field", "omega=where", "--frequency-field", "values=P", "--band", "4.5:1100"]
-    code, out, err = run(["odd.mat", "--order", "4", *fields, "-o", "part", "-v"])
+    code, out, err = run(["odd.mat", "--order", "4", *fields, "-o", "part.npz", "-v"])
     assert code in (0, 1), err
     assert "omega read as rad/s (--frequency-unit Hz if the file has Hz)" in out
     kept = np.sum((OMEGA >= 4.5 * HZ) & (OMEGA <= 1100 * HZ))

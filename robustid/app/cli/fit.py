@@ -62,7 +62,15 @@ def fit(
     response: Annotated[
         ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step", "correct")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="NAME for the whole fit (NAME.npz and NAME.json, for robustid report and load), or its model alone: NAME.npz or"
+            " NAME.mat.",
+        ),
+    ] = Path("fit.npz"),
     report: Report = None,
     static: Static = False,
     force: Force = False,
@@ -84,10 +92,10 @@ def fit(
     from robustid.formats import save_model
     from robustid.report import first_screen, render_report, verdict
 
-    wanted, model_file = _order(order), _model_file(output)
+    wanted, model_files = _order(order), _model_files(output)
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
     written_files.check_static(report, static)
-    written_files.check_outputs([model_file, report], [source], force)
+    written_files.check_outputs([*model_files, report], [source], force)
     console = screen.console(verbose=verbose)
     (frf,) = asked_files.read(console)
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method} | _constraints(roll_off)
@@ -103,13 +111,18 @@ def fit(
     if report is not None:
         with step(console, "drawing the report"):
             page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
-    save_model(result.model, model_file)
+    if len(model_files) > 1:
+        result.save(output)
+    else:
+        save_model(result.model, output)
     written_files.write_page(report, page)
     head = first_screen(result, data=frf, order_sweep=sweep)
     steps = (
-        _next(source, frf, model_file, screen.called(context)) if verdict(result, sweep).key == "consistent" else None
+        _next(source, frf, model_files[0], screen.called(context))
+        if verdict(result, sweep).key == "consistent"
+        else None
     )
-    written = [model_file, report]
+    written = [*model_files, report]
     screen.conclude(
         console, head, lambda: _everything(result, frf, sweep), written=written, undoing=undoing, steps=steps
     )
@@ -167,12 +180,13 @@ def _order(text: str) -> int | None:
     return int(text)
 
 
-def _model_file(output: Path) -> Path:
+def _model_files(output: Path) -> list[Path]:
+    """The file of the model, or both files of the whole fit."""
     if output.suffix.lower() in (".npz", ".mat"):
-        return output
+        return [output]
     if output.suffix.lower() in (".csv", ".txt", ".json", ".html"):
-        raise InputError(f"--output {output} must end in .npz or .mat")
-    return output.with_name(output.name + ".npz")
+        raise InputError(f"--output {output} must end in .npz or .mat, or have no ending for the whole fit")
+    return list(written_files.result_files(output))
 
 
 def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: dict[str, Any]) -> MatrixFraction:

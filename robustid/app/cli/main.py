@@ -30,6 +30,7 @@ COMMANDS = {  # in the order of the list, with the file of each
     "fit": "fit",
     "bounds": "bounds",
     "reduce": "reduce",
+    "compare": "compare",
     "verify": "verify",
     "report": "report",
     "export": "files",

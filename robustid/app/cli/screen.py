@@ -89,7 +89,7 @@ def written_words(files: Sequence[Path], most: int = _MOST_FILES) -> str:
         page = next((f"{path.name} and " for path in files if path.suffix == ".html"), "")
         count = len(files) - bool(page)
         return f"written: {files[0].parent}{os.sep} with {page}{count} more files"
-    return "written: " + ", ".join(map(str, files))
+    return "written: " + (", ".join(map(str, files)) or "nothing")
 
 
 def repeat_warnings(out: Terminal, result: Warned) -> None:
