@@ -144,10 +144,10 @@ def check(plant, design, peak):
 
 @pytest.fixture(scope="module")
 def small():
-    """Two coupled axes of one pole each, known to 2 % at six lines."""
+    """Two coupled axes of one pole each, known to 2 % at ten lines."""
     alone = control.append(*(control.ss(control.tf([1 - a], [1, -a], DT)) for a in (0.7, 0.5)))
     plant = control.ss(alone.A, alone.B, np.array([[1.0, 0.3], [-0.2, 1.0]]) @ alone.C, np.zeros((2, 2)), DT)
-    omega = np.linspace(10.0, 310.0, 6)
+    omega = np.linspace(10.0, 310.0, 10)
     frf = rid.FrequencyResponse(omega, responses(plant, omega), bound=0.02, dt=DT)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.9, decay_rate=1.25))
     return plant, rid.band(problem, model=plant)
