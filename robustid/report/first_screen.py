@@ -76,7 +76,23 @@ def glance(
             parts.get("undoing"),
             _next(identification, worst_case, band, contradicted, advice, bounding, parts.get("design")),
         ),
+        not_covered="" if bound is None or contradicted else _not_covered(identification, bound),
     )
+
+
+def _not_covered(identification: Identification, bound: Bounded | Band) -> str:
+    """Say for what the guarantee does not hold."""
+    chosen = ", which was chosen from these data" if identification.choices else ""
+    found = [f"a machine outside the class{chosen}", "samples with errors above their bounds"]
+    if identification.problem.parametric is not None and (
+        isinstance(bound, WorstCaseError) or getattr(bound, "box", None) is None
+    ):
+        found.append("other poles than those assumed")
+    if isinstance(bound, Band):
+        found += [f"frequencies from {bound.open_words}"] if bound.open_ranges else []
+    elif getattr(bound, "known_circle", None) is None:
+        found.append("what lies between the frequencies")
+    return ", ".join(found)
 
 
 def _sentence(identification: Identification, bound: Bounded | Band, drawn: bool) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Unpack, cast
 
 from robustid.controllers import ControllerDesign
 from robustid.core import Unfinished, as_flag, as_kind, atomic_write
@@ -31,6 +31,7 @@ from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
 from robustid.report.fit_view import FitView
 from robustid.report.identification_page import (
+    identification_head,
     identification_page,
     identification_summary,
     identification_verdict,
@@ -41,7 +42,7 @@ from robustid.report.interconnection_page import interconnection_page
 from robustid.report.loop_page import loop_page
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
-from robustid.report.stability import stability_summary, weights_summary
+from robustid.report.stability import stability_summary, stability_verdict, weights_summary
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -177,9 +178,22 @@ def render_report(
     if title is not None:
         as_kind("title", title, str, "text")
     build, belonging = _PAGES[kind]
-    given = {name: part for name, part in parts.items() if part is not None and part != ()}
+    given = _given(parts)
     refuse_foreign(identification, given, belonging)
     return html.render(build(identification, title, given), static=static)
+
+
+def first_screen(result: Shown, **parts: Unpack[Parts]) -> Document:
+    """Build the page of `write_report`, which names the parts, as far as its first screen needs it."""
+    if isinstance(result, Identification):
+        return identification_head(result, None, _given(parts))
+    build, _ = _PAGES[kind_of("result", result, _PAGES)]
+    return build(result, None, _given(parts))
+
+
+def _given(parts: Parts) -> Parts:
+    """Parts that are something."""
+    return cast("Parts", {name: part for name, part in parts.items() if part is not None and part != ()})
 
 
 _OF_DATA = ("data", "order_sweep", "records", "forbidden")
@@ -245,8 +259,14 @@ def render_summary(
     return with_rich.render(identification_summary(identification, reduction, unfinished))
 
 
+def head_at_terminal(document: Document, width: int, most: int) -> Group:
+    """Render the first screen of a page for a rich console of a width, in at most so many lines, but for files and next steps."""
+    return with_rich.render_head(document, width, most)
+
+
 def verdict(
-    result: Identification | MatrixFraction | FrequencyResponse, order_sweep: OrderSweep | None = None
+    result: Identification | MatrixFraction | FrequencyResponse | RobustStabilityMargin,
+    order_sweep: OrderSweep | None = None,
 ) -> Verdict:
     """Return the outcome of a result in one word and one sentence; its `key` is "consistent" where nothing is wrong.
 
@@ -261,6 +281,8 @@ def verdict(
         return fit_verdict(FitView(result, sweep=order_sweep))
     if isinstance(result, FrequencyResponse):
         return response_verdict(ResponseView(result))
+    if isinstance(result, RobustStabilityMargin):
+        return stability_verdict(result)
     return identification_verdict(result)
 
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Static
+from robustid.app.cli.command_options import Force, Static, Verbose
 from robustid.app.cli.control import design_exit
+from robustid.app.cli.identify import everything, next_of
 from robustid.app.cli.screen import telling
 from robustid.errors import InputError
 
@@ -41,6 +42,7 @@ def report(
     reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write the report of a saved identification or design again; its claims are verified again from the numbers.
 
@@ -52,11 +54,11 @@ def report(
     from robustid.app.run.sequence import diagnosed, reduced
     from robustid.app.run.work import Work
     from robustid.controllers import ControllerDesign
-    from robustid.report import render_summary, write_report
+    from robustid.report import first_screen, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     with telling(console) as progress:
         result = load_result(source, "identification", "controller design", progress=progress)
         if isinstance(result, ControllerDesign):
@@ -64,8 +66,8 @@ def report(
             progress("searching what would help" if sensitivity else "drawing the report", 0, 0)
             helping = result.improvements() if sensitivity else ()
             write_report(result, output, title=title, static=static, sensitivity=helping or None)
-            screen.say(console, result.summary(), *(row.sentence for row in helping))
-            screen.say_written(console, output)
+            head, said = first_screen(result, sensitivity=helping or None), [row.sentence for row in helping]
+            screen.conclude(console, head, lambda: [result.summary(), *said], written=[output])
             raise typer.Exit(design_exit(result))
         work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
         _take_bounds(work, bounds or [])
@@ -76,9 +78,8 @@ def report(
         diagnosed(work)
         work.around.say("verifying every certificate")
         write_report(result, output, title=title, static=static, **{**work.parts, **shown})
-    console.print(render_summary(result, work.reduction))
-    screen.say_written(console, output)
-    screen.repeat_warnings(console, result)
+    head = first_screen(result, **work.parts)
+    screen.conclude(console, head, lambda: everything(work), written=[output], steps=next_of(work, source, []))
     raise typer.Exit(screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
 
 
