@@ -50,7 +50,7 @@ def _opened(name: str) -> Any:
     """Load a public name, once, with its wrong calls explained."""
     found = _found(name)
     if name in _NAMES and name not in _GROUPS:
-        from robustid.core import open_to_users
+        import importlib  # rooms look for public names here, and none of them is part of a circle
 
-        globals()[name] = found = open_to_users(found, name)
+        globals()[name] = found = importlib.import_module("robustid.core").open_to_users(found, name)
     return found
