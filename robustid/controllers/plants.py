@@ -135,10 +135,7 @@ class Plants:
         else:
             values = LoopValues.at(self._response.at(points_of(omega, self.dt)), self.loop.shape)
             every = [balls["process_sensitivity"] for balls in values.over(errors)]
-            least = np.argmin([one.radius for one in every], axis=0)
-            rows = np.arange(omega.size)
-            centre = np.stack([one.centre for one in every])[least, rows]
-            found = Discs.of(omega, centre, np.stack([one.radius for one in every])[least, rows], units)
+            found = Discs.of(omega, *functools.reduce(Balls.or_narrower, every), units)
         if not np.all(np.isfinite(found.radius)):
             first = float(omega[np.argmin(np.isfinite(found.radius))])
             raise InputError(

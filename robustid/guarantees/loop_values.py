@@ -17,6 +17,7 @@ series), by norms, and by norms with the scaling of the robust stability margin.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from typing import NamedTuple, Self
 
@@ -41,6 +42,13 @@ class Balls(NamedTuple):
     def largest(self) -> Real:
         """Bound of the largest singular value, (N,)."""
         return _norms(self.centre) + self.radius
+
+    def or_narrower(self, other: Balls) -> Balls:
+        """At every point the one of two with the smaller radius."""
+        first = self.radius <= other.radius
+        return Balls(
+            np.where(first[:, None, None], self.centre, other.centre), np.where(first, self.radius, other.radius)
+        )
 
     def or_smaller(self, other: Balls) -> Balls:
         """At every point the one of two that says more."""
@@ -154,6 +162,18 @@ def image_of(left: Part, right: Part, inner: Part, bound: Real) -> Balls:
         return _disc((0.0 * left[0], 0.0 * left[1]), left, right, inner, Held.about_zero(bound))
     return Balls(
         np.zeros((len(bound), left[0].shape[1], right[0].shape[2]), dtype=complex), _added(left, right, inner, bound)
+    )
+
+
+def image_over(left: Part, right: Part, inner: Part, errors: ErrorSets) -> Balls:
+    """Balls as of `image_of` over sets of errors: of scalars the narrowest of their discs."""
+    if errors.bound.shape[1:] != (1, 1):
+        return image_of(left, right, inner, errors.bound)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        singular = (1 / inner[0])[:, 0, 0]
+    none = 0.0 * left[0], 0.0 * left[1]
+    return functools.reduce(
+        Balls.or_narrower, [_disc(none, left, right, inner, held) for held in errors.discs(singular)]
     )
 
 
