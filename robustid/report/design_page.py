@@ -251,7 +251,7 @@ def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
 
 def _open_loop(design: ControllerDesign) -> list[Block]:
     charts = nyquist_charts(design)
-    words = "Each disc holds the open loops of all consistent plants at a frequency; limits keep them out of what is dashed."
+    words = "Each outline holds the open loops of all consistent plants at a frequency; limits keep them out of what is dashed."
     return [
         Heading("Open loop", guarantee=True),
         Drawing(open_loop_bode(design)),
