@@ -103,7 +103,7 @@ class Look(Frozen):
 
     @property
     def step(self) -> tuple[str, list[str]]:
-        """What to go on with: in words, and as arguments of the program, which runs so; none of what it doesn't take."""
+        """The command to go on with: in words, and as arguments, with which it runs; none where no command takes the file."""
         if isinstance(self.data, FrequencyResponse):
             known = self.data.bound is not None or bool(self.bound)
             what = "a model with a proof" if known else "a model by least squares; with --frequency-bound, a proof"

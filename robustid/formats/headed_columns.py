@@ -65,7 +65,7 @@ def _quantities(table: Table) -> dict[tuple[str, str], dict[str, _Parts]]:
     found: dict[tuple[str, str], dict[str, _Parts]] = {}
     twice: set[tuple[str, str]] = set()
     for name, values in table.columns.items():
-        if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != max(values.shape):
+        if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != max(values.shape, default=0):
             continue
         said = heading(name)
         if said is None or not said.part:
