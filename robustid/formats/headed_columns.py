@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.formats import units
-from robustid.formats.headings import Heading, heading
+from robustid.formats.headings import Heading, heading, turned
 from robustid.formats.role_names import UNSURE, axis_role
 from robustid.formats.table import Options, Table
 
@@ -152,13 +152,9 @@ def _with_response(
     scale = units.factor(_SCALES.get(quantity, {}), unit)
     matrix = matrix * (scale or 1.0)
     said = [column for entry in sorted(used) for column in _taken(used[entry])]
-    turned = [column.name for column in said if column.heading.sign < 0]
-    of = f"{quantity} " if quantity else ""
-    names = [repr(column.name) for column in said]
-    how = f"{table.how}; response {of}from {', '.join(names[:4])}" + " …" * (len(said) > 4)
-    if turned:
-        shown = ", ".join(map(repr, turned[:4])) + " …" * (len(turned) > 4)
-        how += f"; the sign of {shown} is turned, as the minus in the name says"
+    of, names = f"{quantity} " if quantity else "", [column.name for column in said]
+    how = f"{table.how}; response {of}from {', '.join(map(repr, names[:4]))}" + " …" * (len(names) > 4)
+    how += turned(names)
     facts: Options = dict(zip(("outputs", "inputs"), _signals(quantity, outputs, inputs, unit, scale), strict=True))
     columns = {**table.columns, "values": matrix}
     frequency = table.columns[axis]

@@ -147,7 +147,7 @@ def _assigned(
     if (kind or lookup.kind()) == "time":
         return as_time(lookup, options), table.how
     options.pop("initial", None)
-    return as_frequency(lookup, options, frequency_unit, asked.grid), table.how
+    return as_frequency(lookup, options, frequency_unit, asked.grid), table.how + lookup.turned()
 
 
 class Origin(NamedTuple):

@@ -87,6 +87,14 @@ def test_files_of_instruments(tmp_path, name):
     assert ("is turned, as the minus in the name says" in found.how) == (name in TURNED)
 
 
+def test_a_minus_in_a_name_is_a_sign_where_the_column_is_named_too(tmp_path):
+    path = write(tmp_path, "peis.mpt", files.ec_lab())
+    fields = {"freq_hz": "freq/Hz", "real": "Re(Z)/Ohm", "imag": "-Im(Z)/Ohm"}
+    found = rid.look(path, fields=fields)
+    np.testing.assert_allclose(found.data.values[:, 0, 0], CELL[::-1], rtol=FIGURES)
+    assert found.how.endswith("the sign of '-Im(Z)/Ohm' is turned, as the minus in the name says")
+
+
 def test_a_list_of_diagnostics_at_even_frequencies(tmp_path):
     frf = load(write(tmp_path, "fft.xml", files.diagnostics(subtype=0)))
     np.testing.assert_allclose(frf.freq_hz, 1 + 0.5 * np.arange(9), rtol=1e-14)
