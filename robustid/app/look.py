@@ -147,7 +147,7 @@ class Look(Frozen):
 
     @property
     def sentences(self) -> list[str]:
-        """What was made of it, and what is odd."""
+        """Sentences on what was made of it, and what is odd."""
         lines: list[str] = []
         if self.data is not None:
             lines.append(f"read as {self.data!r}")
