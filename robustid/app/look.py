@@ -103,7 +103,7 @@ class Look(Frozen):
 
     @property
     def step(self) -> tuple[str, list[str]]:
-        """Next step: in words, and as arguments of the program, which runs so; none of what it doesn't take."""
+        """The command to go on with: in words, and as arguments, with which it runs; none where no command takes the file."""
         if isinstance(self.data, FrequencyResponse):
             known = self.data.bound is not None or bool(self.bound)
             what = "a model with a proof" if known else "a model by least squares; with --frequency-bound, a proof"
@@ -147,7 +147,7 @@ class Look(Frozen):
 
     @property
     def sentences(self) -> list[str]:
-        """What was made of it, and what is odd."""
+        """Sentences on what was made of it, and what is odd."""
         lines: list[str] = []
         if self.data is not None:
             lines.append(f"read as {self.data!r}")

@@ -63,7 +63,7 @@ def test_the_report_of_a_design_says_on_request_what_would_help(here, capsys, mo
     assert "What would help" not in (here / "page.html").read_text(encoding="utf-8")
     row = rid.design.Improvement("bounds", 0.5, 6.0, 13.0, 13.2, 1.2)
     monkeypatch.setattr(rid.design.ControllerDesign, "improvements", lambda self: (row,))
-    code, out, _ = words(["report", "design", "-o", "page.html", "--sensitivity", "--force"], capsys, monkeypatch)
+    code, out, _ = words(["report", "design", "-o", "page.html", "--sensitivity", "--force", "-v"], capsys, monkeypatch)
     assert code == 0
     assert row.sentence in out
     assert "Measure better from 0.9549 to 2.069 Hz first" in (here / "page.html").read_text(encoding="utf-8")
