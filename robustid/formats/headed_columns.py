@@ -10,10 +10,11 @@ import numpy as np
 
 from robustid.errors import InputError
 from robustid.formats import units
-from robustid.formats.headings import Heading, heading
+from robustid.formats.headings import Heading, heading, turned
 from robustid.formats.role_names import UNSURE, axis_role
 from robustid.formats.table import Options, Table
 
+_ORDER = "dqpn123456789"  # of outputs and inputs
 _ROUNDED = 0.01  # of a phase, in rad: instruments write a tenth of a degree
 _AXES = ("omega", "freq_hz", f"{UNSURE}frequency")
 _SCALES = {"Z": units.OHM, "Y": units.SIEMENS}
@@ -38,7 +39,8 @@ def from_headings(table: Table, kind: str | None) -> Table:
     axis = next((name for name in table.columns if axis_role(name) in _AXES), None)
     if kind not in (None, "frequency") or axis is None or "values" in table.columns:
         return table
-    found = _quantities(table)
+    frequency = table.columns[axis]
+    found = _quantities(table, frequency.size if isinstance(frequency, np.ndarray) else 0)
     for (quantity, _), entries in found.items():
         if not quantity and all(column.heading.sign > 0 for column in entries[""].values()):
             continue  # without a quantity or a sign the roles say as much
@@ -56,15 +58,15 @@ def from_headings(table: Table, kind: str | None) -> Table:
     return table
 
 
-def _quantities(table: Table) -> dict[tuple[str, str], dict[str, _Parts]]:
+def _quantities(table: Table, points: int) -> dict[tuple[str, str], dict[str, _Parts]]:
     """Parts by quantity and entry, in the order of the file; what says no quantity belongs to the one that lacks it.
 
-    Without those that stand there twice: nothing says which is meant.
+    Those that are no vector of so many points are something else; of those that stand there twice nothing says which is meant.
     """
     found: dict[tuple[str, str], dict[str, _Parts]] = {}
     twice: set[tuple[str, str]] = set()
     for name, values in table.columns.items():
-        if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != max(values.shape):
+        if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != points:
             continue
         said = heading(name)
         if said is None or not said.part:
@@ -137,7 +139,7 @@ def _with_response(
     table: Table, axis: str, quantity: str, values: dict[str, np.ndarray], used: dict[str, _Parts]
 ) -> Table:
     """The table with the response as the usual array, and with what the file says of its signals."""
-    outputs, inputs = (sorted({entry[k : k + 1] for entry in values}) for k in (0, 1))
+    outputs, inputs = (sorted({entry[k : k + 1] for entry in values}, key=_ORDER.index) for k in (0, 1))
     matrix = np.stack([values[row + column] for row in outputs for column in inputs], axis=-1)
     matrix = matrix.reshape(-1, len(outputs), len(inputs))
     parts = next(iter(used.values()))
@@ -151,21 +153,17 @@ def _with_response(
     scale = units.factor(_SCALES.get(quantity, {}), unit)
     matrix = matrix * (scale or 1.0)
     said = [column for entry in sorted(used) for column in _taken(used[entry])]
-    turned = [column.name for column in said if column.heading.sign < 0]
-    of = f"{quantity} " if quantity else ""
-    names = [repr(column.name) for column in said]
-    how = f"{table.how}; response {of}from {', '.join(names[:4])}" + " …" * (len(said) > 4)
-    if turned:
-        shown = ", ".join(map(repr, turned[:4])) + " …" * (len(turned) > 4)
-        how += f"; the sign of {shown} is turned, as the minus in the name says"
+    of, names = f"{quantity} " if quantity else "", [column.name for column in said]
+    how = f"{table.how}; response {of}from {', '.join(map(repr, names[:4]))}" + " …" * (len(names) > 4)
+    how += turned(names)
     facts: Options = dict(zip(("outputs", "inputs"), _signals(quantity, outputs, inputs, unit, scale), strict=True))
     columns = {**table.columns, "values": matrix}
     frequency = table.columns[axis]
-    if isinstance(frequency, np.ndarray) and len(frequency) == len(matrix):
+    if isinstance(frequency, np.ndarray) and frequency.size == len(matrix):
         idle = (frequency.reshape(-1) == 0) & ~np.any(matrix.reshape(len(matrix), -1), axis=1)
         if np.any(idle) and not np.all(idle):
             how += f"; {int(idle.sum())} rows without frequency and response left out"
-            columns = {name: one[~idle] if isinstance(one, np.ndarray) and len(one) == len(idle) else one
+            columns = {name: one[~idle] if isinstance(one, np.ndarray) and one.shape[:1] == idle.shape else one
                        for name, one in columns.items()}  # fmt: skip
     facts = {side: labels for side, labels in facts.items() if labels is not None}
     remarks = {**table.remarks, "values": "made of the others"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from robustid.formats import units
@@ -31,10 +32,11 @@ _ANGLE_SIGN = re.compile(r"[∠∡<]\s*(?=[a-z])")
 _APART = re.compile(r"[\s_:;(){}\[\]<>.,*]+")
 _WORD = "|".join(sorted(PARTS, key=len, reverse=True))
 _TOGETHER = re.compile(
-    rf"(?P<before>{_WORD})?(?P<quantity>[zyshg])(?P<entry>[dq]{{2}}|[1-9]{{2}})?(?P<behind>{_WORD})?"
+    rf"(?P<before>{_WORD})?(?P<quantity>[zyshg])(?P<entry>[dq]{{2}}|[pn]{{2}}|[1-9]{{2}})?(?P<behind>{_WORD})?"
 )
 _TRACE = re.compile(rf"(?P<before>{_WORD})?trc\d*|\d{{1,2}}")
-_LONGEST = 200  # characters
+_ENTRIES = {a + b for axes in ("dq", "pn") for a in axes for b in axes}  # of rotating axes, of sequences
+_LONGEST, _MOST_NAMED = 200, 4  # characters; names
 # ZPlot names the axes of its plots so.
 _PROGRAMS = {"z'(a)": "z' [Ohm]", "z''(b)": "z'' [Ohm]"}
 # Columns of formats that have no line of names, by the ending of the file.
@@ -45,7 +47,7 @@ BY_ENDING = {
 
 
 class Heading(NamedTuple):
-    """Meaning of a column by its name; "" for what it leaves open.
+    """Meaning of a column by its name; "" for what the name leaves open.
 
     Attributes
     ----------
@@ -72,7 +74,7 @@ class Heading(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the column is: "imaginary part of Z in Ohm, its sign turned"."""
+        """Description of the column: "imaginary part of Z in Ohm, its sign turned"."""
         names = {"real": "real part", "imag": "imaginary part", "magnitude": "magnitude", "phase": "phase"}
         of = f"{self.quantity}{self.entry}"
         text = f"{names[self.part]} of {of}" if of and self.part else names.get(self.part, of)
@@ -111,6 +113,13 @@ def heading(name: str) -> Heading | None:
     return Heading(quantity, entry, part, unit, sign)
 
 
+def turned(names: Iterable[str]) -> str:
+    """End of a line that says which columns are negated for the minus in their names; empty where none is."""
+    found = [repr(name) for name in names if (said := heading(name)) is not None and said.sign < 0]
+    shown = ", ".join(found[:_MOST_NAMED]) + " …" * (len(found) > _MOST_NAMED)
+    return f"; the sign of {shown} is turned, as the minus in the name says" if found else ""
+
+
 def _said(base: str) -> tuple[str, str, str] | None:
     """Quantity, entry and part that the words of a name say; None where one of them isn't known or two contradict."""
     text = _BARS.sub(r" abs \1 ", base.lower())
@@ -130,7 +139,7 @@ def _said(base: str) -> tuple[str, str, str] | None:
             found["part"] |= {PARTS[word] for word in (match["before"], match["behind"]) if word}
         elif match := _TRACE.fullmatch(token):
             found["part"] |= {PARTS[match["before"]]} if match["before"] else set()
-        elif token in ("dd", "dq", "qd", "qq"):
+        elif token in _ENTRIES:
             found["entry"].add(token)
         elif token not in _SILENT:
             return None

@@ -82,23 +82,29 @@ def _parts(columns: list[tuple[str, np.ndarray]], axis: tuple[str, np.ndarray] |
     if _complex(columns):
         return {"values": next(address for address, values in columns if np.iscomplexobj(values))}
     names = [address for address, _ in columns]
-    found: dict[str, object] = {}
+    found: dict[str, list[str]] = {}
     for name in names:
         base, unit = (part.lower() for part in units.in_brackets(name))
         scale = units.factor(units.PHASE, unit) if unit else None
         phase = "phase_rad" if scale == 1 else "phase_deg"
         part = PARTS.get(base.split()[-1], "") if base else ""
         role = "magnitude_db" if unit == "db" else phase if scale else part if part in _CARTESIAN else ""
-        found.setdefault(role, name)
-    others = [name for name in names if name not in found.values() or found.get("") == name]
-    found.pop("", None)
-    phases = [role for role in found if role.startswith("phase")]
-    if phases and ("magnitude_db" in found or others):
-        level = {"magnitude_db": found["magnitude_db"]} if "magnitude_db" in found else {"magnitude": others[0]}
-        return level | {phases[0]: found[phases[0]]}
+        found.setdefault(role, []).append(name)
+    others, levels = found.pop("", []), found.get("magnitude_db", [])
+    if phase := next((role for role in found if role.startswith("phase")), None):
+        size = "magnitude_db" if levels else "magnitude"
+        pairs = [(level, angle) for angle in found[phase] for level in levels or others[:1]]
+        # Of several the two of one signal, "Channel 2 Magnitude" and "Channel 2 Phase".
+        same = [pair for pair in pairs if len(pairs) == 1 or len({_signal(name) for name in pair}) == 1]
+        return {size: same[0][0], phase: same[0][1]} if same else {}
     if set(found) >= set(_CARTESIAN):
-        return {role: found[role] for role in _CARTESIAN}
+        return {role: found[role][0] for role in _CARTESIAN}
     return {"real": names[0], "imag": names[1]} if axis is not None and len(names) > 1 else {}
+
+
+def _signal(name: str) -> str:
+    """Name without its last word, which says the part."""
+    return units.in_brackets(name)[0].lower().rpartition(" ")[0]
 
 
 def _columns(table: Table) -> Iterator[tuple[str, np.ndarray]]:

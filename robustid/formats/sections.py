@@ -12,7 +12,7 @@ Row = tuple[int, str]  # number and text of a line
 
 
 class _Section(NamedTuple):
-    """Where the table begins (behind the line that matches) and where it ends, in files with a certain first line."""
+    """Marks of a table: the first line of its files, the line before it, and the line behind it."""
 
     first_line: re.Pattern[str]
     begin: re.Pattern[str]

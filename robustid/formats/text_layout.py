@@ -183,6 +183,9 @@ def _reading(lines: list[str], separator: str | None, decimal: str) -> _Reading 
     width, usual = max(counts, key=lambda key: (counts[key], sum(key[1]), key[0]))
     like = [_like(row, pattern, usual, width) for row, pattern in zip(rows, patterns, strict=True)]
     start = like.index(True)
+    # A line above with more numbers than texts is one of numbers too, with a word such as "OVL" in it.
+    while start and len(rows[start - 1]) == width and 2 * sum(patterns[start - 1]) > sum(usual):
+        start -= 1
     last = max(k for k, pattern in enumerate(patterns) if any(pattern))  # below it there may be remarks
     inside = zip(rows[start : last + 1], patterns[start : last + 1], strict=True)
     below = [flag for row, pattern in inside for cell, flag in zip(row, pattern, strict=False) if cell]

@@ -37,7 +37,7 @@ from robustid.errors import InputError
 from robustid.guarantees.cells import Pieces, enclose
 from robustid.guarantees.loop_axis import BandAxis
 from robustid.guarantees.loop_bounds import LoopBounds
-from robustid.guarantees.loop_values import Part, image_of
+from robustid.guarantees.loop_values import Part, image_over
 from robustid.guarantees.tubes import response_tube
 from robustid.identification import Identification
 
@@ -231,9 +231,11 @@ class _Steps:
     def difference(self, count: int) -> tuple[Real, float]:
         """Centre at every sample, and how far from it the difference of any plant may be."""
         pieces, parts = self.arcs
-        balls = image_of(*parts, self.axis.bounds(pieces))
+        balls = image_over(*parts, self.axis.errors(pieces))
         wide: Real = 2 * pieces.half
-        width = self._finite(float(wide @ balls.radius) / np.pi)
+        width = float(wide @ balls.radius) / np.pi
+        if not np.isfinite(width):
+            raise InputError("`bounds` must be proved at every frequency; got a loop that may be singular on an arc")
         c, centre, k = balls.centre[:, 0, 0], np.zeros(count), np.arange(1, count + 1)  # times z: one sample later
         step = max(1, _AT_ONCE // c.size)
         for first in range(0, count if c.any() else 0, step):
@@ -257,8 +259,9 @@ class _Steps:
         pieces, parts = self.arcs
         left, right, inner = ((np.abs(values) + reach)[:, 0, 0] for values, reach in parts)
         b = self.axis.bounds(pieces)[:, 0, 0]
-        rest = left * right * inner * b**2 / (1 - inner * b)
-        width = self._finite(float(2 * pieces.half @ np.where(inner * b < 1, rest, np.inf)) / np.pi)
+        room = 1 - inner * b
+        rest = np.where(room > 0, left * right * inner * b**2 / np.where(room > 0, room, 1.0), np.inf)
+        width = float(2 * pieces.half @ rest) / np.pi  # infinite: nothing is narrowed
         low, high = sorted(
             (self.sign * (tube.lower - tube.nominal), self.sign * (tube.upper - tube.nominal)), key=np.sum
         )
@@ -268,12 +271,6 @@ class _Steps:
     def sign(self) -> float:
         """The set point is a disturbance of the other sign."""
         return -1.0 if self.of == "set point" else 1.0
-
-    @staticmethod
-    def _finite(width: float) -> float:
-        if not np.isfinite(width):
-            raise InputError("`bounds` must be proved at every frequency; got a loop that may be singular on an arc")
-        return width
 
     @functools.cached_property
     def arcs(self) -> tuple[Pieces, tuple[Part, Part, Part]]:
@@ -305,7 +302,7 @@ class _Steps:
             return part(one, slice(1 + ny, None)), part(others, one), part(others, slice(1, 1 + ny))
 
         def radius(pieces: Pieces, reach: Real) -> Real:
-            return image_of(*parts(pieces, reach), self.axis.bounds(pieces)).radius
+            return image_over(*parts(pieces, reach), self.axis.errors(pieces)).radius
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
             nonlocal mean, count
