@@ -104,8 +104,10 @@ class ControllerDesign(Frozen, Drawable, Savable):
 
     @property
     def scope(self) -> str:
-        """Words that follow a claim: what the bands take their poles to be, and on their data; empty where none is due."""
-        return scope_of([one.band for one in self.proofs])
+        """Words that follow a claim: for how many bands, on what they take their poles to be, and on their data."""
+        count = len(self.proofs)
+        several = f", for the plants of all {count} bands" if count > 1 else ""
+        return several + scope_of([one.band for one in self.proofs])
 
     def obstacle(self) -> Obstacle | None:
         """Law that the limits contradict, with its numbers: a proof that no controller at all keeps them; None where none is known.

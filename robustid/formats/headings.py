@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from robustid.formats import units
@@ -35,7 +36,7 @@ _TOGETHER = re.compile(
 )
 _TRACE = re.compile(rf"(?P<before>{_WORD})?trc\d*|\d{{1,2}}")
 _ENTRIES = {a + b for axes in ("dq", "pn") for a in axes for b in axes}  # of rotating axes, of sequences
-_LONGEST = 200  # characters
+_LONGEST, _MOST_NAMED = 200, 4  # characters; names
 # ZPlot names the axes of its plots so.
 _PROGRAMS = {"z'(a)": "z' [Ohm]", "z''(b)": "z'' [Ohm]"}
 # Columns of formats that have no line of names, by the ending of the file.
@@ -110,6 +111,13 @@ def heading(name: str) -> Heading | None:
     if not part and not entry:
         return None
     return Heading(quantity, entry, part, unit, sign)
+
+
+def turned(names: Iterable[str]) -> str:
+    """End of a line that says which columns are negated for the minus in their names; empty where none is."""
+    found = [repr(name) for name in names if (said := heading(name)) is not None and said.sign < 0]
+    shown = ", ".join(found[:_MOST_NAMED]) + " …" * (len(found) > _MOST_NAMED)
+    return f"; the sign of {shown} is turned, as the minus in the name says" if found else ""
 
 
 def _said(base: str) -> tuple[str, str, str] | None:

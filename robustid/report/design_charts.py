@@ -53,7 +53,7 @@ def design_chart(design: ControllerDesign) -> Chart:
         y = np.concatenate([curves[0].y, *(layer.y for layer in bounds)])
         y = y[np.isfinite(y)]
         span = span_of(np.maximum(y, _DEEP * y.max(initial=0.0)), 1.3) if y.size else None
-        label = Axis(f"largest |{letters}|", log=True, range=span)
+        label = Axis(f"{'largest ' * (len(curves) == 1)}|{letters}|", log=True, range=span)
         panels.append(Panel(letters, axis, label, [*curves, *bounds]))
     return Chart("design", panels, linked=True)
 
@@ -145,6 +145,8 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
         chart = open_loop_chart(one, omega, further, f"open-loop-{k}")
         if chart is not None:
             whole = chart.panels[0]
+            if len(proofs) > 1:
+                whole = dataclasses.replace(whole, title=f"{whole.title}, band {k}")
             x, y = (dataclasses.replace(axis, range=span) for axis, span in zip((whole.x, whole.y), _NEAR, strict=True))
             near = dataclasses.replace(whole, title="The same, near -1", x=x, y=y)
             charts.append(dataclasses.replace(chart, panels=[whole, near], columns=2))

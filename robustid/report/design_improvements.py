@@ -42,8 +42,9 @@ def where_to_measure(design: ControllerDesign, rows: Sequence[Improvement]) -> s
     if not ranges:
         return ""
     best = max(ranges, key=lambda row: row.ratio)
+    count = _points(design, best)
     return (
-        f"Measure better {_where(best)} first, {_points(design, best)} frequency points: bounds times"
+        f"Measure better {_where(best)} first, {count} frequency point{'s' * (count != '1')}: bounds times"
         f" {number(best.factor)} there bring {_more(best)} {design.goal.name}."
     )
 

@@ -4,26 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy.signal
 
-from robustid.controllers import (
-    FIR,
-    PID,
-    ControllerDesign,
-    DesignStatus,
-    Factor,
-    Fixed,
-    Limits,
-    LowPass,
-    Matrix,
-    Notch,
-    entries_of,
-    integral_gain,
-)
+from robustid.controllers import ControllerDesign, DesignStatus, Limits, integral_gain
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
@@ -31,6 +18,7 @@ from robustid.report.charts import Chart, first_panel
 from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode
 from robustid.report.design_improvements import as_improvements, improvements_section, where_to_measure
 from robustid.report.design_steps import steps_section
+from robustid.report.design_structure import signal_names, structure_rows
 from robustid.report.document import (
     Block,
     Code,
@@ -49,7 +37,7 @@ from robustid.report.document import (
     proved,
 )
 from robustid.report.identified import Parts
-from robustid.report.loop_page import loop_stands_on
+from robustid.report.loop_page import NOT_IN_LOOP, loop_stands_on
 from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
@@ -59,6 +47,7 @@ from robustid.report.words import title as heading
 if TYPE_CHECKING:
     import control
 
+_KEPT = "\u00a0"  # a space that no line ends with
 _KEYS = {
     DesignStatus.PROVED: ("consistent", "Proved"),
     DesignStatus.FOUND: ("weak", "Not proved"),
@@ -90,6 +79,7 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
             words=_words(design),
             chart=None if curves is None else first_panel(curves),
             next=[*_next(design), *([Text(where)] if (where := where_to_measure(design, improved)) else [])],
+            not_covered=NOT_IN_LOOP if design.status is DesignStatus.PROVED else "",
         ),
     )
 
@@ -106,7 +96,7 @@ def design_section(design: ControllerDesign) -> list[Block]:
 def design_blocks(design: ControllerDesign) -> list[Block]:
     """Build the sections on a controller, each under its heading."""
     if not design.proofs:
-        return [Heading("What was asked"), Facts([*asked_words(design.limits), *_structure_rows(design)])]
+        return [Heading("What was asked"), Facts([*asked_words(design.limits), *structure_rows(design)])]
     single = design.proofs[0].loop.shape == (1, 1)
     return [
         Heading("Limits", guarantee=True),
@@ -213,13 +203,20 @@ def _next(design: ControllerDesign) -> list[Text]:
 
 def shares_table(design: ControllerDesign) -> Table:
     """Limits with what was asked, the share that is taken, and where."""
-    asked = dict(asked_words(asked_of(design)))
+    asked = asked_in_lines(asked_of(design))
     rows = [
         [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
         for name, (share, omega) in design.asked_shares.items()
     ]
     columns = Column("limit"), Column("asked"), Column("share that is taken", "share"), *of_numbers("near [Hz]")
     return Table(columns, rows, marks=[share <= 1 for share, _ in design.asked_shares.values()])
+
+
+def asked_in_lines(limits: Limits) -> dict[str, str]:
+    """Limits by their names, in words that narrow columns break after commas alone."""
+    return {
+        name: ", ".join(part.replace(" ", _KEPT) for part in words.split(", ")) for name, words in asked_words(limits)
+    }
 
 
 def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
@@ -266,66 +263,21 @@ def _open_loop(design: ControllerDesign) -> list[Block]:
 def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     if design.controller is None:
         return []
-    found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
+    found: list[Block] = [Facts([*structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
         return [*found, Drawing(model_chart(design.controller, "controller"))]
-    return [*found, Grid(list(_entries(design.controller)), 2, small=False)]
+    return [*found, Grid(list(_entries(design, design.controller)), 2, small=False)]
 
 
-def _entries(controller: control.StateSpace) -> Iterator[Chart]:
+def _entries(design: ControllerDesign, controller: control.StateSpace) -> Iterator[Chart]:
     """Charts of the entries of a matrix that are not zero."""
+    inputs, outputs = signal_names(design)
     charts = model_charts(controller, "controller")
     for (i, j), chart in zip(np.ndindex(controller.noutputs, controller.ninputs), charts, strict=True):
         if np.nanmax(chart.panels[0].layers[0].y) > 0:
-            first = dataclasses.replace(chart.panels[0], title=f"From output {j} to input {i}")
+            first = dataclasses.replace(chart.panels[0], title=f"From {outputs[j]} to {inputs[i]}")
             yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
-
-
-def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
-    """Factors of the structure, with what was searched."""
-    rows: list[tuple[str, str]] = []
-    place, searched = 0, design.searched
-    structure = design.structure
-    nu, ny = design.proofs[0].loop.shape if design.proofs else (1, 1)
-    if isinstance(structure, Matrix):
-        nu, ny = structure.shape
-    entries = entries_of(structure, (ny, nu))
-    for i, j, factors in entries:
-        words: list[str] = []
-        for one in factors:
-            count = len(one.free)
-            words.append(factor_words(one, searched[place : place + count]))
-            place += count
-        name = "Structure" if len(entries) == 1 else f"Structure, {j} to {i}"
-        rows.append((name, " × ".join(words)))
-    return rows
-
-
-def factor_words(factor: Factor, at: Sequence[float]) -> str:
-    """A factor in words, with the numbers that were found of those that were searched; of none that was found its intervals."""
-    place = " and ".join(
-        f"{number(low / HZ, 5)} Hz" if low == high else f"{number(low / HZ, 4)} to {number(high / HZ, 4)} Hz, searched"
-        for low, high in factor.free
-    )
-    if at:
-        place = " and ".join(
-            f"{number(one / HZ, 5)} Hz"
-            + f" (searched from {number(low / HZ, 4)} to {number(high / HZ, 4)} Hz)" * (low < high)
-            for one, (low, high) in zip(at, factor.free, strict=True)
-        )
-    if isinstance(factor, PID):
-        letters = "P" + "I" * factor.integral + "D" * (factor.filter is not None)
-        return letters + (f", the derivative up to {place}" if place else "")
-    if isinstance(factor, Notch):
-        return f"Notch with its poles at {place}, damping {number(factor.damping)}"
-    if isinstance(factor, LowPass):
-        return f"Low-pass of order {factor.order} at {place}"
-    if isinstance(factor, FIR):
-        return f"{factor.length} past samples"
-    if isinstance(factor, Fixed):
-        return f"A known model of order {len(as_system('model', factor.model)[0].A)}"
-    return f"Lead or lag with its pole at {place}"
 
 
 def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from robustid.guarantees import scope_of
 from robustid.report.charts import BAND, FAINT, FURTHER, NOMINAL, Axis, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
 from robustid.report.design_charts import LARGEST, MAPS, SMALLEST, bounded_below, curve, kept_out, limit_layers
-from robustid.report.design_page import asked_words
+from robustid.report.design_page import asked_in_lines
 from robustid.report.loci import open_loop_panel
 from robustid.report.with_plotly import Drawn, plotly_figure
 from robustid.report.words import HZ, at_least, at_most, number
@@ -45,7 +45,8 @@ def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Lim
             layers += [curve(SMALLEST, one.omega, one.smallest[name], FURTHER[0]) for one in found]
         asked = limit_layers(limits, name, omega)
         span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), _MARGIN)
-        panels.append(Panel(letters, axis, Axis(f"largest |{letters}|", log=True, range=span), [*layers, *asked]))
+        label = f"{'largest ' * (not bounded_below(limits, name))}|{letters}|"
+        panels.append(Panel(letters, axis, Axis(label, log=True, range=span), [*layers, *asked]))
     return plotly_figure(panels, _HEIGHT, domains=_DOMAINS)
 
 
@@ -135,7 +136,7 @@ def _bandwidth(found: Sequence[WorstAt]) -> tuple[str, str]:
 
 def tuning_limits(shares: Shares, limits: Limits) -> list[tuple[str, str, str, str, bool]]:
     """Limits: name, what is asked, the share that is taken, near which frequency in Hz, and if it is kept."""
-    asked = dict(asked_words(limits))
+    asked = asked_in_lines(limits)
     return [
         (name, asked.get(name, ""), at_most(share, 3), number(omega / HZ), share <= 1)
         for name, (share, omega) in shares.items()

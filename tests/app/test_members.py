@@ -83,7 +83,14 @@ def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch):
         one.problem.frequency[0].values[0, 0, 0] for one in found.identifications.values()
     ]
     assert (tmp_path / "out" / "controller-model.npz").is_file()
-    assert "The controller that was designed" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for words in (
+        "The controller that was designed",
+        "Band 1 is that of weak; band 2 is that of strong.",
+        "controller, band 2",
+    ):
+        assert words in page
+    assert "at every frequency, for the plants of all 2 bands" in found.summary()
 
     def refuse(*_, **__):
         raise AssertionError("it was designed before")

@@ -135,7 +135,11 @@ def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
     box = np.stack([low[0], high[0]], axis=1), np.stack([low[1], high[1]], axis=1)
     found = [rid.band(problem, model=control.ss(mode)), rid.band(problem, model=control.ss(mode), box=box)]
     words = ", poles of the parametric part exactly as stated", ", poles of 1 mode anywhere in their box"
-    for bands, said in ((found[:1], words[0]), (found[1:], words[1]), (found, words[0])):
+    for bands, said in (
+        (found[:1], words[0]),
+        (found[1:], words[1]),
+        (found, ", for the plants of all 2 bands" + words[0]),
+    ):
         loops = tuple(Plants.of(one).loop for one in bands)
         design = design_again(tuple(bands), loops, GAIN, (PID(integral=False),), Limits(), Bandwidth(), 1e-3, ())
         assert design.summary().splitlines()[0].endswith(said)

@@ -15,8 +15,9 @@ from robustid.design import FIR, PID, Bandwidth, Fixed, Improvement, LeadLag, Li
 from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
 from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode
-from robustid.report.design_page import design_verdict, factor_words, shares_table
+from robustid.report.design_page import design_verdict, shares_table
 from robustid.report.design_steps import step_chart
+from robustid.report.design_structure import factor_words, structure_rows
 from support.design_cases import DT, band_of, matrix_band_of
 from support.forging import kept
 from support.one_design import LIMITS, PI, small_band, small_design
@@ -66,9 +67,8 @@ def test_the_page_says_what_would_help_and_where_to_measure(tmp_path):
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     omega = small_band().problem.frequency[0].omega
     count = int(np.sum((omega >= HZ) & (omega <= 2 * HZ)))
-    first = (
-        f"Measure better from 1 to 2 Hz first, {count} frequency points: bounds times 0.5 there bring +20 % bandwidth."
-    )
+    points = f"{count} frequency point{'s' * (count != 1)}"
+    first = f"Measure better from 1 to 2 Hz first, {points}: bounds times 0.5 there bring +20 % bandwidth."
     assert text.count(first) == 1
     assert "What would help" in text
     assert "sensitivity peak wider by 10 %" in text
@@ -90,7 +90,7 @@ def test_templates_of_every_map_are_drawn_and_listed():
     smallest, largest = layer(panels["T"], "smallest"), layer(panels["T"], "largest")
     assert np.nanmin(smallest.y[(smallest.x * HZ >= 0.5) & (smallest.x * HZ <= 4)]) >= 0.5
     assert np.all((smallest.y <= largest.y) | np.isnan(smallest.y))
-    asked = {row[0]: row[1] for row in shares_table(design).rows}
+    asked = {row[0]: row[1].replace("\u00a0", " ") for row in shares_table(design).rows}
     assert asked["tracking"] == "|T| ≥ 0.5, 0.0796 to 0.637 Hz"
     assert asked["disturbance"].startswith("|P S| ≤ 1,")
     assert asked["action"].startswith("|C S| ≤ 0.6,")
@@ -199,6 +199,20 @@ def test_the_closest_controller_of_none_is_kept_and_shown(tmp_path):
     assert "before it could be proved" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
+def test_a_structure_is_said_with_the_signals_or_axes_that_it_stands_between():
+    rows, half = [[PID(), None], [LowPass(HZ * 9), PID()]], np.array([[0.5, 0.0], [1.0, 2.0]])
+    for around, first, last in (
+        ({}, "Structure, output 1 to input 1", ("Structure, output 2 to input 2", "PI")),
+        ({"actuators": half}, "Structure, output 1 to axis 1", ("From the axes to the inputs", "0.5, 0; 1, 2")),
+        ({"sensors": half}, "Structure, axis 1 to input 1", ("From the outputs to the axes", "0.5, 0; 1, 2")),
+    ):
+        none = design_again((), (), None, Matrix(rows, **around), Limits(), Bandwidth(), 0.0, ())
+        words = structure_rows(none)
+        assert words[0] == (first, "PI")
+        assert words[-1] == last
+        assert words[1][1] == "Low-pass of order 1 at 9 Hz"
+
+
 @pytest.mark.slow
 def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
     band = matrix_band_of(1)[1]
@@ -212,5 +226,15 @@ def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
     assert again.structure.rows == structure.rows
     write_report(again, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "From output 1 to input 1" in page
-    assert "From output 0 to input 1" not in page
+    assert "From y2 to u2" in page
+    assert "From y1 to u2" not in page
+
+
+def test_the_first_screen_of_a_run_names_the_controller_that_was_designed(tmp_path):
+    result = rid.identify(small_band().problem)
+    asked, designed = "Check a controller K", "A controller is proved for every consistent plant, bandwidth 1.7507 Hz"
+    for design, said, unsaid in ((small_design(), designed, asked), (None, asked, designed)):
+        write_report(result, tmp_path / "page.html", band=small_band(), design=design)
+        page = (tmp_path / "page.html").read_text(encoding="utf-8")
+        assert said in page
+        assert unsaid not in page

@@ -13,8 +13,7 @@ from robustid.app.cli.bounds import circle_words
 from robustid.app.cli.screen import in_words, say, step, telling
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from robustid.app.cli.terminal import Terminal
     from robustid.controllers import ControllerDesign
     from robustid.guarantees import Band, Interconnection, LoopBounds, WorstCaseError, WorstCaseOverPoles
     from robustid.identification import Identification
@@ -68,7 +67,7 @@ def verify(
     raise typer.Exit(1 if failed else 0)
 
 
-def _failures(console: Console, result: Any, exact: bool) -> list[str]:
+def _failures(console: Terminal, result: Any, exact: bool) -> list[str]:
     """Print what an identification, or bounds, claim; the names of what does not hold."""
     from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 
@@ -82,7 +81,9 @@ def _failures(console: Console, result: Any, exact: bool) -> list[str]:
     return failed
 
 
-def _loop_failures(console: Console, result: LoopBounds | Interconnection | ControllerDesign, exact: bool) -> list[str]:
+def _loop_failures(
+    console: Terminal, result: LoopBounds | Interconnection | ControllerDesign, exact: bool
+) -> list[str]:
     """Print the verdict on a loop, which loading evaluated anew, and the proofs of its bands; the names of what fails."""
     from robustid.controllers import ControllerDesign
     from robustid.guarantees import Family, LoopBounds
@@ -105,7 +106,7 @@ def _loop_failures(console: Console, result: LoopBounds | Interconnection | Cont
     return failed
 
 
-def _identification_failures(console: Console, result: Identification, exact: bool) -> list[str]:
+def _identification_failures(console: Terminal, result: Identification, exact: bool) -> list[str]:
     """Print what an identification claims; the names of what does not hold."""
     from robustid.identification import verify_margin_exactly
 
@@ -129,7 +130,7 @@ def _margin(result: Identification) -> str:
     return f"margin {high}, reached by a system of the class, and proved not below {low}"
 
 
-def _bound_failures(console: Console, error: WorstCaseError, exact: bool) -> list[str]:
+def _bound_failures(console: Terminal, error: WorstCaseError, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
     upper, count = error.sigma_upper, error.omega.size
     intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))
@@ -144,7 +145,7 @@ def _bound_failures(console: Console, error: WorstCaseError, exact: bool) -> lis
     return failed
 
 
-def _band_failures(console: Console, band: WorstCaseOverPoles, exact: bool) -> list[str]:
+def _band_failures(console: Terminal, band: WorstCaseOverPoles, exact: bool) -> list[str]:
     """Print what a band over poles claims; the names of what does not hold."""
     say(console, "claimed    of all poles in a pole-uncertainty box:", band.summary())
     if not band.covered:
@@ -158,7 +159,7 @@ def _band_failures(console: Console, band: WorstCaseOverPoles, exact: bool) -> l
     return failed if band.supported else [*failed, "bounds, from those of the cells"]
 
 
-def _sum_failures(console: Console, band: Band, exact: bool) -> list[str]:
+def _sum_failures(console: Terminal, band: Band, exact: bool) -> list[str]:
     """Print what a band of linear certificates claims, from its multipliers; the names of what does not hold."""
     say(console, f"claimed    {band.claim}")
     with step(console, "evaluating the sums"):
@@ -173,7 +174,7 @@ def _sum_failures(console: Console, band: Band, exact: bool) -> list[str]:
     return [] if holds else ["discs, from the sums of their multipliers, or polygons, from their certificates"]
 
 
-def _claim_failures(console: Console, result: WorstCaseError | WorstCaseOverPoles, exact: bool) -> list[str]:
+def _claim_failures(console: Terminal, result: WorstCaseError | WorstCaseOverPoles, exact: bool) -> list[str]:
     """Evaluate every certificate, count those that hold, name the others."""
     total = result.claim_count
     failed: list[str] = []
