@@ -44,8 +44,8 @@ class Look(Frozen):
         What is odd.
     data : object or None
         What `load` makes of it; None where it needs to be told more.
-    refusal : str
-        Then why.
+    refusal, argument : str
+        Then why; and the argument of `load` that is wrong or missing, where it is a single one.
     arguments : dict
         Arguments of `load` to try, as the refusal names them.
     bound : str
@@ -64,6 +64,7 @@ class Look(Frozen):
     faults: tuple[Fault, ...]
     data: object = None
     refusal: str = ""
+    argument: str | None = None
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict[str, Any])
     bound: str = ""
     unknown: tuple[str, ...] = ()
@@ -164,7 +165,8 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     except (InputError, InputTypeError, FileFormatError) as error:
         tried, unknown = _tried(error, {"fields": apart[0]} if apart else options)
         told: dict[str, Any] = {"arguments": tried, "unknown": unknown, "records": tuple(apart), "joined": joined}
-        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), **told)
+        told |= {"refusal": str(error), "argument": error.argument}
+        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), **told)
     several: Sequence[object] = data if is_array(data) else [data]
     for one in several:
         odd += response_faults(one) if isinstance(one, FrequencyResponse) else []

@@ -40,7 +40,8 @@ def frequency_axis(lookup: Lookup, frequency_unit: str | None) -> tuple[str, str
             both = " and `fields={'omega': ...}`" if units.axis_label(unsure)[1] else ""
             raise InputError(
                 f"the unit of the frequencies in {unsure!r} isn't certain: give `frequency_unit` ('Hz' or 'rad/s'){both},"
-                f" or call the column 'frequency [Hz]' or 'omega [rad/s]'. {lookup.inventory()}"
+                f" or call the column 'frequency [Hz]' or 'omega [rad/s]'. {lookup.inventory()}",
+                argument="frequency_unit",
             )
         return unsure, None
     if name is None:
@@ -146,7 +147,8 @@ def _values(lookup: Lookup) -> np.ndarray:
         if (unsure := lookup.unsure("phase") or lookup.unsure("magnitude")) is not None:
             raise InputError(
                 f"the unit of {unsure!r} isn't certain: give `fields={{'phase_deg': ...}}` or 'phase_rad', and 'magnitude' or"
-                f" 'magnitude_db', or call the columns 'phase [deg]' and 'magnitude [dB]'. {lookup.inventory()}"
+                f" 'magnitude_db', or call the columns 'phase [deg]' and 'magnitude [dB]'. {lookup.inventory()}",
+                argument="fields",
             )
         raise InputError(
             "needs 'values' (complex), or 'real' and 'imag', or 'magnitude' or 'magnitude_db' with"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Output, Report, Static, words_of
+from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, words_of
 from robustid.app.cli.screen import in_words, resumable, say, telling
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
@@ -65,6 +65,7 @@ def bounds(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    as_json: AsJson = False,
 ) -> None:
     """Bound how far every consistent system can be from the identified model, with a certificate for every bound.
 
@@ -83,7 +84,7 @@ def bounds(
         raise InputError("--omega and --points both say at which frequencies; give one of them")
     if controller and not how.circle:
         raise InputError("--controller needs the bound between the frequencies too: add --circle")
-    found = _Bounds(screen.console(), output, report, static, {})
+    found = _Bounds(screen.console(stderr=as_json), output, report, static, {})
     written_files.check_static(report, static)
     read = [*written_files.sources(source), *(controller or [])]
     written_files.check_outputs([*found.files(how.over_poles), report], read, force)
@@ -106,7 +107,13 @@ def bounds(
     screen.repeat_warnings(found.console, identification)
     if not found.certified:
         screen.warn(found.console, "a certificate does not hold: robustid verify names it")
-    raise typer.Exit(0 if found.certified else 1)
+    code = 0 if found.certified else 1
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        proved_ones = [one for one in (work.band, work.error, work.over_poles) if one is not None]
+        screen.write(verdicts.bounded(identification, proved_ones, found.written, found.margins, code))
+    raise typer.Exit(code)
 
 
 @dataclasses.dataclass
@@ -120,6 +127,7 @@ class _Bounds:
     loops: dict[str, control.StateSpace]
     margins: dict[str, RobustStabilityMargin] = dataclasses.field(default_factory=dict[str, "RobustStabilityMargin"])
     certified: bool = True
+    written: list[Path] = dataclasses.field(default_factory=list[Path])
 
     def beside(self, ending: str) -> Path:
         """NAME-poles, for the worst case over poles; NAME-band, for the band that is proved at every frequency."""
@@ -138,20 +146,22 @@ class _Bounds:
 
     def say_bounded(self, work: Work) -> None:
         """Keep the bounds at the frequencies, and say them, and what they say of the controllers."""
+        from robustid.app.answers.verdicts import circle_words
         from robustid.report import render_summary
 
         if (error := work.error) is None:
             return
         self._verify(work, error)
         error.save(self.output)
-        say(self.console, error.summary(), *([circle_words(error)] if work.run.worst_case.circle else []))
+        on_circle = [f"circle     {circle_words(error)}"] if work.run.worst_case.circle else []
+        say(self.console, error.summary(), *on_circle)
         self.margins = {name: error.robust_stability_margin(loop) for name, loop in self.loops.items()}
         for name, margin in self.margins.items():
             say(self.console, f"controller {name}:")
             self.console.print(render_summary(margin))
         self._keep_band(work)
         band = () if work.band is None else written_files.result_files(self.beside("-band"))
-        screen.say_written(self.console, *written_files.result_files(self.output), *band)
+        self._say_written(*written_files.result_files(self.output), *band)
 
     def say_over_box(self, work: Work) -> None:
         """Keep the bounds over the poles, and say them."""
@@ -165,7 +175,7 @@ class _Bounds:
         head = "with every pole in the pole-uncertainty box that the data leave:"
         say(self.console, head, *([] if done == asked else [late]), found.summary())
         self._keep_band(work)
-        screen.say_written(self.console, *written_files.result_files(self.beside("-poles")))
+        self._say_written(*written_files.result_files(self.beside("-poles")))
 
     def draw(self, work: Work) -> None:
         """Write the page."""
@@ -175,7 +185,11 @@ class _Bounds:
             work.around.say("drawing the report")
             shown: Parts = {**work.parts, "stability": self.margins or None}
             write_report(work.identification, self.report, static=self.static, **shown)
-            screen.say_written(self.console, self.report)
+            self._say_written(self.report)
+
+    def _say_written(self, *files: Path) -> None:
+        self.written += files
+        screen.say_written(self.console, *files)
 
     def _verify(self, work: Work, found: WorstCaseError | WorstCaseOverPoles) -> None:
         work.around.say("verifying every certificate")
@@ -239,13 +253,6 @@ def _same_poles(one: ParametricBasis | None, other: ParametricBasis | None) -> b
     if one is None or other is None or one.poles.shape != other.poles.shape:
         return False
     return np.allclose(one.in_s().poles, other.in_s().poles, atol=1e-6)
-
-
-def circle_words(error: WorstCaseError) -> str:
-    """The bound on the whole circle in words."""
-    found, end = error.circle, "pi/dt" if error.identification.problem.dt else "infinity"
-    text = f"circle     |F - model| <= {found.largest:.4g} at every frequency from {found.edges[0]:.4g} rad/s to {end}"
-    return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
 
 
 def _frequencies(identification: Identification, omega: list[float] | None, points: int | None) -> Real | None:

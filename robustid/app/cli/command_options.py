@@ -21,6 +21,12 @@ Static = Annotated[
     bool, typer.Option("--static", help="Write the report with pictures only: small, and without scripts.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+AsJson = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Print the answer as JSON, by the schema that is published; everything else to stderr."
+    ),
+]
 First = Annotated[
     int | None, typer.Option("--first", help="Use only the first so many samples of every record.", metavar="SAMPLES")
 ]
@@ -30,7 +36,15 @@ FLAGS = {
     for field, option in options(kind)
     if option.flag and field.name not in ("bound", "fields")
 }
-_BESIDE = ("output", "report", "static", "force", "source", "context")  # of every command: no arguments of the library
+_BESIDE = (
+    "output",
+    "report",
+    "static",
+    "force",
+    "source",
+    "context",
+    "as_json",
+)  # of every command: no arguments of the library
 _METAVARS = {"s": "SECONDS", "Hz": "HZ", "samples": "SAMPLES"}
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force
+from robustid.app.cli.command_options import AsJson, Force
 from robustid.app.cli.screen import say
 from robustid.errors import InputError
 
+if TYPE_CHECKING:
+    from robustid.app.look import Look
 
-def look(files: Annotated[list[Path], typer.Argument(help="Files of any kind that robustid reads.")]) -> None:
+
+def look(
+    files: Annotated[list[Path], typer.Argument(help="Files of any kind that robustid reads.")], as_json: AsJson = False
+) -> None:
     """Show what is in files: names, shapes, ranges, what looks odd, and the lines to go on with.
 
     [bold]Example[/bold]: robustid look bench.mat
@@ -22,12 +27,17 @@ def look(files: Annotated[list[Path], typer.Argument(help="Files of any kind tha
     """
     from robustid.app.look import look as looked
 
-    console, faulty = screen.console(), False
+    console = screen.console(stderr=as_json)
+    found: list[Look] = []
     for path in files:
-        found = looked(path)
-        say(console, found.summary())
-        faulty = faulty or found.faulty
-    raise typer.Exit(screen.FAULTY if faulty else 0)
+        found.append(looked(path))
+        say(console, found[-1].summary())
+    code = screen.FAULTY if any(one.faulty for one in found) else 0
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.looked(found, code))
+    raise typer.Exit(code)
 
 
 def new(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Output, Report, Static, words_of
+from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, words_of
 from robustid.app.cli.screen import in_words, say, telling
 from robustid.errors import InputError, Status
 
@@ -44,6 +44,7 @@ def loop(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    as_json: AsJson = False,
 ) -> None:
     """Try controllers on every plant that the data allow: proved stable with all of them, or refused with one that is not.
 
@@ -57,7 +58,7 @@ def loop(
     """
     from robustid.app.run.controllers import read_controllers
 
-    console, paths = screen.console(), controller or []
+    console, paths = screen.console(stderr=as_json), controller or []
     written_files.check_static(report, static)
     places = {path.stem: beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
     wanted = [file for one in places.values() for file in (*written_files.result_files(one), beside(one, "-plant.npz"))]
@@ -70,19 +71,24 @@ def loop(
     with in_words(words), telling(console) as progress:
         progress(f"reading {source}", 0, 0)
         ran = MeasuredPlant.of(source, progress)
-        found = {} if paths else {"": ran.tried(None)}
+        found, kept = {} if paths else {"": ran.tried(None)}, list[Path]()
         for name, model in read_controllers(paths, "--controller", ran.loop).items():
             progress(f"trying {name}", 0, 0)
             found[name] = ran.tried(model)
             _say_tried(console, name, found[name])
-            _keep_tried(console, places[name], found[name])
+            kept += _keep_tried(console, places[name], found[name])
         if not paths:
             _say_tried(console, "", found[""])
         if report is not None:
             _draw(console, found, report, static)
     worst = max((one.status.name for one in found.values()), key=("STABLE", "UNDECIDED", "UNSTABLE").index)
     status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[worst]
-    raise typer.Exit(screen.exit_code(status, bool(ran.band.problem.open_faults)))
+    code = screen.exit_code(status, bool(ran.band.problem.open_faults))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.tried(found, [*kept, *([report] if report else [])], code))
+    raise typer.Exit(code)
 
 
 @dataclasses.dataclass
@@ -157,16 +163,17 @@ def _say_tried(console: Console, name: str, found: LoopBounds) -> None:
     say(console, *([f"controller {name}:"] if name else []), found.summary())
 
 
-def _keep_tried(console: Console, place: Path, found: LoopBounds) -> None:
-    """Write the bounds, and the plant that refutes the controller."""
+def _keep_tried(console: Console, place: Path, found: LoopBounds) -> list[Path]:
+    """Write the bounds, and the plant that refutes the controller; the files."""
     from robustid.app.load_save import save
 
     found.save(place)
-    plant = None
+    files = list(written_files.result_files(place))
     if found.refuted_by is not None:
-        plant = beside(place, "-plant.npz")
-        save(plant, found.refuted_by.plant)
-    screen.say_written(console, *written_files.result_files(place), plant)
+        files.append(beside(place, "-plant.npz"))
+        save(files[-1], found.refuted_by.plant)
+    screen.say_written(console, *files)
+    return files
 
 
 def _draw(console: Console, found: dict[str, LoopBounds], report: Path, static: bool) -> None:

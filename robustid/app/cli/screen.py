@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -41,6 +42,7 @@ class Warned(Protocol):
 
 _WORTH_SAYING = 2.0  # seconds that a step has taken
 FAULTY = 4
+_OTHERS: list[Callable[[str], None]] = []  # programs that are told the steps, in place of the terminal
 _EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
@@ -74,6 +76,14 @@ def warn(out: Console, text: str) -> None:
     out.print(f"[yellow]warning:[/yellow] {plain(text)}", highlight=False, soft_wrap=not out.is_terminal)
 
 
+def write(answer: dict[str, Any]) -> None:
+    """Write an answer as JSON on stdout."""
+    from robustid.app.answers.form import text_of
+
+    sys.stdout.write(text_of(answer))
+    sys.stdout.flush()
+
+
 def say_written(out: Console, *paths: Path | None) -> None:
     """Print the names of the files, on one line."""
     say(out, "written: " + ", ".join(str(path) for path in paths if path is not None))
@@ -102,10 +112,18 @@ def step(out: Console, text: str) -> Generator[None]:
         yield
 
 
+def tell_others(receiver: Callable[[str], None]) -> None:
+    """Have another program told the steps of commands, in place of the terminal."""
+    _OTHERS.append(receiver)
+
+
 @contextlib.contextmanager
 def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
     """Show a line that changes at a terminal; elsewhere one line for every change."""
-    if out.is_terminal:
+    if _OTHERS:
+        _OTHERS[-1](text)
+        yield _OTHERS[-1]
+    elif out.is_terminal:
         with out.status(plain(text)) as status:
             yield lambda words: status.update(plain(words))
     else:
@@ -116,6 +134,9 @@ def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
 @contextlib.contextmanager
 def telling(out: Console) -> Generator[Progress]:
     """Show the steps of a command as they begin; receiver of their words and their progress."""
+    if _OTHERS:
+        yield told(_OTHERS[-1])
+        return
     with out.status("") if out.is_terminal else contextlib.nullcontext() as status:
         yield told(
             lambda words: say(out, words) if status is None else status.update(plain(words)), " …" * (status is None)
