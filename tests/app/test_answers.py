@@ -104,6 +104,13 @@ def test_new_data_refute_or_do_not(here, run, known, new, status, code):
     assert HZ.min() <= found["samples"]["worst"]["at_hz"] <= HZ.max()
 
 
+def test_warnings_are_part_of_the_answer(here, run):
+    twice = run(["refute", "result", "--frequency", "same.csv", "--frequency", "same.csv", "--json"])
+    warning = answered(twice)["warnings"][0]
+    assert "twice" in warning
+    assert warning in " ".join(twice[2].split())
+
+
 def test_refute_says_what_it_needs(here, run):
     assert "--frequency and --time are both missing" in run(["refute", "result"])[2]
     code, _, err = run(["refute", "band", "--time", "same.csv"])

@@ -86,8 +86,9 @@ class Called:
         assert scope.cancelled_caught
 
 
-async def conversation(folder):
-    async with Client(stdio_client(server_of(folder))) as client:
+async def conversation(folder, handshake):
+    async with Client(stdio_client(server_of(folder)), mode=handshake) as client:
+        assert client.server_info.name == "robustid"
         listed = (await client.list_tools()).tools
         assert [tool.name for tool in listed] == list(TOOLS)
         for tool in listed:
@@ -117,8 +118,9 @@ async def conversation(folder):
         assert {path.name for path in folder.parent.iterdir()} == {"bench", "secret.csv"}
 
 
-def test_a_client_looks_identifies_bounds_cancels_verifies_and_is_refused(bench):
-    asyncio.run(conversation(bench))
+@pytest.mark.parametrize("handshake", ["legacy", pytest.param("auto", marks=pytest.mark.slow)])
+def test_a_client_looks_identifies_bounds_cancels_verifies_and_is_refused(bench, handshake):
+    asyncio.run(conversation(bench, handshake))
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def looked(found: Sequence[Look], exit_code: int) -> Answer:
     ]
     open_ones = [one for one in found if one.data is None]
     status = "unread" if open_ones else "read"
-    sentence = "; ".join(f"{one.path}: {one.refusal}" for one in open_ones) or "Every file can be read as it is."
+    sentence = "; ".join(one.refusal for one in open_ones) or "Every file can be read as it is."
     return answer(
         "look",
         status,

@@ -112,7 +112,7 @@ def bounds(
         from robustid.app.answers import verdicts
 
         proved_ones = [one for one in (work.band, work.error, work.over_poles) if one is not None]
-        screen.write(verdicts.bounded(identification, proved_ones, found.written, found.margins, code))
+        screen.write(verdicts.bounded(identification, proved_ones, found.written, found.margins, code), found.console)
     raise typer.Exit(code)
 
 

@@ -36,7 +36,7 @@ def look(
     if as_json:
         from robustid.app.answers import verdicts
 
-        screen.write(verdicts.looked(found, code))
+        screen.write(verdicts.looked(found, code), console)
     raise typer.Exit(code)
 
 

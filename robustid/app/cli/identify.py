@@ -121,9 +121,8 @@ def identify(
     if as_json:
         from robustid.app.answers import verdicts
 
-        screen.write(
-            verdicts.identified(work, [*written_files.result_files(output), *([report] if report else [])], code)
-        )
+        files = [*written_files.result_files(output), *([report] if report else [])]
+        screen.write(verdicts.identified(work, files, code), console)
     raise typer.Exit(code)
 
 

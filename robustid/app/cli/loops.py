@@ -87,7 +87,7 @@ def loop(
     if as_json:
         from robustid.app.answers import verdicts
 
-        screen.write(verdicts.tried(found, [*kept, *([report] if report else [])], code))
+        screen.write(verdicts.tried(found, [*kept, *([report] if report else [])], code), console)
     raise typer.Exit(code)
 
 

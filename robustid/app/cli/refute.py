@@ -81,7 +81,7 @@ def refute(
     status = _STATUS[verdicts.verdict_of(found)[0]]
     code = screen.exit_code(status, any(not fault.undone for fault in faults))
     if as_json:
-        screen.write(verdicts.contradicted(found, faults, code))
+        screen.write(verdicts.contradicted(found, faults, code), console)
     raise typer.Exit(code)
 
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
+from weakref import WeakKeyDictionary
 
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
@@ -42,6 +43,7 @@ class Warned(Protocol):
 
 _WORTH_SAYING = 2.0  # seconds that a step has taken
 FAULTY = 4
+_WARNED: WeakKeyDictionary[Console, list[str]] = WeakKeyDictionary()  # sentences, by where they were printed
 _OTHERS: list[Callable[[str], None]] = []  # programs that are told the steps, in place of the terminal
 _EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
@@ -73,14 +75,16 @@ def say(out: Console, *texts: str) -> None:
 
 def warn(out: Console, text: str) -> None:
     """Print a yellow sentence."""
+    _WARNED.setdefault(out, []).append(text)
     out.print(f"[yellow]warning:[/yellow] {plain(text)}", highlight=False, soft_wrap=not out.is_terminal)
 
 
-def write(answer: dict[str, Any]) -> None:
-    """Write an answer as JSON on stdout."""
+def write(answer: dict[str, Any], out: Console | None = None) -> None:
+    """Write an answer as JSON on stdout, with the warnings that were printed."""
     from robustid.app.answers.form import text_of
 
-    sys.stdout.write(text_of(answer))
+    warned = [] if out is None else _WARNED.get(out, [])
+    sys.stdout.write(text_of(answer | {"warnings": list(dict.fromkeys([*warned, *answer["warnings"]]))}))
     sys.stdout.flush()
 
 

@@ -69,7 +69,7 @@ def verify(
     if as_json:
         from robustid.app.answers import verdicts
 
-        screen.write(verdicts.verified(result, failed, code))
+        screen.write(verdicts.verified(result, failed, code), console)
     raise typer.Exit(code)
 
 
