@@ -11,7 +11,14 @@ project = "robustid"
 copyright = "the robustid developers"
 version = release = re.search(r'"(.*)"', (ROOT / "robustid/_version.py").read_text())[1]
 
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "gallery", "offline_math"]
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "numpydoc",
+    "gallery",
+    "benchmark_figures",
+    "offline_math",
+]
 html_math_renderer = "mathml"
 exclude_patterns = ["_build", "*.md", "gallery_source"]
 default_role = None
@@ -30,12 +37,17 @@ html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {
     "navigation_with_keys": True,
+    "header_links_before_dropdown": 8,
+    "navbar_align": "left",
     "show_toc_level": 2,
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],
     "navbar_end": ["theme-switcher"],
+    "navbar_persistent": ["search-button"],
 }
+# Pages without others below them: a sidebar would be empty.
+html_sidebars = {page: [] for page in ("index", "start", "coming_from", "genindex", "search")}
 
 
 def write_reference() -> None:
@@ -55,8 +67,28 @@ def write_reference() -> None:
         listed = "\n   ".join(f"~robustid.{group}.{one}" for one in group_names(group))
         text = f"{title}\n{'=' * len(title)}\n\n.. autosummary::\n   :toctree: generated\n\n   {listed}\n"
         write_changed(folder / f"{group}.rst", text)
-    body = "Reference\n=========\n\nEvery public name, by task: ``import robustid as rid``.\n\n.. toctree::\n   :maxdepth: 2\n\n   "
-    write_changed(folder / "index.rst", body + "\n   ".join([*(rooms[0] for rooms in ROOMS.values()), *GROUPS]) + "\n")
+    write_changed(folder / "index.rst", reference_index(folder))
+
+
+def reference_index(folder: Path) -> str:
+    """All names on one page: a line each, by task."""
+    pages = [*(rooms[0] for rooms in ROOMS.values()), *GROUPS]
+    lines = ["Reference", "=========", "", "Every public name, by task: ``import robustid as rid``.", ""]
+    lines += [".. toctree::", "   :hidden:", "   :maxdepth: 1", "", *(f"   {page}" for page in pages), ""]
+    for page in pages:
+        title, _, rest = (folder / f"{page}.rst").read_text().partition("\n")
+        names = re.findall(r"^   (~robustid\S+)$", rest, flags=re.M)
+        lines += [
+            title,
+            "-" * len(title),
+            "",
+            ".. autosummary::",
+            "   :nosignatures:",
+            "",
+            *(f"   {name}" for name in names),
+            "",
+        ]
+    return "\n".join(lines)
 
 
 def group_names(group: str) -> list[str]:

@@ -25,6 +25,41 @@ EXAMPLES = DOCS.parent / "examples"
 LIMIT = 90  # seconds of one core
 RECORDED = DOCS / "recorded"
 LARGEST, MOST = 150_000, 2  # bytes of a recorded picture, and pictures of an example
+TITLES = {
+    "Measured machines": {
+        "motor_torsion": "A motor bench: from records to a bound",
+        "torsion_margin": "The motor bench: margin with every consistent plant",
+        "steering_mirror": "A steering mirror: three inputs, three outputs",
+        "mirror_family": "The mirror at two amplitudes",
+        "beam_mimo": "A beam and a mirror by their modes",
+        "beam_damping": "A beam damped, provably",
+        "short_records": "A hair dryer and a CD player from short records",
+        "converters": "Two converters: is their connection stable?",
+    },
+    "Controllers": {
+        "controller_motor": "The motor bench: PID with notch and low-pass",
+        "controller_mirror": "The mirror: one loop to each axis",
+        "controller_stage": "A wafer stage: one controller at all positions",
+        "controller_levitation": "A levitated mass: integral action",
+        "levitation": "A levitated mass: a gain that would crash it",
+    },
+    "Guarantees": {
+        "flexible_structure": "Three classes for one structure",
+        "worst_case": "Guaranteed bands around two models",
+        "proved_band": "A band that is proved in milliseconds",
+        "continuous_time": "Continuous time beside the sampled plant",
+        "passive_beam": "A gap in the data, bridged by passivity",
+        "passive_network": "A network: passive model, Touchstone, SPICE",
+        "inanc2001": "The paper of Inanc et al., again",
+    },
+    "Fits and small models": {
+        "wafer_stage": "A wafer stage with exact rigid-body modes",
+        "modal_stage": "A stage of order 40 by its modes",
+        "voorhoeve2016": "The paper of Voorhoeve et al., again",
+        "model_reduction": "Model reduction: error against order",
+        "conditioning": "Condition numbers, and what they cost",
+    },
+}
 
 
 def setup(app: Any) -> dict[str, Any]:
@@ -45,11 +80,38 @@ def write_gallery() -> None:
         )
     for name in names:
         (folder / f"{name}.rst").write_text(page(name, ran[name], folder / name))
-    listed = "\n   ".join(names)
-    (folder / "index.rst").write_text(
-        "Gallery\n=======\n\nPrograms that run as they stand, with what they draw and print.\n\n.. toctree::\n   :maxdepth: 1\n\n"
-        f"   {listed}\n"
-    )
+    (folder / "index.rst").write_text(index(folder))
+
+
+def index(folder: Path) -> str:
+    """The page of all examples: by subject, with a picture, a title and a sentence each."""
+    lines = ["Gallery", "=======", "", "Programs that run as they stand, with what they draw and print.", ""]
+    listed = [f"   {name}" for names in TITLES.values() for name in names]
+    lines += [".. toctree::", "   :hidden:", "   :maxdepth: 1", "", *listed, ""]
+    for subject, names in TITLES.items():
+        lines += [subject, "-" * len(subject), "", ".. container:: gallery-cards", ""]
+        for name, title in names.items():
+            pictures = sorted((folder / name).glob("*.png"))
+            lines += ["   .. container:: gallery-card", ""]
+            if pictures:
+                lines += [f"      .. image:: {name}/{pictures[0].name}", f"         :alt: {title}"]
+                lines += [f"         :target: {name}.html", "         :loading: lazy", ""]
+            lines += [f"      :doc:`{title} <{name}>`", "", f"      {plain(first_sentence(name))}", ""]
+    return "\n".join(lines)
+
+
+def first_sentence(name: str) -> str:
+    """The first paragraph of what an example says of itself."""
+    said = re.match(r'"""(.*?)"""', (EXAMPLES / f"{name}.py").read_text(), re.S)[1].strip()
+    return " ".join(said.partition("\n\n")[0].split())
+
+
+def title_of(name: str) -> str:
+    """The title of an example; each has its place in the table."""
+    for names in TITLES.values():
+        if name in names:
+            return names[name]
+    raise KeyError(f"examples/{name}.py has no title in docs/gallery.py: TITLES")
 
 
 def record(names: list[str]) -> None:
@@ -119,8 +181,8 @@ def page(name: str, printed: str | None, out: Path) -> str:
     source = (EXAMPLES / f"{name}.py").read_text()
     said = re.match(r'"""(.*?)"""', source, re.S)[1].strip()
     first, _, rest = said.partition("\n\n")
-    short = name.replace("_", " ").capitalize()
-    lines = [f".. _example-{name}:", "", short, "=" * len(short), "", " ".join(first.split()), ""]
+    short = title_of(name)
+    lines = [f".. _example-{name}:", "", short, "=" * len(short), "", plain(" ".join(first.split())), ""]
     lines += [paragraph + "\n" for paragraph in paragraphs(rest)]
     if printed is None and (kept := recorded(name)) is not None:
         said, printed = kept
@@ -152,8 +214,13 @@ def paragraphs(text: str) -> list[str]:
             command = block.removeprefix("Run:").strip()
             found.append(f"Run: ``{' '.join(command.split())}``" if command else "")
         elif block:
-            found.append(re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", block).replace("*", r"\*").replace("|", r"\|"))
+            found.append(plain(block))
     return [one for one in found if one]
+
+
+def plain(text: str) -> str:
+    """Text of a docstring as reStructuredText: what stands in back quotes is code, stars and bars are themselves."""
+    return re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", text).replace("*", r"\*").replace("|", r"\|")
 
 
 if __name__ == "__main__":

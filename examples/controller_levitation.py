@@ -15,12 +15,11 @@ from pathlib import Path
 import control
 import numpy as np
 from levitation import DT, POLE, controller, machine, measured
-from matplotlib.figure import Figure
+from shared.worst_loops import TWO_PI, axes_over, largest
 
 import robustid as rid
 from robustid.design import PID, Limits
 
-TWO_PI = 2 * np.pi
 LINES = np.arange(2, 1980, 10)
 FILTER = -math.log(POLE) / DT  # the pole of the controller that ran
 SHOWN_HZ = (0.1, 1.0, 5.0, 20.0)
@@ -41,26 +40,16 @@ def sensitivity(plant, law, omega):
     return np.abs(1 / (1 + plant(z) * law(z)))
 
 
-def largest(bounds, omega):
-    """Of |S| over all consistent plants, at frequencies."""
-    S, radius = bounds.at(omega)["sensitivity"]
-    return np.abs(S[:, 0, 0]) + radius
-
-
 def figure_of(plant, loops):
     """Bounds of |S| of both controllers, and those of the true plant."""
-    figure = Figure(figsize=(8, 4.6), layout="constrained")
-    axes, omega = figure.subplots(), np.geomspace(TWO_PI * 0.05, np.pi / DT, 2000)
+    omega = np.geomspace(TWO_PI * 0.05, np.pi / DT, 2000)
+    axes = axes_over(omega, "sensitivity |S|")
     for k, (name, bounds) in enumerate(loops.items()):
-        axes.loglog(
-            omega / TWO_PI, largest(bounds, omega), color=f"C{k}", lw=1.4, label=f"{name}: worst consistent plant"
-        )
-        true = sensitivity(plant, bounds.controller, omega)
-        axes.loglog(omega / TWO_PI, true, color=f"C{k}", lw=1, ls="--", label=f"{name}: true plant")
-    axes.set(xlabel="frequency [Hz]", ylabel="sensitivity |S|", xlim=omega[[0, -1]] / TWO_PI)
-    axes.grid(color="0.92", which="both")
+        worst, true = largest(bounds, omega), sensitivity(plant, bounds.controller, omega)
+        axes.plot(omega / TWO_PI, worst, color=f"C{k}", lw=1.4, label=f"{name}: worst consistent plant")
+        axes.plot(omega / TWO_PI, true, color=f"C{k}", lw=1, ls="--", label=f"{name}: true plant")
     axes.legend(frameon=False, loc="lower right")
-    return figure
+    return axes.figure
 
 
 def main(argv=None):

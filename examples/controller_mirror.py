@@ -15,14 +15,13 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
+from shared.worst_loops import TWO_PI, axes_over, largest
 from steering_mirror import PERIOD, mirror_records
 
 import robustid as rid
 from robustid.design import PID, Limits, LowPass, Matrix
 from robustid.errors import DatasetNotFoundError
 
-TWO_PI = 2 * np.pi
 PEAK = 2.0
 CORNER_HZ = 100  # of the low-pass of every axis
 GAIN_BOUND, DECAY_RATE = 2e-5, 1.1  # metres per volt: what the modes leave
@@ -63,20 +62,16 @@ def peaks(controller):
 
 def figure_of(design, hz, measured):
     """Proved bounds of S and T, and S of the withheld records."""
-    figure = Figure(figsize=(8.5, 4.8), layout="constrained")
-    axes = figure.subplots()
     omega = np.geomspace(TWO_PI * 0.2, np.pi / design.controller.dt, 1500)
-    maps = design.proofs[0].at(omega)
+    axes = axes_over(omega, "largest singular value")
     for name, color in (("sensitivity", "C3"), ("complementary_sensitivity", "C0")):
-        centre, radius = maps[name]
-        largest = np.linalg.norm(centre, 2, axis=(1, 2)) + radius
-        axes.loglog(omega / TWO_PI, largest, color=color, lw=1.4, label=f"{name.replace('_', ' ')}, at most")
-    axes.loglog(hz, measured, ".", ms=1.5, color="0.4", label="sensitivity, withheld records")
+        worst = largest(design.proofs[0], omega, name)
+        axes.plot(omega / TWO_PI, worst, color=color, lw=1.4, label=f"{name.replace('_', ' ')}, at most")
+    axes.plot(hz, measured, ".", ms=1.5, color="0.4", label="sensitivity, withheld records")
     axes.axhline(PEAK, color="0.5", ls="--", lw=1)
-    axes.set(xlabel="frequency [Hz]", ylabel="largest singular value", ylim=(1e-3, 4))
-    axes.grid(color="0.93", which="both")
+    axes.set_ylim(1e-3, 4)
     axes.legend(frameon=False, loc="lower center")
-    return figure
+    return axes.figure
 
 
 def main(argv=None):

@@ -88,6 +88,9 @@ def __getattr__(name: str) -> Any:
     try:
         return _found(name)
     except AttributeError:
+        if name.startswith("_"):  # asked for by programs, of every module that they look at
+            raise
+
         import difflib
 
         known = {one: f"{group}.{one}" for group in _GROUPS for one in _found(group).__all__}

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from robustid.app.look import Look
 from robustid.app.run.toml import is_array, is_table
-from robustid.data import FaultKind, FrequencyResponse
+from robustid.data import FaultKind
 
 _HEAD = """\
 # A run file for `robustid run`: what isn't stated here is chosen from the data, and written back with its reason.
@@ -29,7 +29,11 @@ _CLASS = """\
 # gain_bound = 0.2
 # decay_rate = 1.1
 """
-_ASKED = {"dt": "# dt = 0.001  # EDIT: the sample time in s, which nothing here says; or rate = ... in Hz"}
+_ASKED = {
+    "dt": "# dt = 0.001  # EDIT: the sample time in s, which nothing here says; or rate = ... in Hz",
+    "frequency_unit": '# unit = "Hz"  # EDIT: the unit of the frequencies, which the file does not say',
+}
+_EITHER = "# EDIT: [[record]] or [[frequency]], and fields: nothing in the file says what it holds"
 
 
 class Draft(NamedTuple):
@@ -72,12 +76,12 @@ def _source(one: Look, folder: Path, arguments: Mapping[str, object]) -> _Source
     """One source with the arguments of `load` that are to be tried."""
     edits: list[str] = []
     checks: list[str] = []
-    response = isinstance(one.data, FrequencyResponse) or "values" in one.arguments.get("fields", {})
+    response = one.kind == "frequency"
     lines = [f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not is_array(one.data) else "")]
     lines += [f"# Looks odd: {fault}" for fault in one.faults]
     lines += ["[[frequency]]" if response else "[[record]]", f"file = {json.dumps(os.path.relpath(one.path, folder))}"]
     lines += [f"{key} = {_toml(value)}" for key, value in arguments.items() if key not in one.unknown]
-    edits += [_ASKED[name] for name in one.unknown]
+    edits += [_ASKED[name] for name in one.unknown] + [_EITHER] * (not one.kind)
     if one.correction:
         checks.append(f"# correct = [{json.dumps(one.correction)}]  # undoes what looks odd; without the # it is done")
         lines.append(checks[-1])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from robustid import core
 from robustid.app.exports.network_files import is_network, save_network
-from robustid.core import Signal
+from robustid.core import Progress, Signal, as_function
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ class Reading(TypedDict, total=False):
     decimal: str | None
     start: float | None
     step: float | None
+    progress: Progress | None
 
 
 @overload
@@ -65,6 +66,7 @@ def load(
     decimal: str | None = None,
     start: float | None = None,
     step: float | None = None,
+    progress: Progress | None = None,
 ) -> Any:
     r"""Open a file: a saved result, an excitation, a model, or measurements from anywhere.
 
@@ -80,12 +82,14 @@ def load(
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
           numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;
-        * measurements: tables of text of any ending (separator, decimal mark, lines of names and units are found, or the sentence
-          says what to give; lines that start with ``#``, ``%``, ``!`` are remarks), ``.npy`` and ``.npz`` (pickled objects are
-          refused), ``.mat`` (v4, v5 or v7.3), ``.h5`` (arrays in the axis order that h5py shows, numbers such as ``dt`` as
-          attributes too, units in an attribute ``units``), universal files (data set 58: frequency responses
-          and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in continuous time,
-          extra ``robustid[touchstone]``). Contents decide before the ending;
+        * measurements: tables of text of any ending (separator, decimal mark, lines of names and units are found, or the
+          sentence says what to give; lines that start with ``#``, ``%``, ``!`` are remarks; columns whose headings say
+          quantity, part, unit and sign, ``-Im(Z)/Ohm``, ``S21(DB)``, ``Zdq_phase_deg``, make the response or the matrix),
+          ``.npy`` and ``.npz`` (pickled objects are refused), ``.mat`` (v4, v5 or v7.3), ``.h5`` (arrays in the axis order that
+          h5py shows, numbers such as ``dt`` as attributes too, units in an attribute ``units``), universal files (data set 58:
+          frequency responses and time responses, extra ``robustid[uff]``), Touchstone (``.s1p``, ``.s2p``, ...: S-parameters in
+          continuous time, extra ``robustid[touchstone]``), transfer functions of LIGO's diagnostics test tools (``.xml``).
+          Contents decide before the ending;
         * objects: a dictionary of arrays, an array of NumPy, a DataFrame or Series of pandas (a named index, or one of instants, is
           a column), a Dataset or DataArray of xarray (units in the attribute ``units``), a `control.FRD`.
     kind : {"frequency", "time", "model"}, optional
@@ -126,6 +130,8 @@ def load(
         Decimal mark of a text, where its numbers don't say it.
     start, step : float, optional
         First frequency and distance of the others, in `frequency_unit`, of a response in a file that has no frequencies.
+    progress : callable (text, done, count), optional
+        Told how far the proofs of a saved design are, which are made anew; `show_progress` shows it.
 
     Returns
     -------
@@ -168,14 +174,14 @@ def load(
     for name, value in ({"kind": kind, "fields": fields, "frequency_unit": frequency_unit} | stated).items():
         if value is not None:
             raise InputError(f"`{name}` is about measurements, and {path} is a saved result; leave `{name}` out")
-    return load_result(path)
+    return load_result(path, progress=as_function("progress", progress))
 
 
 def _is_place(path: object) -> TypeGuard[str | os.PathLike[str]]:
     return isinstance(path, str | os.PathLike)
 
 
-def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
+def load_result(path: str | os.PathLike[str], *kinds: str, progress: Progress | None = None) -> Any:
     """Load a saved result of one of these kinds ("identification", "matrix fraction", "worst-case error", "band over poles").
 
     Default: of any.
@@ -185,7 +191,7 @@ def load_result(path: str | os.PathLike[str], *kinds: str) -> Any:
     from robustid import fitting as fitting
     from robustid import guarantees as guarantees
 
-    return core.load_saved(path, *kinds)
+    return core.load_saved(path, *kinds, progress=progress)
 
 
 def save(

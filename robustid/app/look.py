@@ -6,8 +6,8 @@ import dataclasses
 import json
 import os
 import re
-from collections.abc import Sequence
-from typing import Any, cast
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,16 +18,28 @@ from robustid.core import Frozen, Real
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
-from robustid.formats import Item, contents, read_table, record_pairs
+from robustid.formats import (
+    FREQUENCY,
+    TIME,
+    Item,
+    Table,
+    contents,
+    heading,
+    origin,
+    read_said,
+    read_table,
+    record_pairs,
+)
 from robustid.identification import sample_faults
 
 _EVEN = 1e-6  # part of a step
+_STANDS_FOR = {"dt": 1.0, "frequency_unit": "Hz"}  # for what nobody has said
 _CORRECT = "--frequency-correct"
 _FEW = 8  # rows of a spectrum
 _MANY = 12  # things that are listed
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
 _AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
-_TIME = re.compile(r"t$|time", re.I)
+_TIME = re.compile(r"\bt$|time", re.I)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,6 +66,8 @@ class Look(Frozen):
         Those of the `arguments` that stand for a number that nobody has said.
     records : tuple of dict
         The `fields` of each record, where pairs of arrays are of several.
+    kind : {"frequency", "time", ""}
+        Frequency response or time record, as far as the file or the arguments say it.
     joined : dict
         The same as the `fields` of one record of several inputs and outputs; {} where their lengths differ.
     """
@@ -69,6 +83,7 @@ class Look(Frozen):
     bound: str = ""
     unknown: tuple[str, ...] = ()
     records: tuple[dict[str, str], ...] = ()
+    kind: str = ""
     joined: dict[str, list[str]] = dataclasses.field(default_factory=dict[str, list[str]])
 
     @property
@@ -85,6 +100,8 @@ class Look(Frozen):
             bound = [] if self.data.bound is not None or self.bound else ["--frequency-bound", "RADIUS"]
             called = ["identify", "--frequency", name, *bound, "--report", "report.html"]
             return python, command_line(with_option(called, _CORRECT, self.correction) if self.correction else called)
+        if not self.kind and self.data is not None:  # a model
+            return (python,)
         ready = "a run file, ready to edit" + ", with what undoes the fault" * bool(self.correction)
         return python, f"{command_line(['new', name, '-o', 'run.toml'])}   # {ready}"
 
@@ -158,14 +175,23 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     apart = [dict(one) for one in pairs.fields] if pairs.apart and not options else []
     joined = pairs.joined if apart else {}
     found = contents(table)
-    rows = tuple((item.address, _shape(item), _range(item)) for item in found.items)
+    rows = tuple((item.address, _shape(item), _said(item)) for item in found.items)
     odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
     try:
-        data = cast("object", [load(table, fields=one) for one in apart] if apart else load(table, **options))
+        data, how = ([load(table, fields=one) for one in apart], "") if apart else read_said(table, **options)
+        how = found.how if apart or table.meta is not None else how
     except (InputError, InputTypeError, FileFormatError) as error:
         tried, unknown = _tried(error, {"fields": apart[0]} if apart else options)
-        told: dict[str, Any] = {"arguments": tried, "unknown": unknown, "records": tuple(apart), "joined": joined}
-        told |= {"refusal": str(error), "argument": error.argument}
+        kind = _kind(table, tried)
+        told: dict[str, Any] = {
+            "arguments": tried,
+            "unknown": unknown,
+            "records": tuple(apart),
+            "joined": joined,
+            "kind": kind,
+            "refusal": str(error),
+            "argument": error.argument,
+        }
         return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), **told)
     several: Sequence[object] = data if is_array(data) else [data]
     for one in several:
@@ -180,18 +206,32 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         ):
             odd += experiment_faults(one, same)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
-    told = {"arguments": {"fields": apart[0]} if apart else options, "records": tuple(apart), "joined": joined}
-    return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), data=data, bound=own, **told)
+    kind = "time" if records else "frequency" if isinstance(several[0], FrequencyResponse) else ""
+    told = {
+        "arguments": {"fields": apart[0]} if apart else options,
+        "records": tuple(apart),
+        "joined": joined,
+        "kind": kind,
+    }
+    return Look(path=str(path), how=how, rows=rows, faults=tuple(odd), data=data, bound=own, **told)
 
 
 def _tried(error: RobustIdError, given: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Arguments of `load` to try after a refusal, and those of them that stand for what nobody has said."""
     remedy = error.remedy if "fields" in error.remedy else {}
-    unknown = ("dt",) if "dt" in remedy or error.argument == "dt" else ()
+    unknown = tuple(name for name in _STANDS_FOR if name == error.argument or (name == "dt" and name in remedy))
     if not remedy and not unknown:
         return {}, ()
     tried = {**given, **remedy}
-    return tried | {name: 1.0 for name in unknown if name not in tried}, unknown
+    return tried | {name: _STANDS_FOR[name] for name in unknown if name not in tried}, unknown
+
+
+def _kind(table: Table, tried: Mapping[str, Any]) -> str:
+    """Kind of what can't be read yet: by the arguments to try, else by the names in the file."""
+    roles = set(tried.get("fields", {}))
+    if roles & set(TIME) or roles & set(FREQUENCY):
+        return "time" if roles & set(TIME) else "frequency"
+    return origin(table, "frequency", None).kind or ""
 
 
 def _shape_of(record: TimeRecord) -> tuple[int, int]:
@@ -211,10 +251,17 @@ def _shape(item: Item) -> str:
     return " x ".join(map(str, item.shape)) if item.values is not None else item.kind
 
 
+def _said(item: Item) -> str:
+    """Range of an item, and what its name says of it: quantity, unit, and whether its sign is turned."""
+    said = heading(item.address) if item.kind == "real" else None
+    known = said is not None and said.part and (said.unit or said.quantity or said.sign < 0)
+    return f"{_range(item)}: {said.words}" if said is not None and known else _range(item)
+
+
 def _range(item: Item) -> str:
     """Range of numbers, with their step where they are evenly spaced; else the text."""
     if item.values is None or not item.values.size:
-        return str(item.text)[:60]
+        return item.text.replace("\n", ", ")[:60]
     values = np.asarray(item.values)
     if np.iscomplexobj(values):
         size = np.abs(values[np.isfinite(values)])
@@ -230,7 +277,7 @@ def _range(item: Item) -> str:
         words += f", evenly spaced by {step:.6g}"
         if _TIME.search(item.name):
             words += f" (as seconds: {1 / step:.6g} samples per second)"
-        elif _AXIS.search(item.name):
+        elif _AXIS.search(item.name) and not item.unit:
             top = float(finite.max())
             words += f" (as Hz up to {top:.4g} Hz; as rad/s up to {top / (2 * np.pi):.4g} Hz)"
     return words
@@ -250,7 +297,9 @@ def _two_sided(values: np.ndarray) -> bool:
     """Return whether the rows of a DFT of real signals go on beyond the Nyquist frequency."""
     rows = values.reshape(len(values), -1)
     size = float(np.abs(rows).max()) if rows.shape[0] >= _FEW else np.nan
-    return bool(np.any(np.imag(rows))) and bool(np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size))
+    return bool(np.any(np.abs(np.imag(rows)) > _EVEN * size)) and bool(
+        np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size)
+    )
 
 
 def _odd(item: Item) -> list[Fault]:
@@ -269,7 +318,9 @@ def _odd(item: Item) -> list[Fault]:
     if np.iscomplexobj(values) or not values.size or missing == values.size:
         return found
     finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
-    if _MAGNITUDE.search(item.name) and "db" not in name.lower() and (least := float(finite.min())) < 0:
+    said = heading(name)
+    size = not item.unit and (said is None or said.part in ("magnitude", ""))
+    if size and _MAGNITUDE.search(item.name) and "db" not in name.lower() and (least := float(finite.min())) < 0:
         words = f"{name} has negative values: a magnitude in decibels"
         found.append(Fault(FaultKind.MAGNITUDE_UNIT, words, where=name, size=least))
     if _PHASE.search(item.name) and not item.unit and "rad" not in name.lower() and not re.search(r"deg|°", name, re.I):

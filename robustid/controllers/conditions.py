@@ -5,7 +5,8 @@ in one:
 
 .. math:: |S| \le m \Leftrightarrow |X| \ge 1/m, \qquad
           |T| \le m \Leftrightarrow \left|X + \tfrac{1}{m^2 - 1}\right| \ge \tfrac{m}{m^2 - 1} \;(m > 1), \qquad
-          |C S| \le m \Leftrightarrow |X| \ge |C|/m, \qquad |P S| \le m \Leftrightarrow |1/F + C| \ge 1/m .
+          |C S| \le m \Leftrightarrow |X| \ge |C|/m, \qquad |P S| \le m \Leftrightarrow |1/F + C| \ge 1/m, \qquad
+          |T| \ge m \Leftrightarrow \left|X - \tfrac{1}{1 - m^2}\right| \ge \tfrac{m}{1 - m^2} \;(m < 1) .
 
 Each is :math:`|a + b C| \ge |q C| + w` for all F at once, exactly, or :math:`|a + b C| + |q C| \le w`. Of matrices
 :math:`F = c + \Delta D` with :math:`\|\Delta\| \le r`, and the same with singular values follows from
@@ -95,7 +96,7 @@ class Conditions(NamedTuple):
         """A + b C, and what is taken from its distance, with values C (F, nu, ny) at all frequencies."""
         C = values[self.place]
         taken = sum(norms(self.q[:, k, :, None] * C) for k in range(self.q.shape[1]))
-        return self.a + self.b @ C, np.asarray(taken, dtype=float)
+        return self.a + self.b @ C, np.zeros(len(C)) + taken
 
     def excess(self, values: Complex) -> Real:
         """Distance to the limit of each: negative where it is not kept."""
@@ -162,6 +163,23 @@ class _Clear:
         shapes = np.zeros((1, 1), complex) if corners is None else corners
         self.found.append(Conditions(name, place, a, some.centre, q, w, inside, shapes))
 
+    def process(self, name: str, which: NDArray[np.bool_], most: float) -> None:
+        """|P S| at most a number: exact in the disc of 1/F, or where F may be 0, and of matrices, by its largest value."""
+        some = self.discs.at(which)
+        if self.discs.shape != (1, 1):
+            self.add(name, which, 1.0, some.largest / most)
+            return
+        centre, radius = some.centre[:, 0, 0], some.radius * some.units[:, 0]
+        size = np.abs(centre)
+        whole = size > radius * (1 + _LEAST)
+        room = np.where(whole, size**2 - radius**2, 1.0)
+        a: Complex = np.where(whole, centre.conj() / room, 1.0 + 0j)
+        b: Complex = np.where(whole, 1.0 + 0j, centre)
+        q = np.where(whole, 0.0, radius)
+        w = np.where(whole, 1 / most + radius / room, (size + radius) / most)
+        full = (slice(None), None, None)
+        self.found.append(Conditions(name, np.flatnonzero(which), a[full], b[full], q[full], w))
+
 
 def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     """All limits at some frequencies."""
@@ -180,6 +198,13 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
             clear.add("roll-off", which, 1.0 - point, size)
         elif value < 1:  # X stays in a disc about 1/(1 - m^2)
             clear.add("roll-off", which, 1 - 1 / (1 - value**2), value / (1 - value**2), inside=True)
+    for low, high, value in limits.tracking:  # X keeps clear of the disc about 1/(1 - m^2), which holds L = 0
+        which = (omega >= low) & (omega <= high)
+        clear.add("tracking", which, 1 - 1 / (1 - value**2), value / (1 - value**2))
+    for low, high, value in limits.action:
+        clear.add("action", (omega >= low) & (omega <= high), 1.0, 0.0, more=1 / value)
+    for low, high, value in limits.disturbance:
+        clear.process("disturbance", (omega >= low) & (omega <= high), value)
     if limits.bandwidth is not None:
         clear.add("bandwidth", omega <= limits.bandwidth, 0.0, 1 + _ABOVE)
     for corners in _kept_clear(limits):
@@ -192,11 +217,16 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     if limits.control_peak is not None:
         clear.add("control peak", None, 1.0, 0.0, more=1 / limits.control_peak)
     if limits.process_peak is not None:
-        if discs.shape == (1, 1):
-            clear.found.append(_process(limits.process_peak, discs))
-        else:
-            clear.add("process peak", None, 1.0, discs.largest / limits.process_peak)
+        clear.process("process peak", np.ones(omega.size, dtype=bool), limits.process_peak)
     return clear.found
+
+
+def integrators_of(gain: float, discs: Discs) -> Conditions:
+    """Least singular value of the factors K of the integrators of a matrix: C is about K/s at the lowest frequency."""
+    lowest, ny = int(np.argmin(discs.omega)), discs.shape[0]
+    w = np.array([(1 + _ABOVE) * gain / discs.omega[lowest]])
+    one = np.eye(ny, dtype=complex)[None]
+    return Conditions("integral gain", np.array([lowest]), 0 * one, one, np.zeros((1, 0, ny)), w)
 
 
 def _kept_clear(limits: Limits) -> list[Complex]:
@@ -223,17 +253,3 @@ def _arcs(phase: Real) -> Complex:
 def _disc_of(peak: float) -> tuple[float, float]:
     """Centre and radius of what X keeps clear of where |T| is at most a peak above 1."""
     return -1 / (peak**2 - 1), peak / (peak**2 - 1)
-
-
-def _process(peak: float, discs: Discs) -> Conditions:
-    """|P S| at most a peak: exact in the disc of 1/F, or where F may be 0 by its largest value."""
-    centre, radius = discs.centre[:, 0, 0], discs.radius * discs.units[:, 0]
-    size = np.abs(centre)
-    whole = size > radius * (1 + _LEAST)
-    room = np.where(whole, size**2 - radius**2, 1.0)
-    a: Complex = np.where(whole, centre.conj() / room, 1.0 + 0j)
-    b: Complex = np.where(whole, 1.0 + 0j, centre)
-    q = np.where(whole, 0.0, radius)
-    w = np.where(whole, 1 / peak + radius / room, (size + radius) / peak)
-    full = (slice(None), None, None)
-    return Conditions("process peak", np.arange(centre.size), a[full], b[full], q[full], w)

@@ -23,8 +23,7 @@ from robustid.controllers.structure import Matrix, as_structure
 from robustid.core import Budget, Frozen, Progress, Savable, as_flag, as_float, as_function, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.guarantees import Band, LoopBounds
-from robustid.identification import common_scope
+from robustid.guarantees import Band, LoopBounds, scope_of
 
 if TYPE_CHECKING:
     import control
@@ -105,8 +104,10 @@ class ControllerDesign(Frozen, Drawable, Savable):
 
     @property
     def scope(self) -> str:
-        """Words that follow a claim about the data of all bands; empty where none is due."""
-        return common_scope([one.band.problem for one in self.proofs])
+        """Words that follow a claim: for how many bands, on what they take their poles to be, and on their data."""
+        count = len(self.proofs)
+        several = f", for the plants of all {count} bands" if count > 1 else ""
+        return several + scope_of([one.band for one in self.proofs])
 
     def obstacle(self) -> Obstacle | None:
         """Law that the limits contradict, with its numbers: a proof that no controller at all keeps them; None where none is known.
@@ -179,10 +180,7 @@ class ControllerDesign(Frozen, Drawable, Savable):
             lines.append(f"{name:20s} {share:.3g} of its limit{_near(omega)}")
         if not self.finished:
             lines.append("unfinished the search ended before its end: the best so far")
-        exact = any(one.band.box is None and one.band.problem.parametric is not None for one in self.proofs)
-        lines.append(
-            f"assumed    the class and the bounds of every band{', its poles as exact' * exact}; the structure as it runs"
-        )
+        lines.append("assumed    the class and the bounds of every band; the structure as it runs")
         return "\n".join(lines)
 
     @property

@@ -10,11 +10,11 @@ import numpy as np
 from robustid.controllers.controller_design import ControllerDesign, DesignStatus
 from robustid.controllers.factors import FIR, PID, Factor, Fixed, LeadLag, LowPass, Notch
 from robustid.controllers.goals import Attenuation, Bandwidth, Goal, IntegralGain, LeastControl
-from robustid.controllers.limits import Limits
+from robustid.controllers.limits import TEMPLATES, Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import proof_of
 from robustid.controllers.structure import Matrix, basis_of, entries_of, free_of
-from robustid.core import Real, Record, StateMatrices, fields_of, keep, points_of, response_at, stored
+from robustid.core import Progress, Real, Record, StateMatrices, fields_of, keep, points_of, response_at, stored
 from robustid.guarantees import Band
 from robustid.identification import Loop, as_system
 
@@ -53,6 +53,7 @@ def design_again(
     found: DesignStatus = DesignStatus.FOUND,
     bounds_factor: float | None = None,
     finished: bool = True,
+    progress: Progress | None = None,
 ) -> ControllerDesign:
     """The design with its proof, judged again: that it is proved counts for nothing, that a search found none is recorded."""
     asked: dict[str, Any] = {"goal": goal, "limits": limits, "structure": structure, "searched": searched}
@@ -70,7 +71,7 @@ def design_again(
     plants = [Plants(*one) for one in zip(bands, loops, strict=True)]
     _refuse_foreign(controller, structure, searched, plants[0])
     model = controller.model(plants[0].dt)
-    proof = proof_of(plants, model, goal.asked(limits, level))
+    proof = proof_of(plants, model, goal.asked(limits, level), progress)
     return ControllerDesign(
         status=DesignStatus.PROVED if proof.kept else unproved,
         controller=model,
@@ -108,9 +109,7 @@ def _distance(columns: Real, wanted: Real) -> float:
 
 
 def _limits(limits: Limits) -> Record:
-    rows = {
-        name: tuple(tuple(map(float, row)) for row in getattr(limits, name)) for name in ("attenuation", "roll_off")
-    }
+    rows = {name: tuple(tuple(map(float, row)) for row in getattr(limits, name)) for name in TEMPLATES}
     return fields_of(limits) | rows
 
 

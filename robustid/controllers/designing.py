@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.conditions import Discs, conditions_of, integrators_of
 from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal
 from robustid.controllers.limits import Limits
@@ -18,7 +18,7 @@ from robustid.controllers.program import Functions
 from robustid.controllers.proving import Proof, proof_of
 from robustid.controllers.search import Question, found_for
 from robustid.controllers.structure import Basis, Matrix, basis_of, entries_of, free_of
-from robustid.core import Budget, Complex, Real, StateMatrices, points_of, response_at
+from robustid.core import Budget, Complex, Progress, Real, StateMatrices, points_of, response_at
 
 if TYPE_CHECKING:
     import control
@@ -157,9 +157,9 @@ class Task:
         if self.budget.over:
             raise TimeIsOver
 
-    def proof(self, found: Found) -> Proof:
+    def proof(self, found: Found, progress: Progress | None = None) -> Proof:
         """Worst cases of a controller, and what it takes of the limits at its level."""
-        return proof_of(self.plants, found.controller, self.goal.asked(self.limits, found.level))
+        return proof_of(self.plants, found.controller, self.goal.asked(self.limits, found.level), progress)
 
     def searched(self, best: Found) -> Found:
         """A better controller with other numbers in their intervals, one after the other, in smaller steps."""
@@ -296,6 +296,7 @@ class At:
         if limits.integral_gain is not None:
             return limits.integral_gain / discs.typical
         ends = [high / max(value, 1e-3) for _, high, value in limits.attenuation]
+        ends += [high for _, high, _ in limits.tracking]
         return min(max(ends), discs.omega.max()) if ends else math.sqrt(discs.omega.min() * discs.omega.max())
 
     def _running(self, discs: Discs) -> Complex:
@@ -323,5 +324,7 @@ class At:
             left = 1 + centre * self._running(discs)[lowest, 0, 0]
             sign = np.sign((centre / left).real)
             linear = sign * gain, np.array([limits.integral_gain or 0.0])
-        functions = Functions(axes, self.basis.into, self.basis.out_of)
-        return Question(functions, conditions_of(limits.closer(self.task.spare), discs), linear), discs
+        conditions = conditions_of(limits.closer(self.task.spare), discs)
+        if discs.shape != (1, 1) and limits.integral_gain is not None:
+            conditions.append(integrators_of(limits.integral_gain, discs))
+        return Question(Functions(axes, self.basis.into, self.basis.out_of), conditions, linear), discs

@@ -123,10 +123,11 @@ def _ranges(task: Task, found: Found) -> Iterator[tuple[float, float]]:
     active = discs.omega[order[slack[order] <= max(_ACTIVE, slack[order[0]])]]
     ranges: list[list[float]] = []
     for omega in np.sort(active):
-        if ranges and omega / _ABOUT <= ranges[-1][1]:
-            ranges[-1][1] = omega * _ABOUT
+        low, high = omega / _ABOUT, min(omega * _ABOUT, discs.omega.max())
+        if ranges and low <= ranges[-1][1]:
+            ranges[-1][1] = high
         else:
-            ranges.append([omega / _ABOUT, omega * _ABOUT])
+            ranges.append([low, high])
     first = [next(k for k, (low, high) in enumerate(ranges) if low <= omega <= high) for omega in active]
     for k in list(dict.fromkeys(first))[:_RANGES]:
         yield float(ranges[k][0]), float(ranges[k][1])

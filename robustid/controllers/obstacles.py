@@ -7,7 +7,9 @@ the plant outside the stable region; T is 1 at its unstable poles. For weights :
           \int \log |S| \, d\mu \ge \sum_p \log \left|\frac{1 - \bar p \zeta}{\zeta - p}\right|,
 
 with Poisson's kernel of a zero :math:`\zeta`, or with Fejér's kernel about any frequency for a delay (of log |S| where nothing in
-the loop is unstable). Limits that leave less contradict it. All of it is about the plant of the model.
+the loop is unstable). Limits that leave less contradict it. All of it is about the plant of the model. Of matrices the mean of
+:math:`\log |\det S|` over frequency is at least that of the unstable poles, and at most that of the largest singular value of S
+times the number of outputs; zeros and delays have directions there, about which nothing is said.
 """
 
 # pyright: reportConstantRedefinition=false
@@ -42,9 +44,7 @@ _HALF = 0.5  # the real part of S at most, and the size of T at least, where |P 
 class Law(enum.Enum):
     """Law that limits contradict; the value is the user's sentence."""
 
-    BOUNDS = (
-        "near {hz:.4g} Hz the bounds are {have:.4g} of the plant's size: it may be 0 there, and the loop is to be large"
-    )
+    BOUNDS = "near {hz:.4g} Hz the bounds are {have:.4g} of the plant's least gain: it may be 0 there, and the loop is to be large"
     ACTION = "near {hz:.4g} Hz |C S| must be at least {need:.4g} for what is asked there; the limits allow {have:.4g}"
     BODE = (
         "the mean of log |S| over frequency is at least {need:.4g} in every loop; the limits allow at most {have:.4g}"
@@ -102,9 +102,7 @@ class Obstacle:
 
 
 def obstacle_of(plants: Sequence[Plants], structure: tuple[Factor, ...] | Matrix, limits: Limits) -> Obstacle | None:
-    """Law that no stabilising controller keeps the limits by, with all plants; None where none is known, as of matrices."""
-    if any(one.loop.shape != (1, 1) for one in plants):
-        return None
+    """Law that no stabilising controller keeps the limits by, with all plants; None where none is known."""
     for one in plants:
         if (found := _at_frequencies(one, limits)) is not None:
             return found
@@ -114,26 +112,39 @@ def obstacle_of(plants: Sequence[Plants], structure: tuple[Factor, ...] | Matrix
 
 
 def _at_frequencies(plants: Plants, limits: Limits) -> Obstacle | None:
-    """Frequencies at which the plant may be 0 where the loop is to be large, or where more action is needed than allowed."""
+    r"""Frequencies at which the plant may be 0 where the loop is to be large, or where more action is needed than allowed.
+
+    With :math:`T = P\, C S` the least singular value of T is at most that of P times the largest one of C S. Of the plants
+    :math:`(c D^{-1} + \Delta) D` one has a row :math:`(\sigma - r) v^* D`, along the last singular vectors of :math:`c D^{-1}`.
+    """
     ends = [one for one in limits.frequencies if not plants.dt or one < math.pi / plants.dt]
     discs = plants.discs(np.unique([*plants.grid(), *ends]))
     needed = np.zeros(discs.omega.size)  # |T| at least
     for low, high, value in limits.attenuation:
         here = (discs.omega >= low) & (discs.omega <= high)
         needed = np.where(here, np.maximum(needed, 1 - value), needed)
+    for low, high, value in limits.tracking:
+        here = (discs.omega >= low) & (discs.omega <= high)
+        needed = np.where(here, np.maximum(needed, value), needed)
     if limits.bandwidth is not None:
         needed = np.where(discs.omega <= limits.bandwidth, np.maximum(needed, _HALF), needed)
-    size, radius = np.abs(discs.centre[:, 0, 0]), discs.radius * discs.units[:, 0]
+    ny, nu = discs.shape
+    if ny > nu:  # no loop is large in all directions, whatever the limits
+        return None
+    _, sizes, right = np.linalg.svd(discs.centre / discs.units[:, None, :])
+    size, radius, unit = sizes[:, -1], discs.radius, np.linalg.norm(right[:, ny - 1] * discs.units, axis=1)
     share = np.where(needed > 0, radius / np.maximum(size, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(share))
     if share[k] >= 1 + _ROUNDING:
         return Obstacle(Law.BOUNDS, 1.0, float(share[k]), float(discs.omega[k]))
-    if limits.control_peak is None:
-        return None
-    action = np.where(needed > 0, needed / np.maximum(size - radius, np.finfo(float).tiny), 0.0)
-    k = int(np.argmax(action))
-    if action[k] > limits.control_peak * (1 + _ROUNDING):
-        return Obstacle(Law.ACTION, float(action[k]), limits.control_peak, float(discs.omega[k]))
+    allowed = np.full(discs.omega.size, limits.control_peak or math.inf)
+    for low, high, value in limits.action:
+        here = (discs.omega >= low) & (discs.omega <= high)
+        allowed = np.where(here, np.minimum(allowed, value), allowed)
+    action = np.where(needed > 0, needed / np.maximum((size - radius) * unit, np.finfo(float).tiny), 0.0)
+    k = int(np.argmax(action / allowed))
+    if action[k] > allowed[k] * (1 + _ROUNDING):
+        return Obstacle(Law.ACTION, float(action[k]), float(allowed[k]), float(discs.omega[k]))
     return None
 
 
@@ -169,6 +180,11 @@ def means_of(plants: Plants, structure: tuple[Factor, ...] | Matrix, limits: Lim
     """All means: those of every loop, and the largest that the limits allow."""
     dt, model = plants.dt, plants.model
     steps = _Steps.of(limits, math.pi / dt if dt else math.inf)
+    if model.D.shape != (1, 1):
+        if dt and _delay(model):
+            need = float(np.sum(np.log(np.abs(unstable_of(poles_of(model.A), dt))))) / len(model.D)
+            yield Obstacle(Law.BODE, need, steps.mean(np.log(steps.S), partial(_fejer, dt=dt, about=0.0, delay=1)), 0.0)
+        return
     middle = [math.sqrt(low * high) for low, high in free_of(entries_of(structure, (1, 1)))]
     ((*_, fixed),) = basis_of(structure, middle, dt).parts
     poles, zeros = unstable_of(poles_of(model.A), dt), unstable_of(zeros_of(model), dt)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.controllers.conditions import Discs, norms
-from robustid.controllers.limits import Limits
+from robustid.controllers.limits import Limits, Template
 from robustid.controllers.loop_gain import largest_reciprocal
 from robustid.core import (
     Complex,
@@ -41,6 +41,7 @@ _PARTS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the ratio of two norms, which weighs t
 _FEW, _SHARE = 4, 0.03  # states that a truncation begins with, and what it may add to the bounds
 _ROUNDING = 1e-9  # of the end of an interval
 _HALF = 0.5  # the real part of S up to which |L| is at least 1
+_BANDWIDTH = Template("bandwidth", "sensitivity", least=True)
 _LITTLE = 1e-9  # of the bounds of the largest input: smaller ones are as good as none
 
 
@@ -155,10 +156,9 @@ class Plants:
 
     def shares(self, controller: control.StateSpace, limits: Limits) -> dict[str, tuple[float, float]]:
         """Largest share of every template and of the bandwidth that any consistent plant takes, on the whole axis; and where."""
-        rows = [("attenuation", low, high, value) for low, high, value in limits.attenuation]
-        rows += [("roll-off", low, high, value) for low, high, value in limits.roll_off]
+        rows = list(limits.rows)
         if limits.bandwidth is not None:
-            rows.append(("bandwidth", 0.0, limits.bandwidth, 1.0))
+            rows.append((_BANDWIDTH, 0.0, limits.bandwidth, 1.0))
         if not rows:
             return {}
         around = self.loop.about(StateMatrices.of(self._nominal), self.loop.as_controller(controller))
@@ -168,9 +168,9 @@ class Plants:
             values, bounds = LoopValues(pieces.values, reach, self.loop.shape), axis.bounds(pieces)
             balls = values.balls(bounds)
             found: list[Real] = []
-            for name, begin, end, value in rows:
+            for template, begin, end, value in rows:
                 here = (high > begin * (1 + _ROUNDING)) & (low < end * (1 - _ROUNDING))
-                if name == "bandwidth":  # sigma_min(L) >= 1: the Hermitian part of S is at most 1/2
+                if template is _BANDWIDTH:  # sigma_min(L) >= 1: the Hermitian part of S is at most 1/2
                     S = balls["sensitivity"]
                     real = (S.centre + S.centre.conj().swapaxes(1, 2)) / 2
                     size = (np.linalg.eigvalsh(real)[:, -1] + S.radius) / _HALF
@@ -179,17 +179,15 @@ class Plants:
                     if self.in_open_loop and self.loop.shape != (1, 1):
                         size = np.minimum(size, _closed_share(values, bounds))
                 else:
-                    size = (
-                        balls["sensitivity" if name == "attenuation" else "complementary_sensitivity"].largest / value
-                    )
+                    size = template.share(balls[template.map], value)
                 found.append(np.where(here, np.maximum(size, 0.0), 0.0))
             return np.stack(found, axis=1)
 
         share, omega = axis.largest(around, sizes, np.zeros(len(rows)))
         found: dict[str, tuple[float, float]] = {}
-        for (name, *_), one, where in zip(rows, share.tolist(), omega.tolist(), strict=True):
-            if one >= found.get(name, (0.0, 0.0))[0]:
-                found[name] = one, where
+        for (template, *_), one, where in zip(rows, share.tolist(), omega.tolist(), strict=True):
+            if one >= found.get(template.name, (0.0, 0.0))[0]:
+                found[template.name] = one, where
         return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.controllers.factors import FIR, PID, Factor, Fixed, LowPass, Notch
 from robustid.controllers.goals import Attenuation, Goal, IntegralGain, LeastControl
-from robustid.controllers.limits import Limits
+from robustid.controllers.limits import TEMPLATES, Limits
 from robustid.controllers.obstacles import unstable_of, zeros_of
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import Entry, Matrix, entries_of
@@ -37,7 +37,7 @@ def check_question(
     if (nu, ny) == (1, 1):
         _check_cancelled(plants, products[0])
     else:
-        _check_matrices(goal.asked(limits, 1.0), ny)
+        _check_matrices(goal.asked(limits, 1.0), products, (nu, ny))
     if isinstance(goal, LeastControl):
         _check_action(plants, limits)
 
@@ -88,7 +88,7 @@ def _check_sampling(limits: Limits, goal: Goal, top: float) -> None:
         if value >= top:
             raise InputError(f"`{name}` must {what} below the Nyquist frequency, {top:.5g} rad/s; got {value:.5g}")
 
-    for name in ("attenuation", "roll_off"):
+    for name in TEMPLATES:
         for row in getattr(limits, name):
             check(name, "begin", row[0])
     if limits.bandwidth is not None:
@@ -103,9 +103,16 @@ def _fixed(factors: Sequence[Factor]) -> Iterator[StateMatrices]:
             yield from (system for system, _ in one.parts([]).systems)
 
 
-def _check_matrices(limits: Limits, ny: int) -> None:
-    """Limits that are of one loop."""
-    for name in ("gain_margin", "phase_margin", "delay_margin", "integral_gain"):
+def _check_matrices(limits: Limits, products: Sequence[Sequence[Factor]], shape: tuple[int, int]) -> None:
+    """Limits that are of one loop, and integrators, whose least gain is 0 where they are fewer than the outputs."""
+    nu, ny = shape
+    count = sum(map(_integrators, products))
+    if limits.integral_gain is not None and (nu != ny or count < ny):
+        raise InputError(
+            f"`structure` must hold an integrator for each of {ny} outputs, and the plant as many inputs, for their least gain to"
+            f" be large; got {count} integrators and {nu} inputs"
+        )
+    for name in ("gain_margin", "phase_margin", "delay_margin"):
         if getattr(limits, name) is not None:
             raise InputError(
                 f"`{name}` is of one input and one output; got {ny} outputs. The peak of the sensitivity keeps margins of"
@@ -155,11 +162,19 @@ def _check_cancelled(plants: Sequence[Plants], factors: Sequence[Factor]) -> Non
 def _check_action(plants: Sequence[Plants], limits: Limits) -> None:
     """The least control where none is enough."""
     least = min((value for *_, value in limits.attenuation), default=math.inf)
-    if least < 1 or limits.bandwidth is not None or limits.integral_gain is not None:
+    if least < 1 or limits.bandwidth is not None or limits.integral_gain is not None or limits.tracking:
+        return
+    if any(_exceeds(one, *row) for one in plants for row in limits.disturbance):
         return
     if all(loop_is_stable(poles_of(one.model.A), one.dt) for one in plants):
         got = "none" if math.isinf(least) else f"an attenuation of {least:g}, which is met without control"
         raise InputError(
-            "`limits` must ask for action where the least control is sought, such as a bandwidth, an integral gain or an"
-            f" attenuation below 1, else C = 0 is the answer; got {got}"
+            "`limits` must ask for action where the least control is sought, such as a bandwidth, an integral gain, an"
+            f" attenuation below 1 or a disturbance below the plant, else C = 0 is the answer; got {got}"
         )
+
+
+def _exceeds(plants: Plants, low: float, high: float, value: float) -> bool:
+    """Return whether some consistent plant is larger than a value in a range: it answers a disturbance so without control."""
+    discs = plants.discs(plants.grid())
+    return bool(np.any(discs.largest[(discs.omega >= low) & (discs.omega <= high)] > value))

@@ -213,7 +213,7 @@ def basis_of(
         chain, integrators = _product(factors, at[place : place + count], dt)
         place += count
         parts.append((i, j, chain))
-        integral.append(_residues(chain, dt) if integrators else np.zeros(len(chain.D)))
+        integral.append(_residues(chain, dt)[:, 0] if integrators else np.zeros(len(chain.D)))
     ny, nu = shape
     into, out_of = (given.into, given.out_of) if isinstance(given, Matrix) else (np.eye(nu), np.eye(ny))
     return Basis(tuple(parts), np.concatenate(integral), dt, into, out_of)
@@ -294,23 +294,27 @@ def _lengthened(
 
 
 def integral_gain(controller: StateMatrices, dt: float) -> float:
-    """Factor of the integrator of a controller of one input and one output; 0 where it has none."""
-    A = controller.A
-    if not len(A):
+    """Factor of the integrator of a controller; of a matrix the smallest singular value of those factors. 0 where it has none."""
+    A, nu, ny = controller.A, *controller.D.shape
+    if not len(A) or ny > nu:
         return 0.0
     pole = 1.0 if dt else 0.0
-    size = max(1.0, float(np.abs(A).max())) if not dt else 1.0
-    if np.min(np.abs(scipy.linalg.eigvals(A) - pole)) > _ROUNDING * size:
+    if np.min(np.abs(scipy.linalg.eigvals(A) - pole)) > _ROUNDING * _size(A, dt):
         return 0.0
-    return float(_residues(controller, dt)[0])
+    factors = _residues(controller, dt)
+    return float(factors[0, 0]) if factors.shape == (1, 1) else float(np.linalg.svd(factors, compute_uv=False)[-1])
+
+
+def _size(A: Real, dt: float) -> float:
+    return 1.0 if dt else max(1.0, float(np.abs(A).max()))
 
 
 def _residues(system: StateMatrices, dt: float) -> Real:
-    """Factors of the integrator, ``lim s b(s)`` or ``lim (z - 1)/dt b(z)``, of every output."""
+    """Factors of the integrators, ``lim s b(s)`` or ``lim (z - 1)/dt b(z)``, from every input to every output."""
     A, B, C, _ = system
-    pole = 1.0 if dt else 0.0
     values, left, right = scipy.linalg.eig(A, left=True)
-    k = int(np.argmin(np.abs(values - pole)))
-    unscaled = (C @ right[:, k]) * (left[:, k].conj() @ B)[0]
-    factors: Complex = np.asarray(unscaled / np.vdot(left[:, k], right[:, k]), dtype=complex)
+    away = np.abs(values - (1.0 if dt else 0.0))
+    own = away <= away.min() + _ROUNDING * _size(A, dt)
+    V, W = right[:, own], left[:, own].conj().T
+    factors: Complex = np.asarray(C @ V @ np.linalg.solve(W @ V, W @ B), dtype=complex)
     return factors.real / (dt or 1.0)

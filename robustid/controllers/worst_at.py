@@ -7,6 +7,7 @@ since they are Möbius maps of F.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -16,7 +17,7 @@ from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import Taken
 from robustid.core import Complex, Real, StateMatrices, points_of, response_at
-from robustid.guarantees import LoopMargins, LoopValues, Peak, margins_of, worst_of
+from robustid.guarantees import Balls, LoopMargins, LoopValues, Peak, margins_of, worst_of
 
 _STEPS = 6  # of the search for a crossing
 _NEAR = np.array([0.92, 0.96, 0.98, 1.0, 1.02, 1.04, 1.08])  # frequencies about a crossing: margins are least near it
@@ -31,8 +32,8 @@ class WorstAt:
     omega : (F,) array, rad/s
     centre, radius : (F,) arrays
         Discs of the open loops, in which -1 may lie.
-    largest : dict of str to (F,) array
-        Of |S|, |T|, |P S| and |C S|, by the names of `LoopBounds`; infinite where a loop may be singular.
+    balls : dict of str to Balls
+        Values of S, T, P S and C S, by the names of `LoopBounds`; of an infinite radius where a loop may be singular.
     stable : bool
         With the model of the band.
     margins : LoopMargins
@@ -42,9 +43,14 @@ class WorstAt:
     omega: Real
     centre: Complex
     radius: Real
-    largest: dict[str, Real]
+    balls: dict[str, Balls]
     stable: bool
     margins: LoopMargins
+
+    @functools.cached_property
+    def largest(self) -> dict[str, Real]:
+        """Largest |S|, |T|, |P S| and |C S|, (F,) each; infinite where a loop may be singular."""
+        return {name: one.largest for name, one in self.balls.items()}
 
     @property
     def clear(self) -> bool:
@@ -64,9 +70,7 @@ class WorstAt:
         places = {name: int(np.argmax(one)) for name, one in self.largest.items()}
         peaks = {name: Peak(float(self.largest[name][k]), float(self.omega[k])) for name, k in places.items()}
         rows: dict[str, tuple[float, float]] = {}
-        templates = [("attenuation", "sensitivity", row) for row in limits.attenuation]
-        templates += [("roll-off", "complementary_sensitivity", row) for row in limits.roll_off]
-        sizes = [(name, self.largest[own] / value, low, high) for name, own, (low, high, value) in templates]
+        sizes = [(one.name, one.share(self.balls[one.map], value), low, high) for one, low, high, value in limits.rows]
         if limits.bandwidth is not None:
             least = np.abs(self.centre) - self.radius
             sizes.append(("bandwidth", 1 / np.maximum(least, np.finfo(float).tiny), 0.0, limits.bandwidth))
@@ -95,13 +99,12 @@ def worst_at(plants: Plants, controller: StateMatrices, omega: Real) -> WorstAt:
     balls = _values(centre, gain).balls(reach[:, None, None])
     S = balls["sensitivity"]
     sizes = dict(zip(("gain_above", "gain_below", "phase", "delay"), worst_of(S, discs.omega), strict=True))
-    largest = {name: one.largest for name, one in balls.items()}
-    sizes |= {"sensitivity": largest["sensitivity"], "disk": S.about(np.full((1, 1), 0.5)).largest}
+    sizes |= {"sensitivity": S.largest, "disk": S.about(np.full((1, 1), 0.5)).largest}
     return WorstAt(
         omega=discs.omega,
         centre=centre * gain,
         radius=reach * np.abs(gain),
-        largest=largest,
+        balls=balls,
         stable=plants.is_stable_with(controller.model(dt)),
         margins=margins_of({name: float(np.max(one)) for name, one in sizes.items()}, (1, 1)),
     )

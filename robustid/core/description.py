@@ -14,15 +14,17 @@ import inspect
 import json
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
 
+from robustid.core.progress import Progress
 from robustid.errors import InputTypeError
 
 Arrays = dict[str, np.ndarray]
 Record = dict[str, Any]
+_TOLD = "progress"  # an argument that is no field
 _NUMBERS = {float: (int, float), complex: (int, float, complex), int: (int,)}
 
 
@@ -39,14 +41,18 @@ class Form:
     def types(self) -> dict[str, Any]:
         """Types of the fields by name."""
         hints = typing.get_type_hints(self.make)
-        return {name: hints[name] for name in inspect.signature(self.make).parameters}
+        return {name: hints[name] for name in self._arguments if name != _TOLD}
+
+    @property
+    def _arguments(self) -> Collection[str]:
+        return inspect.signature(self.make).parameters
 
     def described(self, value: object, path: str, arrays: Arrays) -> Record:
         """Text of the fields of an object; their arrays go to `arrays`, by path."""
         return _described_items(self.evidence(value), path, arrays)
 
-    def made(self, text: Record, arrays: Arrays) -> Any:
-        """Make an object of its fields."""
+    def made(self, text: Record, arrays: Arrays, progress: Progress | None = None) -> Any:
+        """Make an object of its fields; a function with an argument `progress` tells how far it is."""
         name = self.cls.__name__
         if text.keys() != self.types.keys():
             wrong = sorted(text.keys() ^ self.types.keys())[0]
@@ -55,7 +61,7 @@ class Form:
         for field, value in fields.items():
             if not _fits(value, self.types[field]):
                 raise ValueError(f"the field {field!r} of its {name} can't be a {type(value).__name__} as it is there")
-        thing = self.make(**fields)
+        thing = self.make(**fields, **({_TOLD: progress} if _TOLD in self._arguments else {}))
         if self.verify is not None:
             self.verify(thing)
         return thing

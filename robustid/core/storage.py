@@ -23,6 +23,7 @@ from robustid._version import __version__
 from robustid.core.choice import Choice, Source
 from robustid.core.description import Arrays, Record, digest, form_of, stored
 from robustid.core.files import atomic_write
+from robustid.core.progress import Progress
 from robustid.core.state_space import StateMatrices
 from robustid.core.validation import Signal, as_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -71,7 +72,8 @@ def keep(
         From a result to the fields that are stored: of what follows from others, nothing. Default: those from which it is made.
     make : callable, optional
         The way back, which verifies every claim again, from these fields by name and with their types. ValueError, TypeError
-        and KeyError mean files that were edited. Default: the class itself.
+        and KeyError mean files that were edited. One that takes long has an argument `progress` beside them. Default: the class
+        itself.
     verify : callable, optional
         Raises ValueError where a result that was made so claims more than its own numbers support.
     """
@@ -129,7 +131,7 @@ def _of(register: dict[type[Any], Any], cls: type[Any]) -> Any:
     return next((register[base] for base in cls.__mro__ if base in register), None)
 
 
-def load_saved(path: PathLike, *kinds: str) -> Any:
+def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) -> Any:
     """Read a result that `save` wrote; every claim of it is verified again.
 
     Parameters
@@ -138,6 +140,7 @@ def load_saved(path: PathLike, *kinds: str) -> Any:
         NAME, NAME.npz or NAME.json.
     *kinds : str
         Those that will do; default: all that are registered.
+    progress : callable (text, done, count), optional
 
     Raises
     ------
@@ -163,7 +166,7 @@ def load_saved(path: PathLike, *kinds: str) -> Any:
         )
     with _usable(numbers, text):
         fields = {name: item for name, item in record.items() if name not in _ABOUT}
-        return form_of(formats[record["format"]].cls).made(fields, arrays)
+        return form_of(formats[record["format"]].cls).made(fields, arrays, progress)
 
 
 @contextlib.contextmanager

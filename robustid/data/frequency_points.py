@@ -17,7 +17,14 @@ from robustid.errors import InputError, InputTypeError, Remedy
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
 NYQUIST_SLACK = 1 + 1e-12
+_PREFIXES = ((1e9, "GHz"), (1e6, "MHz"), (1e3, "kHz"))
 SAME_FREQUENCY = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
+
+
+def hz_span(low: float, high: float, digits: int = 5) -> str:
+    """Words for a range of frequencies in Hz: "1 to 100 Hz", "100 to 3000 MHz"."""
+    scale, unit = next((one for one in _PREFIXES if (low == 0 or low >= one[0]) and high >= 1e3 * one[0]), (1.0, "Hz"))
+    return f"{low / scale:.{digits}g} to {high / scale:.{digits}g} {unit}"
 
 
 class FrequencyPoints(Frozen, Savable):

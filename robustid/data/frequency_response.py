@@ -21,6 +21,7 @@ from robustid.data.frequency_points import (
     as_note,
     as_points,
     check_measured,
+    hz_span,
     signal_index,
 )
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
@@ -141,9 +142,8 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         )
 
     def __repr__(self) -> str:
-        low, high = self.freq_hz[[0, -1]]
         parts = [
-            f"{self.omega.size} frequency points, {low:.5g} to {high:.5g} Hz",
+            f"{self.omega.size} frequency points, {hz_span(*self.freq_hz[[0, -1]].tolist())}",
             f"{len(self.outputs)}x{len(self.inputs)}",
         ]
         if self.bound is not None:

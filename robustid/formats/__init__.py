@@ -3,6 +3,7 @@
 from robustid.formats import datasets
 from robustid.formats.contents import Contents, Item, contents
 from robustid.formats.excitation_files import load_excitation
+from robustid.formats.headings import heading
 from robustid.formats.measurement_files import Origin, origin, read_file, read_said
 from robustid.formats.model_files import load_model, save_model
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
@@ -24,6 +25,7 @@ __all__ = [
     "Table",
     "contents",
     "datasets",
+    "heading",
     "is_network",
     "load_excitation",
     "load_model",

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Iterable, Sequence
-from typing import cast
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from robustid.data import FrequencyResponse, TimeRecord, uniform_step
 from robustid.errors import InputError, Remedy
 from robustid.formats import units
 from robustid.formats.addresses import TIME_AXES
-from robustid.formats.role_lookup import Lookup, seconds
+from robustid.formats.role_lookup import Lookup, flat, seconds
 from robustid.formats.role_names import axis_role
 from robustid.formats.table import Options
 
@@ -125,7 +124,7 @@ def as_frequency(
 def _same_unit(lookup: Lookup, bound: object, signals: list[object]) -> None:
     """A bound in another unit than what it bounds would be wrong without a word."""
     stated, others = (
-        {units.in_brackets(lookup.name(name))[1] for name in _flat(names)} - {""} for names in (bound, signals)
+        {units.in_brackets(lookup.name(name))[1] for name in flat(names)} - {""} for names in (bound, signals)
     )
     others = {unit for unit in others if unit.lower() != "db"}
     if (stated and others and stated != others) or any("db" in unit.lower() for unit in stated):
@@ -133,11 +132,6 @@ def _same_unit(lookup: Lookup, bound: object, signals: list[object]) -> None:
             f"the bound is in {', '.join(sorted(stated))} and what it bounds in {', '.join(sorted(others)) or 'no stated unit'};"
             " store both in one linear unit, or give `bound`"
         )
-
-
-def _flat(names: object) -> list[str]:
-    parts = cast("Iterable[object]", names or [])
-    return [names] if isinstance(names, str) else [name for part in parts for name in _flat(part)]
 
 
 def _values(lookup: Lookup) -> np.ndarray:
@@ -174,7 +168,7 @@ def _values(lookup: Lookup) -> np.ndarray:
 
 def _check_unit(lookup: Lookup, role: str) -> None:
     """A magnitude or phase named by the user must not say another unit than its role."""
-    for name in map(lookup.name, _flat(lookup.fields.get(role))):
+    for name in map(lookup.name, flat(lookup.fields.get(role))):
         said = axis_role(name) or ""
         if units.axis_label(name)[1] and said != role and said.split("_")[0] in ("magnitude", "phase"):
             raise InputError(f"`fields[{role!r}]` = {name!r} says another unit; give the role {said!r}")

@@ -11,13 +11,15 @@ import numpy as np
 from robustid.errors import Remedy
 from robustid.formats import units
 from robustid.formats.addresses import written
+from robustid.formats.headings import PARTS
 from robustid.formats.record_pairs import record_pairs
-from robustid.formats.role_names import NAMES, UNSURE, axis_role
+from robustid.formats.role_names import UNSURE, axis_role, speaks_of_frequency
 from robustid.formats.table import NAMELESS, Table
 
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
 _STEADY = 1e-6
 _CARTESIAN = ("real", "imag")
+_PARTS_WORDS = "'values' (complex), 'real' and 'imag', or 'magnitude' or 'magnitude_db' and 'phase_deg' or 'phase_rad'"
 _RECORD = "As a time record, if these are its inputs and outputs: "
 _SIDES = {"u": "its input", "y": "its output"}
 _PAIRS = (("u", "y"), ("y", "u"), ("in", "out"), ("out", "in"), ("input", "output"), ("output", "input"),
@@ -37,18 +39,24 @@ def example(table: Table, *, dt: bool) -> list[str | Remedy]:
     lengths = [len(values) for _, values in columns]
     length = max(set(lengths), key=lambda count: (lengths.count(count), count))
     columns = [(address, values) for address, values in columns if len(values) == length]
+    frequency = next(
+        (column for column in columns if _kind(column[0]) == "frequency" or speaks_of_frequency(column[0])), None
+    )
     timed = (column for column in columns if axis_role(column[0]) == "time")
-    first = next(timed, columns[0])
+    first = frequency or next(timed, columns[0])
     enough = len(columns) > 2 or (len(columns) == 2 and _kind(first[0]) is not None) or _complex(columns[1:])
-    axis = first if enough and _increases(first[1]) else None
+    axis = first if enough and (frequency is not None or _increases(first[1])) else None
     rest = [address for address, _ in columns if axis is None or address != axis[0]]
     words: list[str | Remedy] = []
-    if _kind(first[0]) != "frequency" and not _complex(columns):
+    if frequency is None and not _complex(columns):
         signals = [address for address, values in columns if address in rest and not _counts(address, values)]
         time = None if axis is not None and _counts(*axis) else axis
         words += _time(table, time, signals, dt) if len(signals) > 1 else _time(table, axis, rest, dt)
-    if _kind(first[0]) != "time" and (parts := _parts([column for column in columns if column[0] in rest], axis)):
+    parts = _parts([column for column in columns if column[0] in rest], axis if frequency is None else None)
+    if _kind(first[0]) != "time" and parts:
         words += [*[" "] * bool(words), *_frequency(axis, parts)]
+    elif frequency is not None:
+        words.append(f"As a frequency response: say by `fields` which columns are {_PARTS_WORDS}.")
     return words
 
 
@@ -70,32 +78,33 @@ def _complex(columns: list[tuple[str, np.ndarray]]) -> bool:
 
 
 def _parts(columns: list[tuple[str, np.ndarray]], axis: tuple[str, np.ndarray] | None) -> dict[str, object]:
-    """Roles of the parts of a response, by names and units; the first two are taken for real and imaginary part."""
+    """Roles of the parts of a response, by names and units; the first two are an example where nothing says which are."""
     if _complex(columns):
         return {"values": next(address for address, values in columns if np.iscomplexobj(values))}
     names = [address for address, _ in columns]
-    found: dict[str, object] = {}
+    found: dict[str, list[str]] = {}
     for name in names:
         base, unit = (part.lower() for part in units.in_brackets(name))
         scale = units.factor(units.PHASE, unit) if unit else None
         phase = "phase_rad" if scale == 1 else "phase_deg"
-        role = (
-            "magnitude_db"
-            if unit == "db"
-            else phase
-            if scale
-            else next((r for r in _CARTESIAN if base in NAMES[r]), "")
-        )
-        found.setdefault(role, name)
-    others = [name for name in names if name not in found.values() or found.get("") == name]
-    found.pop("", None)
-    phases = [role for role in found if role.startswith("phase")]
-    if phases and ("magnitude_db" in found or others):
-        level = {"magnitude_db": found["magnitude_db"]} if "magnitude_db" in found else {"magnitude": others[0]}
-        return level | {phases[0]: found[phases[0]]}
+        part = PARTS.get(base.split()[-1], "") if base else ""
+        role = "magnitude_db" if unit == "db" else phase if scale else part if part in _CARTESIAN else ""
+        found.setdefault(role, []).append(name)
+    others, levels = found.pop("", []), found.get("magnitude_db", [])
+    if phase := next((role for role in found if role.startswith("phase")), None):
+        size = "magnitude_db" if levels else "magnitude"
+        pairs = [(level, angle) for angle in found[phase] for level in levels or others[:1]]
+        # Of several the two of one signal, "Channel 2 Magnitude" and "Channel 2 Phase".
+        same = [pair for pair in pairs if len(pairs) == 1 or len({_signal(name) for name in pair}) == 1]
+        return {size: same[0][0], phase: same[0][1]} if same else {}
     if set(found) >= set(_CARTESIAN):
-        return {role: found[role] for role in _CARTESIAN}
+        return {role: found[role][0] for role in _CARTESIAN}
     return {"real": names[0], "imag": names[1]} if axis is not None and len(names) > 1 else {}
+
+
+def _signal(name: str) -> str:
+    """Name without its last word, which says the part."""
+    return units.in_brackets(name)[0].lower().rpartition(" ")[0]
 
 
 def _columns(table: Table) -> Iterator[tuple[str, np.ndarray]]:
@@ -172,7 +181,8 @@ def _frequency(axis: tuple[str, np.ndarray] | None, parts: dict[str, object]) ->
     if axis_role(axis[0]) in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
         return ["As a frequency response: ", *_given({"omega": axis[0], **parts}, False), "."]
     given = _given({"freq_hz": axis[0], **parts}, False)
-    return ["As a frequency response in Hz ('omega' for rad/s): ", *given, "."]
+    other = f"; or as it is, of {_PARTS_WORDS}" if set(parts) == set(_CARTESIAN) else ""
+    return ["As a frequency response in Hz ('omega' for rad/s): ", *given, f"{other}."]
 
 
 def _given(fields: dict[str, object], dt: bool, **more: object) -> list[str | Remedy]:

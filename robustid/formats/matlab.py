@@ -7,18 +7,21 @@ it a plain list of matrices, each with a header of five whole numbers. Those of 
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import math
 import os
 import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.errors import FileFormatError
+from robustid.formats.matlab_objects import Subsystem, plain
 from robustid.formats.table import Table, check_growth, said
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -27,6 +30,7 @@ _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _OPAQUE = 1, 2, 3, 4, 5, 17
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _COMPLEX = 0x0800
+_READABLE = (("ResponseData", "Frequency"), ("num", "den"), ("z", "p", "k"), ("a", "b", "c"))  # of objects
 _LARGEST_SPARSE = 10**7  # entries, zeros counted
 _HEADER4 = struct.calcsize("<5i")
 _FORMATS4 = ("f8", "f4", "i4", "i2", "u2", "u1")  # by the third digit of the type
@@ -37,11 +41,16 @@ _FULL4 = 0  # the last digit; 1: text, 2: sparse
 def read_matlab5(path: Path) -> Table:
     """Arrays and texts of a MATLAB v5 file."""
     table = Table(path, {}, how="MATLAB v5")
+    objects: dict[str, _Object] = {}
     try:
         for order, data in _variables(path):
             name, value = _matrix(_Elements(data, order))
             if name and not name.startswith("__"):
-                _store(name, value, table)
+                _store(name, value, table, objects)
+            elif not name and isinstance(value, np.ndarray) and value.dtype == np.uint8 and objects:
+                # A table of objects in a form that isn't known leaves the other variables as they are.
+                with contextlib.suppress(ValueError, KeyError, TypeError, LookupError, struct.error, RecursionError):
+                    _open(objects, value.tobytes(order="F"), order, table)
     except FileFormatError:
         raise
     except (
@@ -116,12 +125,16 @@ class _Elements:
         return _matrix(_Elements(value, self.order))[1] if len(value) else np.empty((0, 0))
 
 
-class _Unreadable(str):
-    """The class of an object."""
+@dataclasses.dataclass(frozen=True)
+class _Object:
+    """The class of an object, and what the file has of it: fields of old ones, references of new ones."""
+
+    kind: str
+    value: _Value = None
 
 
-# An array, a list of texts, a structure; None for what isn't read.
-_Value = np.ndarray | list[str] | dict[str, "_Value"] | _Unreadable | None
+# An array, a list of texts, a structure, an object, a cell; None for what isn't read.
+_Value = np.ndarray | list[str] | dict[str, "_Value"] | _Object | tuple["_Value", ...] | None
 
 
 def _matrix(parts: _Elements) -> tuple[str, _Value]:
@@ -130,7 +143,7 @@ def _matrix(parts: _Elements) -> tuple[str, _Value]:
     kind = flags & 0xFF
     if kind == _OPAQUE:
         name, _ = parts.text(), parts.text()
-        return name, _Unreadable(parts.text())
+        return name, _Object(parts.text(), parts.matrix() if len(parts.data) else None)
     shape = tuple(parts.numbers().tolist())
     name = parts.text()
     count = math.prod(shape)
@@ -147,15 +160,15 @@ def _matrix(parts: _Elements) -> tuple[str, _Value]:
     if kind == _CELL:
         items = [parts.matrix() for _ in range(count)]
         texts = [item[0] for item in items if isinstance(item, list) and len(item) == 1]
-        return name, texts if len(texts) == len(items) else None
-    if kind == _OBJECT:
-        return name, _Unreadable(parts.text())
-    if kind == _STRUCT and count == 1:
+        return name, texts if len(texts) == len(items) else tuple(items)
+    owner = parts.text() if kind == _OBJECT else ""
+    if kind in (_STRUCT, _OBJECT) and count == 1:
         width = int(parts.numbers()[0])
         fields = bytes(parts.next()[1])
         names = [fields[k : k + width].split(b"\0")[0].decode("latin-1") for k in range(0, len(fields), width)]
-        return name, {field: parts.matrix() for field in names}
-    return name, None
+        fields = {field: parts.matrix() for field in names}
+        return name, _Object(owner, fields) if owner else fields
+    return name, _Object(owner) if owner else None
 
 
 def _numeric(parts: _Elements, shape: tuple[int, ...], kind: str, is_complex: bool) -> np.ndarray:
@@ -186,16 +199,55 @@ def _sparse(parts: _Elements, shape: tuple[int, int], is_complex: bool) -> np.nd
     return full
 
 
-def _store(name: str, value: object, table: Table) -> None:
-    if isinstance(value, dict):
+def _store(name: str, value: object, table: Table, objects: dict[str, _Object]) -> None:
+    if isinstance(value, _Object):
+        table.objects[name] = value.kind
+        objects[name] = value
+        if isinstance(value.value, dict):  # of a class of before 2008: its fields stand in it
+            _keep_plain(name, _fields(value.value), table)
+    elif isinstance(value, dict):
         for field, item in cast("dict[str, object]", value).items():
-            _store(f"{name}.{field}", item, table)
-    elif isinstance(value, _Unreadable):
-        table.objects[name] = str(value)
+            _store(f"{name}.{field}", item, table, objects)
+    elif isinstance(value, tuple):
+        for k, item in enumerate(cast("tuple[object, ...]", value)):
+            if isinstance(item, _Object):
+                _store(f"{name}{{{k + 1}}}", item, table, objects)
     elif isinstance(value, list) and value:
         table.texts[name] = value
     elif isinstance(value, np.ndarray):
         (table.columns if value.size else table.empty)[name] = value
+
+
+def _fields(value: _Value) -> Any:
+    """Structures and old objects as mappings, cells as tuples."""
+    if isinstance(value, _Object):
+        return _fields(value.value)
+    if isinstance(value, dict):
+        return {name: _fields(item) for name, item in value.items()}
+    return tuple(map(_fields, value)) if isinstance(value, tuple) else value
+
+
+def _open(objects: dict[str, _Object], content: bytes, order: str, table: Table) -> None:
+    """Keep what the subsystem of a file has of its objects; those that can't be followed stay named only."""
+    read = _matrix(_Elements(memoryview(content)[16:], order))[1] if len(content) > 16 else None
+    wrapper = read.get("MCOS") if isinstance(read, dict) else None
+    if not isinstance(wrapper, _Object) or not isinstance(wrapper.value, tuple):
+        return
+    system = Subsystem([_fields(cell) for cell in wrapper.value], order)
+    for name, one in objects.items():
+        if isinstance(one.value, np.ndarray):
+            found = system.of_reference(one.value)
+            if isinstance(found, dict):
+                _keep_plain(name, cast("dict[str, Any]", found), table)
+
+
+def _keep_plain(name: str, properties: dict[str, Any], table: Table) -> None:
+    """Keep the numbers and texts of an object; it is no longer one that can't be read where they are a response or a model."""
+    fields = plain(properties)
+    if any(set(parts) <= set(fields) for parts in _READABLE):
+        del table.objects[name]
+        for field, item in fields.items():
+            _store(f"{name}.{field}", item, table, {})
 
 
 # --- before v5 -------------------------------------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.addresses import axis_names
 from robustid.formats.assembly import as_frequency, as_time, frequency_axis, time_step
 from robustid.formats.excitation_files import excitation_of, is_excitation
+from robustid.formats.headed_columns import from_headings
 from robustid.formats.matlab_structures import from_structure
 from robustid.formats.model_files import is_model, model_of
 from robustid.formats.readers import read_table
@@ -92,7 +93,7 @@ def read_said(
     if table.meta is not None and not fields:
         return _loaded(lambda: unpack(table, kind, options), table), "as it was saved"
     asked = _Asked(kind or (None if grid is None else "frequency"), dict(fields or {}), frequency_unit, axes, grid)
-    return _loaded(lambda: _assigned(table, asked, options), table), table.how
+    return _loaded(lambda: _assigned(table, asked, options), table)
 
 
 class _Asked(NamedTuple):
@@ -130,19 +131,23 @@ def _refuse(names: list[str], what: str) -> None:
         raise InputError(f"`{names[0]}` is about measurements, and the file holds {what}; leave `{names[0]}` out")
 
 
-def _assigned(table: Table, asked: _Asked, options: Options) -> TimeRecord | list[TimeRecord] | FrequencyResponse:
-    """A file of others: its arrays by their roles."""
+def _assigned(
+    table: Table, asked: _Asked, options: Options
+) -> tuple[TimeRecord | list[TimeRecord] | FrequencyResponse, str]:
+    """A file of others: its arrays by their roles, and as what they were read."""
     kind, frequency_unit = asked.kind, asked.frequency_unit
     if not asked.fields and (plain := from_structure(table, kind, frequency_unit)) is not table:
         table, frequency_unit = plain, None
+    elif not asked.fields and asked.axes is None and asked.grid is None:
+        table = from_headings(table, kind)
     named = None if asked.axes is None else axis_names(asked.axes)
     if named is not None and kind is None:
         kind = "frequency" if "frequency" in named else "time"
     lookup = Lookup(table, asked.fields, named, dt_known="dt" in options)
     if (kind or lookup.kind()) == "time":
-        return as_time(lookup, options)
+        return as_time(lookup, options), table.how
     options.pop("initial", None)
-    return as_frequency(lookup, options, frequency_unit, asked.grid)
+    return as_frequency(lookup, options, frequency_unit, asked.grid), table.how + lookup.turned()
 
 
 class Origin(NamedTuple):
@@ -164,7 +169,7 @@ def origin(
         return Origin(table.meta["kind"], True, table.meta["data"].get("dt"), "stored with the data", "as it was saved")
     if not fields:
         with contextlib.suppress(InputError, FileFormatError):  # `load` has the sentence
-            table = from_structure(table, kind, None)
+            table = from_headings(from_structure(table, kind, None), kind)
     lookup = Lookup(table, dict(fields or {}))
     unit_known, step, source = True, lookup.sample_time(), "stored in the file"
     # An axis that is missing or of no use says nothing here: `load` has the sentence.

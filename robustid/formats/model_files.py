@@ -74,11 +74,11 @@ def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> cont
 
 
 def is_model(table: Table) -> bool:
-    """Return whether a file holds a model, by its names: matrices, zeros, poles and gain, or polynomials."""
+    """Return whether a file holds models, by its names: matrices, zeros, poles and gain, or polynomials."""
     numbers = _numbers(table)
     if all(isinstance(numbers.get(name), np.ndarray) and numbers[name].ndim == 2 for name in "ABC"):
         return True
-    return len(_structures(numbers)) == 1
+    return len(_structures(numbers)) > 0
 
 
 def model_of(table: Table, dt: float | None = None) -> control.StateSpace:
@@ -89,7 +89,9 @@ def model_of(table: Table, dt: float | None = None) -> control.StateSpace:
         return _state_space(path, numbers, "ABCD", dt)
     if len(found) > 1:
         names = ", ".join(repr(prefix.rstrip(".") or "the top level") for prefix, _ in found)
-        raise FileFormatError(f"{path.name} holds several models ({names}); store one a file")
+        raise FileFormatError(
+            f"{path.name} holds several models ({names}); store one a file, or name measurements beside them by `fields`"
+        )
     prefix, names = found[0]
     own = {name.removeprefix(prefix): value for name, value in numbers.items() if name.startswith(prefix)}
     texts = {name.removeprefix(prefix): text for name, text in table.texts.items()}

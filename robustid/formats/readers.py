@@ -13,6 +13,7 @@ from typing import cast
 
 from robustid.core import Record, saved_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.formats.diagnostics import MARK, read_diagnostics
 from robustid.formats.hdf5 import read_hdf5
 from robustid.formats.matlab import read_matlab4, read_matlab5
 from robustid.formats.networks import read_touchstone
@@ -88,6 +89,8 @@ def _reader(path: Path, head: bytes, decimal: str | None) -> Callable[[Path], Ta
         return read_matlab4
     if re.fullmatch(r"\.[sgyzh]\d+p", suffix) or (suffix == ".ts" and b"[version]" in head.lower()):
         return read_touchstone
+    if head.lstrip().startswith(b"<?xml") and (MARK in head):
+        return read_diagnostics
     if _UNIVERSAL.match(head) or suffix in {".uff", ".unv"}:
         return read_universal
     if suffix in TEXTS or head[:2] in (b"\xff\xfe", b"\xfe\xff") or not _BINARY.search(head):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -13,11 +13,13 @@ from robustid.core import as_positive
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.formats import units
 from robustid.formats.addresses import FREQUENCY_AXES, Address, arranged, columns, expanded, parse, taken
+from robustid.formats.headings import heading, turned
 from robustid.formats.load_example import example
 from robustid.formats.readers import export, read_table
 from robustid.formats.role_names import FREQUENCY, NAMES, TIME, UNSURE, axis_role, is_usual, rank
 from robustid.formats.table import NAMELESS, Table
 
+_SIGNED = ("real", "imag", "phase_deg", "phase_rad")
 _LONGEST_SHOWN = 80  # characters of a name
 _ELSEWHERE = re.compile(
     r"(?P<file>[^:\[\]]+\.(?:npy|npz|mat|h5|hdf5|csv|tsv|txt|dat|uff|unv))(?:$|:|(?=\[))(?P<rest>.*)", re.IGNORECASE
@@ -165,9 +167,15 @@ class Lookup:
         return base or (self if place is None else place.there).path.stem
 
     def column(self, role: str, name: object) -> np.ndarray:
-        """One array, or a part of it, by its name or address in the file."""
+        """One array, or a part of it, by its name or address in the file; negated where its name has a minus that says so."""
         value = self._value(role, name)[0]
+        said = heading(self.name(name)) if role in _SIGNED else None
+        value = -value if said is not None and said.sign < 0 else value
         return value.ravel() if value.size == max(value.shape, default=1) else value
+
+    def turned(self) -> str:
+        """Words on the columns given by their names that are negated, as `headings.turned` has them."""
+        return turned(self.name(name) for role in _SIGNED for name in flat(self.fields.get(role)))
 
     def arranged(self, role: str, name: object, order: Sequence[str]) -> np.ndarray:
         """One array, or several side by side along its last axis, with the axes that `axes` names in this order."""
@@ -256,6 +264,12 @@ class Lookup:
             )
         entries = _equal(role, [self.column(role, item) for row in rows for item in row])
         return np.stack(entries, axis=-1).reshape(-1, len(rows), len(rows[0]))
+
+
+def flat(names: object) -> list[str]:
+    """The names that a role is given, in one list."""
+    parts = cast("Iterable[object]", names or [])
+    return [names] if isinstance(names, str) else [name for part in parts for name in flat(part)]
 
 
 def _shown(name: str, values: np.ndarray | FileFormatError) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from robustid.formats import units
+import re
+
+from robustid.formats import headings, units
 
 # Roles and the names tried for them, which may have a unit: "frequency [Hz]", "time_ms". Names whose unit isn't certain
 # ("frequency", "phase") are refused without one.
@@ -32,14 +34,9 @@ NAMES = {
     "rate": ("fs", "Fs", "sample_rate", "sampling_rate"),
 }
 _ANGULAR = ("omega", "ω", "w", "angular frequency", "angular_frequency")
-_AXES = {
-    **dict.fromkeys((*_ANGULAR, "frequency", "frequencies", "freq", "f"), "frequency"),
-    **dict.fromkeys(("time", "t", "times"), "time"),
-    **dict.fromkeys(("phase", "angle", "arg"), "phase"),
-    **dict.fromkeys(("magnitude", "mag", "abs"), "magnitude"),
-}
-_PARTS = {word: kind for word, kind in _AXES.items() if kind in ("phase", "magnitude")}
-_LEVELS = ("gain", "amplitude")  # magnitudes if they are in dB
+_PARTS = {word: part for word, part in headings.PARTS.items() if part in ("phase", "magnitude")}
+_AXES = {**dict.fromkeys(_ANGULAR, "frequency"), **headings.AXES, **_PARTS}
+_FREQUENCY_WORDS = {"omega", "ω", "frequency", "frequencies", "freq", "frequenz", "hz", "khz", "mhz", "ghz"}
 UNSURE = "unsure "  # before the kind of an axis: its unit isn't known
 
 
@@ -50,7 +47,7 @@ def axis_role(name: str) -> str | None:
     known = {"hz": "frequency", "rad_s": "frequency", "db": "magnitude"}
     kind = _AXES.get(base) or (known.get(unit.lower()) if not base else None)
     if kind is None and units.in_brackets(name)[1] and base:  # "H1 Magnitude [dB]"
-        kind = _PARTS.get(base.split()[-1], "level" if base.split()[-1] in _LEVELS else None)
+        kind = _PARTS.get(base.split()[-1], "level" if base.split()[-1] in headings.LEVELS else None)
     if kind == "frequency":
         if not unit:
             return "omega" if base in _ANGULAR else UNSURE + kind
@@ -68,6 +65,12 @@ def axis_role(name: str) -> str | None:
     if kind == "magnitude":
         return "magnitude_db" if unit.lower() == "db" else UNSURE + kind if "db" in unit.lower() else "magnitude"
     return None
+
+
+def speaks_of_frequency(name: str) -> bool:
+    """Return whether a word of a name is one for frequency, or a unit of it: it is no signal of a record then."""
+    words = set(re.split(r"[^a-zω]+", name.lower()))
+    return bool(words & _FREQUENCY_WORDS)
 
 
 def rank(role: str, name: str) -> tuple[int, bool]:

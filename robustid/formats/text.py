@@ -11,6 +11,7 @@ from typing import IO
 import numpy as np
 
 from robustid.errors import FileFormatError, Remedy
+from robustid.formats.sections import section_of
 from robustid.formats.table import Table
 from robustid.formats.text_layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
 
@@ -32,7 +33,7 @@ def read_text(path: Path, decimal: str | None = None) -> Table:
         with path.open(encoding=(encoding := _encoding(path))) as file:
             meta = file.readline(_LONGEST)
             file.seek(0)
-            rows = _rows(path, file)
+            rows = section_of(path.name, _rows(path, file))
             head = next(_blocks(rows, _HEAD, _HEAD_TEXT), list[tuple[int, str]]())
             layout = layout_of(path.name, head, decimal)
             body = (row for row in itertools.chain(head, rows) if row[0] >= layout.first)

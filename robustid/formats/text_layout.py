@@ -8,10 +8,13 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from robustid.errors import FileFormatError, Remedy
 from robustid.formats import units
+from robustid.formats.headings import BY_ENDING
+from robustid.formats.role_names import axis_role
 
 COMMENTS = ("#", "%", "!", "//", "*")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -30,9 +33,10 @@ _SIGN = re.compile(r"\s*([-+])\s*")
 _LETTERS = str.maketrans("dDiIJ", "eejjj")
 _SEPARATORS = ("\t", ";", ",", "|", None)  # None: white space
 _WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "spaces"}
-_USUAL_UNITS = {"", "-", "1", "%", "v", "mv", "kv", "a", "ma", "n", "kn", "mn", "nm", "m", "mm", "um", "µm", "m/s", "m/s^2", "m/s2",
-                "m/s²", "mm/s", "g", "rad/s", "rad/s^2", "pa", "kpa", "bar", "db", "k", "°c", "w", "n/v", "m/n", "m/v"}  # fmt: skip
-_MOST_NAMED = 3
+_MOST_NAMED, _MOST_ABOVE = 3, 8
+_NO_NAMES = "no names"
+_RULE = re.compile(r"[\s\-=_+|,;]*")  # a line of strokes
+_END = re.compile(r"\W*end\W*(of\W*)?(comments?|header|head)\b", re.IGNORECASE)
 
 
 class Layout(NamedTuple):
@@ -48,9 +52,11 @@ class Layout(NamedTuple):
 class _Reading(NamedTuple):
     """The head of a file, cut by one separator with one decimal mark.
 
-    Its places are compared: lines that are numbers, part of the cells that are, names above, several columns, decimal point.
+    Its places are compared: more numbers than texts, lines that are numbers, part of the cells that are, names above, several
+    columns, decimal point.
     """
 
+    mostly: bool
     lines: int
     numbers: float
     named: bool
@@ -137,7 +143,7 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
         raise FileFormatError(
             f"{name} holds no data: no line of numbers was found; expected a line of column names, then lines of numbers"
         )
-    best = max(found, key=lambda reading: reading[:5])
+    best = max(found, key=lambda reading: reading[:6])
     number, line = table[best.start]
     if best.numbers < 1 and (mark := next(filter(None, (_THOUSANDS.search(line[:10_000]) for line in bare)), None)):
         raise FileFormatError(f"{name}: {mark[0]!r} has marks for thousands; export the numbers without them")
@@ -153,6 +159,8 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
     remarks = [remark for remark in lines if is_comment(remark[1]) and remark[0] < number]
     ends = best.separator is not None and line.rstrip(" \r\n").endswith(best.separator)
     names, words = _names(best, table[: best.start], remarks, ends)
+    if words == _NO_NAMES and len(own := BY_ENDING.get(Path(name).suffix.lower(), ())) == best.width:
+        names, words = own, f"names as files {Path(name).suffix} have them"
     how = f"text, {best.width} columns separated by {_WORDS[best.separator]}" if best.several else "text, one column"
     how += " with decimal commas" * (best.decimal == ",")
     return Layout(best.separator, best.decimal, names, number, f"{how}, {words}, numbers from line {number} on")
@@ -175,11 +183,24 @@ def _reading(lines: list[str], separator: str | None, decimal: str) -> _Reading 
     width, usual = max(counts, key=lambda key: (counts[key], sum(key[1]), key[0]))
     like = [_like(row, pattern, usual, width) for row, pattern in zip(rows, patterns, strict=True)]
     start = like.index(True)
+    # A line above with more numbers than texts is one of numbers too, with a word such as "OVL" in it.
+    while start and len(rows[start - 1]) == width and 2 * sum(patterns[start - 1]) > sum(usual):
+        start -= 1
     last = max(k for k, pattern in enumerate(patterns) if any(pattern))  # below it there may be remarks
     inside = zip(rows[start : last + 1], patterns[start : last + 1], strict=True)
     below = [flag for row, pattern in inside for cell, flag in zip(row, pattern, strict=False) if cell]
     named = start == 0 or len(rows[start - 1]) == width
-    return _Reading(sum(like), sum(below) / len(below), named, width > 1, decimal == ".", separator, width, start)
+    return _Reading(
+        2 * sum(below) > len(below),
+        sum(like),
+        sum(below) / len(below),
+        named,
+        width > 1,
+        decimal == ".",
+        separator,
+        width,
+        start,
+    )
 
 
 def _like(row: list[str], pattern: tuple[bool, ...], usual: tuple[bool, ...], width: int) -> bool:
@@ -197,9 +218,10 @@ def _names(
     """Names of the columns, and where they stand in words; without names their addresses."""
     addresses = tuple(f"[:,{k}]" for k in range(best.width))
     bare = [(k, line.strip().lstrip("#%!/*").strip()) for k, line in remarks]
+    bare = [(k, line) for k, line in bare if line]
     rows = _rows_of_text(above, best, ends) or _rows_of_text(bare, best, ends)
     if not rows:
-        return addresses, "no names"
+        return addresses, _NO_NAMES
     *rows, (at, row) = rows
     words, symbols = "", [""] * best.width
     if rows and _is_units(row):
@@ -225,16 +247,25 @@ def _names(
 def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) -> list[tuple[int, list[str]]]:
     """The lowest lines with one text a column and without numbers, as cells."""
     found: list[tuple[int, list[str]]] = []
+    lines = list(lines[-_MOST_ABOVE:])
+    while lines and best.width > 1 and (_RULE.fullmatch(lines[-1][1]) or _END.match(lines[-1][1])):
+        lines.pop()
     for k, line in reversed(lines[-4:]):
         cuts = (
             whole_row(line, best.separator, best.width),
-            re.split(r"\s{2,}|\t", line.strip()),
+            re.split(r"\s{2,}|\t", line.strip().strip('"').strip()),
             *(cells_of(line, mark) for mark in ",; "),
         )
         row = next((cut for cut in cuts if len(cut) == best.width), None)
+        if row is None and len(words := line.split()) == best.width and any(map(axis_role, words)):
+            row = words
         if row is None and ends and len(cuts[0]) == best.width + 1:
             row = cuts[0][:-1]  # the title of a column without numbers, behind the last separator
-        if row is None or any(is_number(cell) or is_number(cell, ",") for cell in row) or not any(row):
+        if (
+            row is None
+            or not any(row)
+            or any(is_number(cell) or is_number(cell, ",") or cell.endswith(":") for cell in row)
+        ):
             break
         found.insert(0, (k, row))
     return found
@@ -245,7 +276,7 @@ def _is_units(row: list[str]) -> bool:
     bare = [cell.strip("[]() ") for cell in row]
     axes = (units.FREQUENCY, units.TIME, units.PHASE)
     return all(
-        cell != text or not cell or cell.lower() in _USUAL_UNITS or any(units.factor(axis, cell) for axis in axes)
+        cell != text or cell.lower().removeprefix("db") in units.USUAL or any(units.factor(axis, cell) for axis in axes)
         for cell, text in zip(bare, row, strict=True)
     )
 

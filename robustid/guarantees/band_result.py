@@ -33,6 +33,7 @@ from robustid.guarantees.refinement import (
     smaller_discs,
 )
 from robustid.guarantees.relative_error import RelativeErrors, relative_errors
+from robustid.guarantees.scope import pole_words
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.whole_axis import whole_axis
@@ -371,11 +372,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         """The summary without its first word."""
         upper = self.sigma_upper
         about = "the centre of the band" if self.model is None else "the model"
-        poles = ""
-        if self.problem.parametric is not None:
-            poles = ", poles of the parametric part exactly as stated"
-        if self.box is not None:
-            poles = f", poles of {len(self.box[0])} mode{'s' * (len(self.box[0]) > 1)} anywhere in their box"
+        poles = pole_words([self])
         known = self.bounded
         where = "at every frequency" + (f" but from {self.open_words}" if self.open_ranges else "")
         lines = [f"none: {self.why_nothing}{poles}"]

@@ -81,16 +81,17 @@ def check_plant(nominal: control.StateSpace) -> control.StateSpace:
 
 
 class Pieces(NamedTuple):
-    """Every piece of arc: its cell, its middle (rad), values (M, ny, nu) there and radii (M, ny, nu) that hold on all of it."""
+    """Every piece of arc: its cell, its middle and half of its length (rad), values (M, ny, nu) there and radii that hold on it."""
 
     cell: NDArray[np.intp]
     middle: Real
+    half: Real
     values: Complex
     radius: Real
 
     def of(self, which: NDArray[np.bool_]) -> Pieces:
         """Some of the pieces."""
-        return Pieces(self.cell[which], self.middle[which], self.values[which], self.radius[which])
+        return Pieces(self.cell[which], self.middle[which], self.half[which], self.values[which], self.radius[which])
 
 
 def enclose(model: control.StateSpace, angles: Real, coarse: Callable[[Pieces], NDArray[np.bool_]]) -> Pieces:
@@ -102,7 +103,7 @@ def enclose(model: control.StateSpace, angles: Real, coarse: Callable[[Pieces], 
     cell, low, high = np.arange(angles.size - 1), angles[:-1], angles[1:]
     done: list[Pieces] = []
     for depth in range(_DEPTH):
-        pieces = Pieces(cell, (low + high) / 2, *_on_arcs(matrices, low, high))
+        pieces = Pieces(cell, (low + high) / 2, (high - low) / 2, *_on_arcs(matrices, low, high))
         split = coarse(pieces) if depth < _DEPTH - 1 else np.zeros(cell.size, dtype=bool)
         done.append(pieces.of(~split))
         if not split.any():

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _TOLERANCE = 2e-3  # of peaks and margins on the whole axis: how far they are above what they have at single frequencies
 _LOST, _GRID, _BALANCING = 1e-6, 400, 4  # what a smaller model may lose, points and steps for the units of its signals
 _FEW = 200_000  # pieces of arc, beyond which the bounds are left as they are
-_FLOORS = {"gain_above": 1e-3, "gain_below": 1e-3, "phase": 1e-2, "delay": 0.0}  # smaller ones limit nothing
+FLOORS = {"gain_above": 1e-3, "gain_below": 1e-3, "phase": 1e-2, "delay": 0.0}  # smaller ones limit nothing
 
 
 class Peak(NamedTuple):
@@ -86,20 +86,7 @@ class BandAxis:
         `sizes`: of pieces and how far the values may be from those in their middles, (N, S). `floors` (S,): smaller ones limit
         nothing.
         """
-        edges = self._edges
-        if edges[0] > 0:
-            raise InputError(
-                f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s. R of a loop has no integrator, and a plant that"
-                " has one is measured in a loop"
-            )
-        whole = system.model(self.band.problem.dt or 0.0)
-        image = Image.of(whole, edges)
-        if image is None:
-            angles = edges * float(self.band.problem.dt or 0.0)
-            angles[-1] = np.pi
-        else:
-            angles = image.edges
-        model, lost = _smaller_model(whole if image is None else image.model("band", whole))
+        model, lost, angles, image = self.arcs_of(system)
         reached, count = floors, 0
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
@@ -125,6 +112,26 @@ class BandAxis:
         found, middle = (sizes(pieces, reach, *ends) for reach in (pieces.radius + lost, 0.0 * pieces.radius))
         return found.max(axis=0), omega(pieces.middle[np.argmax(middle, axis=0)])
 
+    def arcs_of(self, system: StateMatrices) -> tuple[control.StateSpace, Real, Real, Image | None]:
+        """A stable system on the circle: a smaller model, by how much its entries differ, where cells end, and the map to there.
+
+        The map is that of continuous time.
+        """
+        edges = self._edges
+        if edges[0] > 0:
+            raise InputError(
+                f"`band` must reach down to frequency 0; got {edges[0]:g} rad/s. R of a loop has no integrator, and a plant that"
+                " has one is measured in a loop"
+            )
+        whole = system.model(self.band.problem.dt or 0.0)
+        image = Image.of(whole, edges)
+        if image is None:
+            angles = edges * float(self.band.problem.dt or 0.0)
+            angles[-1] = np.pi
+        else:
+            angles = image.edges
+        return *_smaller_model(whole if image is None else image.model("band", whole)), angles, image
+
     def bounds(self, pieces: Pieces) -> Real:
         """Bounds of the entries on the cell of every piece, (N, ny, nu)."""
         if not self.parted.size:
@@ -143,7 +150,7 @@ class LoopAxis:
 
     def enclosed(self) -> tuple[dict[str, Peak], LoopMargins]:
         """Peaks and margins."""
-        floors = np.array([_FLOORS.get(name, 0.0) for name in self._names])
+        floors = np.array([FLOORS.get(name, 0.0) for name in self._names])
         sizes, omega = BandAxis(self.band).largest(self.around, self._sizes, floors)
         largest = dict(zip(self._names, sizes.tolist(), strict=True))
         where = dict(zip(self._names, omega.tolist(), strict=True))
@@ -175,7 +182,7 @@ def margins_of(largest: Mapping[str, float], shape: tuple[int, int]) -> LoopMarg
     modulus, disk = 1 / largest["sensitivity"], 1 / largest["disk"]
     delay = 1 / largest["delay"] if largest["delay"] else np.inf
     if shape == (1, 1):
-        above, below, t = (max(largest[name], _FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
+        above, below, t = (max(largest[name], FLOORS[name]) for name in ("gain_above", "gain_below", "phase"))
         up, down = (
             (1 + 1 / above if np.isfinite(above) else 1.0),
             (below / (1 + below) if np.isfinite(below) else 1.0),

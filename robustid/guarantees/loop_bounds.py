@@ -31,6 +31,7 @@ from robustid.guarantees.band_result import Band
 from robustid.guarantees.loop_axis import LoopAxis, LoopMargins, Peak
 from robustid.guarantees.loop_radius import farthest_plant
 from robustid.guarantees.loop_values import MAPS, Balls, LoopValues
+from robustid.guarantees.scope import scope_of
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin
 from robustid.guarantees.unstable_plant import UnstablePlant, unstable_plant
 from robustid.identification import Identification, Loop, as_system, identify
@@ -197,16 +198,14 @@ class LoopBounds(Frozen, Drawable, Savable):
 
     def summary(self) -> str:
         """The result in plain text."""
-        lines = [f"loop       {self._verdict}{self.band.problem.scope}"]
+        lines = [f"loop       {self._verdict}{scope_of([self.band])}"]
         if (found := self.refuted_by) is not None:
             lines.append(
                 f"refuted    by a plant of order {found.plant.nstates}, whose closed loop has a {found.pole_words}"
             )
         if self.stability is not None and not self.guaranteed:
-            near = self.stability.frequency / (2 * np.pi)
-            lines.append(
-                f"margin     {self.stability.margin:.4g}, limited at {near:.5g} Hz: above 1 it would be proved"
-            )
+            hz, size = self.stability.frequency / (2 * np.pi), self.stability.margin
+            lines.append(f"margin     {size:.4g}, limited at {hz:.5g} Hz: above 1 it would be proved")
         lines += self._peak_lines
         low, high = self.margins.gain
         who = "this controller" if self.stability is None else "the one stated"

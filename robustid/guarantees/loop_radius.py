@@ -20,7 +20,7 @@ import scipy.linalg
 from robustid.core import Complex, Real, StateMatrices, series
 from robustid.guarantees.loop_axis import BandAxis, Peak
 from robustid.guarantees.loop_distance import graph_complement, graph_factors
-from robustid.guarantees.loop_values import Part, image_ball
+from robustid.guarantees.loop_values import Part, image_of
 
 if TYPE_CHECKING:
     import control
@@ -49,7 +49,7 @@ def farthest_plant(band: Band, loop: Loop, model: control.StateSpace) -> Peak:
     def sizes(pieces: Pieces, reach: Real, *_: Real) -> Real:
         complement, graph, second, inverse = _taken(pieces.values, reach, parts)
         outer, inner = _product(complement, second), _product(inverse, _product(_adjoint(graph), second))
-        tangent = image_ball(outer, inverse, (-inner[0], inner[1]), axis.bounds(pieces))
+        tangent = image_of(outer, inverse, (-inner[0], inner[1]), axis.bounds(pieces)).largest
         return _sine(tangent)[:, None]
 
     value, omega = axis.largest(whole, sizes, np.zeros(1))

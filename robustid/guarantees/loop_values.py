@@ -38,6 +38,11 @@ class Balls(NamedTuple):
         """Bound of the largest singular value, (N,)."""
         return _norms(self.centre) + self.radius
 
+    @property
+    def least(self) -> Real:
+        """Bound of the smallest singular value, (N,); negative where it may be 0."""
+        return np.linalg.svd(self.centre, compute_uv=False)[:, -1] - self.radius
+
     def about(self, centre: Complex | Real) -> Balls:
         """The same values less a matrix."""
         return Balls(self.centre - centre, self.radius)
@@ -86,9 +91,21 @@ class LoopValues(NamedTuple):
         rows, columns = self._places()
         return self.values[:, rows[row], columns[column]], self.reach[:, rows[row], columns[column]]
 
-    def _ball(self, row: str, column: str, bound: Real) -> Balls:
-        fixed, left = self.part(row, column), self.part(row, "e")
-        right, inner = self.part("x", column), self.part("x", "e")
+    def entry(self, row: str, column: str, place: int, bound: Real) -> Balls:
+        """Balls of one entry on the diagonal of a map, (N, 1, 1): no larger than those of the whole."""
+        own = slice(place, place + 1)
+        return self._ball(row, column, bound, own)
+
+    def _ball(self, row: str, column: str, bound: Real, own: slice = slice(None)) -> Balls:
+        fixed, left, right = (
+            (one[0][:, rows, columns], one[1][:, rows, columns])
+            for one, rows, columns in (
+                (self.part(row, column), own, own),
+                (self.part(row, "e"), own, slice(None)),
+                (self.part("x", column), slice(None), own),
+            )
+        )
+        inner = self.part("x", "e")
         if self.shape == (1, 1):
             found = _disc(fixed, left, right, inner, bound)
         else:
@@ -100,12 +117,13 @@ class LoopValues(NamedTuple):
 Part = tuple[Complex, Real]  # values, and radii that hold around them
 
 
-def image_ball(left: Part, right: Part, inner: Part, bound: Real) -> Real:
-    """Bound of the largest singular value of ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``, (N,)."""
-    if bound.shape[1:] != (1, 1):
-        return _added(left, right, inner, bound)
-    none = 0.0 * left[0], 0.0 * left[1]
-    return _disc(none, left, right, inner, bound).largest
+def image_of(left: Part, right: Part, inner: Part, bound: Real) -> Balls:
+    """Balls that hold ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``: of scalars discs."""
+    if bound.shape[1:] == (1, 1):
+        return _disc((0.0 * left[0], 0.0 * left[1]), left, right, inner, bound)
+    return Balls(
+        np.zeros((len(bound), left[0].shape[1], right[0].shape[2]), dtype=complex), _added(left, right, inner, bound)
+    )
 
 
 def _added(left: Part, right: Part, inner: Part, bound: Real) -> Real:

@@ -365,8 +365,7 @@ class Loop(Frozen):
         return np.hstack([record.u, record.y])
 
     def _check_reference(self, reference: Real | None) -> Real:
-        nu, ny = self.shape
-        wanted = nu if self.excitation == "input" else ny
+        wanted = self.shape[0 if self.excitation == "input" else 1]
         if reference is None or reference.shape[1] != wanted:
             got = "none" if reference is None else f"{reference.shape[1]} signals"
             raise InputError(

@@ -170,12 +170,7 @@ class _Peak:
             seen = self._look(points.ravel()).reshape(points.shape)
             if np.all(found[:, 1:2] - found <= _CURVED * self.value):
                 break
-            omega, found = np.hstack([omega, points]), np.hstack([found, seen])
-            order = np.argsort(omega, axis=1)
-            omega, found = np.take_along_axis(omega, order, 1), np.take_along_axis(found, order, 1)
-            middle = np.argmax(found, axis=1)[:, None]
-            sides = np.clip(middle + _BESIDE, 0, omega.shape[1] - 1)
-            omega, found = np.take_along_axis(omega, sides, 1), np.take_along_axis(found, sides, 1)
+            omega, found = _best_three(np.hstack([omega, points]), np.hstack([found, seen]))
 
     def _crossings(self, level: float) -> Real:
         """Frequencies in continuous time where a singular value may be `level`, none of them missing; ascending."""
@@ -190,14 +185,24 @@ class _Peak:
         left = np.linalg.inv(np.eye(d.shape[1]) - d.conj().T @ d)
         a = a + b @ left @ d.conj().T @ c
         right = np.eye(d.shape[0]) + d @ left @ d.conj().T
-        hamiltonian = np.block([[a, b @ left @ b.conj().T], [-c.conj().T @ right @ c, -a.conj().T]])
-        values: Complex = scipy.linalg.eigvals(hamiltonian, overwrite_a=True, check_finite=False)
+        above, below = b @ left @ b.conj().T, -c.conj().T @ right @ c
+        values: Complex = scipy.linalg.eigvals(
+            np.block([[a, above], [below, -a.conj().T]]), overwrite_a=True, check_finite=False
+        )
         sizes = np.abs(values)
         near = np.abs(np.real(values)) <= np.maximum(_NEAR * sizes, _NEAR_ZERO * np.max(sizes))
         omega = np.imag(values[near])
         if pivot is not None:
             omega = pivot - 1 / omega[omega != 0]
         return np.unique(np.abs(omega))
+
+
+def _best_three(omega: Real, found: Real) -> tuple[Real, Real]:
+    """In each row the frequency with the largest value, between its neighbours."""
+    order = np.argsort(omega, axis=1)
+    middle = np.argmax(np.take_along_axis(found, order, 1), axis=1)[:, None]
+    kept = np.take_along_axis(order, np.clip(middle + _BESIDE, 0, omega.shape[1] - 1), 1)
+    return np.take_along_axis(omega, kept, 1), np.take_along_axis(found, kept, 1)
 
 
 def _vertices(omega: Real, values: Real) -> Real:

@@ -1,19 +1,16 @@
-"""Figures of a designed controller: worst cases with their limits, the open loop of every consistent plant, steps of the loop."""
+"""Figures of a designed controller: worst cases with their limits, the open loop of every consistent plant."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg
 
 from robustid.controllers import ControllerDesign, Limits
-from robustid.core import Real, StateMatrices, closed_loop, decay_of, poles_of, simulate
+from robustid.core import Real
 from robustid.errors import InputError
-from robustid.guarantees import LoopBounds
-from robustid.identification import as_system
+from robustid.guarantees import Balls, LoopBounds
 from robustid.report.charts import ALERT, BAND, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.curves import half_angle, phase_curves, span_of
 from robustid.report.loci import open_loop_chart, open_loop_of
@@ -24,19 +21,17 @@ from robustid.report.words import HZ, number
 _POINTS, _DISCS = 700, 250  # frequencies of curves, and of discs in the plane
 _BELOW = 10.0  # times the lowest frequency that is asked about: where the axis begins
 _DEEP = 1e-5  # of the largest value: what is lower is not drawn
-_SAMPLES, _LEAST = 2000, 40  # samples of a step
-_SETTLED = 5.0  # time constants of the slowest pole
-_PERIODS = 40.0  # of the fastest pole, at most
 _ARC = 41  # points of an arc
 _THIN = 0.6  # of a curve with many fine ripples
 _NEAR = ((-2.0, 0.4), (-1.5, 0.9))  # real and imaginary parts of what is near -1
-_MAPS = (
-    ("sensitivity", "S", "sensitivity_peak", "attenuation"),
-    ("complementary_sensitivity", "T", "complementary_peak", "roll_off"),
-    ("process_sensitivity", "P S", "process_peak", ""),
-    ("control_sensitivity", "C S", "control_peak", ""),
-)
-LARGEST, LIMIT = "largest with any consistent plant", "limit"
+MAPS = {
+    "sensitivity": ("S", "sensitivity_peak"),
+    "complementary_sensitivity": ("T", "complementary_peak"),
+    "process_sensitivity": ("P S", "process_peak"),
+    "control_sensitivity": ("C S", "control_peak"),
+}  # of the loop: letters, and the limit of the peak
+LARGEST, SMALLEST = "largest with any consistent plant", "smallest with any consistent plant"
+LIMIT, LEAST = "limit", "limit, at least"
 
 
 def asked_of(design: ControllerDesign) -> Limits:
@@ -46,25 +41,35 @@ def asked_of(design: ControllerDesign) -> Limits:
 
 def design_chart(design: ControllerDesign) -> Chart:
     """Largest S, T, P S and C S with any consistent plant over frequency, each with its limits."""
-    omega, limits = _frequencies(_proofs(design)), asked_of(design)
+    omega, limits = _frequencies(proofs_of(design)), asked_of(design)
     maps = [one.at(omega) for one in design.proofs]
     axis, panels = frequency_axis(omega), list[Panel]()
-    for name, letters, peak, rows in _MAPS:
-        sizes = [np.linalg.norm(one[name][0], 2, axis=(1, 2)) + one[name][1] for one in maps]
-        largest = np.max(sizes, axis=0)
-        curve = Layer(
-            LARGEST, omega / HZ, np.where(np.isfinite(largest), largest, np.nan), NOMINAL, "solid", size=_THIN
-        )
-        bounds = limit_layers(getattr(limits, peak), getattr(limits, rows) if rows else (), omega)
-        y = np.concatenate([curve.y, *(layer.y for layer in bounds)])
+    for name, (letters, _) in MAPS.items():
+        balls = [Balls(*one[name]) for one in maps]
+        curves = [curve(LARGEST, omega, np.max([one.largest for one in balls], axis=0), NOMINAL)]
+        if bounded_below(limits, name):
+            curves.append(curve(SMALLEST, omega, np.min([one.least for one in balls], axis=0), FURTHER[0]))
+        bounds = limit_layers(limits, name, omega)
+        y = np.concatenate([curves[0].y, *(layer.y for layer in bounds)])
         y = y[np.isfinite(y)]
         span = span_of(np.maximum(y, _DEEP * y.max(initial=0.0)), 1.3) if y.size else None
-        label = Axis(f"largest |{letters}|", log=True, range=span)
-        panels.append(Panel(letters, axis, label, [curve, *bounds]))
+        label = Axis(f"{'largest ' * (len(curves) == 1)}|{letters}|", log=True, range=span)
+        panels.append(Panel(letters, axis, label, [*curves, *bounds]))
     return Chart("design", panels, linked=True)
 
 
-def _proofs(design: ControllerDesign) -> tuple[LoopBounds, ...]:
+def curve(name: str, omega: Real, sizes: Real, colour: str) -> Layer:
+    """Sizes over frequency, where they are finite and positive."""
+    shown = np.where(np.isfinite(sizes) & (sizes > 0), sizes, np.nan)
+    return Layer(name, omega / HZ, shown, colour, "solid", size=_THIN)
+
+
+def bounded_below(limits: Limits, name: str) -> bool:
+    """Return whether a template asks that a map of the loop is large."""
+    return any(template.least and template.map == name for template, *_ in limits.rows)
+
+
+def proofs_of(design: ControllerDesign) -> tuple[LoopBounds, ...]:
     """Worst cases of the controller with the plants of every band."""
     if not design.proofs:
         raise InputError(
@@ -81,21 +86,26 @@ def _frequencies(proofs: tuple[LoopBounds, ...]) -> Real:
     return np.geomspace(float(known.min()) / _BELOW, high, _POINTS)
 
 
-def limit_layers(peak: float | None, rows: Sequence[tuple[float, float, float]], omega: Real) -> list[Layer]:
-    """A peak as a line over the whole axis, ranges of frequencies as steps."""
-    steps = [] if peak is None else [(float(omega[0]), float(omega[-1]), peak)]
-    steps += [(max(low, float(omega[0])), min(high, float(omega[-1])), value) for low, high, value in rows]
-    shown = [(low, high, value) for low, high, value in steps if low < high]
-    if not shown:
-        return []
-    x = np.concatenate([[low, high, np.nan] for low, high, _ in shown]) / HZ
-    y = np.concatenate([[value, value, np.nan] for *_, value in shown])
-    return [Layer(LIMIT, x, y, ALERT, dash="dash")]
+def limit_layers(limits: Limits, name: str, omega: Real) -> list[Layer]:
+    """Limits of a map of the loop: its peak as a line over the whole axis, ranges of frequencies as steps."""
+    start, end, peak = float(omega[0]), float(omega[-1]), getattr(limits, MAPS[name][1])
+    steps = [] if peak is None else [(LIMIT, start, end, peak)]
+    for template, low, high, value in limits.rows:
+        if template.map == name and max(low, start) < min(high, end):
+            steps.append((LEAST if template.least else LIMIT, max(low, start), min(high, end), value))
+    found: list[Layer] = []
+    for said, dash in ((LIMIT, "dash"), (LEAST, "dashdot")):
+        shown = [row for own, *row in steps if own == said]
+        if shown:
+            x = np.concatenate([[low, high, np.nan] for low, high, _ in shown]) / HZ
+            y = np.concatenate([[value, value, np.nan] for *_, value in shown])
+            found.append(Layer(said, x, y, ALERT, dash=dash))
+    return found
 
 
 def open_loop_bode(design: ControllerDesign) -> Chart:
     """Magnitude and phase of the open loop in the range of every consistent plant, and what the bandwidth asks."""
-    proofs = _proofs(design)
+    proofs = proofs_of(design)
     omega, drawn = _frequencies(proofs), MagnitudePhase()
     x, found = omega / HZ, [open_loop_of(one, omega) for one in proofs]
     sizes = [np.abs(centre) for centre, _ in found]
@@ -127,7 +137,7 @@ def open_loop_bode(design: ControllerDesign) -> Chart:
 
 def nyquist_charts(design: ControllerDesign) -> list[Chart]:
     """Nyquist plots of the open loops of every band, discs of all consistent plants, and what the limits keep them out of."""
-    proofs, further = _proofs(design), kept_out(asked_of(design))
+    proofs, further = proofs_of(design), kept_out(asked_of(design))
     high = float(_frequencies(proofs)[-1])
     charts: list[Chart] = []
     for k, one in enumerate(proofs, start=1):
@@ -135,6 +145,8 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
         chart = open_loop_chart(one, omega, further, f"open-loop-{k}")
         if chart is not None:
             whole = chart.panels[0]
+            if len(proofs) > 1:
+                whole = dataclasses.replace(whole, title=f"{whole.title}, band {k}")
             x, y = (dataclasses.replace(axis, range=span) for axis, span in zip((whole.x, whole.y), _NEAR, strict=True))
             near = dataclasses.replace(whole, title="The same, near -1", x=x, y=y)
             charts.append(dataclasses.replace(chart, panels=[whole, near], columns=2))
@@ -158,53 +170,3 @@ def kept_out(limits: Limits, said: str = "kept out: ") -> list[Layer]:
         words = f"{said}phase margin {number(math.degrees(phase))}°"
         found.append(plane_layer(words, arc, FURTHER[0], dash="dash"))
     return found
-
-
-def step_chart(design: ControllerDesign) -> Chart:
-    """Steps of the loop with the plant of the model of each band: of the set point, and of a disturbance at the input."""
-    colours = (NOMINAL, *FURTHER)
-    panels: list[list[Layer]] = [[], [], []]
-    for k, one in enumerate(_proofs(design)):
-        name = "plant of the model" if len(design.proofs) == 1 else f"plant of the model of band {k + 1}"
-        t, answers = _steps(one)
-        for layers, y in zip(panels, answers, strict=True):
-            layers.append(Layer(name, t, y, colours[k % len(colours)], dash="solid"))
-    time = Axis("time [s]")
-    titles = "Step of the set point", "The same: what the controller gives", "Step of a disturbance at the input"
-    labels = "output", "input", "output,\nof the disturbance"
-    drawn = [
-        Panel(title, time, Axis(label), layers) for title, label, layers in zip(titles, labels, panels, strict=True)
-    ]
-    return Chart("steps", drawn, linked=True)
-
-
-def _steps(bounds: LoopBounds) -> tuple[Real, tuple[Real, Real, Real]]:
-    """Times; output and input after a step of the set point, u = C (r - y); output after a step at the input of the plant."""
-    model, dt = bounds.band.model, bounds.loop.dt
-    if model is None:
-        raise InputError("`result` is of a band without a model; there is no loop to simulate")
-    plant = StateMatrices.of(bounds.loop.plant_of(model))
-    loop = closed_loop(plant, as_system("controller", bounds.controller)[0])
-    h, count = _time_of(loop, dt)
-    if not dt:
-        n = len(loop.A)
-        whole = scipy.linalg.expm(h * np.block([[loop.A, loop.B], [np.zeros((2, n + 2))]]))
-        loop = loop._replace(A=whole[:n, :n], B=whole[:n, n:])
-    u = np.zeros((count, 2))
-    u[:, 1] = -1.0  # the set point stands where a disturbance at the output does, with the other sign: y - r
-    error = simulate(loop, u)[0]
-    disturbed = simulate(loop, u[:, ::-1] * -1.0)[0]
-    t: Real = h * np.arange(count, dtype=float)
-    return t, (1 + error[:, 1], error[:, 0], disturbed[:, 1])
-
-
-def _time_of(loop: StateMatrices, dt: float) -> tuple[float, int]:
-    """Time step and number of samples: until the slowest pole has settled, within reason."""
-    poles = poles_of(loop.A)
-    slowest = decay_of(poles, dt)
-    if dt:
-        rate = slowest * dt
-        return dt, int(np.clip(_SETTLED / rate if rate > 0 else _LEAST, _LEAST, _SAMPLES))
-    fastest = float(np.abs(poles).max(initial=1.0))
-    end = min(_SETTLED / slowest, _PERIODS * _SAMPLES / fastest) if slowest > 0 else _SETTLED / fastest
-    return end / _SAMPLES, _SAMPLES

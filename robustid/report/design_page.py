@@ -4,31 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy.signal
 
-from robustid.controllers import (
-    FIR,
-    PID,
-    ControllerDesign,
-    DesignStatus,
-    Factor,
-    Fixed,
-    Limits,
-    LowPass,
-    Matrix,
-    Notch,
-    entries_of,
-    integral_gain,
-)
+from robustid.controllers import ControllerDesign, DesignStatus, Limits, integral_gain
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
-from robustid.report.design_charts import asked_of, design_chart, nyquist_charts, open_loop_bode, step_chart
+from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode
+from robustid.report.design_improvements import as_improvements, improvements_section, where_to_measure
+from robustid.report.design_steps import steps_section
+from robustid.report.design_structure import signal_names, structure_rows
 from robustid.report.document import (
     Block,
     Code,
@@ -48,7 +38,7 @@ from robustid.report.document import (
 )
 from robustid.report.identified import Parts
 from robustid.report.loop_page import loop_stands_on
-from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table
+from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
 from robustid.report.words import HZ, at_most, number
@@ -57,6 +47,7 @@ from robustid.report.words import title as heading
 if TYPE_CHECKING:
     import control
 
+_KEPT = "\u00a0"  # a space that no line ends with
 _KEYS = {
     DesignStatus.PROVED: ("consistent", "Proved"),
     DesignStatus.FOUND: ("weak", "Not proved"),
@@ -67,7 +58,8 @@ _KEYS = {
 
 def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Document:
     """Build the page of a designed controller."""
-    del parts
+    given = parts.get("sensitivity")
+    improved = () if given is None else as_improvements(given)
     if title is None and design.proofs:
         problem = design.proofs[0].band.problem
         title = heading("Controller", problem.outputs, problem.inputs)
@@ -76,12 +68,17 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
     return Document(
         title or "Controller",
         head=[design_verdict(design)],
-        body=[*body, Heading("In plain text"), Code(design.summary())],
+        body=[
+            *body,
+            *(improvements_section(design, improved) if improved else []),
+            Heading("In plain text"),
+            Code(design.summary()),
+        ],
         glance=Glance(
             numbers=_numbers(design),
             words=_words(design),
             chart=None if curves is None else first_panel(curves),
-            next=_next(design),
+            next=[*_next(design), *([Text(where)] if (where := where_to_measure(design, improved)) else [])],
         ),
     )
 
@@ -98,7 +95,7 @@ def design_section(design: ControllerDesign) -> list[Block]:
 def design_blocks(design: ControllerDesign) -> list[Block]:
     """Build the sections on a controller, each under its heading."""
     if not design.proofs:
-        return [Heading("What was asked"), Facts([*asked_words(design.limits), *_structure_rows(design)])]
+        return [Heading("What was asked"), Facts([*asked_words(design.limits), *structure_rows(design)])]
     single = design.proofs[0].loop.shape == (1, 1)
     return [
         Heading("Limits", guarantee=True),
@@ -110,7 +107,7 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
         *(_open_loop(design) if single else []),
         Heading("The controller"),
         *_controller(design, single),
-        *(_steps(design) if single else []),
+        *(steps_section(design) if single else []),
         Heading("Peaks and margins", guarantee=True),
         *_margins(design),
         Heading("What it stands on"),
@@ -205,13 +202,20 @@ def _next(design: ControllerDesign) -> list[Text]:
 
 def shares_table(design: ControllerDesign) -> Table:
     """Limits with what was asked, the share that is taken, and where."""
-    asked = dict(asked_words(asked_of(design)))
+    asked = asked_in_lines(asked_of(design))
     rows = [
         [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
         for name, (share, omega) in design.asked_shares.items()
     ]
     columns = Column("limit"), Column("asked"), Column("share that is taken", "share"), *of_numbers("near [Hz]")
     return Table(columns, rows, marks=[share <= 1 for share, _ in design.asked_shares.values()])
+
+
+def asked_in_lines(limits: Limits) -> dict[str, str]:
+    """Limits by their names, in words that narrow columns break after commas alone."""
+    return {
+        name: ", ".join(part.replace(" ", _KEPT) for part in words.split(", ")) for name, words in asked_words(limits)
+    }
 
 
 def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
@@ -230,13 +234,16 @@ def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
             yield name.replace("_", " "), sign.format(number(value))
     if limits.phase_margin is not None:
         yield "phase margin", f"at least {number(math.degrees(limits.phase_margin))}°"
-    for name, field, map_ in (("attenuation", "attenuation", "S"), ("roll-off", "roll_off", "T")):
-        rows = [
-            f"|{map_}| ≤ {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
-            for low, high, value in getattr(limits, field)
-        ]
-        if rows:
-            yield name, "; ".join(rows)
+    for template in dict.fromkeys(template for template, *_ in limits.rows):
+        letters, sign = MAPS[template.map][0], "≥" if template.least else "≤"
+        yield (
+            template.name,
+            "; ".join(
+                f"|{letters}| {sign} {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
+                for one, low, high, value in limits.rows
+                if one is template
+            ),
+        )
     if limits.bandwidth is not None:
         yield "bandwidth", f"|P C| ≥ 1 up to {number(limits.bandwidth / HZ)} Hz"
 
@@ -255,66 +262,21 @@ def _open_loop(design: ControllerDesign) -> list[Block]:
 def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     if design.controller is None:
         return []
-    found: list[Block] = [Facts([*_structure_rows(design), *(_gain_rows(design) if single else [])])]
+    found: list[Block] = [Facts([*structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
         return [*found, Drawing(model_chart(design.controller, "controller"))]
-    return [*found, Grid(list(_entries(design.controller)), 2, small=False)]
+    return [*found, Grid(list(_entries(design, design.controller)), 2, small=False)]
 
 
-def _entries(controller: control.StateSpace) -> Iterator[Chart]:
+def _entries(design: ControllerDesign, controller: control.StateSpace) -> Iterator[Chart]:
     """Charts of the entries of a matrix that are not zero."""
+    inputs, outputs = signal_names(design)
     charts = model_charts(controller, "controller")
     for (i, j), chart in zip(np.ndindex(controller.noutputs, controller.ninputs), charts, strict=True):
         if np.nanmax(chart.panels[0].layers[0].y) > 0:
-            first = dataclasses.replace(chart.panels[0], title=f"From output {j} to input {i}")
+            first = dataclasses.replace(chart.panels[0], title=f"From {outputs[j]} to {inputs[i]}")
             yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
-
-
-def _structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
-    """Factors of the structure, with what was searched."""
-    rows: list[tuple[str, str]] = []
-    place, searched = 0, design.searched
-    structure = design.structure
-    nu, ny = design.proofs[0].loop.shape if design.proofs else (1, 1)
-    if isinstance(structure, Matrix):
-        nu, ny = structure.shape
-    entries = entries_of(structure, (ny, nu))
-    for i, j, factors in entries:
-        words: list[str] = []
-        for one in factors:
-            count = len(one.free)
-            words.append(factor_words(one, searched[place : place + count]))
-            place += count
-        name = "Structure" if len(entries) == 1 else f"Structure, {j} to {i}"
-        rows.append((name, " × ".join(words)))
-    return rows
-
-
-def factor_words(factor: Factor, at: Sequence[float]) -> str:
-    """A factor in words, with the numbers that were found of those that were searched; of none that was found its intervals."""
-    place = " and ".join(
-        f"{number(low / HZ, 5)} Hz" if low == high else f"{number(low / HZ, 4)} to {number(high / HZ, 4)} Hz, searched"
-        for low, high in factor.free
-    )
-    if at:
-        place = " and ".join(
-            f"{number(one / HZ, 5)} Hz"
-            + f" (searched from {number(low / HZ, 4)} to {number(high / HZ, 4)} Hz)" * (low < high)
-            for one, (low, high) in zip(at, factor.free, strict=True)
-        )
-    if isinstance(factor, PID):
-        letters = "P" + "I" * factor.integral + "D" * (factor.filter is not None)
-        return letters + (f", the derivative up to {place}" if place else "")
-    if isinstance(factor, Notch):
-        return f"Notch with its poles at {place}, damping {number(factor.damping)}"
-    if isinstance(factor, LowPass):
-        return f"Low-pass of order {factor.order} at {place}"
-    if isinstance(factor, FIR):
-        return f"{factor.length} past samples"
-    if isinstance(factor, Fixed):
-        return f"A known model of order {len(as_system('model', factor.model)[0].A)}"
-    return f"Lead or lag with its pole at {place}"
 
 
 def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
@@ -325,6 +287,12 @@ def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
     end = f"{number(_at(system, -1.0))}, at {number(0.5 / dt)} Hz" if dt else number(float(system.D[0, 0]))
     rows = [("Gain at frequency 0", size), ("Gain at the end of the axis", end)]
     return [*rows, *([("Gain of the integrator", f"{number(integral, 5)} 1/s")] if integral else [])]
+
+
+def _least_gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
+    """Least gain of the integrators of a matrix."""
+    gain = integral_gain(as_system("controller", design.controller)[0], design.proofs[0].loop.dt)
+    return [("Least gain of the integrators", f"{number(gain, 5)} 1/s, their smallest singular value")] if gain else []
 
 
 def _at(system: StateMatrices, point: float) -> float:
@@ -350,18 +318,11 @@ def _zeros_and_poles(system: StateMatrices) -> tuple[Complex, Complex]:
     return np.asarray(found[0], dtype=complex), np.asarray(found[1], dtype=complex)
 
 
-def _steps(design: ControllerDesign) -> list[Block]:
-    words = (
-        "With the plant of the model of the band alone, as it stands: nothing is proved of the steps of other plants."
-    )
-    return [Heading("Steps of the loop"), Text(words, "soft"), Drawing(step_chart(design))]
-
-
 def _margins(design: ControllerDesign) -> list[Block]:
     found: list[Block] = []
     for k, one in enumerate(design.proofs, start=1):
         found += [Heading(f"Band {k}", 3)] if len(design.proofs) > 1 else []
-        found += [peaks_table(one), Facts(_without_assumed(one))]
+        found += [peaks_table(one), Facts(_without_assumed(one)), *single_loops(one)]
     return found
 
 

@@ -29,6 +29,7 @@ from robustid.report.charts import (
 )
 from robustid.report.curves import magnitude_range, spread
 from robustid.report.data_faults import problem_verdict, steps_with_faults
+from robustid.report.design_page import design_section
 from robustid.report.document import (
     Block,
     Column,
@@ -90,6 +91,7 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
                 *moving,
                 Heading("What is not known"),
                 *(Text(sentence) for sentence in family.not_known),
+                *_controller(family, parts),
                 *withheld_section(withheld),
                 *run_file_section(parts.get("run_file")),
             ],
@@ -97,6 +99,15 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
         ),
         glance=_glance(family, charts[0], parts),
     )
+
+
+def _controller(family: Family, parts: Parts) -> list[Block]:
+    """The section on the controller for all members, and which band is of which."""
+    if (design := parts.get("design")) is None:
+        return []
+    heading, verdict, *found = design_section(design)
+    bands = "; ".join(f"band {k} is that of {m.name}" for k, m in enumerate(family.members, start=1))
+    return [heading, verdict, *([Text(f"{bands[:1].upper()}{bands[1:]}.")] if design.proofs else []), *found]
 
 
 def _fault_verdict(family: Family) -> list[Verdict]:

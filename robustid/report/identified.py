@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import control
 
     from robustid.advice import Content, Diagnosis, Sensitivity
-    from robustid.controllers import ControllerDesign
+    from robustid.controllers import ControllerDesign, Improvement
     from robustid.data import TimeRecord, Undoing
     from robustid.fitting import OrderSweep
     from robustid.guarantees import Band, Coverage, LoopBounds, ResponseTube, RobustStabilityMargin, StructuredWeight
@@ -44,7 +44,7 @@ class Parts(TypedDict, total=False):
     over_poles: WorstCaseOverPoles | None
     stability: RobustStabilityMargin | Mapping[str, RobustStabilityMargin] | None
     weights: StructuredWeight | Sequence[StructuredWeight] | None
-    sensitivity: Sensitivity | None
+    sensitivity: Sensitivity | Sequence[Improvement] | None
     data: FrequencyResponse | None
     order_sweep: OrderSweep | None
     records: TimeRecord | Sequence[TimeRecord] | None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.errors import InputError
-from robustid.guarantees import LoopBounds
+from robustid.guarantees import LoopBounds, margins_by_loop
 from robustid.identification import describe_poles
 from robustid.report.charts import ALERT, BAND, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
 from robustid.report.data_faults import steps_with_faults
@@ -167,6 +167,27 @@ def loop_rows(bounds: LoopBounds) -> list[tuple[str, str]]:
         ),
         assumed,
     ]
+
+
+def single_loops(bounds: LoopBounds) -> list[Block]:
+    """Margins at one output or input of the plant at a time, of a matrix whose controller is proved."""
+    if bounds.loop.shape == (1, 1) or not bounds.guaranteed or bounds.unbounded:
+        return []
+    found = margins_by_loop(bounds)
+    rows = [
+        [
+            f"{name} {k}",
+            f"{at_most(one.gain[0])} to {at_least(one.gain[1])}",
+            at_least(float(np.degrees(one.phase))),
+            at_least(one.delay),
+            at_least(one.modulus),
+        ]
+        for name, margins in zip(("output", "input"), found, strict=True)
+        for k, one in enumerate(margins)
+    ]
+    heads = Column("opened at"), Column("gain"), *of_numbers("phase [°]", "delay [s]", "modulus")
+    words = "A change in one loop alone, the others as they are; those above hold for changes in all of them at once."
+    return [Text(words, "soft"), Table(heads, rows)]
 
 
 def refuting_plant(bounds: LoopBounds) -> list[Block]:

@@ -107,8 +107,9 @@ def write_report(
         over frequency.
     weights : StructuredWeight or sequence of StructuredWeight, optional
         From `structured_weights`, the first one drawn: adds what each structure costs.
-    sensitivity : Sensitivity, optional
-        From `sensitivity(identification.problem)`: adds how the guarantee moves with the assumptions.
+    sensitivity : Sensitivity or sequence of Improvement, optional
+        From `sensitivity(identification.problem)`: adds how the guarantee moves with the assumptions. Of a design from its
+        `improvements()`: adds what smaller bounds and wider limits would bring, and where to measure.
     data : FrequencyResponse, optional
         What the matrix fraction was fitted to: names of the signals, and the noise.
     order_sweep : OrderSweep, optional
@@ -186,10 +187,10 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
     MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
     FrequencyResponse: (response_page, ("records", "undoing")),
-    Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing")),
+    Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing", "design")),
     LoopBounds: (loop_page, ("candidates",)),
     Interconnection: (interconnection_page, ("forbidden",)),
-    ControllerDesign: (design_page, ()),
+    ControllerDesign: (design_page, ("sensitivity",)),
 }
 
 

@@ -24,35 +24,33 @@ from robustid.guarantees import (
     WorstCaseOverPoles,
 )
 from robustid.identification import Identification
-from robustid.reduction import ModelWorth, PlantReduction, Reduction
+from robustid.reduction import ModelWorth, Reduction
 from robustid.report.charts import Chart
-from robustid.report.design_charts import design_chart, open_loop_bode, step_chart
+from robustid.report.design_charts import open_loop_bode
+from robustid.report.design_steps import step_chart
+from robustid.report.drawn import drawn
 from robustid.report.family_page import family_chart, schedule_chart
 from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
 from robustid.report.guarantee import guaranteed_bode
-from robustid.report.loci import loci_chart
-from robustid.report.loop_section import loop_chart
 from robustid.report.order_sweep_section import order_chart, stabilisation_chart
-from robustid.report.pages import kind_of, refuse_foreign
+from robustid.report.plot_loops import design, loop, nyquist, stability
 from robustid.report.pole_box import pole_box_chart
 from robustid.report.poles import pole_chart
 from robustid.report.proved_band import centre_chart
 from robustid.report.residual_charts import identified_residuals
 from robustid.report.response_charts import response_bode
 from robustid.report.small_model import hankel_chart, model_chart, tried_orders, worth_chart
-from robustid.report.stability import stability_chart, weights_chart
+from robustid.report.stability import weights_chart
 from robustid.report.time_response import identified_time, tube_chart
-from robustid.report.value_sets import nyquist_chart
-from robustid.report.with_matplotlib import draw
 
 if TYPE_CHECKING:
     import control
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from robustid.report.drawn import Where
+
     Models = Mapping[str, control.StateSpace] | None
-    Where = Axes | Sequence[Axes] | None
 
 __all__ = [
     "bode",
@@ -174,7 +172,7 @@ def bode(
         Family: (family_chart, ()),
         ControllerDesign: (open_loop_bode, ()),
     }
-    return _drawn(kinds, result, {"models": models, "data": data, "records": records}, ax)
+    return drawn(kinds, result, {"models": models, "data": data, "records": records}, ax)
 
 
 def time_response(result: Identification | ResponseTube, *, models: Models = None, ax: Where = None) -> Figure:
@@ -203,7 +201,7 @@ def time_response(result: Identification | ResponseTube, *, models: Models = Non
         ResponseTube: (tube_chart, ()),
         ControllerDesign: (step_chart, ()),
     }
-    return _drawn(kinds, result, {"models": models}, ax)
+    return drawn(kinds, result, {"models": models}, ax)
 
 
 def schedule(result: Family, *, ax: Where = None) -> Figure:
@@ -226,7 +224,7 @@ def schedule(result: Family, *, ax: Where = None) -> Figure:
     >>> rid.plot.schedule(two).axes[0].get_xlabel()
     'load'
     """
-    return _drawn({Family: (schedule_chart, ())}, result, {}, ax)
+    return drawn({Family: (schedule_chart, ())}, result, {}, ax)
 
 
 def residuals(result: Identification, *, models: Models = None, ax: Where = None) -> Figure:
@@ -246,28 +244,7 @@ def residuals(result: Identification, *, models: Models = None, ax: Where = None
     >>> rid.plot.residuals(result).axes[0].get_ylabel()
     '|residual| / bound'
     """
-    return _drawn({Identification: (identified_residuals, ("models",))}, result, {"models": models}, ax)
-
-
-def nyquist(result: WorstCaseError | Interconnection, *, ax: Where = None) -> Figure:
-    """Draw at every frequency the polygon that holds every consistent value, values that are reached, and the discs of the data.
-
-    Beside it the polygons of the largest errors around the model, to scale. Of a MIMO problem a row for every entry, at the
-    frequencies at which the largest singular value of the error is largest. Of an Interconnection: eigenvalues of the product of
-    both models, with discs that hold those of every pair.
-
-    Parameters and errors as for `bode`.
-
-    Examples
-    --------
-    >>> import numpy as np, robustid as rid
-    >>> frf = rid.FrequencyResponse([1.0, 5.0], [1.0, 0.9 - 0.2j], bound=0.05, dt=0.1)
-    >>> result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.4)))
-    >>> figure = rid.plot.nyquist(rid.worst_case_error(result, omega=[2.0], directions=4))
-    >>> [axes.get_title(loc="left") for axes in figure.axes]
-    ['Values at the frequencies', 'Largest errors, around the model']
-    """
-    return _drawn({WorstCaseError: (nyquist_chart, ()), Interconnection: (loci_chart, ())}, result, {}, ax)
+    return drawn({Identification: (identified_residuals, ("models",))}, result, {"models": models}, ax)
 
 
 def poles(
@@ -292,7 +269,7 @@ def poles(
     ['real part of s/2π [Hz]', 'natural frequency [Hz]']
     """
     kinds = {Identification: (pole_chart, ("models",)), MatrixFraction: (fit_poles, ("data",))}
-    return _drawn(kinds, result, {"models": models, "data": data}, ax)
+    return drawn(kinds, result, {"models": models, "data": data}, ax)
 
 
 def hankel(result: Identification, *, reduction: Reduction | None = None, ax: Where = None) -> Figure:
@@ -309,7 +286,7 @@ def hankel(result: Identification, *, reduction: Reduction | None = None, ax: Wh
     >>> rid.plot.hankel(result).axes[0].get_title(loc="left")
     'Hankel singular values'
     """
-    return _drawn({Identification: (hankel_chart, ("reduction",))}, result, {"reduction": reduction}, ax)
+    return drawn({Identification: (hankel_chart, ("reduction",))}, result, {"reduction": reduction}, ax)
 
 
 def convergence(result: MatrixFraction, *, ax: Where = None) -> Figure:
@@ -328,7 +305,7 @@ def convergence(result: MatrixFraction, *, ax: Where = None) -> Figure:
     >>> [axes.get_ylabel() for axes in rid.plot.convergence(fit).axes]
     ['cost [–]', 'κ − 1 [–]']
     """
-    return _drawn({MatrixFraction: (fit_convergence, ())}, result, {}, ax)
+    return drawn({MatrixFraction: (fit_convergence, ())}, result, {}, ax)
 
 
 def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Where = None) -> Figure:
@@ -355,62 +332,7 @@ def orders(result: OrderSweep | Reduction | ModelWorth, *, ax: Where = None) -> 
     'order [–]'
     """
     kinds = {OrderSweep: order_chart, Reduction: tried_orders, ModelWorth: worth_chart}
-    return _drawn({kind: (chart, ()) for kind, chart in kinds.items()}, result, {}, ax)
-
-
-def stability(result: RobustStabilityMargin | Mapping[str, RobustStabilityMargin], *, ax: Where = None) -> Figure:
-    """Draw the upper bound of the structured singular value over frequency, its largest value, and the limit 1.
-
-    Below 1 at every frequency a controller stabilises every plant of the set. The bound holds on whole arcs. Several margins, by
-    the names of their controllers, are drawn in one figure.
-
-    Parameters and errors as for `bode`.
-
-    Examples
-    --------
-    >>> import control, numpy as np, robustid as rid
-    >>> nominal, gain = control.ss(0.5, 1.0, 1.0, 0.0, 1.0), control.ss([], [], [], 0.25, 1.0)
-    >>> margin = rid.guarantee.robust_stability_margin(nominal, gain, [0.0, 1.0, np.pi], [0.5, 0.5])
-    >>> rid.plot.stability(margin).axes[0].get_ylabel()
-    'upper bound [–]'
-    """
-    return draw(stability_chart(result), ax)
-
-
-def loop(result: LoopBounds, *, plant: PlantReduction | None = None, ax: Where = None) -> Figure:
-    """Draw the plant of a loop with the range of every consistent one, and the largest S and T.
-
-    Parameters
-    ----------
-    result : LoopBounds
-        From `loop_bounds`.
-    plant : PlantReduction, optional
-        From `reduce_plant`: the model that is drawn in the range. Default: its centre.
-    ax : matplotlib axes, optional
-        One for each panel.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    return _drawn({LoopBounds: (loop_chart, ("plant",))}, result, {"plant": plant}, ax)
-
-
-def design(result: ControllerDesign, *, ax: Where = None) -> Figure:
-    """Draw the largest S, T, P S and C S of a designed controller with any consistent plant, and the limits that they keep.
-
-    Parameters
-    ----------
-    result : ControllerDesign
-        From `design_controller`; of one that found no controller there is nothing to draw.
-    ax : matplotlib axes, optional
-        One for each panel.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    return _drawn({ControllerDesign: (design_chart, ())}, result, {}, ax)
+    return drawn({kind: (chart, ()) for kind, chart in kinds.items()}, result, {}, ax)
 
 
 def stabilisation(result: OrderSweep, *, ax: Where = None) -> Figure:
@@ -429,17 +351,4 @@ def stabilisation(result: OrderSweep, *, ax: Where = None) -> Figure:
     >>> rid.plot.stabilisation(rid.fits.suggest_order(frf, orders=[2, 3])).axes[0].get_ylabel()
     'order [–]'
     """
-    return _drawn({OrderSweep: (stabilisation_chart, ())}, result, {}, ax)
-
-
-def _drawn(
-    kinds: Mapping[type, tuple[Callable[..., Chart], tuple[str, ...]]],
-    result: object,
-    options: dict[str, object],
-    ax: Where,
-) -> Figure:
-    """Draw the chart that belongs to the kind of the result; refuse other kinds, and options that don't belong to this one."""
-    chart, belonging = kinds[kind_of("result", result, kinds)]
-    given = {name: value for name, value in options.items() if value is not None}
-    refuse_foreign(result, given, belonging)
-    return draw(chart(result, **given), ax)
+    return drawn({OrderSweep: (stabilisation_chart, ())}, result, {}, ax)

@@ -25,9 +25,9 @@ _CAUTION = (
 _WORDS = {"gain": "the gain bound", "decay": "the decay rate", "lines": "the number of frequency points"}
 
 
-def sensitivity_section(identification: Identification, table: Sensitivity) -> list[Block]:
+def sensitivity_section(identification: Identification, given: object) -> list[Block]:
     """Build the section of how the guarantee moves with its assumptions."""
-    _check(table, identification)
+    table = _checked(given, identification)
     words = (
         f"Half of the largest width of the guaranteed set of values, relative to the response, {at_frequencies(table.omega)}."
         " Every row changes one assumption, keeps the others, and is identified anew; the poles of the parametric part and the"
@@ -43,15 +43,16 @@ def sensitivity_section(identification: Identification, table: Sensitivity) -> l
     ]
 
 
-def _check(table: Sensitivity, identification: Identification) -> None:
-    """Refuse what isn't a table of sensitivities, or belongs to another problem, as far as its margin tells."""
-    as_kind("sensitivity", table, Sensitivity, "a Sensitivity, from sensitivity()")
+def _checked(given: object, identification: Identification) -> Sensitivity:
+    """The table; refused is what isn't one, or belongs to another problem, as far as its margin tells."""
+    table = as_kind("sensitivity", given, Sensitivity, "a Sensitivity, from sensitivity()")
     margin, low, high = table.variations[0].margin, identification.margin_lower, identification.margin
     if np.isfinite(margin) and not (1 - _SAME) * low - _SAME <= margin <= (1 + _SAME) * high + _SAME:
         raise InputError(
             f"`sensitivity` is about another problem than the one reported: its margin is {margin:.6g}, that of the"
             f" identification {high:.6g}; compute sensitivity(identification.problem)"
         )
+    return table
 
 
 def sensitivity_chart(table: Sensitivity, identification: Identification) -> Chart:

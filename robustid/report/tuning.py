@@ -2,61 +2,58 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from robustid.controllers import Limits, Proof, WorstAt
-from robustid.core import Real
-from robustid.report.charts import BAND, FAINT, NOMINAL, Axis, Layer, Panel, frequency_axis
+from robustid.guarantees import scope_of
+from robustid.report.charts import BAND, FAINT, FURTHER, NOMINAL, Axis, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
-from robustid.report.design_charts import kept_out, limit_layers
-from robustid.report.design_page import asked_words
+from robustid.report.design_charts import LARGEST, MAPS, SMALLEST, bounded_below, curve, kept_out, limit_layers
+from robustid.report.design_page import asked_in_lines
 from robustid.report.loci import open_loop_panel
 from robustid.report.with_plotly import Drawn, plotly_figure
 from robustid.report.words import HZ, at_least, at_most, number
 
 Shares = Mapping[str, tuple[float, float]]
-_HEIGHT, _PLANE = 700, 400  # pixels
-_DOMAINS = ((0.7, 1.0), (0.36, 0.63), (0.0, 0.29))
+_HEIGHT, _PLANE = 1080, 400  # pixels
+_ROOM, _GAP = 0.17, 0.0375  # of the height: a panel, and what is between two
+_DOMAINS = tuple((k * (_ROOM + _GAP), k * (_ROOM + _GAP) + _ROOM) for k in (4, 3, 2, 1, 0))
 _NEAR = ((-2.1, 0.5), (-1.3, 1.3))  # of the plane that is drawn
-_DEEP = 1e-3  # smaller values are not drawn, but for limits
-_HIGH = 20.0  # largest |S| and |T| that are drawn
+_DEEP, _HIGH = 1e-3, 10.0  # times the largest value with the design: what is beyond is not drawn, but for limits
 _BEFORE = "with the controller of the design"
-_NOW = "largest with any consistent plant"
-_MAPS = (
-    ("sensitivity", "S", "sensitivity_peak", "attenuation"),
-    ("complementary_sensitivity", "T", "complementary_peak", "roll_off"),
-)
+_MARGIN = 1.3  # of the axes
+_LOW = 1e-3  # smaller open loops are not drawn
 
 
 def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Limits) -> Drawn:
-    """|L| in its range, and the largest |S| and |T| with their limits, of every band; and as they were with the design."""
+    """|L| in its range, and the largest |S|, |T|, |P S| and |C S| with their limits, of every band; and as they were before."""
     omega = np.sort(np.concatenate([one.omega for one in found]))
     axis = frequency_axis(omega)
     panels = [_open_loop(found, before, axis)]
-    for name, letter, peak, rows in _MAPS:
+    for name, (letters, _) in MAPS.items():
         layers = [
-            Layer(_BEFORE, one.omega / HZ, _finite(one.largest[name]), FAINT, dash="dot", size=0.6) for one in before
+            dataclasses.replace(curve(_BEFORE, one.omega, one.largest[name], FAINT), dash="dot") for one in before
         ]
-        layers += [Layer(_NOW, one.omega / HZ, _finite(one.largest[name]), NOMINAL, dash="solid") for one in found]
-        values = np.clip(np.concatenate([layer.y for layer in layers]), _DEEP, _HIGH)
-        asked = limit_layers(getattr(limits, peak), getattr(limits, rows), omega)
-        layers += asked
-        span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), 1.3)
-        panels.append(Panel(letter, axis, Axis(f"largest |{letter}|", log=True, range=span), layers))
+        size = max(float(np.nanmax(layer.y, initial=0.0)) for layer in layers) or 1.0
+        layers += [curve(LARGEST, one.omega, one.largest[name], NOMINAL) for one in found]
+        values = np.clip(np.concatenate([layer.y for layer in layers]), _DEEP * size, _HIGH * size)
+        if bounded_below(limits, name):
+            layers += [curve(SMALLEST, one.omega, one.balls[name].least, FURTHER[0]) for one in found]
+        asked = limit_layers(limits, name, omega)
+        span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), _MARGIN)
+        label = f"{'largest ' * (not bounded_below(limits, name))}|{letters}|"
+        panels.append(Panel(letters, axis, Axis(label, log=True, range=span), [*layers, *asked]))
     return plotly_figure(panels, _HEIGHT, domains=_DOMAINS)
-
-
-def _finite(values: Real) -> Real:
-    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _open_loop(found: Sequence[WorstAt], before: Sequence[WorstAt], axis: Axis) -> Panel:
     """Magnitudes of open loops, in the range of all consistent plants."""
     sizes = np.concatenate([np.abs(one.centre) for one in (*found, *before)])
-    floor, top = max(0.5 * float(sizes.min()), _DEEP), max(2 * float(sizes.max()), 2 * _DEEP)
+    floor, top = max(0.5 * float(sizes.min()), _LOW), max(2 * float(sizes.max()), 2 * _LOW)
     layers = list[Layer]()
     for one in found:
         size = np.abs(one.centre)
@@ -105,7 +102,7 @@ def _of_limit(share: float, omega: float) -> str:
 
 
 def _proved_words(proof: Proof) -> tuple[str, str]:
-    scope = "".join(dict.fromkeys(one.band.problem.scope for one in proof.proofs))
+    scope = scope_of([one.band for one in proof.proofs])
     if proof.kept:
         kept = " and keeps all limits" if proof.shares else ""
         return "consistent", f"PROVED: every consistent plant is stable{kept}, at every frequency{scope}."
@@ -139,7 +136,7 @@ def _bandwidth(found: Sequence[WorstAt]) -> tuple[str, str]:
 
 def tuning_limits(shares: Shares, limits: Limits) -> list[tuple[str, str, str, str, bool]]:
     """Limits: name, what is asked, the share that is taken, near which frequency in Hz, and if it is kept."""
-    asked = dict(asked_words(limits))
+    asked = asked_in_lines(limits)
     return [
         (name, asked.get(name, ""), at_most(share, 3), number(omega / HZ), share <= 1)
         for name, (share, omega) in shares.items()

@@ -12,6 +12,7 @@ from robustid.report.charts import NOMINAL, Axis, Chart, Layer, Panel
 from robustid.report.curves import between_gaps
 
 Drawn = dict[str, Any]  # as plotly reads it
+_LARGE = 1e6  # ends of axes from which ticks have prefixes
 _PLOT, _SQUARE, _SMALL = 240, 480, 150  # pixels: height of one panel, of a square figure, of one panel among many
 
 
@@ -109,7 +110,8 @@ def _axis(axis: Axis) -> Drawn:
         # after zooming in. The format has it write them in full, not as small digits between powers of ten.
         out["nticks"] = max(3, round(decades / 0.4)) if axis.in_full else max(3, int(decades / 0.75))
         if axis.in_full:
-            out["tickformat"] = "~g"
+            large = axis.range is not None and axis.range[1] >= _LARGE
+            out["tickformat"] = "~s" if large else "~g"  # 2G in place of 2e+9
     if axis.range is not None:
         out["range"] = [float(v) for v in (np.log10(axis.range) if axis.log else axis.range)]
     if axis.tick is not None:

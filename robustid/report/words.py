@@ -65,8 +65,9 @@ def at_hz(hz: np.ndarray, said: str, *values: np.ndarray) -> tuple[str, ...]:
 
 
 def quotient(above: str, below: str) -> str:
-    """Unit of a quotient, "mm/N"; empty where neither has one."""
-    return f"{above or '1'}/{below}" if below else above
+    """Unit of a quotient, "mm/N", of voltage and current "Ω"; empty where neither has one."""
+    known = {("V", "A"): "Ω", ("A", "V"): "S"}.get((above, below))
+    return known or (f"{above or '1'}/{below}" if below else above)
 
 
 def unit_label(above: str, below: str) -> str:

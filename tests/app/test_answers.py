@@ -170,8 +170,8 @@ def test_a_command_that_ends_early_answers_too(tmp_path, monkeypatch, run):
     monkeypatch.chdir(tmp_path)
     assert answered(run(["verify", "nothing", "--json"]))["status"] == "refused"
     assert answered(run(["verify", "--json", "--nonsense"]))["status"] == "refused"
-    monkeypatch.setattr("robustid.app.load_save.load_result", lambda *_: 1 / 0)
+    monkeypatch.setattr("robustid.app.load_save.load_result", lambda *_, **__: 1 / 0)
     found = answered(run(["verify", "nothing", "--json"]))
     assert (found["status"], found["exit_code"]) == ("broken", 70)
-    monkeypatch.setattr("robustid.app.load_save.load_result", lambda *_: exec("raise KeyboardInterrupt"))
+    monkeypatch.setattr("robustid.app.load_save.load_result", lambda *_, **__: exec("raise KeyboardInterrupt"))
     assert answered(run(["verify", "nothing", "--json"]))["status"] == "stopped"

@@ -52,6 +52,25 @@ def test_the_command_writes_design_model_and_page(here, capsys, monkeypatch):
     refused(main(text, capsys, monkeypatch), "new.npz exists")
 
 
+def test_the_report_of_a_design_says_on_request_what_would_help(here, capsys, monkeypatch):
+    small_design().save(here / "design")
+    monkeypatch.setattr("robustid.report.design_charts._POINTS", 60)
+    monkeypatch.setattr("robustid.report.design_charts._DISCS", 30)
+    code, out, _ = words(["report", "design", "-o", "page.html"], capsys, monkeypatch)
+    assert code == 0
+    assert "What would help" not in (here / "page.html").read_text(encoding="utf-8")
+    row = rid.design.Improvement("bounds", 0.5, 6.0, 13.0, 13.2, 1.2)
+    monkeypatch.setattr(rid.design.ControllerDesign, "improvements", lambda self: (row,))
+    code, out, _ = words(["report", "design", "-o", "page.html", "--sensitivity", "--force"], capsys, monkeypatch)
+    assert code == 0
+    assert row.sentence in out
+    assert "Measure better from 0.9549 to 2.069 Hz first" in (here / "page.html").read_text(encoding="utf-8")
+    refused(
+        main(["report", "design", "--step", "9", "-o", "x.html"], capsys, monkeypatch),
+        "--step is about an identification",
+    )
+
+
 def test_exit_codes_say_what_was_found(here, capsys, monkeypatch):
     import dataclasses
 

@@ -17,6 +17,7 @@ from robustid.errors import InputError, InputTypeError
 from support.command_line import refused, words
 from support.design_cases import band_of
 from support.drives import Played, built, closed, compiled, drive, linear
+from support.loop_candidates import consistent_members
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs the compiler gcc on the path")
 SINGLE = "-DDRIVE_SINGLE"
@@ -53,17 +54,47 @@ def test_designs_for_all_consistent_plants_run_as_designed(seed, tmp_path):
     same_responses(plant, design.controller, design.level, tmp_path)
 
 
+def sampled(seed, count):
+    """A proved design for a band without a direct term, as sampled plants have none, and plants of it."""
+    plant, band = band_of(seed)
+    nothing = rid.TimeRecord([1.0], [0.0], dt=plant.dt, bound=1e-9)
+    problem = rid.MixedProblem(frequency=band.problem.frequency, time=nothing, prior=band.problem.prior)
+    design = rid.design_controller(rid.band(problem, model=plant), [PID(filter=150.0), LowPass(150.0, 1)])
+    assert design.status.name == "PROVED"
+    near = [omega for _, omega in design.shares.values() if np.isfinite(omega)]
+    found = consistent_members(rid.identify(problem), count, np.random.default_rng(seed), near)
+    return design, [control.ss(one.A, one.B, one.C, 0, one.dt) for one in found]  # D within its 1e-9
+
+
+@needs_gcc
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_a_design_in_c_has_the_steps_of_the_library_with_consistent_plants_of_its_band(seed, tmp_path):
+    design, plants = sampled(seed, 6)
+    for k, plant in enumerate(plants):
+        (tmp_path / str(k)).mkdir()
+        same_responses(plant, design.controller, design.level, tmp_path / str(k))
+        free, limited, _ = limited_steps(plant, design.controller, design.level, k % 2 == 1, tmp_path / str(k))
+        assert limited <= free + 0.02
+
+
 def saturated(seed, folder):
     """Overshoot of the linear step, and of the limited one with anti-windup and without."""
-    plant, controller, w = drive(seed)
+    return limited_steps(*drive(seed), seed % 2 == 1, folder)
+
+
+def limited_steps(plant, controller, w, single, folder):
+    """The same of any loop, in single precision or in double."""
     r = np.ones(int(min(150 / w / plant.dt, 200_000)))
     y, u = linear(plant, controller, r)
     largest, last = np.abs(u).max(), abs(u[-1])
-    limit = 1.2 * last if last > 0.01 * largest else 0.3 * largest  # a little more than standstill takes
-    flags = [SINGLE] if seed % 2 else []
+    limit = (
+        min(1.2 * last, (last + largest) / 2) if last > 0.01 * largest else 0.3 * largest
+    )  # more than standstill takes
+    flags = [SINGLE] if single else []
     peaks = [y.max()]
     for changed in (None, ("w[i] = put - wanted;", "w[i] = 0 * (put - wanted);")):
-        library = compiled(controller, plant.nstates, folder / f"in{len(peaks)}", *flags, changed=changed)
+        library = compiled(controller, plant.nstates, folder / f"limited{len(peaks)}", *flags, changed=changed)
         found, put = closed(library, plant, r, limit)
         assert np.isfinite(found).all()
         assert np.isfinite(put).all()

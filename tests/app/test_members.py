@@ -2,6 +2,7 @@
 
 import json
 
+import control
 import numpy as np
 import pytest
 
@@ -9,7 +10,7 @@ import robustid as rid
 from robustid.app.run import sequence
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.toml import write_toml
-from support.families import DT, LINES, measured
+from support.families import DT, LINES, measured, truth
 from support.faulty_files import CLASS_KEYS, response
 from support.report_pages import Page
 
@@ -63,6 +64,40 @@ def test_its_folder_holds_the_family_and_gives_it_again(done):
     again = rid.run(folder / "out" / "run.toml", folder / "again")
     assert np.array_equal(again.family.upper, found.family.upper)
     assert again.findings == found.findings
+
+
+def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch):
+    path = asked(tmp_path, controller={"structure": "PI", "peak": 1.8})
+    found = rid.run(path, tmp_path / "out")
+    assert found.design.status.name == "PROVED"
+    assert found.findings[-1].startswith("Controller of order 1: bandwidth")
+    assert found.summary().count("Controller of order 1") == 1
+    omega = np.linspace(0.01, np.pi / DT, 2000)
+    C = found.design.controller(np.exp(1j * omega * DT))
+    for gain in GAINS.values():  # the plants themselves keep what is proved of all that the data allow
+        assert np.abs(1 / (1 + truth(gain, omega) * C)).max() <= 1.8
+        plant = control.tf([0.4 * gain, 0.3 * gain], [1, -0.2], DT)
+        assert np.abs(control.feedback(plant, found.design.controller).poles()).max() < 1
+    kept = rid.load(tmp_path / "out" / "controller")
+    assert [one.band.problem.frequency[0].values[0, 0, 0] for one in kept.proofs] == [
+        one.problem.frequency[0].values[0, 0, 0] for one in found.identifications.values()
+    ]
+    assert (tmp_path / "out" / "controller-model.npz").is_file()
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for words in (
+        "The controller that was designed",
+        "Band 1 is that of weak; band 2 is that of strong.",
+        "controller, band 2",
+    ):
+        assert words in page
+    assert "at every frequency, for the plants of all 2 bands" in found.summary()
+
+    def refuse(*_, **__):
+        raise AssertionError("it was designed before")
+
+    monkeypatch.setattr("robustid.app.run.designed.design_controller", refuse)
+    again = rid.run(path, tmp_path / "out", resume=True)
+    assert np.array_equal(again.design.controller.C, found.design.controller.C)
 
 
 def test_the_class_is_chosen_once_for_all(tmp_path):

@@ -30,7 +30,6 @@ def test_keys_of_a_passive_class_are_those_that_state_it():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"passive": "bounded real"}, "without decay"),
         ({"passive": "positive real", "decay": 1.0, "gain_bound": 2.0}, "gain_bound has no meaning with passive"),
         ({"passive": "bounded real", "decay": 1.0, "roll_off": 2, "corner_hz": 1.0}, "roll_off has no meaning"),
         ({"gain_bound": 1.0, "decay": 1.0, "slack": 0.1}, "slack belongs to passive"),
@@ -92,13 +91,28 @@ def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
     assert "a sum of passive modes and of F" in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_a_decay_is_not_chosen_without_real_poles(tmp_path):
-    omega = np.linspace(5, 60, 10)
-    frf = rid.FrequencyResponse(omega, 1 / (1j * omega + 20), bound=1e-3)
-    with pytest.raises(rid.InputError, match="`passive` is given without `decay`"):
-        proposed([frf], prior=PriorChoice(passive="positive real"))
-    with pytest.raises(rid.InputError, match="the smallest real part"):
-        proposed([frf], prior=PriorChoice(passive="bounded real"))
+@pytest.mark.parametrize("points", [24, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["bounded real", "negative imaginary", "positive real"])
+def test_a_decay_is_chosen_at_which_the_plant_is_passive(kind, points):
+    """A lossy resonance on a line, a displacement per force (with a slack), a velocity per force: passive up to 10, 5 and 10."""
+
+    def plant(s):
+        velocity = (s + 10) / ((s + 10) ** 2 + 900)
+        if kind == "negative imaginary":
+            return 1 / ((s + 10) ** 2 + 900)
+        return velocity if kind == "positive real" else 1 - 2 / (1 + velocity + 0.02)
+
+    omega = np.linspace(3, 80, points)
+    values = plant(1j * omega)
+    frf = rid.FrequencyResponse(omega, values, bound=2e-3 * np.abs(values).max())
+    problem = proposed([frf], prior=PriorChoice(passive=kind, slack=0.006 if kind == "negative imaginary" else None))[0]
+    assert problem.prior.passive == kind
+    assert 0.5 <= problem.prior.decay <= 10
+    result = rid.identify(problem)
+    assert result.consistent
+    between = np.linspace(4, 79, 7)
+    band = rid.worst_case_error(result, omega=between, directions=4).upper[:, 0, 0]
+    assert np.all(np.abs(np.squeeze(result.model(1j * between)) - plant(1j * between)) <= band)
 
 
 def test_a_point_at_zero_frequency_is_one_of_those_over_decades():

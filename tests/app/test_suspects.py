@@ -11,7 +11,7 @@ from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.errors import InputError
 from robustid.report.identification_page import identification_page, identification_summary
 from robustid.report.live import live_words
-from support.suspect_data import KINDS, UNDONE, chosen, records, responses, structure
+from support.suspect_data import KINDS, UNDONE, chosen, chosen_of_structure, records, responses, structure
 
 TOLD = 0.02  # of clean data
 
@@ -32,9 +32,9 @@ SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("late", "plant",
 
 @pytest.mark.parametrize("name", ["sign", *SLOW])
 def test_a_record_that_the_response_contradicts_is_named_and_the_class_is_that_of_the_response(name):
-    run, problem = chosen(structure(0, name))
+    run, problem = chosen_of_structure(0, name)
     assert run.prior.without == ("time 1",)
-    _, clean = chosen(structure(0))
+    _, clean = chosen_of_structure(0)
     assert problem.prior.gain_bound <= 2 * clean.prior.gain_bound
     is_named(only(problem.data_faults), name)
 
@@ -133,10 +133,10 @@ def test_one_experiment_is_held_against_nothing():
 
 
 CLEAN = {
-    "response and step": structure,
-    "two responses": lambda seed: responses("stage", seed, ["clean"] * 2),
-    "three responses": lambda seed: responses("arm", seed, ["clean"] * 3),
-    "three records": lambda seed: records("stage", seed, ["clean"] * 3),
+    "response and step": chosen_of_structure,
+    "two responses": lambda seed: chosen(responses("stage", seed, ["clean"] * 2)),
+    "three responses": lambda seed: chosen(responses("arm", seed, ["clean"] * 3)),
+    "three records": lambda seed: chosen(records("stage", seed, ["clean"] * 3)),
 }
 
 
@@ -146,7 +146,7 @@ CLEAN = {
     + [pytest.param(name, range(1000, 1200), marks=pytest.mark.slow) for name in CLEAN],
 )
 def test_clean_experiments_are_accused_of_nothing(name, seeds):
-    accused = [seed for seed in seeds if chosen(CLEAN[name](seed))[0].prior.without]
+    accused = [seed for seed in seeds if CLEAN[name](seed)[0].prior.without]
     assert len(accused) <= TOLD * len(seeds), accused
 
 

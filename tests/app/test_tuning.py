@@ -78,8 +78,9 @@ def test_pictures_hold_worst_cases_limits_and_the_controller_before(tuning):
     bode = tuning_bode(look.found, before.found, tuning.limits)
     (found,) = look.found
     drawn = [one for one in bode["data"] if one["name"].startswith("largest")]
-    assert np.allclose(drawn[0]["y"], found.largest["sensitivity"])
-    assert np.allclose(drawn[1]["y"], found.largest["complementary_sensitivity"])
+    names = "sensitivity", "complementary_sensitivity", "process_sensitivity", "control_sensitivity"
+    for one, name in zip(drawn, names, strict=True):
+        assert np.allclose(one["y"], found.largest[name]), name
     assert {2.0, 0.5} <= set(layer(bode, "limit")["y"])
     assert np.allclose(layer(bode, "with the controller of the design")["y"], np.abs(before.found[0].centre))
     plane = tuning_nyquist(look.found, tuning.limits)

@@ -67,6 +67,8 @@ def test_conditions_are_the_limits_for_all_values_of_a_disc():
         "attenuation": (0.8, lambda C: np.abs(1 / (1 + F * C))),
         "roll_off": (0.6, lambda C: np.abs(F * C / (1 + F * C))),
     }
+    limits |= {"disturbance": limits["process_peak"], "action": limits["control_peak"]}
+    limits["tracking"] = 0.6, lambda C: 0.36 / np.abs(F * C / (1 + F * C))  # at least 0.6
     for name, (limit, size) in limits.items():
         given = limit if name.endswith("peak") else [(0.5, 2.0, limit)]
         (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), discs)

@@ -60,6 +60,11 @@ REFUSED = [
     ),
     (
         "sampled",
+        {"limits": Limits(tracking=[(1.0, 9.0, 0.9)], roll_off=[(5.0, 30.0, 0.8)])},
+        r"both are about \|T\|; got at least 0.9 and at most 0.8 at 5",
+    ),
+    (
+        "sampled",
         {"limits": Limits(bandwidth=50.0, roll_off=[(20.0, 300.0, 0.3)])},
         "0.5 there; got a `roll_off` of 0.3 from 20",
     ),
@@ -107,6 +112,8 @@ def test_bands_that_do_not_go_together_are_refused(bands):
         ({"delay_margin": -1e-3}, "`delay_margin` must be positive; got -0.001"),
         ({"attenuation": [(2.0, 2.0, 0.1)]}, r"low < high .* got \(2.0, 2.0, 0.1\)"),
         ({"roll_off": [(2.0, 5.0, math.inf)]}, r"got \(2.0, 5.0, inf\)"),
+        ({"tracking": [(2.0, 5.0, 1.0)]}, r"and a value between 0 and 1; got \(2.0, 5.0, 1.0\)"),
+        ({"disturbance": [(2.0, 5.0, -1.0)]}, r"`disturbance` must be .* got \(2.0, 5.0, -1.0\)"),
         ({"attenuation": [(math.nan, 5.0, 0.1)]}, r"got \(nan, 5.0, 0.1\)"),
         ({"phase_margin": math.nan}, "`phase_margin` must be finite; got nan"),
     ],

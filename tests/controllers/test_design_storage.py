@@ -5,14 +5,18 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.controllers.controller_storage import design_again
+from robustid.controllers.plants import Plants
 from robustid.controllers.structure import as_structure, basis_of
-from robustid.core import described, made
-from robustid.design import FIR, PID, Attenuation, Fixed, LeadLag, LeastControl, Limits, LowPass, Notch
+from robustid.core import StateMatrices, described, made
+from robustid.design import FIR, PID, Attenuation, Bandwidth, Fixed, LeadLag, LeastControl, Limits, LowPass, Notch
 from robustid.errors import FileFormatError
 from support.command_line import words
 from support.design_cases import DT
 from support.forging import forge, kept
 from support.one_design import small_band, small_design
+
+GAIN = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[1e-3]]))
 
 
 def test_a_design_comes_back_proved_again(tmp_path, capsys, monkeypatch):
@@ -102,3 +106,43 @@ def test_structures_limits_and_goals_come_back():
     arrays = {}
     text = described(gain, "", arrays)
     assert np.asarray(made(text, arrays).model.D).item() == 2.0
+
+
+def test_loading_tells_how_far_its_proofs_are_and_can_be_interrupted(tmp_path, capsys, monkeypatch):
+    small_design().save(tmp_path / "design")
+    told = []
+    rid.load(tmp_path / "design", progress=lambda *one: told.append(one))
+    text = "proving the controller on the whole axis"
+    assert told == [(text, 0, 0), *((text, k, 3) for k in (1, 2, 3))]
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Plants, "proved", interrupted)
+    code, out, _ = words(["verify", str(tmp_path / "design")], capsys, monkeypatch)
+    assert code == 130
+    assert f"{text} …" in out
+
+
+def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
+    omega = np.linspace(3.0, 312.0, 40)
+    mode = control.tf([0.02], np.poly(0.97 * np.exp([0.3j, -0.3j])).real, DT)
+    frf = rid.FrequencyResponse(omega, mode(np.exp(1j * omega * DT)), bound=0.02, dt=DT)
+    s = np.log(0.97 * np.exp(0.3j)) / DT
+    basis, prior = rid.kautz(abs(s), -s.real / abs(s), dt=DT), rid.Prior(gain_bound=0.5, decay_rate=1.2)
+    problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=basis)
+    low, high = (np.array([[part * value] for value in (abs(s), -s.real / abs(s))]) for part in (0.999, 1.001))
+    box = np.stack([low[0], high[0]], axis=1), np.stack([low[1], high[1]], axis=1)
+    found = [rid.band(problem, model=control.ss(mode)), rid.band(problem, model=control.ss(mode), box=box)]
+    words = ", poles of the parametric part exactly as stated", ", poles of 1 mode anywhere in their box"
+    for bands, said in (
+        (found[:1], words[0]),
+        (found[1:], words[1]),
+        (found, ", for the plants of all 2 bands" + words[0]),
+    ):
+        loops = tuple(Plants.of(one).loop for one in bands)
+        design = design_again(tuple(bands), loops, GAIN, (PID(integral=False),), Limits(), Bandwidth(), 1e-3, ())
+        assert design.summary().splitlines()[0].endswith(said)
+        assert design.scope == said
+    assert found[0].claim.splitlines()[0].endswith(words[0])
+    assert design.proofs[1].summary().splitlines()[0].endswith(words[1])

@@ -6,10 +6,12 @@ import pytest
 
 import robustid as rid
 from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.limits import TEMPLATES
+from robustid.controllers.obstacles import Law, obstacle_of
 from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions, _pauli, _triangle
 from robustid.controllers.search import _ask
-from robustid.controllers.structure import basis_of
+from robustid.controllers.structure import basis_of, integral_gain
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Limits, Matrix, Notch
 from support.design_cases import DT, matrix_band_of
@@ -78,8 +80,10 @@ def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
         "roll_off": (0.6, lambda L, C: L @ np.linalg.inv(one + L)),
         "bandwidth": (1.0, lambda L, C: np.linalg.inv(L)),
     }
+    limits |= {"disturbance": limits["process_peak"], "action": limits["control_peak"]}
+    limits["tracking"] = 0.6, lambda L, _: 0.36 * (one + np.linalg.inv(L))  # the inverse of T: at least 0.6
     for name, (limit, part) in limits.items():
-        given = [(0.5, 2.0, limit)] if name in ("attenuation", "roll_off") else limit
+        given = [(0.5, 2.0, limit)] if name in TEMPLATES else limit
         (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), discs)
         kept = 0
         for _ in range(60):
@@ -140,13 +144,67 @@ def check(plant, design, peak):
 
 @pytest.fixture(scope="module")
 def small():
-    """Two coupled axes of one pole each, known to 2 % at ten lines."""
+    """Two coupled axes of one pole each, known to 2 % at six lines."""
     alone = control.append(*(control.ss(control.tf([1 - a], [1, -a], DT)) for a in (0.7, 0.5)))
     plant = control.ss(alone.A, alone.B, np.array([[1.0, 0.3], [-0.2, 1.0]]) @ alone.C, np.zeros((2, 2)), DT)
-    omega = np.linspace(10.0, 310.0, 10)
+    omega = np.linspace(10.0, 310.0, 6)
     frf = rid.FrequencyResponse(omega, responses(plant, omega), bound=0.02, dt=DT)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.9, decay_rate=1.25))
     return plant, rid.band(problem, model=plant)
+
+
+def test_limits_that_no_controller_of_a_matrix_keeps(small):
+    plant, band = small
+    plants, structure, top = [Plants.of(band)], (PID(),), np.pi / DT
+    for value in (0.05, 0.9):  # the mean of log |det S| is 0, and at most twice that of log |S|
+        steep = Limits(sensitivity_peak=1.8, attenuation=[(0.0, 0.5 * top, value)])
+        found, have = obstacle_of(plants, structure, steep), 0.5 * np.log(value) + 0.5 * np.log(1.8)
+        assert (found is not None) == (have < 0)
+        if found is not None:
+            assert (found.law, found.need) == (Law.BODE, 0.0)
+            assert found.have == pytest.approx(have)
+    theta = (np.arange(4000) + 0.5) * np.pi / 4000
+    L = responses(plant, theta / DT) @ responses(control.append(*2 * [control.ss(1.0, 0.1, 1.0, 0.0, DT)]), theta / DT)
+    assert np.mean(np.log(np.abs(np.linalg.det(np.eye(2) + L)))) == pytest.approx(0, abs=1e-3)
+
+
+def test_action_that_some_plant_of_a_ball_needs(small):
+    """The change that the law has in mind is in the ball, and that plant needs no less than it says."""
+    value = 0.4
+    asked = Limits(attenuation=[(149.0, 151.0, value)], control_peak=0.1)
+    found = obstacle_of([Plants.of(small[1])], (PID(),), asked)
+    assert found.law is Law.ACTION
+    at = Plants.of(small[1]).discs(np.array([found.omega]))
+    left, _, right = np.linalg.svd(at.centre / at.units[:, None, :])
+    change = -at.radius * np.outer(left[0, :, -1], right[0, -1])
+    worst = (at.centre[0] / at.units + change) * at.units
+    least = np.linalg.svd(worst, compute_uv=False)[-1]
+    assert largest(change) <= at.radius[0] * (1 + 1e-12)
+    assert found.need <= (1 - value) / least * (1 + 1e-9)
+
+
+def test_a_plant_that_may_be_singular_is_an_obstacle():
+    alone = control.append(*(control.ss(control.tf([1 - a], [1, -a], DT)) for a in (0.7, 0.7)))
+    plant = control.ss(alone.A, alone.B, np.array([[1.0, 0.98], [1.0, 1.0]]) @ alone.C, np.zeros((2, 2)), DT)
+    omega = np.linspace(10.0, 310.0, 6)
+    frf = rid.FrequencyResponse(omega, responses(plant, omega), bound=0.02, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.5, decay_rate=1.25))
+    found = obstacle_of([Plants.of(rid.band(problem, model=plant))], (PID(),), Limits(bandwidth=20.0))
+    assert found.law is Law.BOUNDS
+    assert found.have > 1
+
+
+def test_the_least_gain_of_integrators(small):
+    plant, band = small
+    rng = np.random.default_rng(5)
+    K = rng.standard_normal((2, 2))
+    mixed = control.ss(np.eye(2), 0.01 * np.eye(2), K, rng.standard_normal((2, 2)), DT)
+    assert integral_gain(StateMatrices.of(mixed), DT) == pytest.approx(np.linalg.svd(K)[1][-1])
+    found = rid.design_controller(band, PID(), limits=Limits(sensitivity_peak=1.8), maximise="integral gain")
+    assert found.status.name == "PROVED"
+    assert np.abs(control.feedback(plant, found.controller).poles()).max() < 1
+    z = 1 + 1e-7
+    assert found.level <= np.linalg.svd((z - 1) / DT * found.controller(z))[1][-1] * (1 + 1e-5)
 
 
 def test_one_loop_to_each_axis(small):
@@ -155,21 +213,31 @@ def test_one_loop_to_each_axis(small):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("goal", ["bandwidth", "integral gain"])
 @pytest.mark.parametrize("seed", range(6))
-def test_decentralised_integrals_are_proved_and_no_small_change_is_better(seed):
-    """From the controller that was found, 3000 random changes within the same balls: none has 1 % more."""
+def test_decentralised_integrals_are_proved_and_no_small_change_is_better(seed, goal):
+    """From the controller that was found, 3000 random changes within the same balls: none has 2 % more.
+
+    On a grid that sees peaks between the frequencies of the search: on those alone a change has 2.4 % more, and a peak of 2.05.
+    """
     plant, band = matrix_band_of(seed)
-    design = rid.design_controller(band, PID())
-    check(plant, design, 2.0)
+    design = rid.design_controller(band, PID(), maximise=goal)
+    if goal == "bandwidth":
+        check(plant, design, 2.0)
+    assert design.status.name == "PROVED"
+    assert np.abs(control.feedback(plant, design.controller).poles()).max() < 1
     rng, plants = np.random.default_rng(seed), Plants.of(band)
-    grid = np.unique(np.concatenate([plants.grid(), design.level * np.linspace(0.9, 1.3, 120)]))
+    ends, parts = plants.grid(), np.arange(8) / 8
+    between = (ends[:-1, None] ** (1 - parts) * ends[1:, None] ** parts).ravel()
+    grid = np.unique(np.concatenate([between, ends[-1:], design.level * np.linspace(0.9, 1.3, 120)]))
+    grid = grid[grid <= ends[-1]]
     discs, basis = plants.discs(grid), basis_of([PID()], [], DT, (2, 2))
     V = basis.response(grid)
     C = responses(design.controller, grid)
     weight = 1 / np.maximum(np.abs(C), 1e-9) * (np.abs(C) > 0)
     rows = (V * weight[:, None]).swapaxes(0, 1).reshape(basis.count, -1).T
-    goal = (C * weight).ravel()
-    best = np.linalg.lstsq(np.concatenate([rows.real, rows.imag]), np.concatenate([goal.real, goal.imag]))[0]
+    found = (C * weight).ravel()
+    best = np.linalg.lstsq(np.concatenate([rows.real, rows.imag]), np.concatenate([found.real, found.imag]))[0]
 
     def level(factors):
         C = np.einsum("fmij,m->fij", V, factors)
@@ -177,6 +245,8 @@ def test_decentralised_integrals_are_proved_and_no_small_change_is_better(seed):
         L = discs.centre @ C
         if np.any(np.linalg.svd(np.eye(2) + L, compute_uv=False)[:, -1] - taken < 0.5):
             return 0.0
+        if goal == "integral gain":
+            return np.abs(basis.integral * factors)[basis.integral != 0].min()
         high = np.linalg.svd(L, compute_uv=False)[:, -1] - taken >= 1
         return grid[np.argmin(high) - 1] if not high.all() else grid[-1]
 
@@ -205,7 +275,10 @@ def test_a_full_controller_is_not_worse_than_one_of_each_axis():
         ({"structure": Matrix([[PID(), None]])}, "2 rows of 2 entries; got 1 rows of 2"),
         ({"structure": Matrix([[PID(), None], [PID(), PID()]])}, "got 2 in row 2"),
         ({"limits": Limits(gain_margin=2.0)}, "`gain_margin` is of one input and one output"),
-        ({"maximise": "integral gain"}, "`integral_gain` is of one input and one output"),
+        (
+            {"maximise": "integral gain", "structure": Matrix([[PID(), None], [None, PID(integral=False)]])},
+            "an integrator for each of 2 outputs.*got 1 integrators and 2 inputs",
+        ),
     ],
 )
 def test_what_makes_no_sense_for_a_matrix_is_refused(small, change, words):

@@ -59,6 +59,24 @@ def test_numbers_at_frequencies_are_those_of_the_proof_or_a_little_better():
         assert 0.9 * design.shares[name][0] <= share <= design.shares[name][0] * (1 + 1e-9), name
 
 
+def test_templates_of_every_map_are_those_of_the_members():
+    """Shares of tracking, disturbance and action on the whole axis, not below those of plants in the discs, and hardly above."""
+    plants = Plants.of(small_band())
+    limits = Limits(tracking=[(0.5, 4.0, 0.5)], disturbance=[(2.0, 9.0, 1.0)], action=[(40.0, 200.0, 0.6)])
+    found = worst_at(plants, PI, np.unique([*plants.grid(), *np.geomspace(0.3, 300.0, 500)]))
+    at, proved = found.taken(limits).rows, proof_of([plants], PI.model(DT), limits).shares
+    F, C = members(plants, found.omega), response_at(PI, points_of(found.omega, DT))[:, 0]
+    S = 1 / (1 + F * C)
+    for name, size, (low, high) in (
+        ("tracking", 0.5 / np.abs(1 - S), (0.5, 4.0)),
+        ("disturbance", np.abs(F * S), (2.0, 9.0)),
+        ("action", np.abs(C * S) / 0.6, (40.0, 200.0)),
+    ):
+        worst = size[(found.omega >= low) & (found.omega <= high)].max()
+        assert at[name][0] == pytest.approx(worst, rel=1e-3), name
+        assert worst <= proved[name][0] <= 1.1 * worst, name
+
+
 def test_margins_are_those_of_the_members_that_are_least_stable():
     """By brute force: the least gain and phase that bring a member to -1, on a fine grid."""
     plants = Plants.of(small_band())

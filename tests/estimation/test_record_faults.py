@@ -6,6 +6,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.estimation.record_faults import found_period
+from support.cases import slow
 from support.fault_plants import recipes, step
 
 DT, PERIOD = 0.01, 100
@@ -148,9 +149,10 @@ def test_whatever_is_no_record_is_refused():
         rid.prepare.record_faults(record(), period=1)
 
 
-def test_sweeps_of_an_open_loop_are_no_feedback():
-    """Twenty pairs of sweeps, with and without noise of their measurement; and the measured CD player, in its loop, is found."""
-    for seed in range(20):
+@pytest.mark.parametrize("seeds", [range(4), slow(range(4, 20))])
+def test_sweeps_of_an_open_loop_are_no_feedback(seeds):
+    """Pairs of sweeps: in step or a quarter of a turn apart, with and without noise of their measurement."""
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         time = np.arange(3000) * 1e-3
         phase = 2 * np.pi * (1.0 + 40 / time[-1] * time) * time

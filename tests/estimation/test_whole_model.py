@@ -29,14 +29,15 @@ def test_a_seam_of_few_percent_is_named_at_its_place(name, delay):
     assert f"between {frf.freq_hz[half - 1]:.5g} and {frf.freq_hz[half]:.5g} Hz" in fault.words
 
 
+@pytest.mark.parametrize("trials", [5, slow(20)])
 @pytest.mark.parametrize("name", ["stage", "arm", "matrix"])
-def test_a_line_that_is_off_by_two_bounds_is_named(name):
+def test_a_line_that_is_off_by_two_bounds_is_named(name, trials):
     frf, rng, found = CLEAN[name], np.random.default_rng(0), 0
-    for _ in range(10):
+    for _ in range(trials):
         at, values = int(rng.integers(8, frf.omega.size - 8)), frf.values.copy()
         values[at, 0, -1] += 2.5 * frf.bound[at, 0, -1] * np.exp(2j * np.pi * rng.random())
         found += ("outlier", f"leave out {frf.freq_hz[at]:.10g}") in told(dataclasses.replace(frf, values=values))
-    assert found >= 8
+    assert found >= 0.8 * trials
 
 
 @pytest.mark.parametrize("power", [-60, 60])
@@ -50,8 +51,9 @@ def test_units_change_nothing(power):
     assert told(scaled) == [("seam", "")]
 
 
-@pytest.mark.parametrize("seeds", [range(1), slow(range(1, 100))])
-def test_clean_responses_are_told_nothing(seeds):
+@pytest.mark.slow  # of one seed, all clean measurements: tests/test_fault_catalogue.py
+def test_clean_responses_are_told_nothing():
+    seeds = range(1, 100)
     found = [(name, seed) for name in SIMULATED for seed in seeds if told(simulated(name, seed).response)]
     assert len(found) <= 0.02 * len(SIMULATED) * len(seeds), found
 

@@ -24,7 +24,7 @@ def cells(*columns, separator=","):
 CASES = {
     "german.csv": (
         ("Frequenz [Hz];Betrag [dB];Phase [°]\n" + rows(HZ, DB, DEG, separator=";", comma=True)).encode("latin-1"),
-        {"fields": {"omega": "Frequenz [Hz]", "magnitude_db": "Betrag [dB]", "phase_deg": "Phase [°]"}},
+        {},
     ),
     "analyser.txt": (rows(HZ, G.real, G.imag, separator=" "), {"fields": CARTESIAN}),
     "analyser.csv": (
@@ -53,7 +53,7 @@ CASES = {
     "kilohertz.txt": ("f (kHz)\tRe\tIm\n" + rows(HZ / 1e3, G.real, G.imag, separator="\t"), {}),
     "radians.txt": (
         "omega [rad/s] | abs [m/N] | arg G [rad]\n" + rows(2 * np.pi * HZ, np.abs(G), RAD, separator=" | "),
-        {"fields": {"omega": "omega [rad/s]", "magnitude": "abs [m/N]", "phase_rad": "arg G [rad]"}},
+        {},
     ),
     "writematrix.csv": (
         cells(HZ, [f"{z.real}{z.imag:+}i" for z in G]),

@@ -23,7 +23,9 @@ from support.data_files import full_frf, full_record
 from support.exchange_files import TIME, S, matrix, signal, touchstone
 from support.exchange_files import write as write_universal
 from support.foreign_files import Function, uff58
+from support.instrument_files import diagnostics, ec_lab, gamry
 from support.matlab_files import FRD, write5, write73
+from support.matlab_objects import Thing, write_objects
 from support.mimo_data import same
 
 SAMPLES = len(TIME)
@@ -45,6 +47,7 @@ def german(path):
 FORTY = {"u": np.arange(40.0), "y": np.arange(40.0), "dt": 1.0}
 ZEROS = {"u": np.zeros(400), "y": np.zeros(400), "dt": 1.0}
 LISTED = Function(4, (1, 3), (1, 3), 1.0, 0.5, np.arange(20) + 1j)
+PLAIN = {"Response": FRD["ResponseData"], "Frequency": FRD["Frequency"], "FreqUnits": "Hz"}
 FORMATS = {
     "axes.npy": lambda p: np.save(p, np.arange(240.0).reshape(20, 2, 3, 2)),
     "german.txt": german,
@@ -65,6 +68,10 @@ FORMATS = {
     "frf.uff": lambda p: write_universal(p, matrix()),
     "binary.uff": lambda p: write_universal(p, [signal(1, 12, binary=1), signal(2, 13, binary=1)]),
     "net.s2p": lambda p: touchstone(p, S, "GHz", "db"),
+    "peis.mpt": lambda p: p.write_bytes(ec_lab()),
+    "EISPOT.DTA": lambda p: p.write_bytes(gamry()),
+    "sweep.xml": lambda p: p.write_bytes(diagnostics()),
+    "objects.mat": lambda p: write_objects(p, {"G": Thing("frd", {"Data_": Thing("ltipack.frddata", PLAIN)})}),
 }
 GIVEN = {
     "plain.npy": {"fields": {"u": "[:,0]", "y": "[:,1]"}, "dt": 0.5},
@@ -72,7 +79,7 @@ GIVEN = {
     "german.txt": {"fields": {"omega": "Frequenz [Hz]", "magnitude_db": "Betrag [dB]", "phase_deg": "Phase [°]"}},
     "listed.uff": {"fields": {"freq_hz": "2.x", "values": "2.y"}},
 }
-LEAST_REFUSED = {".s2p": 20, ".txt": 20}  # whole lines are a shorter file
+LEAST_REFUSED = {".s2p": 20, ".txt": 20, ".mpt": 20, ".DTA": 30}  # whole lines are a shorter file
 
 
 def outcome(path):

@@ -5,6 +5,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import tomllib
 import venv
 import zipfile
 
@@ -20,6 +21,26 @@ def test_the_version_stands_in_one_place_and_what_cites_it_agrees():
     stated = re.findall(r"^version: (\S+)$", (TREE / "CITATION.cff").read_text(encoding="utf-8"), re.M)
     assert stated == [robustid.__version__]
     assert 'dynamic = ["version"]' in (TREE / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def test_the_recipe_of_the_conda_package_asks_for_what_the_wheel_asks():
+    recipe = (TREE / "packaging/recipe.yaml").read_text(encoding="utf-8")
+    project = tomllib.loads((TREE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert f'version: "{robustid.__version__}"' in recipe
+    stated = re.findall(r"^    - ([\w.-]+) (>=\S+)$", recipe.split("  run:\n")[1], re.M)
+    asked = [re.fullmatch(r"([\w.-]+)(>=\S+)", one).groups() for one in project["dependencies"]]
+    names = {"matplotlib": "matplotlib-base"}  # conda's name of the part without a window
+    assert stated == [
+        ("python", project["requires-python"]),
+        *((names.get(name, name), least) for name, least in asked),
+    ]
+
+
+@pytest.mark.slow
+def test_the_recipe_is_rendered_by_its_tool_offline():
+    tool = pytest.importorskip("rattler_build")
+    (found,) = tool.Stage0Recipe.from_file(str(TREE / "packaging/recipe.yaml")).render(tool.VariantConfig())
+    assert found.recipe.to_dict()["package"] == {"name": "robustid", "version": robustid.__version__}
 
 
 def test_an_import_warns_of_nothing():

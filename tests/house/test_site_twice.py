@@ -1,5 +1,6 @@
 """The site built twice from the same tree: the same pages, and no address of another machine in them."""
 
+import itertools
 import os
 import re
 import subprocess
@@ -34,8 +35,16 @@ def test_two_builds_are_the_same_and_load_nothing_from_elsewhere(tmp_path):
     assert one.keys() == other.keys()
     differ = [str(path) for path in one if TIMES.sub(b"T", one[path]) != TIMES.sub(b"T", other[path])]
     assert not differ
-    pages = [path for path in one if path.suffix == ".html"]
+    pages = [path for path in one if path.suffix == ".html" and path.parts[0] != "_static"]
     assert len(pages) > 100
     for path in pages:
+        text = one[path].decode()
+        assert re.search(r'<html[^>]* lang="en"', text), path
+        assert len(re.findall(r"<title>[^<]+</title>", text)) == 1, path
+        levels = [
+            int(level) for level in re.findall(r"<h([1-6])\b", text.split("<article", 1)[-1].split("</article>")[0])
+        ]
+        assert levels[:1] == [1] or path.name in ("search.html", "genindex.html"), (path, levels)
+        assert all(below <= above + 1 for above, below in itertools.pairwise(levels)), (path, levels)
         assert not (found := LOADED.findall(one[path].decode())), (path, found[:3])
         assert b"<img" not in one[path] or all(b"alt=" in tag for tag in re.findall(rb"<img[^>]*>", one[path])), path

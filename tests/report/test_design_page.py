@@ -11,11 +11,13 @@ from robustid.controllers.controller_design import DesignStatus
 from robustid.controllers.controller_storage import design_again
 from robustid.controllers.plants import Plants
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import FIR, PID, Bandwidth, Fixed, LeadLag, Limits, LowPass, Matrix, Notch
-from robustid.errors import InputError
+from robustid.design import FIR, PID, Bandwidth, Fixed, Improvement, LeadLag, Limits, LowPass, Matrix, Notch
+from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
-from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode, step_chart
-from robustid.report.design_page import design_verdict, factor_words, shares_table
+from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode
+from robustid.report.design_page import design_verdict, shares_table
+from robustid.report.design_steps import step_chart
+from robustid.report.design_structure import factor_words, structure_rows
 from support.design_cases import DT, band_of, matrix_band_of
 from support.forging import kept
 from support.one_design import LIMITS, PI, small_band, small_design
@@ -52,6 +54,48 @@ def test_the_curves_hold_the_plant_itself_and_keep_the_limits_that_are_drawn():
     assert [one.name for one in panels["P S"].layers] == ["largest with any consistent plant"]
 
 
+ROWS = (
+    Improvement("bounds", 0.5, 0.0, np.inf, 15.4, 1.4),
+    Improvement("bounds", 0.5, HZ * 1.0, HZ * 2.0, 13.2, 1.2),
+    Improvement("bounds", 0.5, HZ * 4.0, HZ * 8.0, 12.1, 1.1),
+    Improvement("sensitivity_peak", 1.1, np.nan, np.nan, 11.0, 1.0),
+)
+
+
+def test_the_page_says_what_would_help_and_where_to_measure(tmp_path):
+    write_report(small_design(), tmp_path / "page.html", sensitivity=ROWS)
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    omega = small_band().problem.frequency[0].omega
+    count = int(np.sum((omega >= HZ) & (omega <= 2 * HZ)))
+    points = f"{count} frequency point{'s' * (count != 1)}"
+    first = f"Measure better from 1 to 2 Hz first, {points}: bounds times 0.5 there bring +20 % bandwidth."
+    assert text.count(first) == 1
+    assert "What would help" in text
+    assert "sensitivity peak wider by 10 %" in text
+    write_report(small_design(), tmp_path / "page.html", sensitivity=ROWS[-1:])
+    assert "Measure better" not in (tmp_path / "page.html").read_text(encoding="utf-8")
+    for wrong in ("high", (1.0, 2.0), small_design()):
+        with pytest.raises(InputTypeError, match="`sensitivity` of a design must be what its improvements"):
+            write_report(small_design(), tmp_path / "page.html", sensitivity=wrong)
+
+
+def test_templates_of_every_map_are_drawn_and_listed():
+    limits = Limits(tracking=((0.5, 4.0, 0.5),), disturbance=((2.0, 9.0, 1.0),), action=((40.0, 200.0, 0.6),))
+    loop = Plants.of(small_band()).loop
+    design = design_again((small_band(),), (loop,), PI, (PID(),), limits, Bandwidth(), 11.0, ())
+    panels = {panel.title: panel for panel in design_chart(design).panels}
+    for name, value in (("P S", 1.0), ("C S", 0.6)):
+        assert layer(panels[name], "limit").y[0] == value
+    assert layer(panels["T"], "limit, at least").y[0] == 0.5
+    smallest, largest = layer(panels["T"], "smallest"), layer(panels["T"], "largest")
+    assert np.nanmin(smallest.y[(smallest.x * HZ >= 0.5) & (smallest.x * HZ <= 4)]) >= 0.5
+    assert np.all((smallest.y <= largest.y) | np.isnan(smallest.y))
+    asked = {row[0]: row[1].replace("\u00a0", " ") for row in shares_table(design).rows}
+    assert asked["tracking"] == "|T| ≥ 0.5, 0.0796 to 0.637 Hz"
+    assert asked["disturbance"].startswith("|P S| ≤ 1,")
+    assert asked["action"].startswith("|C S| ≤ 0.6,")
+
+
 def test_the_open_loop_of_the_plant_is_in_the_range_and_discs_keep_out_of_the_peak():
     design, plant = small_design(), band_of(1)[0]
     magnitude, phase = open_loop_bode(design).panels
@@ -73,7 +117,11 @@ def test_the_open_loop_of_the_plant_is_in_the_range_and_discs_keep_out_of_the_pe
 
 def test_steps_are_those_of_the_loop_with_the_model():
     design = small_design()
-    set_point, given, disturbed = (panel.layers[0] for panel in step_chart(design).panels)
+    panels = step_chart(design).panels
+    set_point, given, disturbed = (panel.layers[-1] for panel in panels)
+    for panel in panels[::2]:
+        area = panel.layers[0]
+        assert np.all((area.low < area.y) & (area.y < area.high))
     plant, C = design.proofs[0].band.model, control.ss(design.controller)
     for drawn, loop in (
         (set_point, control.feedback(plant * C, 1)),
@@ -93,6 +141,7 @@ def test_the_page_says_what_is_proved_and_what_limits(tmp_path):
         "Every consistent plant keeps all limits",
         "sensitivity peak, near 4.764 Hz",
         "Steps of the loop",
+        "beyond a set point of 1, with every consistent plant",
         "zero",
     ):
         assert words in page, words
@@ -150,6 +199,20 @@ def test_the_closest_controller_of_none_is_kept_and_shown(tmp_path):
     assert "before it could be proved" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
+def test_a_structure_is_said_with_the_signals_or_axes_that_it_stands_between():
+    rows, half = [[PID(), None], [LowPass(HZ * 9), PID()]], np.array([[0.5, 0.0], [1.0, 2.0]])
+    for around, first, last in (
+        ({}, "Structure, output 1 to input 1", ("Structure, output 2 to input 2", "PI")),
+        ({"actuators": half}, "Structure, output 1 to axis 1", ("From the axes to the inputs", "0.5, 0; 1, 2")),
+        ({"sensors": half}, "Structure, axis 1 to input 1", ("From the outputs to the axes", "0.5, 0; 1, 2")),
+    ):
+        none = design_again((), (), None, Matrix(rows, **around), Limits(), Bandwidth(), 0.0, ())
+        words = structure_rows(none)
+        assert words[0] == (first, "PI")
+        assert words[-1] == last
+        assert words[1][1] == "Low-pass of order 1 at 9 Hz"
+
+
 @pytest.mark.slow
 def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
     band = matrix_band_of(1)[1]
@@ -163,5 +226,5 @@ def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
     assert again.structure.rows == structure.rows
     write_report(again, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "From output 1 to input 1" in page
-    assert "From output 0 to input 1" not in page
+    assert "From y2 to u2" in page
+    assert "From y1 to u2" not in page

@@ -1,6 +1,7 @@
 """Experiments of one plant of which one has a fault: responses and records, short, so that a class is chosen in seconds."""
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -91,6 +92,12 @@ def records(name, seed, faults, samples=25):
 
         found.append(with_fault(made(), fault, lambda made=made: made(recipe.faster(1.15))))
     return [], found
+
+
+@functools.cache
+def chosen_of_structure(seed, fault="clean"):
+    """The choice for the response and the step of a structure, which several tests are about."""
+    return chosen(structure(seed, fault))
 
 
 def chosen(data, *, reference=False, run=None):

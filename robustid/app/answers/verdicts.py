@@ -15,10 +15,10 @@ from robustid.app.answers.form import Answer, answer, refusal
 from robustid.app.look import Look
 from robustid.app.run.reading import option_words, values_of_options
 from robustid.app.run.work import Work
+from robustid.controllers import ControllerDesign
 from robustid.core import Choice
 from robustid.data import Fault
 from robustid.errors import Remedy
-from robustid.formats import FREQUENCY
 from robustid.guarantees import (
     Band,
     Coverage,
@@ -72,8 +72,7 @@ def looked(found: Sequence[Look], exit_code: int) -> Answer:
 
 def _open_question(found: Look) -> dict[str, Any]:
     """The refusal of a file as `identify` would have it: its arguments by their options."""
-    of_response = found.argument == "frequency_unit" or set(found.arguments.get("fields", {})) & set(FREQUENCY)
-    kind = "frequency" if of_response else "time"
+    kind = found.kind or ("frequency" if found.argument == "frequency_unit" else "time")
     argument = found.argument or next(iter(found.unknown), None)
     asked = None if argument is None else option_words(kind).get(argument, argument)
     return refusal(asked, None, values_of_options(Remedy(found.arguments), kind))
@@ -132,12 +131,16 @@ def verified(result: Any, failed: Sequence[str], exit_code: int) -> Answer:
     identification = getattr(result, "identification", result)
     of_class = _of_identification(identification) if isinstance(identification, Identification) else {}
     bounds = [result] if isinstance(result, Band | WorstCaseError | WorstCaseOverPoles) else []
-    sentence = f"Not verified: {'; '.join(failed)}." if failed else "Every proof in the file holds."
+    status, sentence = "verified", "Every proof in the file holds."
+    if failed:
+        status, sentence = "failed", f"Not verified: {'; '.join(failed)}."
+    elif isinstance(result, ControllerDesign) and not result.proofs:
+        status, sentence = "undecided", "The file holds what a search found: it has no proof."
     of_loop = {"controllers": [_controller("", result)]} if isinstance(result, LoopBounds) else {}
     problem = _problem_of(result)
     return answer(
         "verify",
-        "failed" if failed else "verified",
+        status,
         sentence,
         exit_code,
         **of_class,

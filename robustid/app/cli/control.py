@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +15,10 @@ from robustid.app.cli.screen import in_words, say, telling
 from robustid.app.run.checks import options
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.errors import InputError, Status
+
+if TYPE_CHECKING:
+    from robustid.controllers import ControllerDesign
+    from robustid.guarantees import Band
 
 
 def control(
@@ -55,17 +60,17 @@ def control(
         raise InputError('--structure is missing: what the drive runs, such as --structure "PID(80)"')
     files, model = written_files.result_files(output), beside(output, "-controller.npz")
     read = [file for one in source for file in read_files(one)]
-    written_files.check_outputs([*files, model, report], [*read, *map(Path, asked.fixed or ())], force)
+    written_files.check_outputs([*files, model, report], [*read, *map(Path, asked.files)], force)
     words = words_of(control, time_limit="--time-limit", bands="the source", band="the band", loop="the loop")
     words |= asked.words(flags.__getitem__) | {"identification": "the identification"}
     with in_words(words), telling(console) as progress:
-        limits, factors = asked.limits, asked.factors("--structure")
+        limits, structure = asked.limits, asked.read(flags.__getitem__)
         plants: list[MeasuredPlant] = []
         for one in source:
             progress(f"reading {one}", 0, 0)
             plants.append(MeasuredPlant.of(one, progress))
         how: dict[str, Any] = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
-        found = design_controller([one.plants for one in plants], factors, **how)
+        found = design_controller([one.plants for one in plants], structure, **how)
         found.save(output)
         usable = found.status.name in (
             "PROVED",
@@ -82,5 +87,11 @@ def control(
                 found, report, title=f"Controller for {source[0].stem}" if len(source) == 1 else None, static=static
             )
     screen.say_written(console, *files, model if usable else None, report)
+    raise typer.Exit(design_exit(found, [one.band for one in plants]))
+
+
+def design_exit(found: ControllerDesign, bands: Sequence[Band] = ()) -> int:
+    """Exit code of a design for the plants of bands; default: of those that its proofs are about."""
     status = {"PROVED": Status.CONSISTENT, "NONE": Status.INCONSISTENT}.get(found.status.name, Status.UNDECIDED)
-    raise typer.Exit(screen.exit_code(status, any(one.band.problem.open_faults for one in plants)))
+    about = bands or [one.band for one in found.proofs]
+    return screen.exit_code(status, any(one.problem.open_faults for one in about))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from robustid.app.run.reading import Tables
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.work import Work
+    from robustid.core import Progress
     from robustid.data import SimulatedExperiment
 
 _SIDES = 6  # of the polygons around the errors of the demo at each frequency
@@ -59,7 +60,8 @@ def explore(
     console = screen.console()
     if file is not None and saved_kind(file) is not None:
         with in_words({"port": "--port"}):
-            tuning = _tuned(file, responses, general)
+            with telling(console) as progress:
+                tuning = _tuned(file, responses, general, progress)
             serve(tuning, f"Tuning of {file.name}", port, lambda address: _opened(console, address, browser))
         say(console, "closed")
         return
@@ -107,14 +109,14 @@ def _asked(
     return run, file.parent, file.name
 
 
-def _tuned(file: Path, source: ResponseSource, general: General) -> Tuning:
+def _tuned(file: Path, source: ResponseSource, general: General, progress: Progress) -> Tuning:
     """The design of a file, to be tuned."""
     from robustid.app.explore.tuning import Tuning
     from robustid.app.load_save import load_result
 
     if source != ResponseSource() or general.entry is not None:
         raise InputError(f"{file} is a saved result: leave the options of frequency responses out")
-    return Tuning.of(load_result(file, "controller design"))
+    return Tuning.of(load_result(file, "controller design", progress=progress))
 
 
 def _demo(console: Console) -> Path:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from robustid.core import Real
     from robustid.data import FrequencyResponse
-    from robustid.fitting import MatrixFraction, OrderSweep, Weight
+    from robustid.fitting import MatrixFraction, OrderSweep, RollOff, Weight
 
 _WIDTH = 56  # characters of the frequency axis
 _MARKS = {"stable": "o", "frequency": "+", "damping": ".", "new": "."}
@@ -78,7 +78,6 @@ def fit(
     """
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.undoing import again, in_command, placed_faults
-    from robustid.fitting import RollOff
     from robustid.formats import save_model
     from robustid.report import render_report, render_summary, verdict
 
@@ -88,8 +87,7 @@ def fit(
     written_files.check_outputs([model_file, report], [source], force)
     console = screen.console()
     (frf,) = asked_files.read(console)
-    constraints = (RollOff(roll_off),) if roll_off else ()
-    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method, "constraints": constraints}
+    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method} | _constraints(roll_off)
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
     words |= {"frf": source.name, "values": source.name}
     with in_words(words_of(fit, **words)):
@@ -111,6 +109,13 @@ def fit(
     screen.say_next(console, undoing)
     good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
     raise typer.Exit(screen.exit_code(good, any(not one.fault.undone for one in faults)))
+
+
+def _constraints(roll_off: int | None) -> dict[str, tuple[RollOff, ...]]:
+    """Constraints that the fit keeps."""
+    from robustid.fitting import RollOff
+
+    return {"constraints": (RollOff(roll_off),) if roll_off else ()}
 
 
 def _weight(source: Path, frf: FrequencyResponse, relative: bool | None) -> dict[str, Weight]:

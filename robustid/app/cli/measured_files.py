@@ -15,7 +15,7 @@ from robustid.app.run.checks import options
 from robustid.app.run.reading import Data, Tables, in_options, option_words, read_source, values_of_options
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.core import Signal
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FrequencyResponse, TimeRecord, hz_span
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.estimation import BOUND_SOURCES, response_faults
 from robustid.formats import Origin, origin
@@ -178,10 +178,10 @@ def _names(signals: Sequence[Signal]) -> str:
 
 def _described(data: FrequencyResponse | TimeRecord, words: str) -> str:
     if isinstance(data, FrequencyResponse):
-        what, axis, symbol = f"frequency response, {data.omega.size} frequency points", data.freq_hz, "Hz"
+        span = hz_span(float(data.freq_hz[0]), float(data.freq_hz[-1]))
+        text = f"frequency response, {data.omega.size} frequency points, {span}, {words}, "
     else:
-        what, axis, symbol = f"time record, {data.time.size} samples", data.time, "s"
-    text = f"{what}, {axis[0]:.5g} to {axis[-1]:.5g} {symbol}, {words}, "
+        text = f"time record, {data.time.size} samples, {data.time[0]:.5g} to {data.time[-1]:.5g} s, {words}, "
     text += "continuous time" if data.dt is None else f"dt = {data.dt:g} s"
     if isinstance(data, FrequencyResponse):
         return text + (", with covariance" if data.covariance is not None else "")

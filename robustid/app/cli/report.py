@@ -9,6 +9,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Static
+from robustid.app.cli.control import design_exit
 from robustid.app.cli.screen import telling
 from robustid.errors import InputError
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def report(
-    source: Annotated[Path, typer.Argument(help="A saved identification (NAME, NAME.npz or NAME.json).")],
+    source: Annotated[Path, typer.Argument(help="A saved identification or design (NAME, NAME.npz or NAME.json).")],
     bounds: Annotated[
         list[Path] | None, typer.Option(help="Add what robustid bounds saved of it: NAME, and NAME-poles. Repeatable.")
     ] = None,
@@ -30,7 +31,9 @@ def report(
     sensitivity: Annotated[
         bool,
         typer.Option(
-            "--sensitivity", help="Add how the guarantee moves with the assumptions and with the number of points."
+            "--sensitivity",
+            help="Add how the guarantee moves with the assumptions and with the number of points; of a design what smaller bounds"
+            " and wider limits would bring, and where to measure: searches, which take minutes.",
         ),
     ] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = Path("report.html"),
@@ -39,7 +42,7 @@ def report(
     static: Static = False,
     force: Force = False,
 ) -> None:
-    """Write the report of a saved identification again; its claims are verified again from the numbers.
+    """Write the report of a saved identification or design again; its claims are verified again from the numbers.
 
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
@@ -48,13 +51,22 @@ def report(
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, reduced
     from robustid.app.run.work import Work
+    from robustid.controllers import ControllerDesign
     from robustid.report import render_summary, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
     console = screen.console()
-    result = load_result(source, "identification")
     with telling(console) as progress:
+        result = load_result(source, "identification", "controller design", progress=progress)
+        if isinstance(result, ControllerDesign):
+            _of_identifications({"--bounds": bool(bounds), "--step": steps is not None, "--no-reduce": not reduce})
+            progress("searching what would help" if sensitivity else "drawing the report", 0, 0)
+            helping = result.improvements() if sensitivity else ()
+            write_report(result, output, title=title, static=static, sensitivity=helping or None)
+            screen.say(console, result.summary(), *(row.sentence for row in helping))
+            screen.say_written(console, output)
+            raise typer.Exit(design_exit(result))
         work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
         _take_bounds(work, bounds or [])
         if reduce:
@@ -68,6 +80,13 @@ def report(
     screen.say_written(console, output)
     screen.repeat_warnings(console, result)
     raise typer.Exit(screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
+
+
+def _of_identifications(given: dict[str, bool]) -> None:
+    """Refuse options that the page of a design has no place for."""
+    for name, is_there in given.items():
+        if is_there:
+            raise InputError(f"{name} is about an identification, and this is a design; leave it out")
 
 
 def _take_bounds(work: Work, paths: list[Path]) -> None:

@@ -54,7 +54,8 @@ def verify(
 
     console, of_loops = screen.console(stderr=as_json), (LoopBounds, Interconnection, ControllerDesign)
     with in_words({"exact": "--exact"}):
-        result = load_result(source, *_KINDS)
+        with telling(console) as progress:
+            result = load_result(source, *_KINDS, progress=progress)
         if isinstance(result, of_loops):
             failed = _loop_failures(console, result, exact)
         else:

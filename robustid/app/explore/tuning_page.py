@@ -35,9 +35,9 @@ _ONE = {"zero_hz": "zero [Hz]", "pole_hz": "pole [Hz]"}
 _WHOLE = "Controller"
 _SIGNED = ("gain", "kp", "ki", "kd", "zero_damping", "zero_hz")
 _BODE = (
-    "Magnitude over frequency of the open loop in the range of every consistent plant, and the largest sensitivity S and"
-    " complementary sensitivity T, each with its limits and as it was with the controller of the design. All numbers of it are in"
-    " the tables beside it."
+    "Magnitude over frequency of the open loop in the range of every consistent plant, and the largest sensitivity S,"
+    " complementary sensitivity T, process sensitivity P S and control sensitivity C S, each with its limits and as it was with the"
+    " controller of the design. All numbers of it are in the tables beside it."
 )
 _NYQUIST = (
     "Open loops near -1: each disc holds those of every consistent plant at a frequency; limits keep them out of what is"
@@ -97,7 +97,7 @@ def tuning_layout(tuning: Tuning, title: str) -> Component:
     seen = [
         html.Section(verdict, **named("Verdict")),
         html.Div(
-            [_graph("picture", "700px", _BODE), html.Div([_graph("plane", "400px", _NYQUIST), html.Div(id="tables")])],
+            [_graph("picture", "1080px", _BODE), html.Div([_graph("plane", "400px", _NYQUIST), html.Div(id="tables")])],
             id="both",
         ),
         html.P(_WORDS, className="soft"),

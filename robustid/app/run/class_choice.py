@@ -15,13 +15,14 @@ from robustid.advice import (
     possible_rates,
     response_sizes,
     says_something,
+    suggest_kautz,
     suggest_prior,
     suggest_roll_off,
     suggest_scaling,
     useful_prior,
 )
 from robustid.app.run.checks import AUTO
-from robustid.app.run.class_settings import POSITIVE_REAL, PriorChoice
+from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of
 from robustid.app.run.reading import D, Data
@@ -42,6 +43,9 @@ _LARGE = 100.0  # times the largest response: one that holds whatever does not c
 SPARE = 1.1  # beyond the smallest inflation of the bounds
 _PRIOR = 0.3  # of the time that is left
 _HALF = 0.5  # of the fastest decay that the data allow
+_HALVED = 8  # times that the decay of the slowest pole is halved at most
+_POINTS, _MANY = 40, 100  # frequency points from which a decay is chosen before all are asked, where there are many
+_ROUGH = 0.01  # accuracy of margins that decide only whether a decay is too fast
 
 
 def chosen_points(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyResponse, FrequencyResponse | None]:
@@ -135,7 +139,7 @@ def with_prior(
         return _with_choice(run, problem.prior, Source.PROGRAM, words), problem
     if (kind := run.prior.passive) is not None:
         around.say("looking for a prior")
-        prior, words = _chosen_decay(problem, kind, run.prior.slack)
+        prior, words = _chosen_decay(problem, kind, run.prior.slack, around)
         return _with_choice(run, prior, Source.DATA, words), dataclasses.replace(problem, prior=prior)
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and chosen.source is Source.DATA
@@ -235,29 +239,65 @@ def _typical_size(problem: MixedProblem) -> float:
     return float(np.median(sizes)) if sizes.size else float("inf")
 
 
-def _chosen_decay(problem: MixedProblem, kind: str, slack: float | None) -> tuple[Prior, str]:
-    """The passive class beside the modes of a problem, with half the fastest decay at which the data are consistent, and words."""
-    if kind != POSITIVE_REAL or problem.dt or problem.parametric is None:
-        raise InputError(PriorChoice.without_decay("`passive`", "`decay`"))
-    rates = possible_rates(problem)
-    fields = {"passive": kind, "slack": slack}
-    low, high, margin, tried = -1, rates.size, np.inf, float(rates[0])
+def _chosen_decay(problem: MixedProblem, kind: str, slack: float | None, around: Surroundings) -> tuple[Prior, str]:
+    """The passive class beside the modes of a problem, and words: half the fastest decay at which the data are consistent, of those
+    tried, which are none faster than the slowest pole that the response shows where the class holds all poles.
+    """
+    dt, slowest, few = problem.dt, _slowest_pole(problem), _few_points(problem)
+    if np.isfinite(slowest):
+        rates = slowest * _HALF ** np.arange(_HALVED, -1.0, -1.0)
+    else:
+        rates = possible_rates(problem)
+        rates = np.log(rates) / dt if dt else rates  # 1/s
+
+    def prior_of(decay: float) -> Prior:
+        rate = {"decay_rate": float(f"{np.exp(decay * dt):.6g}")} if dt else {"decay": float(f"{decay:.3g}")}
+        return prior_from({"passive": kind, "slack": slack, **rate})
+
+    def margin_at(decay: float, data: MixedProblem) -> float:
+        around.say(f"looking for a decay: {decay:.3g} 1/s")
+        return float(identify(dataclasses.replace(data, prior=prior_of(decay)), accuracy=_ROUGH).margin)
+
+    low, high, margin, decay = -1, rates.size, np.inf, float(rates[0])
     while high - low > 1:  # the slower the decay, the larger the class: consistent at low, not at high
         middle = (low + high) // 2
-        prior = prior_from({**fields, "decay": float(rates[middle])})
-        found = float(identify(dataclasses.replace(problem, prior=prior)).margin)
-        if found <= 1:
-            low = middle
-        else:
-            high = middle
+        found = margin_at(float(rates[middle]), few)
+        low, high = (middle, high) if found <= 1 else (low, middle)
         if found <= 1 or high == 0:
-            margin, tried = found, float(rates[middle])
-    decay = float(f"{_HALF * tried:.3g}")
-    words = f"Decay of what the modes leave to the {kind} class: {decay:g} 1/s, half of {tried:.5g} 1/s, "
+            margin, decay = found, float(rates[middle])
+    if few is not problem and margin <= 1:  # few points leave more than all of them
+        fastest = decay
+        for halvings in range(_HALVED):
+            decay = fastest * _HALF**halvings
+            if (margin := margin_at(decay, problem)) <= 1:
+                break
+    whole = "the plant" if problem.parametric is None else "what the modes leave to the class"
+    words = f"Decay of {whole}, {kind}: {_HALF * decay:.3g} 1/s, half of {decay:.5g} 1/s, "
+    if margin > 1:
+        return prior_of(
+            _HALF * decay
+        ), f"{words}the slowest that is tried; the data contradict it (margin {margin:.4g})"
     words += (
-        f"the fastest of those tried at which the data are consistent (margin {margin:.3g}). An assumption: data can refute it,"
-        " never prove it"
-        if margin <= 1
-        else f"the slowest that is tried; the data contradict it (margin {margin:.4g})"
+        "the decay of the slowest pole that the response shows" if decay == slowest else "the fastest of those tried"
     )
-    return prior_from({**fields, "decay": decay}), words
+    words += (
+        f" at which the data are consistent (margin {margin:.3g}). An assumption: data can refute it, never prove it"
+    )
+    return prior_of(_HALF * decay), words
+
+
+def _few_points(problem: MixedProblem) -> MixedProblem:
+    """The problem with frequency points that stand for all, where there are many."""
+    if sum(len(frf.omega) for frf in problem.frequency) <= _MANY:
+        return problem
+    spread = [np.linspace(0, len(f.omega) - 1, min(len(f.omega), _POINTS)).astype(int) for f in problem.frequency]
+    chosen = [f.select(np.isin(np.arange(len(f.omega)), k)) for f, k in zip(problem.frequency, spread, strict=True)]
+    return dataclasses.replace(problem, frequency=tuple(chosen))
+
+
+def _slowest_pole(problem: MixedProblem) -> float:
+    """Least decay that the response leaves to its poles, in 1/s, where no modes stand beside the class; inf where none is seen."""
+    if problem.parametric is not None or not problem.frequency:
+        return float("inf")
+    found = suggest_kautz(problem.frequency[0])
+    return float(np.min(found.omega_interval[:, 0] * found.damping_interval[:, 0], initial=np.inf))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 _positive = number(above=0)
-POSITIVE_REAL = "positive real"  # whose decay can be chosen, beside modes
+POSITIVE_REAL = "positive real"  # beside which modes have a place
 
 
 def _weight_model() -> Check[Mapping[str, object]]:
@@ -93,8 +93,8 @@ class PriorChoice:
     passive: str | None = key(
         text(listed("identification", "PASSIVE_NAMES")),
         help="Prior: a physical property of the whole plant in the place of a gain bound, with a decay. Positive real: impedance,"
-        " velocity per force at the same points (modes and real poles take only what is passive; over decades they and the decay"
-        " can be chosen); negative imaginary: displacement per force; bounded real: scattering parameters.",
+        " velocity per force at the same points (modes and real poles take only what is passive; over decades they can be chosen);"
+        " negative imaginary: displacement per force; bounded real: scattering parameters. Without a decay it is chosen.",
         flag="--passive",
         text=_spelled,
     )
@@ -189,7 +189,7 @@ class PriorChoice:
         if len(given) > 1:
             raise InputError(f"{given[0]} (per sample) and {given[1]} (in 1/s) say the same thing; give one of them")
         if self.passive is not None:
-            self._check_passive(names, bool(given))
+            self._check_passive(names)
             return
         shapes = [name for name in ("roll_off", "weight", "weight_model") if getattr(self, name) is not None]
         if len(shapes) > 1:
@@ -217,7 +217,7 @@ class PriorChoice:
                 f"{one} is given without {other}: the bound falls as frequency^-N above a corner; give both"
             )
 
-    def _check_passive(self, names: dict[str, str], decays: bool) -> None:
+    def _check_passive(self, names: dict[str, str]) -> None:
         """Refuse what a passive class has no use for."""
         name = names["passive"]
         for other in ("gain_bound", "scaling", "roll_off", "corner_hz", "weight", "weight_model"):
@@ -225,16 +225,6 @@ class PriorChoice:
                 raise InputError(
                     f"{names[other]} has no meaning with {name}, which bounds the plant by itself; leave it out"
                 )
-        if not decays and self.passive != POSITIVE_REAL:
-            raise InputError(self.without_decay(name, names["decay"]))
-
-    @staticmethod
-    def without_decay(name: str, decay: str = "decay") -> str:
-        """The sentence that asks for the decay of a passive class."""
-        return (
-            f"{name} is given without {decay} (in 1/s): say how far left of the axis the plant is passive, at most the smallest"
-            " real part of its poles, in magnitude; robustid fit FILE --order auto shows those of a fit"
-        )
 
 
 def prior_keys(prior: Prior, asked: PriorChoice | None = None) -> dict[str, Any]:

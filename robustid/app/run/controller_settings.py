@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from robustid.app.run.checks import key, number, several, text
-from robustid.app.run.structure_text import goal_of, goal_text, structure_of, structure_text
+from robustid.app.run.checks import Described, key, number, several, text
+from robustid.app.run.constant_matrix import matrix_of, matrix_or_file, matrix_text
+from robustid.app.run.structure_text import goal_of, goal_text, structure_around, structure_of, structure_text
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
-    from robustid.controllers import Attenuation, Limits
+    from robustid.controllers import Attenuation, Factor, Limits, Matrix
 
 _HZ = 2 * math.pi
 _ROW = "LOW:HIGH:VALUE,..."
@@ -27,11 +28,14 @@ _NAMES = {
     "phase_margin_deg": "phase_margin",
     "delay_margin": "delay_margin",
     "attenuate": "attenuation",
+    "tracking": "tracking",
     "roll_off": "roll_off",
+    "disturbance": "disturbance",
+    "action": "action",
     "bandwidth_hz": "bandwidth",
     "integral_gain": "integral_gain",
 }
-Rows = tuple[tuple[float, float, float], ...]
+Row = tuple[float, float, float]
 
 
 def _rows(name: str, content: str) -> list[list[float]]:
@@ -50,6 +54,12 @@ def _files(name: str, content: str) -> list[str]:
     return [one.strip() for one in content.split(",")]
 
 
+def _over_frequency(flag: str, what: str) -> Described:
+    """Description of rows over frequency."""
+    words = f"Ranges in Hz in which {what}: rows of low, high and value."
+    return {"help": words, "flag": flag, "text": _rows, "metavar": _ROW}
+
+
 _template = several(several(number(least=0.0), 3))
 _positive = number(above=0.0)
 
@@ -61,10 +71,27 @@ class ControllerChoice:
     structure: str | None = key(
         structure_text,
         help="What the drive runs, as factors with their poles in Hz; numerators are free, LOW..HIGH is searched: P, PI, PD(80),"
-        " PID(80), Notch(300..400, damping=0.5), LeadLag(20), LowPass(900, order=2), FIR(3), with commas between them.",
+        " PID(80), Notch(300..400, damping=0.5), LeadLag(20), LowPass(900, order=2), FIR(3), with commas between them. Of several"
+        " outputs one such loop to each; other loops are Diagonal(PI, PID(80) * Notch(30)), any are rows of entries, each row from"
+        " all outputs to one input: Matrix(PI, 0; P, PI).",
         flag="--structure",
         metavar="FACTORS",
         text=lambda _, content: content,
+    )
+    actuators: tuple[tuple[float, ...], ...] | str | None = key(
+        matrix_or_file,
+        help="Constant matrix from the loops to the inputs of the plant, where these are no axes: the controller is actuators x"
+        " structure x sensors. Rows, or a file that holds it.",
+        flag="--actuators",
+        text=matrix_text,
+        metavar="1,0;0,1|FILE",
+    )
+    sensors: tuple[tuple[float, ...], ...] | str | None = key(
+        matrix_or_file,
+        help="Constant matrix from the outputs of the plant to the loops.",
+        flag="--sensors",
+        text=matrix_text,
+        metavar="1,0;0,1|FILE",
     )
     fixed: tuple[str, ...] | None = key(
         several(text()),
@@ -102,19 +129,19 @@ class ControllerChoice:
     process_peak: float | None = key(
         _positive, help="Largest |P S|, from a disturbance at the input to the output.", flag="--process-peak"
     )
-    attenuate: tuple[tuple[float, float, float], ...] | None = key(
+    attenuate: tuple[Row, ...] | None = key(
         _template,
-        help="Ranges in Hz in which |S| is at most a value, rows of low, high and value.",
-        flag="--attenuate",
-        text=_rows,
-        metavar=_ROW,
+        **_over_frequency("--attenuate", "|S| is at most a value (the error of tracking, a disturbance at the output)"),
     )
-    roll_off: tuple[tuple[float, float, float], ...] | None = key(
-        _template,
-        help="Ranges in Hz in which |T| is at most a value, rows of low, high and value.",
-        flag="--roll-off",
-        text=_rows,
-        metavar=_ROW,
+    tracking: tuple[Row, ...] | None = key(
+        _template, **_over_frequency("--tracking", "|T| is at least a value below 1")
+    )
+    roll_off: tuple[Row, ...] | None = key(_template, **_over_frequency("--roll-off", "|T| is at most a value"))
+    disturbance: tuple[Row, ...] | None = key(
+        _template, **_over_frequency("--disturbance", "|P S| is at most a value (a disturbance at the input)")
+    )
+    action: tuple[Row, ...] | None = key(
+        _template, **_over_frequency("--action", "|C S| is at most a value (noise that reaches the input)")
     )
     bandwidth_hz: float | None = key(
         _positive, help="Frequency up to which |P C| is at least 1.", unit="Hz", flag="--bandwidth"
@@ -131,19 +158,36 @@ class ControllerChoice:
         """Return whether a controller is asked for."""
         return self.structure is not None
 
-    def factors(self, place: str, folder: Path = Path()) -> list[Any]:
-        """Factors of the structure, with the models beside it from their files, seen from a folder."""
+    @property
+    def files(self) -> list[str]:
+        """Files that are read: models beside the structure, and matrices around it."""
+        return [*(self.fixed or ()), *(one for one in (self.actuators, self.sensors) if isinstance(one, str))]
+
+    def renamed(self, name: Callable[[str], str]) -> ControllerChoice:
+        """The same with other names of its files."""
+        fixed = None if self.fixed is None else tuple(map(name, self.fixed))
+        ends = {one: name(value) for one in ("actuators", "sensors") if isinstance(value := getattr(self, one), str)}
+        return dataclasses.replace(self, fixed=fixed, **ends)
+
+    def read(self, called: Callable[[str], str], folder: Path = Path()) -> tuple[Factor, ...] | Matrix:
+        """The structure, with the models beside each loop and the matrices around them from their files, seen from a folder."""
         from robustid.app.load_save import load
         from robustid.controllers import Fixed
 
-        if self.structure is None:
-            raise InputError(f"{place} needs a structure, such as PID(80)")
-        found: list[Any] = [*structure_of(place, self.structure)]
+        beside: list[Fixed] = []
         for name in self.fixed or ():
             if not (folder / name).is_file():
-                raise InputError(f"{place} {name}: there is no such file")
-            found.append(Fixed(load(folder / name, kind="model")))
-        return found
+                raise InputError(f"{called('fixed')} {name}: there is no such file")
+            beside.append(Fixed(load(folder / name, kind="model")))
+        around = {
+            one: matrix_of(called(one), value, folder)
+            for one in ("actuators", "sensors")
+            if (value := getattr(self, one)) is not None
+        }
+        try:
+            return structure_around(structure_of(called("structure"), self.structure or ""), beside, around)
+        except InputError as error:
+            raise error.reworded(self.words(called)) from None
 
     @property
     def goal(self) -> str | Attenuation:
@@ -155,7 +199,7 @@ class ControllerChoice:
         """The limits, in the library's units."""
         from robustid.controllers import Limits
 
-        def rows(value: Sequence[tuple[float, float, float]] | None) -> Rows:
+        def rows(value: tuple[Row, ...] | None) -> tuple[Row, ...]:
             return tuple((_HZ * low, _HZ * high, most) for low, high, most in value or ())
 
         return Limits(
@@ -167,16 +211,20 @@ class ControllerChoice:
             control_peak=self.control_peak,
             process_peak=self.process_peak,
             attenuation=rows(self.attenuate),
+            tracking=rows(self.tracking),
             roll_off=rows(self.roll_off),
+            disturbance=rows(self.disturbance),
+            action=rows(self.action),
             bandwidth=None if self.bandwidth_hz is None else _HZ * self.bandwidth_hz,
             integral_gain=self.integral_gain,
         )
 
     @staticmethod
     def words(called: Callable[[str], str]) -> dict[str, str]:
-        """The library's names of the limits, as they are called here; `called`: the name of a key."""
-        found = {name: called(one) for one, name in _NAMES.items()}
-        return found | {one: called(one) for one in ("structure", "maximise")} | {"filter": called("structure")}
+        """The library's names of what is stated, as it is called here; `called`: the name of a key."""
+        same = ("structure", "actuators", "sensors", "maximise")
+        found = {name: called(one) for one, name in (*_NAMES.items(), *zip(same, same, strict=True))}
+        return found | {"filter": called("structure")}
 
     def check(self, place: str) -> None:
         """Refuse limits without a structure, and limits that make no sense."""

@@ -2,46 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from robustid.app.run.controller_settings import ControllerChoice
+from robustid.app.run.modes import box_of, held_box
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Work
-from robustid.controllers import ControllerDesign, DesignStatus, design_controller
-from robustid.errors import InputError, InputTypeError
+from robustid.controllers import ControllerDesign, DesignStatus, Factor, Matrix, design_controller
+from robustid.errors import InputError, InputTypeError, Status
+from robustid.guarantees import Band, LoopBounds, band
+from robustid.identification import Identification
 
 _SHARE = 0.5  # of the time that is left
 _PLACE = "[controller]"
+_NO_BAND = "there is no band of consistent plants that it could be designed for"
+NOT_DESIGNED = "No controller was designed: {}."
 
 
 def designed(work: Work) -> None:
     """The step that designs a controller: of a plant in a loop from what is known of that, else from the band."""
-    asked = work.run.controller
-    if not asked.is_stated:
+    if not work.run.controller.is_stated:
         return
     plants = work.looped if work.loop is not None else work.band
     if plants is None or not work.identification.consistent:
-        work.not_designed = "there is no band of consistent plants that it could be designed for"
+        work.not_designed = _NO_BAND
         return
     if work.loop is None and work.band is not None:
         plants = work.band.with_model(work.model)
-    before = work.around.folder.design(plants, asked)
+    work.design, work.not_designed = _design([plants], work.structure, work.run.controller, work.around)
+
+
+def designed_for_members(
+    run: RunFile, found: Mapping[str, Identification], structure: tuple[Factor, ...] | Matrix, around: Surroundings
+) -> tuple[ControllerDesign | None, list[str]]:
+    """One controller for the plants of all members, each in the band of its own data over the box of its poles; and words on it."""
+    if not run.controller.is_stated:
+        return None, []
+    bands: list[Band] = []
+    for member in run.members:
+        result = found[member.name]
+        if result.verified_status is not Status.CONSISTENT or result.prior.positive_real:
+            return None, [NOT_DESIGNED.format(_NO_BAND)]
+        words = f"proving the error of {member.name} at every frequency"
+        with around.step(words, _SHARE / len(found)) as limit:
+            box, told = held_box(box_of(member), result.problem), around.progress(words)
+            bands.append(band(result, box=box, time_limit=limit, progress=told).with_model(result.model))
+    design, why = _design(bands, structure, run.controller, around)
+    return design, [design_words(design) if design is not None else NOT_DESIGNED.format(why)]
+
+
+def _design(
+    plants: Sequence[Band | LoopBounds],
+    structure: tuple[Factor, ...] | Matrix,
+    asked: ControllerChoice,
+    around: Surroundings,
+) -> tuple[ControllerDesign | None, str]:
+    """The controller for all plants, kept in the folder or taken from it; or why there is none."""
+    progress = around.progress("designing the controller")
+    before = around.folder.design(plants, structure, asked, progress)
     if before is not None:
-        work.around.say("controller: taken from the unfinished run")
-        work.design = before
-        return
+        around.say("controller: taken from the unfinished run")
+        return before, ""
     words = ControllerChoice.words(lambda one: f"{_PLACE} {one}") | {"bands": "the band"}
-    with work.around.step("designing the controller", _SHARE, asked.time_limit) as limit:
+    with around.step("designing the controller", _SHARE, asked.time_limit) as limit:
         try:
-            work.design = design_controller(
-                plants,
-                [*work.factors],
-                limits=asked.limits,
-                maximise=asked.goal,
-                time_limit=limit,
-                progress=work.around.progress("designing the controller"),
+            found = design_controller(
+                plants, structure, limits=asked.limits, maximise=asked.goal, time_limit=limit, progress=progress
             )
         except (InputError, InputTypeError) as error:
-            work.not_designed = error.said(words, unknown=str)
-            return
-    work.around.folder.designed(work.design)
+            return None, error.said(words, unknown=str)
+    around.folder.designed(found)
+    return found, ""
 
 
 def design_words(design: ControllerDesign) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.app.run.candidates import candidate_words
 from robustid.app.run.class_choice import SPARE
-from robustid.app.run.designed import design_words
+from robustid.app.run.designed import NOT_DESIGNED, design_words
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
 from robustid.app.run.work import Work
@@ -63,7 +63,7 @@ def sentences(work: Work) -> tuple[str, ...]:
     if work.design is not None:
         found.append(design_words(work.design))
     elif work.not_designed:
-        found.append(f"No controller was designed: {work.not_designed}.")
+        found.append(NOT_DESIGNED.format(work.not_designed))
     looped = work.plant is not None
     if work.band is not None and not looped:
         found.append(band_words(work.band, work.error, work.withheld))

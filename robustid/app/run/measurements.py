@@ -18,7 +18,7 @@ from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, rea
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import USES, RecordSource, ResponseSource
-from robustid.controllers import Factor
+from robustid.controllers import Factor, Matrix
 from robustid.core import Source, digest
 from robustid.data import Fault, FrequencyResponse, TimeRecord, decimate, detrend, points_at
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -69,7 +69,7 @@ class Measured(NamedTuple):
     origins: Origins = Origins()
     loop: Loop | None = None  # that responses and records are opened from
     controllers: Mapping[str, control.StateSpace] = {}  # others that are tried in it
-    factors: Sequence[Factor] = ()  # of the controller that is designed
+    structure: tuple[Factor, ...] | Matrix = ()  # of the controller that is designed
 
     @property
     def dt(self) -> float | None:
@@ -119,7 +119,7 @@ def measured(
         others = read_controllers([folder / name for name in run.loop.candidates or ()], "[loop] candidates:", loop)
         data = data._replace(controllers=others)
     if run.controller.is_stated:
-        data = data._replace(factors=run.controller.factors("[controller]", folder))
+        data = data._replace(structure=run.controller.read("[controller] {}".format, folder))
     origins = _origins(records, len(data.responses), len(read))
     data = data._replace(responses=(*data.responses, *read), origins=origins, loop=loop)
     if (entry := run.entry) is not None:

@@ -12,17 +12,17 @@ import numpy as np
 from robustid.app.run import findings
 from robustid.app.run.class_choice import inflated_problem, with_inflation, with_prior
 from robustid.app.run.class_settings import prior_keys
+from robustid.app.run.designed import designed_for_members
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.member_poles import POLES, modes_of, with_poles
-from robustid.app.run.modes import Box, with_faults
+from robustid.app.run.modes import box_of, with_faults
 from robustid.app.run.posing import without_class
 from robustid.app.run.reading import D, Tables
 from robustid.app.run.results import FamilyRun
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sequence import diagnosis_of, identified
-from robustid.app.run.sources import MemberChoice
 from robustid.app.run.work import Untouched
 from robustid.data import PlacedFault, Undoing
 from robustid.errors import InconsistentDataError, InputError
@@ -30,6 +30,7 @@ from robustid.guarantees import Member, called_otherwise, family, frequencies_of
 from robustid.identification import Identification, MixedProblem, Prior
 
 Undo = Callable[[str, Measured, Sequence[PlacedFault]], Undoing | None]
+_WITH_CONTROLLER = 0.4  # of the time that is left, for the family
 _AS_STATED = (
     "The band holds for the poles of the members as they were taken, not for their pole-uncertainty boxes, which could not"
     " be covered"
@@ -66,6 +67,10 @@ def run_members(run: RunFile, place: Path, around: Surroundings, undo: Undo) -> 
         posed = dataclasses.replace(problem, prior=prior)
         found[name] = identified(run, posed, around, of=f" of {name}", member=k)
     united = _united(run, found, left, around)
+    if united.consistent:
+        design, said = designed_for_members(united.run_file, found, next(iter(data.values())).structure, around)
+        findings = (*united.findings, *said)
+        united = dataclasses.replace(united, design=design, findings=findings, unfinished=around.unfinished)
     undoing = next((one for name in data if (one := undo(name, data[name], found[name].problem.placed_faults))), None)
     return dataclasses.replace(united, findings=(*matched, *united.findings), undoing=undoing)
 
@@ -120,13 +125,6 @@ def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surround
     return first.changed("prior", **prior_keys(prior, run.prior), note=note, curve=curves or None), prior
 
 
-def _box_of(member: MemberChoice) -> Box | None:
-    """The pole-uncertainty box of a member, in rad/s; None where it has none."""
-    if member.hz_interval is None:
-        return None
-    return 2 * np.pi * np.array(member.hz_interval), np.array(member.damping_interval)
-
-
 def _said_of(run: RunFile, found: dict[str, Identification], around: Surroundings) -> list[str]:
     """Words on every member: whether its data fit the class, and what would help."""
     said: list[str] = []
@@ -149,7 +147,7 @@ def _united(
             position=m.position,
             load=m.load,
             date=m.date,
-            poles=_box_of(m) if run.worst_case.over_poles else None,
+            poles=box_of(m) if run.worst_case.over_poles else None,
             delay=run.modes.delay or 0,
         )
         for m in run.members
@@ -168,7 +166,8 @@ def _united(
     spread = around.counted(words)
     how |= {"omega": omega, "schedule": run.family.schedule, "interval": run.family.interval}
     try:
-        with around.step(words, stated=asked.time_limit) as limit:
+        share = _WITH_CONTROLLER if run.controller.is_stated else 1.0
+        with around.step(words, share, asked.time_limit) as limit:
             try:
                 one = family(members, time_limit=limit, **how, **spread)
             except InputError as error:

@@ -16,6 +16,7 @@ from robustid.app.run.measurements import Measured
 from robustid.app.run.run_file import MODES_NOTE, RECORD_MODES_NOTE, RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
+from robustid.app.run.sources import MemberChoice
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
 from robustid.core import Budget, Real, Source, pass_on
@@ -109,6 +110,13 @@ def box_of_modes(modes: Modes) -> Box | None:
         return None
     hz, damping = (np.asarray(ends, dtype=float)[order] for ends in (modes.hz_interval, modes.damping_interval))
     return 2 * np.pi * hz, damping
+
+
+def box_of(member: MemberChoice) -> Box | None:
+    """The pole-uncertainty box of a member, in rad/s; None where it has none."""
+    if member.hz_interval is None:
+        return None
+    return 2 * np.pi * np.array(member.hz_interval), np.array(member.damping_interval)
 
 
 def held_box(box: Box | None, problem: MixedProblem) -> Box | None:

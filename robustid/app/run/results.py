@@ -185,6 +185,8 @@ class FamilyRun(Frozen):
         What Ctrl-C or the time limit has left out.
     undoing : Undoing or None
         The line of the run file that undoes a fault of the data of a member; None where there is none.
+    design : ControllerDesign or None
+        The one controller for the plants of all members that the run file asks for.
     """
 
     identifications: dict[str, Identification]
@@ -194,11 +196,12 @@ class FamilyRun(Frozen):
     run_file: RunFile
     unfinished: Unfinished | None = None
     undoing: Undoing | None = None
+    design: ControllerDesign | None = None
 
     @property
     def numbers(self) -> dict[str, Savable | None]:
         """Everything that is saved with its proofs, by the names of the files."""
-        return {"family": self.family}
+        return {"family": self.family, "controller": self.design}
 
     @property
     def consistent(self) -> bool:
@@ -254,6 +257,7 @@ class FamilyRun(Frozen):
             run_file=self.run_file.text(),
             unfinished=self.unfinished,
             undoing=self.undoing,
+            design=self.design,
         )
 
 

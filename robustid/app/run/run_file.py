@@ -134,9 +134,7 @@ class RunFile(Frozen, General):
         loop = dataclasses.replace(self.loop, **named)
         if loop.candidates is not None:
             loop = dataclasses.replace(loop, candidates=tuple(map(name, loop.candidates)))
-        designed = self.controller
-        if designed.fixed is not None:
-            designed = dataclasses.replace(designed, fixed=tuple(map(name, designed.fixed)))
+        designed = self.controller.renamed(name)
         return dataclasses.replace(self, record=record, frequency=frequency, loop=loop, controller=designed)
 
     def of_member(self, name: str) -> RunFile:
@@ -214,10 +212,6 @@ def _check_controller(run: RunFile) -> None:
     run.controller.check("[controller]")
     if not run.controller.is_stated:
         return
-    if run.members:
-        raise InputError(
-            "[controller] does not go with [[members]]: one for all plants is designed by robustid control, from a folder of each"
-        )
     if not run.worst_case.compute:
         raise InputError("[controller] needs the band of all consistent plants; leave [worst_case] compute = false out")
 

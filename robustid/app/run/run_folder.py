@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shutil
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TypedDict
@@ -14,7 +14,7 @@ from robustid.app.load_save import load_result
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import RunFile, read_run_file
-from robustid.controllers import ControllerDesign, DesignStatus, as_goal
+from robustid.controllers import ControllerDesign, DesignStatus, Factor, Matrix, Plants, as_goal
 from robustid.core import Budget, Progress, Source, Stops, Unfinished, atomic_write, fingerprint, paths, save
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
@@ -141,16 +141,23 @@ class RunFolder:
         if self.folder is not None:
             design.save(self.folder / _DESIGN)
 
-    def design(self, plants: Band | LoopBounds, asked: ControllerChoice) -> ControllerDesign | None:
-        """The controller that was designed before for exactly these plants, limits and goal, proved again on loading."""
+    def design(
+        self,
+        plants: Sequence[Band | LoopBounds],
+        structure: tuple[Factor, ...] | Matrix,
+        asked: ControllerChoice,
+        progress: Progress,
+    ) -> ControllerDesign | None:
+        """The controller of this structure that was designed before for exactly these plants, limits and goal, proved again."""
         if self.folder is None or not self.resume or not paths(self.folder / _DESIGN)[1].is_file():
             return None
-        found: ControllerDesign = load_result(self.folder / _DESIGN, "controller design")
-        if len(found.proofs) != 1 or not found.finished:
+        found: ControllerDesign = load_result(self.folder / _DESIGN, "controller design", progress=progress)
+        if not found.finished:
             return None
-        band = plants.band if isinstance(plants, LoopBounds) else plants
-        same = fingerprint((found.limits, found.goal)) == fingerprint((asked.limits, as_goal(asked.goal)))
-        return found if same and fingerprint(found.proofs[0].band) == fingerprint(band) else None
+        bands = tuple(Plants.of(one).band for one in plants)  # about the models that the design takes
+        before = (tuple(one.band for one in found.proofs), found.structure, found.limits, found.goal)
+        now = (bands, structure, asked.limits, as_goal(asked.goal))
+        return found if fingerprint(before) == fingerprint(now) else None
 
     def finish(self, result: IdentifiedReduced | FamilyRun) -> None:
         """Keep everything that isn't kept yet; of members that refute the class the sentences."""
@@ -167,7 +174,7 @@ class RunFolder:
             for name, found in result.candidates.items():
                 if found.refuted_by is not None:
                     save_model(found.refuted_by.plant, self.folder / f"loop-{name}-plant.npz")
-        design = result.design if isinstance(result, IdentifiedReduced) else None
+        design = result.design
         usable = design is not None and design.status in (DesignStatus.PROVED, DesignStatus.FOUND)
         if usable and design is not None and design.controller is not None:
             save_model(design.controller, self.folder / _CONTROLLER)

@@ -71,7 +71,7 @@ def _whole(
     """Consistency, the small model, its error, and what can be said of them."""
     work, asked = decided(run, problem, left, around), run.worst_case
     if data is not None:
-        work.loop, work.controllers, work.factors = data.loop, data.controllers, data.factors
+        work.loop, work.controllers, work.structure = data.loop, data.controllers, data.structure
     small: list[Step] = [reduced, compared_with_fits, without_doubtful]
     if work.loop is not None:  # fits are those of the plant
         small = [reduced]

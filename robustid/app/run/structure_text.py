@@ -1,28 +1,31 @@
 """Structures and goals of controllers as they are written in run files and commands: a small grammar, read and never evaluated.
 
-``PID(80), Notch(300..400, damping=0.5), LowPass(900, order=2)``: factors with their frequencies in Hz, intervals with two dots.
+``PID(80), Notch(300..400, damping=0.5), LowPass(900, order=2)``: factors with their frequencies in Hz, intervals with two dots; of
+several outputs one such loop to each, ``Diagonal(PI, PID(80) * Notch(30))`` other ones, ``Matrix(PI, 0; P, PI)`` any, by rows.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
-    from robustid.controllers import FIR, PID, Attenuation, LeadLag, LowPass, Notch
+    from robustid.controllers import Attenuation, Factor, Matrix
+    from robustid.core import Real
 
-    Factor = PID | Notch | LeadLag | LowPass | FIR
+    Rows = list[list[tuple[Factor, ...] | None]]
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][-+]?\d+)?)|(?P<word>[A-Za-z]+)|(?P<sign>\.\.|[(),=*]))"
+    r"\s*(?:(?P<number>(?:\d+(?:\.\d+)?|\.\d+)(?:[eE][-+]?\d+)?)|(?P<word>[A-Za-z]+)|(?P<sign>\.\.|[(),;=*]))"
 )
 _HZ = 2 * math.pi
 GOALS = ("bandwidth", "integral-gain", "least-control")
 _FORMS = "P, PI, PD(80), PID(80), Notch(300..400, damping=0.5), LeadLag(20), LowPass(900, order=2), FIR(3)"
+_SEVERAL = "of several loops Diagonal(PI, PID(80) * Notch(30)), or rows: Matrix(PI, 0; P, PI)"
 Value = tuple[float, float]
 
 
@@ -59,9 +62,12 @@ def _forms() -> dict[str, _Form]:
     }
 
 
-def structure_of(name: str, text: str) -> tuple[Factor, ...]:
-    """Factors of a structure; `name`: where it stands, for messages."""
+def structure_of(name: str, text: str) -> tuple[Factor, ...] | Matrix:
+    """A structure, factors or a matrix of them; `name`: where it stands, for messages."""
     reader = _Reader(name, text)
+    for word, read in (("matrix", reader.rows), ("diagonal", reader.diagonal)):
+        if reader.opens(word):
+            return _matrix(reader, read())
     found = [reader.factor()]
     while not reader.ended:
         if not (reader.accept(",") or reader.accept("*")):
@@ -70,13 +76,56 @@ def structure_of(name: str, text: str) -> tuple[Factor, ...]:
     return tuple(found)
 
 
+def structure_around(
+    found: tuple[Factor, ...] | Matrix, beside: Sequence[Any], around: Mapping[str, Real]
+) -> tuple[Factor, ...] | Matrix:
+    """A structure with further factors of each loop, between constant matrices `actuators` and `sensors`."""
+    from robustid.controllers import Matrix, entries_of
+
+    if isinstance(found, tuple):
+        if not around:
+            return (*found, *beside)
+        count = around["actuators"].shape[1] if "actuators" in around else len(around["sensors"])
+        found = Matrix([[found if i == j else None for j in range(count)] for i in range(count)])
+    nu, ny = found.shape
+    rows: Rows = [[None] * ny for _ in range(nu)]
+    for i, j, factors in entries_of(found, (ny, nu)):
+        rows[i][j] = (*factors, *beside)
+    return Matrix(rows, **around)
+
+
 def structure_text(name: str, value: object) -> str:
     """Check of a key: a text that is a structure."""
     if not isinstance(value, str):
         raise InputError(f"{name} must be text in quotes such as {_FORMS}; got {value!r}")
-    for factor in structure_of(name, value):
+    found = structure_of(name, value)
+    for factor in found if isinstance(found, tuple) else _inside(found):
         _ = factor.free  # checks its numbers
     return value
+
+
+def _inside(matrix: Matrix) -> Iterator[Factor]:
+    from robustid.controllers import entries_of
+
+    nu, ny = matrix.shape
+    return (one for *_, factors in entries_of(matrix, (ny, nu)) for one in factors)
+
+
+def _matrix(reader: _Reader, rows: Rows) -> Matrix:
+    """Rows of one length, one to each input."""
+    from robustid.controllers import Matrix
+
+    if not reader.ended:
+        raise reader.error("the end")
+    for k, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            raise InputError(
+                f"{reader.name} {reader.text!r}: rows of a matrix have as many entries each; got {len(rows[0])} in row 1 and"
+                f" {len(row)} in row {k + 1}. An entry of nothing is 0"
+            )
+    if not any(one for row in rows for one in row):
+        raise InputError(f"{reader.name} {reader.text!r}: a matrix needs a factor in one entry at least")
+    return Matrix(rows)
 
 
 def goal_of(name: str, text: str) -> str | Attenuation:
@@ -120,7 +169,9 @@ class _Reader:
         """Sentence on what is wanted at this place."""
         rest = self.text[self.place :].strip()
         where = f"at {rest[:20]!r}" if rest else "at its end"
-        return InputError(f"{self.name} {self.text!r}: {wanted} is missing {where}. Factors are {_FORMS}, in Hz")
+        return InputError(
+            f"{self.name} {self.text!r}: {wanted} is missing {where}. Factors are {_FORMS}, in Hz; {_SEVERAL}"
+        )
 
     def _next(self, kind: str) -> str | None:
         """The next token, where it is of this kind."""
@@ -138,6 +189,48 @@ class _Reader:
         self.place = before
         return False
 
+    def opens(self, word: str) -> bool:
+        """Go beyond a word and the bracket behind it; false where something else stands here."""
+        before = self.place
+        if (self._next("word") or "").lower() == word and self.accept("("):
+            return True
+        self.place = before
+        return False
+
+    def rows(self) -> Rows:
+        """Rows of entries up to the closing bracket: entries with commas, rows with semicolons between them."""
+        found = [[self._entry()]]
+        while not self.accept(")"):
+            if self.accept(","):
+                found[-1].append(self._entry())
+            elif self.accept(";"):
+                found.append([self._entry()])
+            else:
+                raise self.error("a comma, a semicolon or a closing bracket")
+        return found
+
+    def diagonal(self) -> Rows:
+        """Rows of a matrix of which the diagonal is stated, up to the closing bracket."""
+        found = [self._entry()]
+        while not self.accept(")"):
+            if not self.accept(","):
+                raise self.error("a comma or a closing bracket")
+            found.append(self._entry())
+        return [[one if i == j else None for j in range(len(found))] for i, one in enumerate(found)]
+
+    def _entry(self) -> tuple[Factor, ...] | None:
+        """Factors with * between them, or 0 for nothing."""
+        before = self.place
+        if (text := self._next("number")) is not None:
+            if float(text) == 0:
+                return None
+            self.place = before
+            raise self.error("a factor, or 0,")
+        found = [self.factor()]
+        while self.accept("*"):
+            found.append(self.factor())
+        return tuple(found)
+
     def factor(self) -> Factor:
         """One factor."""
         forms, word = _forms(), self._next("word")
@@ -145,7 +238,9 @@ class _Reader:
             raise self.error("a factor")
         form = forms.get(word.lower())
         if form is None:
-            raise InputError(f"{self.name} {self.text!r}: there is no factor {word!r}. Factors are {_FORMS}, in Hz")
+            raise InputError(
+                f"{self.name} {self.text!r}: there is no factor {word!r}. Factors are {_FORMS}, in Hz; {_SEVERAL}"
+            )
         arguments: dict[str, Value] = {}
         if self.accept("(") and not self.accept(")"):
             self._argument(form, word, arguments, first=True)

@@ -11,7 +11,7 @@ from robustid.app.run.modes import Box
 from robustid.app.run.results import WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
-from robustid.controllers import ControllerDesign, Factor
+from robustid.controllers import ControllerDesign, Factor, Matrix
 from robustid.core import Real
 from robustid.data import FrequencyResponse, TimeRecord, Undoing
 from robustid.guarantees import Band, Contradiction, Coverage, LoopBounds, WorstCaseError, WorstCaseOverPoles
@@ -71,7 +71,7 @@ class Work:
     controllers: Mapping[str, control.StateSpace] = dataclasses.field(default_factory=dict[str, "control.StateSpace"])
     tried: dict[str, LoopBounds] = dataclasses.field(default_factory=dict[str, LoopBounds])
     plant: PlantReduction | None = None
-    factors: Sequence[Factor] = ()  # of the controller that is designed
+    structure: tuple[Factor, ...] | Matrix = ()  # of the controller that is designed
     design: ControllerDesign | None = None
     not_designed: str = ""  # why there is none
 

@@ -1,0 +1,38 @@
+"""Words on what a claim over bands is about: their poles, exactly as stated or anywhere in a box, and their data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from robustid.core import Real
+from robustid.identification import MixedProblem, common_scope
+
+
+class OverPoles(Protocol):
+    """A band, by what it takes its poles to be."""
+
+    @property
+    def problem(self) -> MixedProblem:
+        """The data and the class."""
+        ...
+
+    @property
+    def box(self) -> tuple[Real, Real] | None:
+        """Intervals of the poles; None: exactly as stated."""
+        ...
+
+
+def pole_words(bands: Sequence[OverPoles]) -> str:
+    """Words on the poles of the parametric parts: exact ones are said where any band takes them so; empty without such parts."""
+    if any(one.box is None and one.problem.parametric is not None for one in bands):
+        return ", poles of the parametric part exactly as stated"
+    counts = sorted({len(one.box[0]) for one in bands if one.box is not None})
+    if not counts:
+        return ""
+    return f", poles of {' or '.join(map(str, counts))} mode{'s' * (counts[-1] > 1)} anywhere in their box"
+
+
+def scope_of(bands: Sequence[OverPoles]) -> str:
+    """Words that follow a claim over all plants of bands: on their poles, and on their data; each once."""
+    return pole_words(bands) + common_scope([one.problem for one in bands])

@@ -1,0 +1,134 @@
+"""Tubes of steps of a loop: a closed form, dense integrals, and steps of consistent plants, simulated by `control`."""
+
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import StateMatrices, points_of, response_at
+from robustid.design import PID, Limits
+from robustid.errors import InputTypeError
+from robustid.guarantee import step_tube
+from robustid.guarantees import STEPS, CircleBound
+from support.design_cases import DT, STRUCTURES, band_of, matrix_band_of
+from support.loop_candidates import consistent_members
+
+
+def values(model, omega):
+    return response_at(StateMatrices.of(model), points_of(omega, DT))
+
+
+def simulated(plant, controller, times, of):
+    """Steps y (T, ny, inputs) as `control` has them: of r in u = C (r - y), or at the plant's input."""
+    eye = control.ss([], [], [], np.eye(plant.noutputs), DT)
+    loop = control.feedback(plant * controller, eye) if of == "set point" else control.feedback(plant, controller)
+    found = control.step_response(loop, times, squeeze=False).outputs
+    return np.moveaxis(found, 2, 0)
+
+
+class FlatBand(rid.guarantee.Band):
+    """A band whose bound on the whole axis is one number."""
+
+    flat = 0.2
+
+    @property
+    def circle(self):
+        edges = np.array([0.0, np.pi / DT])
+        return CircleBound(edges, np.array([self.flat]), 0.0, True, (), np.full((1, 1, 1), self.flat))
+
+
+def test_a_dead_beat_loop_has_its_closed_form():
+    """P = 1 + Delta with |Delta| <= b at every frequency, C = 1/(z - 1): y - y_0 is w/(1 + w) at every frequency, |w| <= b.
+
+    That is the disc about -b^2/(1 - b^2) with the radius b/(1 - b^2).
+    """
+    b = FlatBand.flat
+    frf = rid.FrequencyResponse(np.linspace(10, 300, 8), np.ones(8), bound=b / 2, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.1, decay_rate=2.0))
+    plain = rid.band(problem, model=control.ss([], [], [], 1.0, DT))
+    band = FlatBand(**{one.name: getattr(plain, one.name) for one in dataclasses.fields(plain) if one.init})
+    tube = step_tube(rid.loop_bounds(band, controller=control.ss(1.0, 1.0, 1.0, 0.0, DT)), horizon=6)
+    np.testing.assert_allclose(tube.nominal, [0, 1, 1, 1, 1, 1], atol=1e-12)
+    centre = (tube.upper + tube.lower) / 2 - tube.nominal
+    np.testing.assert_allclose(centre, [-(b**2) / (1 - b**2), 0, 0, 0, 0, 0], atol=1e-3)
+    half = (tube.upper - tube.lower) / 2
+    assert np.all((half >= b / (1 - b**2)) & (half <= 1.03 * b / (1 - b**2)))
+
+
+def inside(plant, controller, tubes):
+    """Shares of the ranges that the steps of a plant come to: at most 1."""
+    shares = []
+    for (of, place), tube in tubes.items():
+        y = simulated(plant, controller, tube.times, of)[:, *place]
+        middle, half = (tube.upper + tube.lower) / 2, (tube.upper - tube.lower) / 2
+        shares.append(float(np.max(np.abs(y - middle) / half)))
+    return shares
+
+
+def dense(bounds, of, points=1 << 14):
+    """Half of the width from values at many angles, S divided by 1 - 1/z."""
+    theta = (np.arange(points) + 0.5) * np.pi / points
+    circle = bounds.band.circle
+    b = circle.entries[np.searchsorted(circle.edges, theta / DT) - 1, 0, 0]
+    P, C = values(bounds.band.model, theta / DT)[:, 0, 0], values(bounds.controller, theta / DT)[:, 0, 0]
+    S = 1 / (1 + P * C)
+    moved = np.abs(S**2 * (C if of == "set point" else 1) / (1 - np.exp(-1j * theta))) * b
+    return float(np.mean(moved / (1 - np.abs(C * S * b) ** 2)))
+
+
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=[] if k == 3 else pytest.mark.slow) for k in range(50)])
+def test_steps_of_consistent_plants_are_in_their_range(seed):
+    """The true plant and consistent ones, of 50 problems a thousand; and the width is that of a dense sum."""
+    plant, band = band_of(seed)
+    design = rid.design_controller(band, STRUCTURES[seed % 3], limits=Limits(sensitivity_peak=2.0))
+    (bounds,) = design.proofs
+    tubes = {(of, (0, 0)): step_tube(bounds, of) for of in STEPS}
+    for (of, _), tube in tubes.items():
+        half = (tube.upper[0] - tube.lower[0]) / 2
+        assert 1 <= half / dense(bounds, of) <= 1.05
+    near = [omega for _, omega in design.shares.values() if np.isfinite(omega)]
+    count = 1 if seed == 3 else 20
+    for one in (plant, *consistent_members(rid.identify(band.problem), count, np.random.default_rng(seed), near)):
+        assert max(inside(one, design.controller, tubes)) <= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_every_entry_of_a_matrix_has_a_range(seed):
+    plant, band = matrix_band_of(seed)
+    design = rid.design_controller(band, PID())
+    (bounds,) = design.proofs
+    tubes = {(of, place): step_tube(bounds, of, entry=place) for of in STEPS for place in np.ndindex(2, 2)}
+    assert max(inside(plant, design.controller, tubes)) <= 1
+
+
+def test_an_unstable_plant_in_its_loop_has_a_range():
+    plant, gain = control.ss(1.1, 1.0, 1.0, 0.0, DT), control.ss([], [], [], 0.5, DT)
+    loop, omega = rid.Loop(gain), np.linspace(5.0, 300.0, 20)
+    R = loop.residual_of(plant)
+    frf = rid.FrequencyResponse(omega, loop.response_of(R, omega), bound=0.01, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=8.8, decay_rate=1.4))
+    band, pi = rid.band(rid.identify(problem)).with_model(R), control.ss(1.0, 0.02, 1.0, 0.5, DT)
+    tubes = {(of, (0, 0)): step_tube(rid.loop_bounds(band, loop, pi), of) for of in STEPS}
+    assert max(inside(plant, pi, tubes)) <= 1
+    assert tubes["set point", (0, 0)].upper.max() < 5
+    with pytest.raises(rid.InputError, match="controller that integrates"):
+        step_tube(rid.loop_bounds(band, loop))
+
+
+def test_what_has_no_range_is_refused():
+    _, band = band_of(3)
+    pi = control.ss(1.0, 0.01, 1.0, 0.1, DT)
+    bounds = rid.loop_bounds(band, controller=pi)
+    for change, words in (
+        ({"bounds": rid.loop_bounds(band, controller=-100 * pi)}, "must be proved"),
+        ({"of": "noise"}, "`of` must be one of"),
+        ({"entry": (0, 1)}, r"`entry` must be \(output, set point\) of 1 and 1"),
+        ({"horizon": 0}, "`horizon`"),
+    ):
+        with pytest.raises(rid.InputError, match=words):
+            step_tube(**{"bounds": bounds, **change})
+    with pytest.raises(InputTypeError, match="LoopBounds"):
+        step_tube(band)
