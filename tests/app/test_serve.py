@@ -196,5 +196,5 @@ def test_a_call_ends_with_its_time_and_a_process_that_dies_is_said(bench, monkey
 def test_serve_says_what_it_needs(run, monkeypatch, tmp_path):
     refused(run(["serve"]), "--mcp is missing")
     refused(run(["serve", "--mcp", "--folder", str(tmp_path / "none")]), "is no folder")
-    monkeypatch.setitem(sys.modules, "robustid.app.serve.server", None)
+    monkeypatch.setitem(sys.modules, "mcp.server.lowlevel", None)
     refused(run(["serve", "--mcp"]), "pip install 'robustid[mcp]'")

@@ -28,16 +28,12 @@ def serve(
 
     [bold]Example[/bold]: robustid serve --mcp --folder bench
     """
+    from robustid.app.serve.server import serve as served
+
     if not mcp:
         raise InputError("--mcp is missing: it is the one protocol that is spoken")
     if not folder.is_dir():
         raise InputError(f"--folder {folder} is no folder; give one that exists")
-    try:
-        from robustid.app.serve.server import serve as served
-    except ImportError:
-        raise InputError(
-            "robustid serve needs the package mcp, 2 or newer, which is not installed: pip install 'robustid[mcp]'"
-        ) from None
     if sys.stdin.isatty():
         screen.say(screen.console(stderr=True), "waiting for a program that speaks the protocol; Ctrl-C ends it")
     served(folder, time_limit)

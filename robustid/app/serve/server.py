@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
-
-import anyio
-import anyio.to_thread
-from mcp import types
-from mcp.server.context import ServerRequestContext
-from mcp.server.lowlevel import Server
-from mcp.server.stdio import stdio_server
+from typing import TYPE_CHECKING, Any
 
 from robustid._version import __version__
 from robustid.app.answers.form import Answer, ended, schema, text_of
@@ -21,6 +15,10 @@ from robustid.app.run.toml import is_array, is_table
 from robustid.app.serve.process import started, warm
 from robustid.app.serve.tools import TOOLS
 from robustid.errors import InputError, InputTypeError
+
+if TYPE_CHECKING:
+    from mcp import types
+    from mcp.server.context import ServerRequestContext
 
 _INSTRUCTIONS = (
     "Models with a proof, for lightly damped machines, from measured files. Begin with look. Every answer has the same fields:"
@@ -44,6 +42,8 @@ class Tools:
     """
 
     def __init__(self, folder: Path, limit: float) -> None:
+        import anyio
+
         self._folder, self._limit = folder.resolve(), limit
         self._turn, self._context = anyio.Lock(), warm()
 
@@ -51,6 +51,8 @@ class Tools:
         self, _: ServerRequestContext[Any], __: types.PaginatedRequestParams | None
     ) -> types.ListToolsResult:
         """The tools with the schemas of their arguments and answers."""
+        from mcp import types
+
         found = _bare(schema())
         tools = [
             types.Tool(name=tool.name, description=tool.says, input_schema=tool.schema, output_schema=found)
@@ -62,6 +64,8 @@ class Tools:
         self, context: ServerRequestContext[Any], asked: types.CallToolRequestParams
     ) -> types.CallToolResult:
         """The answer of a tool, as JSON and as the same text."""
+        from mcp import types
+
         found = await self._answer(context, asked.name, asked.arguments or {})
         return types.CallToolResult(
             content=[types.TextContent(type="text", text=text_of(found))],
@@ -82,6 +86,9 @@ class Tools:
 
     async def _carried_out(self, context: ServerRequestContext[Any], words: list[str]) -> Answer:
         """The answer of a command in its process, which ends with the call."""
+        import anyio
+        import anyio.to_thread
+
         process, told = await anyio.to_thread.run_sync(started, self._context, words, str(self._folder))
         count = 0
         try:
@@ -114,10 +121,22 @@ def _end(process: BaseProcess) -> None:
 
 def serve(folder: Path, limit: float) -> None:
     """Serve until stdin ends."""
+    try:
+        import anyio
+
+        for name in ("context", "lowlevel"):  # of version 2
+            importlib.import_module(f"mcp.server.{name}")
+    except ImportError:
+        raise InputError(
+            "robustid serve needs the package mcp, 2 or newer, which is not installed: pip install 'robustid[mcp]'"
+        ) from None
     anyio.run(_serve, folder, limit)
 
 
 async def _serve(folder: Path, limit: float) -> None:
+    from mcp.server.lowlevel import Server
+    from mcp.server.stdio import stdio_server
+
     async with stdio_server() as (read, write):  # first: what else writes to stdout goes to stderr from here on
         tools = Tools(folder, limit)
         server: Server[Any] = Server(
