@@ -8,6 +8,7 @@ import robustid as rid
 from robustid.app.answers.form import FORMAT, schema
 from support.answers import answered
 from support.command_line import COMMAND, SHORT
+from support.forging import forge
 
 pytestmark = pytest.mark.quick
 
@@ -91,6 +92,19 @@ def test_verify_answers_that_every_proof_holds(here, run, name):
     assert found["status"] == "verified"
     assert bool(found["checks"]) == (name == "result")
     assert bool(found["guarantees"]) == (name == "band")
+
+
+def test_verify_names_a_proof_that_does_not_hold(here, run, tmp_path):
+    rid.load("result").save(tmp_path / "forged")
+    forge(
+        tmp_path / "forged", text=lambda record: record["claim"]["certificate"].update(value=record["claim"]["margin"])
+    )
+    found = answered(run(["verify", str(tmp_path / "forged"), "--json"]))
+    assert (found["status"], found["exit_code"]) == ("failed", 1)
+    assert [check["name"] for check in found["checks"] if not check["holds"]] == [
+        "certificate: stated minus recomputed"
+    ]
+    assert "certificate: stated minus recomputed" in found["sentence"]
 
 
 @pytest.mark.parametrize(

@@ -131,7 +131,8 @@ def verified(result: Any, failed: Sequence[str], exit_code: int) -> Answer:
     identification = getattr(result, "identification", result)
     of_class = _of_identification(identification) if isinstance(identification, Identification) else {}
     bounds = [result] if isinstance(result, Band | WorstCaseError | WorstCaseOverPoles) else []
-    status, sentence = "verified", "Every proof in the file holds."
+    said = f" Its claim is: {result.status.value}." if isinstance(result, Identification) else ""
+    status, sentence = "verified", f"Every proof in the file holds.{said}"
     if failed:
         status, sentence = "failed", f"Not verified: {'; '.join(failed)}."
     elif isinstance(result, ControllerDesign) and not result.proofs:
