@@ -4,6 +4,7 @@ import dataclasses
 import functools
 from typing import Any, NamedTuple
 
+import control
 import numpy as np
 from band_problems import TWO_PI, beam_halves, class_of, periods_of
 from bands import modal_model
@@ -25,8 +26,9 @@ class Machine(NamedTuple):
     band: Band
     withheld: dict[str, rid.FrequencyResponse]
     structures: dict[str, tuple[Any, Any]]
+    refined: tuple[float, float]  # Hz: where polygons are taken
 
-    @functools.cached_property
+    @property
     def result(self):
         """The identification of its problem, of which members are taken."""
         return rid.identify(self.band.problem)
@@ -71,6 +73,9 @@ MIRROR = {
 }
 
 
+LAG = {"PI": ([PID()], "bandwidth"), "PID": ([PID(filter=150.0)], "bandwidth")}
+
+
 def motor_benches():
     """Every second period, and the others: the last periods of these two by two."""
     from motor_torsion import PERIOD, torsion_record
@@ -90,13 +95,14 @@ def motor_benches():
             banded(class_of(train)[0]),
             {label: rid.estimate_frf(one, period=PERIOD) for label, one in judges.items()},
             MOTOR,
+            (0.3, 150.0),
         )
 
 
 def beams():
     """Every second line; the others are not withheld records, but other lines of the same."""
     train, judge = beam_halves(FIRST)
-    yield Machine("beam entry", banded(class_of(train)[0]), {"lines between": judge}, BEAM)
+    yield Machine("beam entry", banded(class_of(train)[0]), {"lines between": judge}, BEAM, (2.0, 60.0))
 
 
 @functools.cache
@@ -124,7 +130,18 @@ def mirrors(cases=((0.3, 0),)):
                 break
             gain *= 1.5
         name = f"mirror ({entry + 1}, {entry + 1}), {1000 * volts:g} mV"
-        yield Machine(name, banded(problem), {"block kept out": judge}, MIRROR)
+        yield Machine(name, banded(problem), {"block kept out": judge}, MIRROR, (1.0, 1500.0))
+
+
+def lags():
+    """A lag with a delay, simulated: 30 lines whose bounds are a fifth of their size, values as they are."""
+    omega, dt = np.linspace(3.0, 310.0, 30), 0.01
+    z = np.exp(1j * omega * dt)
+    plant = control.ss(control.tf([0.1], [1, -0.9, 0], dt))
+    values = 0.1 / (z * (z - 0.9))
+    frf = rid.FrequencyResponse(omega, values, bound=0.2 * np.abs(values) + 0.002, dt=dt)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.6, decay_rate=1.03))
+    yield Machine("simulated lag", rid.band(problem, model=plant), {}, LAG, (0.05, 30.0))
 
 
 # ------------------------------------------------------------------------------------------------------------- other bands

@@ -1,17 +1,19 @@
 """Controllers for every consistent plant: against weights and nominal models, on withheld records, on consistent plants; time.
 
-Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/controllers.py weight | nominal | withheld | members | time
+Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/controllers.py weight | sets | nominal | withheld | members | time
 A line is printed as it is done; all seconds are of the processor, of one process. `nominal` and `members` take a number of random
-problems, `members --all` fifty.
+problems, `members --all` fifty; `members --refined` takes bands with polygons.
 """
 
 import argparse
+import dataclasses
 import logging
 import time
+from itertools import islice
 
 import control
 import numpy as np
-from control_problems import TWO_PI, beams, mirrors, motor_benches, of_nominal, of_weight
+from control_problems import TWO_PI, beams, lags, mirrors, motor_benches, of_nominal, of_weight, with_arcs
 
 import robustid as rid
 from robustid.controllers.plants import Plants
@@ -27,6 +29,7 @@ ORDERS = (2, 4, None)  # of weights, at most; None: the smallest that follows th
 MEMBERS = 20  # consistent plants of a problem
 VALUES, FREQUENCIES, AT_ONCE = 10_000, 10_000, 100
 ROUNDING = 1e-9
+SOLVED, REFINED = 14, 120.0  # frequencies of polygons, and seconds
 MIRRORS = [(volts, entry) for volts in (0.3, 0.2) for entry in range(3)]
 
 
@@ -77,6 +80,57 @@ def weight(arguments):
             f"W of order {words}: median {np.median(found):.3f}, {found.min():.3f} to {found.max():.3f} ({found.size} designs)"
         )
     clock(start)
+
+
+# -------------------------------------------------------------------------------------------------------------------- sets
+
+
+def sets(arguments):
+    """The level of the goal with the same proved peak, for sets that are ever narrower: weights, discs, polygons."""
+    start, ratios, wide = time.process_time(), {"discs": [], "polygons": []}, []
+    print(
+        "level that is proved with |S| <= 2: within the smallest weight that follows the bound, in discs about the model, about\n"
+        "the centres of the band, in polygons (each over that of the weight); polygons: half of their widths over radii of discs"
+    )
+    for make in (lags, lambda: islice(motor_benches(), 1), mirrors, beams):
+        for machine in make():
+            began = time.process_time()
+            band = machine.band
+            fine = band.refine(
+                machine.result, omega=TWO_PI * np.geomspace(*machine.refined, SOLVED), time_limit=REFINED
+            )
+            bands = [of_weight(band)[0], with_arcs(band, band.circle.edges, band.circle.bound), band, fine]
+            print(f"{machine.name}: {narrowness(fine)}; {time.process_time() - began:.0f} s", flush=True)
+            for name, (structure, goal) in machine.structures.items():
+                found = [designed(one, structure, goal) for one in bands]
+                over = [one.level / found[0].level if found[0].level else np.inf for one in found[1:]]
+                ratios["discs"].append(over[1])
+                ratios["polygons"].append(over[2])
+                wide.append(found[3].level / found[2].level)
+                cells = [f"{told(one):>12s} ({part:.3f})" for one, part in zip(found[1:], over, strict=True)]
+                proved = " ".join(sorted({one.status.name.lower() for one in found}))
+                print(f"    {name:26s} {told(found[0]):>12s} | {'  '.join(cells)}  {proved}", flush=True)
+    for name, found in ratios.items():
+        print(
+            f"{name} over weights: median {np.median(found):.3f}, {min(found):.3f} to {max(found):.3f} ({len(found)} designs)"
+        )
+    print(
+        f"polygons over discs about the same centres: median {np.median(wide):.3f}, {min(wide):.3f} to {max(wide):.3f}"
+    )
+    clock(start)
+
+
+def narrowness(band):
+    """The narrow and the wide half of the sets on the arcs of solved frequencies, over the radii of discs of the samples alone."""
+    omega = band.polygons.omega
+    corners = band.circle.sets_at(omega).corners
+    if not corners.shape[1]:
+        return "no polygons that are smaller than the discs"
+    turned = np.real(corners[:, None] * np.exp(-1j * np.linspace(0, np.pi, 16, endpoint=False))[:, None])
+    widths = np.ptp(turned, axis=2) / 2
+    _, radius = dataclasses.replace(band, polygons=None, joined=()).at(omega)
+    parts = [np.median(size / radius[:, 0, 0]) for size in (widths.min(axis=1), widths.max(axis=1))]
+    return f"polygons at {omega.size} frequencies, {parts[0]:.2f} times {parts[1]:.2f} of the discs in the median"
 
 
 # ----------------------------------------------------------------------------------------------------------------- nominal
@@ -230,21 +284,41 @@ def four(F, C):
     }
 
 
+def edges_of(band, omega):
+    """A source of values of the polygons at frequencies, (AT_ONCE, F): on their borders, those within the discs too."""
+    known, model = band.circle.sets_at(omega), band.problem.plane.values_at(band.model, omega)[:, 0, 0]
+    rows, middle = np.arange(omega.size), known.corners.mean(axis=1)
+    count = known.corners.shape[1]
+
+    def drawn(rng):
+        first, part = rng.integers(0, count, (AT_ONCE, omega.size)), rng.random((AT_ONCE, omega.size))
+        E = known.corners[rows, first] * part + known.corners[rows, (first + 1) % count] * (1 - part)
+        inside = (np.abs(E) <= known.bound[:, 0, 0]) & (np.abs(E - known.centre[:, 0, 0]) <= known.radius[:, 0, 0])
+        return model + np.where(inside, E, middle)
+
+    return drawn
+
+
 def members(arguments):
     """Contradictions of what is proved: by values of the discs, and by systems that the data allow."""
     start, wrong, tried = time.process_time(), 0, 0
     for seed in range(arguments.count):
         began = time.process_time()
         _, band = band_of(seed)
+        if arguments.refined:
+            band = band.refine(omega=np.geomspace(1.0, 300.0, SOLVED))
         design = designed(band, STRUCTURES[seed % len(STRUCTURES)])
         (proof,) = design.proofs
         omega = np.linspace(0.0, np.pi / band.problem.dt, FREQUENCIES + 1)[1:]
         C, low = values_of(design.controller, omega), omega <= design.level
         centre, radius = proof.plant_at(omega)
+        edge = edges_of(band, omega) if arguments.refined else None
         rng, reached = np.random.default_rng(seed), dict.fromkeys(proof.peaks, 0.0)
         least, values = np.inf, 0
         for _ in range(VALUES // AT_ONCE):
             F = centre[:, 0, 0] + radius * np.exp(2j * np.pi * rng.random((AT_ONCE, omega.size)))
+            if edge is not None:
+                F = edge(rng)
             for name, size in four(F, C).items():
                 reached[name] = max(reached[name], float(size.max()) / proof.peaks[name].value)
             least = min(least, float(np.abs(F * C)[:, low].min()))
@@ -311,9 +385,17 @@ def seconds(arguments):
 def main():
     logging.disable(logging.WARNING)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    commands = {"weight": weight, "nominal": nominal, "withheld": withheld, "members": members, "time": seconds}
+    commands = {
+        "weight": weight,
+        "sets": sets,
+        "nominal": nominal,
+        "withheld": withheld,
+        "members": members,
+        "time": seconds,
+    }
     parser.add_argument("what", choices=commands)
     parser.add_argument("count", type=int, nargs="?", default=10, help="random problems of `members` and `nominal`")
+    parser.add_argument("--refined", action="store_true", help="`members` of bands with polygons")
     parser.add_argument("--all", action="store_const", const=50, dest="count", help="50 of them")
     arguments = parser.parse_args()
     commands[arguments.what](arguments)

@@ -27,7 +27,7 @@ SHOWN_HZ = (0.1, 1.0, 5.0, 20.0)
 
 def bounded(record):
     """Worst cases of the loop that ran, over every consistent plant."""
-    loop = rid.loop_from_data(record, controller())
+    loop = rid.prepare.loop_from_data(record, controller())
     frf = rid.prepare.loop_response(record, loop, lines=LINES)
     guess = rid.Prior(gain_bound=float(np.abs(frf.values).max()), decay_rate=1.2)
     prior = rid.suggest_prior(rid.MixedProblem(frequency=frf, prior=guess)).prior

@@ -79,7 +79,7 @@ def measured(position, seed):
 def bounded(record):
     """Worst cases of the loop that ran, over every plant that agrees with the record."""
     closed = rid.TimeRecord(record.reference, record.y, dt=DT, initial="periodic")
-    loop = rid.loop_from_data(rid.estimate_frf(closed, period=PERIOD, lines=LINES), slow())
+    loop = rid.prepare.loop_from_data(rid.estimate_frf(closed, period=PERIOD, lines=LINES), slow())
     frf = rid.prepare.loop_response(record, loop, period=PERIOD, lines=LINES)
     guess = rid.Prior(gain_bound=float(np.abs(frf.values).max()), decay_rate=1.2)
     prior = rid.suggest_prior(rid.MixedProblem(frequency=frf, prior=guess)).prior

@@ -73,7 +73,7 @@ def main(argv=None):
     out.mkdir(parents=True, exist_ok=True)
     plant = machine()
     record = measured(plant)
-    loop = rid.loop_from_data(record, controller())
+    loop = rid.prepare.loop_from_data(record, controller())
     print(
         f"{loop}: auxiliary plant of order {loop.auxiliary.nstates}, poles up to {abs(loop.auxiliary.poles()).max():.4f}"
     )

@@ -2,12 +2,12 @@
 
 Read and measure:     look, load, save, datasets, FrequencyResponse, TimeRecord, TangentialResponse, Bound, estimate_frf,
                       estimate_bound; robustid.prepare: excitations, faults and corrections, delays, drifts, noise floors
-Ask:                  kautz, integrators, Prior, MixedProblem, identify, validate; PositiveReal, NegativeImaginary, BoundedReal
-                      for passive plants
+Ask:                  kautz, integrators, Prior, MixedProblem, identify, validate, compare; PositiveReal, NegativeImaginary,
+                      BoundedReal for passive plants
 Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robustid.advise: classes, roll-off, scaling, poles
 What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
                       weights, stability margins
-Plants in a loop:     Loop, loop_from_data, loop_bounds, reduce_plant, interconnection; robustid.prepare.loop_response
+Plants in a loop:     Loop, loop_bounds, reduce_plant, interconnection; robustid.prepare: loop_response, loop_from_data
 Controllers:          design_controller: of fixed structure, for every plant of a band; robustid.design: PID, Notch, LowPass, Limits
 Fit:                  fit_mfd, fit_records, RigidBody; robustid.fits: orders, modes, exact conditions, covariance
 Small models:         reduce_within_bounds, balanced_truncation, to_continuous, prove_passive; robustid.passive: the nearest one
@@ -25,77 +25,32 @@ import lazy_loader
 _found, __dir__, _NAMES = lazy_loader.attach_stub(__name__, __file__)
 _GROUPS = ("prepare", "advise", "guarantee", "fits", "passive", "design", "datasets", "errors")
 
-# Names that engineers type, of other programs or of parts of this one.
-_MEANT = {
-    "bode": "plot.bode",
-    "nyquist": "plot.nyquist",
-    "residuals": "plot.residuals",
-    "vectfit": "fit_mfd",
-    "vector_fitting": "fit_mfd",
-    "tfest": "fit_mfd",
-    "ssest": "fit_mfd",
-    "n4sid": "fit_mfd",
-    "fit": "fit_mfd",
-    "oe": "fit_records",
-    "arx": "fit_records",
-    "etfe": "estimate_frf",
-    "spa": "estimate_frf",
-    "tfestimate": "estimate_frf",
-    "frf": "estimate_frf",
-    "FRD": "FrequencyResponse",
-    "frd": "FrequencyResponse",
-    "idfrd": "FrequencyResponse",
-    "iddata": "TimeRecord",
-    "ucover": "guarantee.uncertainty_weight",
-    "uss": "guarantee.uncertainty_weight",
-    "robstab": "guarantee.robust_stability_margin",
-    "margin": "guarantee.robust_stability_margin",
-    "pidtune": "design_controller",
-    "looptune": "design_controller",
-    "systune": "design_controller",
-    "hinfstruct": "design_controller",
-    "hinfsyn": "design_controller",
-    "controller": "design_controller",
-    "gapmetric": "guarantee.nu_gap",
-    "ncfmargin": "guarantee.ncf_margin",
-    "rncf": "guarantee.coprime",
-    "lncf": "guarantee.coprime",
-    "reduce": "reduce_within_bounds",
-    "balred": "balanced_truncation",
-    "hsvd": "balanced_truncation",
-    "d2c": "to_continuous",
-    "read": "load",
-    "open": "load",
-    "read_csv": "load",
-    "load_model": "load",
-    "write": "save",
-    "save_model": "save",
-    "export": "save",
-    "help_me": "diagnose",
-    "why": "diagnose",
-    "modes": "kautz",
-    "poles": "kautz",
-    "Kautz": "kautz",
-    "enforce_passivity": "passive.make_passive",
-    "compare": "validate",
-    "resid": "validate",
-    "bounds": "worst_case_error",
-}
-
 
 def __getattr__(name: str) -> Any:
     """Load a public name; of another, say which one is meant."""
     try:
-        return _found(name)
+        return _opened(name)
     except AttributeError:
         if name.startswith("_"):  # asked for by programs, of every module that they look at
             raise
+        from robustid.spellings import meant
 
-        import difflib
-
-        known = {one: f"{group}.{one}" for group in _GROUPS for one in _found(group).__all__}
-        known |= {one: one for one in _NAMES}
-        near = difflib.get_close_matches(name, known, 1, 0.75)
-        meant = known.get(name) or _MEANT.get(name) or (known[near[0]] if near else None)
-        hint = f"; robustid.{meant} is what you look for" if meant else "; help(robustid) lists them by task"
+        found = meant(name, _known())
+        hint = f"; robustid.{found} is what you look for" if found else "; help(robustid) lists them by task"
         raise AttributeError(f"robustid has no {name!r}{hint}") from None
+
+
+def _known() -> dict[str, str]:
+    """Public names, with those of the groups, and where they are found."""
+    found = {one: f"{group}.{one}" for group in _GROUPS for one in _found(group).__all__}
+    return found | {one: one for one in _NAMES}
+
+
+def _opened(name: str) -> Any:
+    """Load a public name, once, with its wrong calls explained."""
+    found = _found(name)
+    if name in _NAMES and name not in _GROUPS:
+        import importlib  # rooms look for public names here, and none of them is part of a circle
+
+        globals()[name] = found = importlib.import_module("robustid.core").open_to_users(found, name)
+    return found

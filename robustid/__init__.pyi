@@ -64,13 +64,13 @@ from .identification import MixedProblem as MixedProblem
 from .identification import NegativeImaginary as NegativeImaginary
 from .identification import PositiveReal as PositiveReal
 from .identification import Prior as Prior
+from .identification import compare as compare
 from .identification import identify as identify
 from .identification import validate as validate
 from .passivity import prove_passive as prove_passive
 
 # Small models
 from .reduction import balanced_truncation as balanced_truncation
-from .reduction import loop_from_data as loop_from_data
 from .reduction import reduce_plant as reduce_plant
 from .reduction import reduce_within_bounds as reduce_within_bounds
 from .reduction import to_continuous as to_continuous

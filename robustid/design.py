@@ -19,6 +19,7 @@ from robustid.controllers import (
     Notch,
     Obstacle,
 )
+from robustid.core import explain
 
 __all__ = [
     "FIR",
@@ -39,3 +40,5 @@ __all__ = [
     "Notch",
     "Obstacle",
 ]
+
+explain(__name__, __all__)

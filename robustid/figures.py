@@ -1,4 +1,4 @@
-"""`result.plot()` and heads for notebooks: results know that they can be shown; the room `report`, after theirs, knows how."""
+"""Results that lead on: `result.plot()`, heads for notebooks, attributes that are not there; later rooms know how."""
 
 from __future__ import annotations
 
@@ -27,6 +27,23 @@ class Drawable:
         import robustid  # through the front door: no room knows one that stands after it
 
         return robustid.plot.of(self, **options)
+
+
+class Modes:
+    """A fit whose modes can be told."""
+
+    @property
+    def modes(self) -> Any:
+        """Rows of `robustid.fits.mode_table`: frequency, damping and participation of every mode."""
+        import robustid
+
+        return robustid.fits.mode_table(self)  # type: ignore[arg-type] # a fit
+
+
+def led_on(thing: Any, name: str) -> str:
+    """Sentence on an attribute that an object has not, with what is meant."""
+    front = importlib.import_module("robustid")  # through the front door, where all names are known
+    return importlib.import_module("robustid.spellings").attribute_words(thing, name, front._known())
 
 
 def head(result: Any) -> str | None:

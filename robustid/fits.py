@@ -1,5 +1,6 @@
 """Structure and results of fits: exact conditions, weights, modes, orders, covariances."""
 
+from robustid.core import explain
 from robustid.fitting import (
     MatrixFraction,
     Modal,
@@ -29,3 +30,5 @@ __all__ = [
     "mode_table",
     "suggest_order",
 ]
+
+explain(__name__, __all__)

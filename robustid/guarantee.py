@@ -1,5 +1,6 @@
 """Results of guarantees, and further ones: poles in boxes, tubes, weights, stability margins, distances."""
 
+from robustid.core import explain
 from robustid.guarantees import (
     Band,
     Contradiction,
@@ -55,3 +56,5 @@ __all__ = [
     "uncertainty_weight",
     "worst_case_over_poles",
 ]
+
+explain(__name__, __all__)

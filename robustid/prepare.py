@@ -1,6 +1,6 @@
 """Records and responses before they are used: excitations, faults and corrections, delays, drifts, noise floors."""
 
-from robustid.core import Signal
+from robustid.core import Signal, explain
 from robustid.data import Fault, decimate, detrend, inverse_response, multisine, nonlinear_records, sample_time
 from robustid.estimation import (
     bounds_from_noise_floor,
@@ -12,6 +12,7 @@ from robustid.estimation import (
     with_delay,
 )
 from robustid.identification import loop_response
+from robustid.reduction import loop_from_data
 
 __all__ = [
     "Fault",
@@ -23,6 +24,7 @@ __all__ = [
     "estimate_delay",
     "experiment_faults",
     "inverse_response",
+    "loop_from_data",
     "loop_response",
     "multisine",
     "nonlinear_records",
@@ -31,3 +33,5 @@ __all__ = [
     "sample_time",
     "with_delay",
 ]
+
+explain(__name__, __all__)

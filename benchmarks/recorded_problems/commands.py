@@ -57,9 +57,9 @@ def command_identify(folder):
     return called(
         folder,
         ["identify", *GIVEN, "-o", "good"],
-        ["identify", *wrong, "-o", "wrong"],
+        ["identify", *wrong, "-o", "wrong", "-v"],
         ["identify", *GIVEN, "-o", "good"],
-        ["bounds", "good", "--omega", "60", "--omega", "110", "--directions", "4", "-o", "sweep"],
+        ["bounds", "good", "--omega", "60", "--omega", "110", "--directions", "4", "-o", "sweep", "-v"],
         ["verify", "sweep"],
         ["verify", "good"],
         ["reduce", "good", "-o", "small.npz"],
@@ -92,7 +92,7 @@ def command_run(folder):
     return called(folder, ["run", "ask.toml", "-o", "out"], ["run", "ask.toml", "-o", "out"], ["verify", "out/band"])
 
 
-@problem(quick=True, loose=("4 fit",))
+@problem(quick=True, loose=("5 fit",))
 def command_data(folder):
     play, records = periodic_records()
     for k, record in enumerate(records[:2]):
@@ -106,8 +106,9 @@ def command_data(folder):
         ["excite", "--band", "1:20", "--dt", "0.01", "--period", "100", "--inputs", "2", "--no-minimise-crest"],
         ["frf", "run1.csv", "run2.csv", "--period", str(PERIOD), "-o", "made.npz"],
         ["look", "run1.csv", "frf.csv"],
+        ["look", "run1.csv", "-v"],
         ["new", "run1.csv", "-o", "run.toml"],
-        ["fit", "frf.csv", "--order", "4", "-o", "fit"],
+        ["fit", "frf.csv", "--order", "4", "-o", "fit", "-v"],
         ["reduce", "model.npz", "--order", "4", "-o", "small.npz"],
         ["export", "small.npz", "-o", "small.m"],
     )

@@ -78,7 +78,7 @@ def load(
     ----------
     path : str, path, or a table in memory
         * NAME, NAME.npz or NAME.json of an `Identification`, a `Band`, a `WorstCaseError`, a `WorstCaseOverPoles`, a `LoopBounds`,
-          an `Interconnection`, a `ControllerDesign` or a `MatrixFraction` that was saved;
+          an `Interconnection`, a `ControllerDesign`, a `MatrixFraction` or a `Comparison` that was saved;
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
           numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;
@@ -169,12 +169,21 @@ def load(
 
     stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial, "rate": rate,
               "axes": axes, "decimal": decimal, "start": start, "step": step}  # fmt: skip
+    path = _of_name(path)
     if not _is_place(path) or core.saved_kind(path) is None:
         return read_file(path, kind=kind, fields=fields, frequency_unit=frequency_unit, **stated)
     for name, value in ({"kind": kind, "fields": fields, "frequency_unit": frequency_unit} | stated).items():
         if value is not None:
             raise InputError(f"`{name}` is about measurements, and {path} is a saved result; leave `{name}` out")
     return load_result(path, progress=as_function("progress", progress))
+
+
+def _of_name(path: Any) -> Any:
+    """NAME as NAME.npz, where only that is there: a model or measurements that were saved so."""
+    if not _is_place(path) or os.path.exists(path) or core.saved_kind(path) is not None:
+        return path
+    numbers = core.paths(path)[0]
+    return numbers if not os.path.splitext(path)[1] and numbers.is_file() else path
 
 
 def _is_place(path: object) -> TypeGuard[str | os.PathLike[str]]:

@@ -92,18 +92,32 @@ class Look(Frozen):
         name = self.path
         if self.data is None and not self.arguments:
             return ()
+        _, called = self.step
+        written = {"new": ["-o", "run.toml"], "export": ["-o", "model.m"], "identify": ["--report", "report.html"]}
         given = "".join(f", {key}={json.dumps(value)}" for key, value in self.arguments.items())
         python = f"rid.load({json.dumps(name)}{given})"
         if self.correction:
             python = f"rid.prepare.correct({python}, {json.dumps(self.correction)})"
-        if isinstance(self.data, FrequencyResponse):
-            bound = [] if self.data.bound is not None or self.bound else ["--frequency-bound", "RADIUS"]
-            called = ["identify", "--frequency", name, *bound, "--report", "report.html"]
-            return python, command_line(with_option(called, _CORRECT, self.correction) if self.correction else called)
-        if not self.kind and self.data is not None:  # a model
+        if not called:
             return (python,)
-        ready = "a run file, ready to edit" + ", with what undoes the fault" * bool(self.correction)
-        return python, f"{command_line(['new', name, '-o', 'run.toml'])}   # {ready}"
+        return python, command_line([*called, *written.get(called[0], ["--report", f"{called[0]}.html"])])
+
+    @property
+    def step(self) -> tuple[str, list[str]]:
+        """The command to go on with: in words, and as arguments, with which it runs; none where no command takes the file."""
+        if isinstance(self.data, FrequencyResponse):
+            known = self.data.bound is not None or bool(self.bound)
+            what = "a model with a proof" if known else "a model by least squares; with --frequency-bound, a proof"
+            called = ["identify", "--frequency", self.path] if known else ["fit", self.path, "--order", "auto"]
+            return what, with_option(called, _CORRECT, self.correction) if self.correction else called
+        if not self.kind and self.data is not None:
+            model = hasattr(self.data, "nstates")
+            return ("the model for another program", ["export", self.path]) if model else ("", [])
+        period = next((fault.size for fault in self.faults if fault.kind is FaultKind.UNSTATED_PERIOD), None)
+        if period and isinstance(self.data, TimeRecord) and self.data.u.shape[1] == 1 and not self.faulty:
+            return "the frequency response, with its bound", ["frf", self.path, "--period", f"{period:.0f}"]
+        fault = ", with what undoes the fault" if self.correction else ""
+        return f"a run file, ready to edit{fault}", ["new", self.path]
 
     @property
     def faulty(self) -> bool:
@@ -122,19 +136,27 @@ class Look(Frozen):
 
     def summary(self) -> str:
         """Plain text: contents, faults, what to do."""
+        head = f"{self.path}: {self.how}"
+        return "\n".join([head, *self.contents(), *self.sentences, *(f"next: {words}" for words in self.next)])
+
+    def contents(self, most: int = _MANY) -> list[str]:
+        """Lines on at most so many things that the file holds."""
         width = max((len(row[0]) for row in self.rows), default=0)
-        lines = [f"{self.path}: {self.how}"]
-        lines += [f"  {name.ljust(width)}  {shape:>14}  {words}".rstrip() for name, shape, words in self.rows[:_MANY]]
-        if len(self.rows) > _MANY:
-            lines.append(f"  and {len(self.rows) - _MANY} more")
+        size = max((len(row[1]) for row in self.rows), default=0)
+        lines = [f"  {name.ljust(width)}  {shape:>{size}}  {words}".rstrip() for name, shape, words in self.rows[:most]]
+        return lines + ([f"  and {len(self.rows) - most} more"] if len(self.rows) > most else [])
+
+    @property
+    def sentences(self) -> list[str]:
+        """Sentences on what was made of it, and what is odd."""
+        lines: list[str] = []
         if self.data is not None:
             lines.append(f"read as {self.data!r}")
         if self.bound:
             lines.append(f"no error bound is stated; one taken from the data: {self.bound}")
         if self.refusal:
             lines.append(f"to be told more: {self.refusal}")
-        lines += [f"looks odd: {fault}" for fault in self.faults]
-        return "\n".join([*lines, *(f"next: {words}" for words in self.next)])
+        return lines + [f"looks odd: {fault}" for fault in self.faults]
 
     def __str__(self) -> str:
         return self.summary()

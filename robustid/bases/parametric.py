@@ -23,6 +23,7 @@ from robustid.core import (
     as_array,
     as_count,
     as_positive,
+    as_state_space,
     freeze,
     input_states,
     time_words,
@@ -345,8 +346,7 @@ def _as_basis(value: object, dt: float) -> ParametricBasis:
 def _from_statespace(value: Any, dt: float) -> ParametricBasis:
     import control
 
-    if isinstance(value, control.TransferFunction):
-        value = control.ss(value)
+    value = as_state_space("parametric", value)
     if not isinstance(value, control.StateSpace):
         raise InputTypeError(
             "`parametric` must be a basis from `kautz`, a control.StateSpace, or a sequence of them;"

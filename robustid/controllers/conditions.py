@@ -1,14 +1,19 @@
 r"""Limits that a loop keeps with every consistent plant, as conditions on the controller's value at each frequency.
 
-With the values F of the consistent plants in a disc, ``|F - c| <= r``, and X = 1 + F C, every limit keeps X out of a disc, or
-in one:
+With the values F of the consistent plants in a disc, ``|F - c| <= r``, or in the hull of corners v, and X = 1 + F C, every limit
+keeps X out of a disc, or in one:
 
 .. math:: |S| \le m \Leftrightarrow |X| \ge 1/m, \qquad
           |T| \le m \Leftrightarrow \left|X + \tfrac{1}{m^2 - 1}\right| \ge \tfrac{m}{m^2 - 1} \;(m > 1), \qquad
           |C S| \le m \Leftrightarrow |X| \ge |C|/m, \qquad |P S| \le m \Leftrightarrow |1/F + C| \ge 1/m, \qquad
           |T| \ge m \Leftrightarrow \left|X - \tfrac{1}{1 - m^2}\right| \ge \tfrac{m}{1 - m^2} \;(m < 1) .
 
-Each is :math:`|a + b C| \ge |q C| + w` for all F at once, exactly, or :math:`|a + b C| + |q C| \le w`. Of matrices
+Each is :math:`|a + b C| \ge |q C| + w` for all F at once, exactly, or :math:`|a + b C| + |q C| \le w`. Of a hull the distance from
+a + b C is that of the polygon of all :math:`a + (b + v) C`: two convex sets are apart by w where one direction parts them so far,
+
+.. math:: \operatorname{Re} \bar\varphi (a + (b + v) C) \ge |q C| + w \quad \text{at every corner } v,
+
+which is exact, too; |P S| is bounded in the disc about the hull. Of matrices
 :math:`F = c + \Delta D` with :math:`\|\Delta\| \le r`, and the same with singular values follows from
 
 .. math:: \underline\sigma(a + b C) \ge \textstyle\sum_k \|Q_k C\| + w,
@@ -19,16 +24,19 @@ where S, T and the bandwidth are exact but for that; ``|C S|`` and ``|P S|`` are
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.controllers.limits import Limits
 from robustid.core import Complex, Real
+from robustid.guarantees import ErrorSets
 
 _ABOVE = 5e-3  # 1 that |L| is up to the bandwidth: what the proof on arcs takes
 _ARC = 5  # points of the arc about -1 that a phase margin keeps clear
+_SHORT = 1e-12  # of the longest edge of a polygon: shorter ones are none
 _LEAST = 1e-12  # of the radius of a disc: nearer to zero it holds zero
 _TURNED = math.pi / 3  # phase of a delay, beyond which |L| is kept below 1 instead
 
@@ -36,13 +44,36 @@ _TURNED = math.pi / 3  # phase of a delay, beyond which |L| is kept below 1 inst
 class Discs(NamedTuple):
     """Values of all consistent plants at frequencies: centres (F, ny, nu), radii (F,) and units of the inputs (F, nu).
 
-    All of them are ``centre + Delta diag(units)`` with a largest singular value of Delta of at most the radius.
+    All of them are ``centre + Delta diag(units)`` with a largest singular value of Delta of at most the radius. Of one input and
+    one output they are within `around` of the hull of ``centre + corners``, too: that of 0 alone where nothing else is known.
     """
 
     omega: Real
     centre: Complex
     radius: Real
     units: Real
+    corners: Complex  # (F, V)
+    around: Real  # (F,)
+
+    @classmethod
+    def of(cls, omega: Real, centre: Complex, radius: Real, units: Real) -> Discs:
+        """Discs alone."""
+        return cls(omega, centre, radius, units, np.zeros((omega.size, 1), complex), radius)
+
+    @classmethod
+    def together(cls, parts: Sequence[Discs]) -> Discs:
+        """Sets of several plants, one after the other."""
+        most = max(one.corners.shape[1] for one in parts)
+        rows = [
+            one._replace(corners=np.pad(one.corners, ((0, 0), (0, most - one.corners.shape[1])), mode="edge"))
+            for one in parts
+        ]
+        return cls(*(np.concatenate(one) for one in zip(*rows, strict=True)))
+
+    def smaller(self, factor: Real) -> Discs:
+        """The same about their centres, times factors (F,)."""
+        corners, around = self.corners * factor[:, None], self.around * factor
+        return self._replace(radius=self.radius * factor, corners=corners, around=around)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -64,9 +95,23 @@ class Discs(NamedTuple):
         """Bound of the largest singular value, (F,)."""
         return norms(self.centre) + self.radius * self.units.max(axis=1)
 
+    @property
+    def errors(self) -> ErrorSets:
+        """The same about the centres, of one input and one output."""
+        zeros = np.zeros(self.centre.shape, complex)
+        reach = (self.radius * self.units[:, 0])[:, None, None]
+        known = self.corners[:, : 0 if self.corners.shape[1] == 1 else None]
+        return ErrorSets(reach, zeros, reach, np.where(self.around[:, None] > 0, np.nan, known))
+
+    @property
+    def least(self) -> Real:
+        """Least size of the values of one input and one output, (F,): negative where they may be 0, by how much."""
+        return _distance(-self.centre[:, 0, 0], self.corners)[0] - self.around * self.units[:, 0]
+
     def at(self, which: NDArray[np.bool_]) -> Discs:
         """Some of the frequencies."""
-        return Discs(self.omega[which], self.centre[which], self.radius[which], self.units[which])
+        parts: list[Any] = [one[which] for one in self]
+        return Discs(*parts)
 
 
 def norms(matrices: Complex | Real) -> Real:
@@ -77,10 +122,10 @@ def norms(matrices: Complex | Real) -> Real:
 
 
 class Conditions(NamedTuple):
-    """Distance of ``a + b C`` from a convex polygon at least ``sum_k |Q_k C| + w``, at frequencies, each (N, ...).
+    """Distance of ``a + (b + v) C`` from a convex polygon at least ``sum_k |Q_k C| + w``, at frequencies, each (N, ...).
 
     The polygon, by its corners, is the point 0 where nothing is said; of matrices the distance from it is the smallest singular
-    value. `inside`: ``|a + b C| + sum_k |Q_k C| <= w`` instead.
+    value. It is that for all v in the hull of `moved`. `inside`: ``|a + (b + v) C| + sum_k |Q_k C| <= w`` instead.
     """
 
     name: str
@@ -91,6 +136,7 @@ class Conditions(NamedTuple):
     w: Real
     inside: bool = False
     corners: Complex = np.zeros((1, 1), complex)  # (1 or N, corners)
+    moved: Complex = np.zeros((1, 1), complex)  # (1 or N, V)
 
     def at(self, values: Complex) -> tuple[Complex, Real]:
         """A + b C, and what is taken from its distance, with values C (F, nu, ny) at all frequencies."""
@@ -102,18 +148,44 @@ class Conditions(NamedTuple):
         """Distance to the limit of each: negative where it is not kept."""
         X, taken = self.at(values)
         if self.inside:
+            if X.shape[1:] == (1, 1):
+                return self.w - np.abs(X[:, 0] + self.moved * values[self.place, 0]).max(axis=1) - taken
             return self.w - norms(X) - taken
         if X.shape[1:] == (1, 1):
-            return _distance(X[:, 0, 0], self.corners)[0] - taken - self.w
+            return self._from_polygon(X, values)[0] - taken - self.w
         return np.linalg.svd(X, compute_uv=False)[:, -1] - taken - self.w
 
     def directions(self, values: Complex) -> Complex:
         """Unit numbers that point from the polygon to where C is; of matrices the unitary factor U of the polar form, (N, p, p)."""
         X, _ = self.at(values)
         if X.shape[1:] == (1, 1):
-            return _distance(X[:, 0, 0], self.corners)[1][:, None, None]
+            return self._from_polygon(X, values)[1][:, None, None]
         left, _, right = np.linalg.svd(X)
         return left @ right
+
+    def _from_polygon(self, X: Complex, values: Complex) -> tuple[Real, Complex]:
+        """Distances of the hulls of ``X + v C`` from the polygons, and the directions away: that of X from all differences."""
+        shapes = self.corners
+        if self.moved.shape[1] > 1:
+            shapes = _sums(shapes, -self.moved * values[self.place, 0])
+        return _distance(X[:, 0, 0], shapes)
+
+
+def _sums(one: Complex, other: Complex) -> Complex:
+    """Corners of all sums of points of two convex polygons (1 or N, V) and (N, W), (N, V + W): edges of both by their angles."""
+    edges: list[Complex] = []
+    for corners in (one, other):
+        following = np.roll(corners, -1, axis=1)
+        turning = np.sign(np.sum((corners.conj() * following).imag, axis=1, keepdims=True))
+        edges.append(np.where(turning < 0, -1, 1) * (following - corners))
+    starts = [
+        np.take_along_axis(corners, np.lexsort((corners.real, corners.imag), axis=1)[:, :1], axis=1)
+        for corners in (one, other)
+    ]
+    every = np.concatenate([np.broadcast_to(edge, (len(other), edge.shape[1])) for edge in edges], axis=1)
+    order = np.argsort(np.angle(every) % (2 * np.pi), axis=1)
+    along = np.cumsum(np.take_along_axis(every, order, axis=1), axis=1)
+    return starts[0] + starts[1] + np.concatenate([np.zeros((len(other), 1)), along[:, :-1]], axis=1)
 
 
 def _distance(points: Complex, corners: Complex) -> tuple[Real, Complex]:
@@ -128,7 +200,9 @@ def _distance(points: Complex, corners: Complex) -> tuple[Real, Complex]:
     rows = np.arange(points.size)
     size, direction = sizes[rows, k], away[rows, k]
     turned = np.imag((points[:, None] - corners) * along.conj())
-    inner = (corners.shape[1] > 2) & (np.all(turned > 0, axis=1) | np.all(turned < 0, axis=1))
+    point = length <= _SHORT**2 * length.max(axis=1, keepdims=True)  # edges that have no direction
+    sides = [np.all(point | (sign * turned > 0), axis=1) for sign in (1, -1)]
+    inner = (corners.shape[1] > 2) & (length.max(axis=1) > np.finfo(float).tiny) & (sides[0] | sides[1])
     unit = np.where(size > 0, direction / np.where(size > 0, size, 1.0), 1.0)
     return np.where(inner, -size, size), np.where(inner, -unit, unit)
 
@@ -156,12 +230,12 @@ class _Clear:
         some, place = self.discs.at(which), np.flatnonzero(which)
         a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
         a[:] = offset * np.eye(self.ny)
-        q = (some.radius[:, None] * some.units)[:, None, :]
+        q = (some.around[:, None] * some.units)[:, None, :]
         if more:
             q = q + more if self.discs.shape == (1, 1) else np.concatenate([q, np.full(q.shape, more)], axis=1)
         w = np.broadcast_to(np.asarray(size, dtype=float), place.shape)
         shapes = np.zeros((1, 1), complex) if corners is None else corners
-        self.found.append(Conditions(name, place, a, some.centre, q, w, inside, shapes))
+        self.found.append(Conditions(name, place, a, some.centre, q, w, inside, shapes, some.corners))
 
     def process(self, name: str, which: NDArray[np.bool_], most: float) -> None:
         """|P S| at most a number: exact in the disc of 1/F, or where F may be 0, and of matrices, by its largest value."""

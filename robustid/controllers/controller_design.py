@@ -214,15 +214,18 @@ def design_controller(
 ) -> ControllerDesign:
     r"""The best controller of a structure for every plant that the data allow, with the proof that it keeps its limits.
 
-    With the values of all consistent plants in discs, ``|F - c| <= r``, each limit on the loop is one on the controller's value:
+    The values of all consistent plants are a convex set; with it in a disc, ``|F - c| <= r``, or in a polygon with the corners v,
+    each limit on the loop is one on the controller's value:
 
     .. math:: |1 + F C| \ge w \;\forall F \Leftrightarrow \exists\, |\varphi| = 1:\;
-              \operatorname{Re} \bar\varphi (1 + c\, C) - r |C| \ge w,
+              \operatorname{Re} \bar\varphi (1 + c\, C) - r |C| \ge w, \quad
+              \operatorname{Re} \bar\varphi (1 + v C) \ge w \;\forall v,
 
-    a second-order cone in the free numbers of C for a given direction, which is turned until nothing is gained. Of matrices the
-    direction is a unitary matrix U, and the Hermitian part of :math:`U^*(I + c\, C)` is at least w and a bound of what the ball
-    adds; all sizes are largest singular values then, a bandwidth is one of the smallest singular value. What is found at
-    frequencies is then proved on the whole axis for every plant; where a proof fails, that frequency is added.
+    second-order cones in the free numbers of C for a given direction, which is turned until nothing is gained. Polygons are those
+    of a band that `Band.refine` has refined, where they are narrower than discs. Of matrices the direction is a unitary matrix U,
+    and the Hermitian part of :math:`U^*(I + c\, C)` is at least w and a bound of what the ball adds; all sizes are largest singular
+    values then, a bandwidth is one of the smallest singular value. What is found at frequencies is then proved on the whole axis
+    for every plant; where a proof fails, that frequency is added.
 
     Parameters
     ----------
@@ -255,7 +258,8 @@ def design_controller(
 
     Notes
     -----
-    The proof takes bounds of the cells of a band about its model. Assumed: what the bands assume. That no controller was found is
+    The proof takes discs and polygons that hold the error of the model on every cell of a band; those of matrices, and polygons of
+    plants in a loop in the design alone, are discs. Assumed: what the bands assume. That no controller was found is
     no proof that there is none, since the directions are searched; `obstacle` of the result is one, where a law says so.
 
     References

@@ -128,9 +128,8 @@ class Task:
 
     def discs(self, omegas: Sequence[Real]) -> Discs:
         """Discs of all plants, each at its frequencies, one after the other."""
-        found = [one.discs(omega) for one, omega in zip(self.plants, omegas, strict=True)]
-        discs = _together(found)
-        return discs._replace(radius=discs.radius * self.smaller(discs.omega))
+        discs = Discs.together([one.discs(omega) for one, omega in zip(self.plants, omegas, strict=True)])
+        return discs.smaller(self.smaller(discs.omega))
 
     def with_frequencies(self, where: Sequence[float]) -> None:
         """Ask about further frequencies."""
@@ -145,7 +144,7 @@ class Task:
             discs = plants.discs(omega)
             values = response_at(StateMatrices.of(found.controller), points_of(omega, self.dt))
             worst = np.zeros(omega.size)
-            for one in conditions_of(limits, discs._replace(radius=discs.radius * self.smaller(omega))):
+            for one in conditions_of(limits, discs.smaller(self.smaller(omega))):
                 np.minimum.at(worst, one.place, one.excess(values))
             over = np.flatnonzero(worst < 0)
             stretches = np.split(over, np.flatnonzero(np.diff(over) > 1) + 1)
@@ -178,10 +177,6 @@ class Task:
                             best, moved = other, True
                             break
         return best
-
-
-def _together(parts: Sequence[Discs]) -> Discs:
-    return Discs(*(np.concatenate(one) for one in zip(*parts, strict=True)))
 
 
 class At:
@@ -313,7 +308,7 @@ class At:
         discs, axes = self.discs, self.axes
         if limits.bandwidth is not None:
             end = np.array([limits.bandwidth])
-            discs = _together([discs, self.task.discs([end] * len(self.task.plants))])
+            discs = Discs.together([discs, self.task.discs([end] * len(self.task.plants))])
             last = self._in_basis(self.basis.axes(end))
             axes = np.concatenate([axes, np.repeat(last, len(self.task.plants), axis=0)])
         linear = None

@@ -132,8 +132,9 @@ def _at_frequencies(plants: Plants, limits: Limits) -> Obstacle | None:
     if ny > nu:  # no loop is large in all directions, whatever the limits
         return None
     _, sizes, right = np.linalg.svd(discs.centre / discs.units[:, None, :])
-    size, radius, unit = sizes[:, -1], discs.radius, np.linalg.norm(right[:, ny - 1] * discs.units, axis=1)
-    share = np.where(needed > 0, radius / np.maximum(size, np.finfo(float).tiny), 0.0)
+    size, unit = sizes[:, -1], np.linalg.norm(right[:, ny - 1] * discs.units, axis=1)
+    least = discs.least if (ny, nu) == (1, 1) else size - discs.radius
+    share = np.where(needed > 0, (size - least) / np.maximum(size, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(share))
     if share[k] >= 1 + _ROUNDING:
         return Obstacle(Law.BOUNDS, 1.0, float(share[k]), float(discs.omega[k]))
@@ -141,7 +142,7 @@ def _at_frequencies(plants: Plants, limits: Limits) -> Obstacle | None:
     for low, high, value in limits.action:
         here = (discs.omega >= low) & (discs.omega <= high)
         allowed = np.where(here, np.minimum(allowed, value), allowed)
-    action = np.where(needed > 0, needed / np.maximum((size - radius) * unit, np.finfo(float).tiny), 0.0)
+    action = np.where(needed > 0, needed / np.maximum(least * unit, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(action / allowed))
     if action[k] > allowed[k] * (1 + _ROUNDING):
         return Obstacle(Law.ACTION, float(action[k]), float(allowed[k]), float(discs.omega[k]))

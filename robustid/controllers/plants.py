@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +26,7 @@ from robustid.core import (
     response_at,
 )
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import Band, BandAxis, LoopBounds, LoopValues, loop_bounds, norm_of_bounds
+from robustid.guarantees import Balls, Band, BandAxis, ErrorSets, LoopBounds, LoopValues, loop_bounds, norm_of_bounds
 from robustid.identification import Loop
 from robustid.reduction import balanced_truncations
 
@@ -41,6 +42,7 @@ _PARTS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the ratio of two norms, which weighs t
 _FEW, _SHARE = 4, 0.03  # states that a truncation begins with, and what it may add to the bounds
 _ROUNDING = 1e-9  # of the end of an interval
 _HALF = 0.5  # the real part of S up to which |L| is at least 1
+_NARROW = 0.95  # of the diameter of a disc: polygons that are narrower in some direction
 _BANDWIDTH = Template("bandwidth", "sensitivity", least=True)
 _LITTLE = 1e-9  # of the bounds of the largest input: smaller ones are as good as none
 
@@ -117,29 +119,30 @@ class Plants:
         return omega
 
     def discs(self, omega: Real) -> Discs:
-        """Discs about the model that hold the values of all consistent plants at frequencies: those of the proof on arcs."""
-        edges, entries = self.band.circle.edges, self.band.circle.entries
-        right = np.clip(np.searchsorted(edges, omega, side="right") - 1, 0, len(entries) - 1)
-        left = np.clip(np.searchsorted(edges, omega, side="left") - 1, 0, len(entries) - 1)
-        bound = np.maximum(entries[left], entries[right])
+        """Discs and polygons that hold the values of all consistent plants at frequencies: those of the proof on arcs."""
+        errors = self.band.circle.sets_at(omega)
+        bound = errors.bound
         nu, _ = self.loop.shape
         units = np.ones((omega.size, nu))
-        if self.in_open_loop:
+        if self.in_open_loop and self.loop.shape == (1, 1):
+            found = _of_one_entry(omega, self._response.at(points_of(omega, self.dt)), errors)
+        elif self.in_open_loop:
             centre = self._response.at(points_of(omega, self.dt))
             if nu > 1:  # every input in the unit of its own bounds
                 units = np.linalg.norm(bound, axis=1)
                 units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
-            radius = norm_of_bounds(bound / units[:, None])
+            found = Discs.of(omega, centre, norm_of_bounds(bound / units[:, None]), units)
         else:
-            values = self._response.at(points_of(omega, self.dt))
-            centre, radius = LoopValues.at(values, self.loop.shape).balls(bound)["process_sensitivity"]
-        if not np.all(np.isfinite(radius)):
-            first = float(omega[np.argmin(np.isfinite(radius))])
+            values = LoopValues.at(self._response.at(points_of(omega, self.dt)), self.loop.shape)
+            every = [balls["process_sensitivity"] for balls in values.over(errors)]
+            found = Discs.of(omega, *functools.reduce(Balls.or_narrower, every), units)
+        if not np.all(np.isfinite(found.radius)):
+            first = float(omega[np.argmin(np.isfinite(found.radius))])
             raise InputError(
                 f"`bands` must be bounded at every frequency; at {first:.5g} rad/s nothing is known of the plant. Measure there, or"
                 " state a class that is bounded there"
             )
-        return Discs(omega, centre, radius, units)
+        return found
 
     def running(self, omega: Real) -> Complex:
         """Values of the controller that ran, which stabilises all of them, (F, nu, ny)."""
@@ -165,8 +168,10 @@ class Plants:
         axis = BandAxis(self.band, np.array([end for _, *ends, _ in rows for end in ends if end > 0]))
 
         def sizes(pieces: Pieces, reach: Real, low: Real, high: Real) -> Real:
-            values, bounds = LoopValues(pieces.values, reach, self.loop.shape), axis.bounds(pieces)
-            balls = values.balls(bounds)
+            values, errors = LoopValues(pieces.values, reach, self.loop.shape), axis.errors(pieces)
+            return np.minimum.reduce([of(balls, values, errors.bound, low, high) for balls in values.over(errors)])
+
+        def of(balls: Mapping[str, Balls], values: LoopValues, bounds: Real, low: Real, high: Real) -> Real:
             found: list[Real] = []
             for template, begin, end, value in rows:
                 here = (high > begin * (1 + _ROUNDING)) & (low < end * (1 - _ROUNDING))
@@ -189,6 +194,22 @@ class Plants:
             if one >= found.get(template.name, (0.0, 0.0))[0]:
                 found[template.name] = one, where
         return found
+
+
+def _of_one_entry(omega: Real, model: Complex, errors: ErrorSets) -> Discs:
+    """The smallest discs of one input and one output, and polygons that are narrower than these."""
+    about_model = errors.bound < errors.radius
+    centre = np.where(about_model, 0.0, errors.centre)
+    radius = np.minimum(errors.bound, errors.radius)[:, 0, 0]
+    found = Discs.of(omega, model + centre, radius, np.ones((omega.size, 1)))
+    if not errors.corners.shape[1]:
+        return found
+    corners = errors.corners - centre[:, 0]
+    count = int(corners.shape[1])
+    turns: Complex = np.exp(-2j * np.pi * np.arange(count) / count)
+    turned = corners[:, None] * turns[:, None]
+    narrow = np.ptp(turned.real, axis=2).min(axis=1) < _NARROW * 2 * radius
+    return found._replace(corners=np.where(narrow[:, None], corners, 0.0), around=np.where(narrow, 0.0, radius))
 
 
 def _about_fewer_states(band: Band) -> Band:

@@ -74,6 +74,12 @@ class Program:
 
     def hold(self, ahead: Real, slack: Real, fixed: Real, small: Complex) -> None:
         """``ahead x + slack t + fixed >= |small x|``, (N, m), (N,), (N,), (N, m)."""
+        plain = ~np.any(small, axis=1)
+        if plain.any():
+            self.not_negative(ahead[plain], slack[plain], fixed[plain])
+            ahead, slack, fixed, small = ahead[~plain], slack[~plain], fixed[~plain], small[~plain]
+        if not slack.size:
+            return
         factors = np.stack([ahead, small.real, small.imag], axis=1)
         none = np.zeros_like(slack)
         rows = Rows(factors, np.stack([slack, none, none], axis=1), np.stack([fixed, none, none], axis=1))

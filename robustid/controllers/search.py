@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.controllers.conditions import Conditions
-from robustid.controllers.program import Functions, Program
+from robustid.controllers.program import Functions, Indices, Program
 from robustid.core import Complex, Real
 
 _ROUNDS = 25  # of new directions
@@ -114,16 +114,29 @@ def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions)
     basis = functions.whole
     unit, single = _units(one), one.a.shape[1:] == (1, 1)
     if one.inside:  # |a + b C| <= w - unit t - sum |Q C|
-        values = np.einsum("npj,nmjq->nmpq", one.b, basis)
         helpers = program.norms(one.place, one.q, functions)
-        program.norm(values, one.a, -unit, one.w, helpers)
+        for some, moved in _corners(one):
+            values = np.einsum("npj,nmjq->nmpq", one.b[some] + moved, basis[some])
+            own = [(index[some], factor[some]) for index, factor in helpers]
+            program.norm(values, one.a[some], -unit[some], one.w[some], own)
         return
     turned = turn.conj().swapaxes(1, 2)
-    ahead = np.einsum("nrp,npj,nmjq->nmrq", turned, one.b, basis, optimize=True)
     if single:
-        for corner in one.corners.T:
-            fixed = np.real(turned[:, 0, 0] * (one.a[:, 0, 0] - corner)) - one.w
-            program.hold(np.real(ahead[:, :, 0, 0]), -unit, fixed, one.q[:, 0, 0, None] * basis[:, :, 0, 0])
+        turned, values = turned[:, 0], basis[:, :, 0, 0]
+        fixed = np.real(turned[:, 0] * one.a[:, 0, 0]) - np.real(turned * one.corners).max(axis=1) - one.w
+        for some, moved in _corners(one):
+            ahead = np.real((turned[some] * (one.b[some] + moved)[:, 0]) * values[some])
+            program.hold(ahead, -unit[some], fixed[some], one.q[some, 0, 0, None] * values[some])
         return
+    ahead = np.einsum("nrp,npj,nmjq->nmrq", turned, one.b, basis, optimize=True)
     fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[1])
     program.semidefinite(ahead, fixed, -unit, program.norms(one.place, one.q, functions))
+
+
+def _corners(one: Conditions) -> Iterator[tuple[Indices, Complex]]:
+    """Conditions with a further corner of what b may be, and the corners (N, 1, 1): none of a point twice."""
+    moved = np.broadcast_to(one.moved, (one.place.size, one.moved.shape[1]))
+    for k in range(moved.shape[1]):
+        some = np.flatnonzero(np.all(moved[:, :k] != moved[:, k : k + 1], axis=1))
+        if some.size:
+            yield some, moved[some, k, None, None]

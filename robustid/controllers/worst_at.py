@@ -1,4 +1,4 @@
-"""Worst cases of a loop over all consistent plants at frequencies: exact in the discs of the plants, and no proof between them.
+"""Worst cases of a loop over all consistent plants at frequencies: exact in their discs, or in polygons, and no proof between them.
 
 With the plants in ``|F - c| <= r`` the open loops are a disc about c C with the radius r |C|; S, T, P S and C S have discs too,
 since they are Möbius maps of F.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -32,8 +32,13 @@ class WorstAt:
     omega : (F,) array, rad/s
     centre, radius : (F,) arrays
         Discs of the open loops, in which -1 may lie.
-    balls : dict of str to Balls
-        Values of S, T, P S and C S, by the names of `LoopBounds`; of an infinite radius where a loop may be singular.
+    corners : (F, V) array
+        Of polygons that hold them, where they are narrower; nan elsewhere.
+    least : (F,) array
+        Of the size of the open loops.
+    balls : sequence of dict of str to Balls
+        Values of S, T, P S and C S, by the names of `LoopBounds`, all of which hold; of an infinite radius where a loop may be
+        singular.
     stable : bool
         With the model of the band.
     margins : LoopMargins
@@ -43,14 +48,21 @@ class WorstAt:
     omega: Real
     centre: Complex
     radius: Real
-    balls: dict[str, Balls]
+    corners: Complex
+    least: Real
+    balls: Sequence[Mapping[str, Balls]]
     stable: bool
     margins: LoopMargins
 
     @functools.cached_property
     def largest(self) -> dict[str, Real]:
         """Largest |S|, |T|, |P S| and |C S|, (F,) each; infinite where a loop may be singular."""
-        return {name: one.largest for name, one in self.balls.items()}
+        return {name: np.minimum.reduce([one[name].largest for one in self.balls]) for name in self.balls[0]}
+
+    @functools.cached_property
+    def smallest(self) -> dict[str, Real]:
+        """Smallest |S|, |T|, |P S| and |C S| at least, (F,) each."""
+        return {name: np.maximum.reduce([one[name].least for one in self.balls]) for name in self.balls[0]}
 
     @property
     def clear(self) -> bool:
@@ -60,7 +72,7 @@ class WorstAt:
     @property
     def bandwidth(self) -> float:
         """Frequency in rad/s up to which every open loop is at least 1; 0 where the first is not."""
-        low = np.flatnonzero(np.abs(self.centre) - self.radius < 1)
+        low = np.flatnonzero(self.least < 1)
         if not low.size:
             return float(self.omega[-1])
         return float(self.omega[low[0] - 1]) if low[0] else 0.0
@@ -70,10 +82,12 @@ class WorstAt:
         places = {name: int(np.argmax(one)) for name, one in self.largest.items()}
         peaks = {name: Peak(float(self.largest[name][k]), float(self.omega[k])) for name, k in places.items()}
         rows: dict[str, tuple[float, float]] = {}
-        sizes = [(one.name, one.share(self.balls[one.map], value), low, high) for one, low, high, value in limits.rows]
+        sizes = [
+            (one.name, np.minimum.reduce([one.share(balls[one.map], value) for balls in self.balls]), low, high)
+            for one, low, high, value in limits.rows
+        ]
         if limits.bandwidth is not None:
-            least = np.abs(self.centre) - self.radius
-            sizes.append(("bandwidth", 1 / np.maximum(least, np.finfo(float).tiny), 0.0, limits.bandwidth))
+            sizes.append(("bandwidth", 1 / np.maximum(self.least, np.finfo(float).tiny), 0.0, limits.bandwidth))
         for name, size, low, high in sizes:
             here = np.flatnonzero((self.omega >= low) & (self.omega <= high))
             if here.size:
@@ -96,18 +110,26 @@ def worst_at(plants: Plants, controller: StateMatrices, omega: Real) -> WorstAt:
 
     discs, gain = seen(np.sort(np.concatenate([omega, _crossings(loop, omega)])))
     centre, reach = discs.centre[:, 0, 0], discs.radius * discs.units[:, 0]
-    balls = _values(centre, gain).balls(reach[:, None, None])
-    S = balls["sensitivity"]
-    sizes = dict(zip(("gain_above", "gain_below", "phase", "delay"), worst_of(S, discs.omega), strict=True))
-    sizes |= {"sensitivity": S.largest, "disk": S.about(np.full((1, 1), 0.5)).largest}
+    every = list(_values(centre, gain).over(discs.errors))
+    found = [_sizes(balls, discs.omega) for balls in every]
+    sizes = {name: np.minimum.reduce([one[name] for one in found]) for name in found[0]}
     return WorstAt(
         omega=discs.omega,
         centre=centre * gain,
         radius=reach * np.abs(gain),
-        balls=balls,
+        corners=(discs.centre[:, 0] + discs.errors.corners) * gain[:, None],
+        least=discs.least * np.abs(gain),
+        balls=every,
         stable=plants.is_stable_with(controller.model(dt)),
         margins=margins_of({name: float(np.max(one)) for name, one in sizes.items()}, (1, 1)),
     )
+
+
+def _sizes(balls: Mapping[str, Balls], omega: Real) -> dict[str, Real]:
+    """Sizes that limit margins."""
+    S = balls["sensitivity"]
+    found = dict(zip(("gain_above", "gain_below", "phase", "delay"), worst_of(S, omega), strict=True))
+    return found | {"sensitivity": S.largest, "disk": S.about(np.full((1, 1), 0.5)).largest}
 
 
 def _values(centre: Complex, gain: Complex) -> LoopValues:

@@ -1,6 +1,8 @@
 """Tools of every room: validation, frozen values, files, saving, workers, threads, simulation."""
 
 from robustid.core.balancing import Balancing, balancing
+from robustid.core.by_value import ByValue, Tabular
+from robustid.core.calling import explain, open_to_users
 from robustid.core.choice import Choice, Source
 from robustid.core.coprime import (
     balanced_scales,
@@ -24,6 +26,7 @@ from robustid.core.description import Arrays, Record, described, digest, fields_
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected, singular_parts
+from robustid.core.models import as_state_space, model_of
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import Budget, Interruptible, Pace, Progress, Stops, Unfinished, pass_on, show_progress
 from robustid.core.rounding import rounded_down, rounded_up
@@ -64,6 +67,7 @@ __all__ = [
     "Arrays",
     "Balancing",
     "Budget",
+    "ByValue",
     "Choice",
     "Complex",
     "DampedSteps",
@@ -85,6 +89,7 @@ __all__ = [
     "StateMatrices",
     "StateSpace",
     "Stops",
+    "Tabular",
     "Unfinished",
     "Workers",
     "ZPlane",
@@ -97,6 +102,7 @@ __all__ = [
     "as_kind",
     "as_positive",
     "as_signals",
+    "as_state_space",
     "atomic_write",
     "balanced_scales",
     "balancing",
@@ -107,6 +113,7 @@ __all__ = [
     "described",
     "digest",
     "exchanged",
+    "explain",
     "exponents_of",
     "fields_of",
     "fingerprint",
@@ -122,8 +129,10 @@ __all__ = [
     "loop_is_stable",
     "made",
     "mirroring_feedback",
+    "model_of",
     "normalised_factors",
     "one_thread",
+    "open_to_users",
     "part",
     "pass_on",
     "paths",

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
+from robustid.core.calling import explain_methods
 
 _SMALL = 100  # numbers that are sent as they are
 _FEW = 6  # numbers, items or fields that are written out
@@ -23,8 +25,9 @@ class Frozen:
     """
 
     def __init_subclass__(cls, **options: object) -> None:
-        """Keep the dataclass from writing a `__repr__` that prints every number."""
+        """Keep the dataclass from writing a `__repr__` that prints every number; explain wrong calls of its methods."""
         super().__init_subclass__(**options)
+        explain_methods(cls)
         if "__repr__" not in cls.__dict__:
             cls.__repr__ = cls.__repr__  # in the class itself, where the decorator looks for one
 
@@ -37,6 +40,14 @@ class Frozen:
 
         return head(self)
 
+    if not TYPE_CHECKING:  # types know which attributes there are
+
+        def __getattr__(self, name: str) -> Any:
+            """Refuse an attribute that is not there, with what is meant; a property that failed fails as it did."""
+            if hasattr(type(self), name):
+                return object.__getattribute__(self, name)
+            raise MissingAttribute(self, name)
+
     def __reduce__(self) -> tuple[object, tuple[type[Frozen], dict[str, object]]]:
         fields = {f.name: _pack(getattr(self, f.name)) for f in dataclasses.fields(self) if f.init}  # type: ignore[arg-type]
         return _rebuild, (type(self), fields)
@@ -44,6 +55,22 @@ class Frozen:
     def _set(self, **values: object) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+
+class MissingAttribute(AttributeError):
+    """An attribute that is not there; what is meant is looked for when it is said, not whenever code asks for one."""
+
+    def __init__(self, thing: object, name: str) -> None:
+        super().__init__(thing, name)
+        self.thing, self.typed = thing, name
+
+    def __str__(self) -> str:
+        from robustid.figures import led_on
+
+        return led_on(self.thing, self.typed)
+
+    def __reduce__(self) -> tuple[type[AttributeError], tuple[str]]:
+        return AttributeError, (str(self),)
 
 
 def _rebuild(cls: type[Frozen], fields: dict[str, object]) -> Frozen:

@@ -3,11 +3,18 @@
 from robustid.core import save, stored
 from robustid.data.bound import Bound, Caveat
 from robustid.data.bound_checks import as_probability
-from robustid.data.error_sets import bound_ratio, joint_radius, stacked, tilted, variances
+from robustid.data.error_sets import bound_ratio, chance_beyond, joint_radius, stacked, tilted, variances
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.faults import Fault, FaultKind, PlacedFault, Undoing, as_faults
 from robustid.data.feedthrough import FeedThrough, expected_feedthrough
-from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, hz_span, points_at, signal_index
+from robustid.data.frequency_points import (
+    NYQUIST_SLACK,
+    SAME_FREQUENCY,
+    FrequencyPoints,
+    hz_span,
+    points_at,
+    signal_index,
+)
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.inverse_response import inverse_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
@@ -30,6 +37,7 @@ __all__ = [
     "Fault",
     "FaultKind",
     "FeedThrough",
+    "FrequencyPoints",
     "FrequencyResponse",
     "PlacedFault",
     "SimulatedExperiment",
@@ -41,6 +49,7 @@ __all__ = [
     "as_probability",
     "as_records",
     "bound_ratio",
+    "chance_beyond",
     "decimate",
     "detrend",
     "expected_feedthrough",

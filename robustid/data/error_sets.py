@@ -107,7 +107,7 @@ def joint_radius(
 
     With s^2 an estimate of the variance with dof degrees of freedom, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) =
     (1 + x/dof)^(-dof)``; alpha = (1 - probability)/entries (Bonferroni). A known variance: exp(-x). At frequency points where all
-    is real: Student's t. `dof` may be that of every frequency point, (F,).
+    is real: Student's t. `dof` may be that of every frequency point, (F,), or entry, (F, ny, nu).
     """
     from scipy.special import ndtri, stdtrit
 
@@ -117,4 +117,18 @@ def joint_radius(
     else:
         # expm1 keeps the digits where alpha**(-1/dof) is close to 1.
         radius, student = np.sqrt(dof * np.expm1(-np.log(alpha) / dof)), stdtrit(dof, 1 - alpha / 2)
-    return radius if real is None else np.asarray(np.where(real, student, radius), dtype=float)[:, None, None]
+    if real is None:
+        return radius
+    of_entries = isinstance(dof, np.ndarray) and dof.ndim == 3
+    found = np.asarray(np.where(real[:, None, None] if of_entries else real, student, radius), dtype=float)
+    return found if of_entries else found[:, None, None]
+
+
+def chance_beyond(ratio: Real, dof: Real, real: np.ndarray) -> Real:
+    """Probability of an error of so many standard deviations, or more, at its place alone: the inverse of `joint_radius`.
+
+    `ratio` and `dof`, (F, ny, nu), `real` (F,).
+    """
+    from scipy.special import stdtr
+
+    return np.where(real[:, None, None], 2 * stdtr(dof, -ratio), np.exp(-dof * np.log1p(ratio**2 / dof)))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import operator
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Frozen, Savable, Signal, as_array, as_positive
+from robustid.core import ByValue, Frozen, Savable, Signal, as_array, as_positive
 from robustid.data.bound import Bound, Points
 from robustid.data.bound_checks import in_part
 from robustid.errors import InputError, InputTypeError, Remedy
@@ -27,8 +27,11 @@ def hz_span(low: float, high: float, digits: int = 5) -> str:
     return f"{low / scale:.{digits}g} to {high / scale:.{digits}g} {unit}"
 
 
-class FrequencyPoints(Frozen, Savable):
-    """Base of frozen dataclasses of samples at frequencies, sorted, with an infinite bound where nothing was measured."""
+class FrequencyPoints(ByValue, Frozen, Savable):
+    """Base of frozen dataclasses of samples at frequencies, sorted, with an infinite bound where nothing was measured.
+
+    ``data[10:50]`` are some of the frequency points (`select`), ``data == other`` compares everything that they hold.
+    """
 
     PER_POINT: ClassVar[tuple[str, ...]]  # names of what has a part for every frequency point, beside the bound
     omega: np.ndarray
@@ -42,9 +45,20 @@ class FrequencyPoints(Frozen, Savable):
         return self.omega / (2 * np.pi)
 
     @property
+    def all_real(self) -> NDArray[np.bool_]:
+        """True at 0 and at the Nyquist frequency, where values and their errors are real, (F,)."""
+        return (self.omega == 0) | (self.omega * (self.dt or 0.0) >= np.pi / NYQUIST_SLACK)
+
+    @property
     def missing(self) -> NDArray[np.bool_]:
         """True where a value was not measured, which an infinite bound says; shaped as `values`."""
         return np.zeros_like(self.values, dtype=bool) if self.bound is None else self.bound.missing
+
+    __iter__: ClassVar[None] = None  # no sequence: neither loops nor arrays go through the points one by one
+
+    def __getitem__(self, points: Any) -> Self:
+        """Some frequency points: a number, a slice, a mask or indices, as `select` takes them."""
+        return self.select(points)
 
     def select(self, points: Points) -> Self:
         """Keep some frequency points: a boolean mask, indices or a slice along the frequency axis."""
@@ -195,6 +209,28 @@ def signal_index(name: str, wanted: int | str, signals: tuple[Signal, ...]) -> i
     if not -len(signals) <= index < len(signals):
         raise InputError(f"`{name}` must be below {len(signals)}; got {index}")
     return index % len(signals)
+
+
+def signal_indices(name: str, wanted: Any, signals: tuple[Signal, ...]) -> list[int]:
+    """Indices of signals that are given by number, name, slice or a list of such."""
+    if isinstance(wanted, slice):
+        found = list(range(len(signals)))[wanted]
+    elif isinstance(wanted, list | tuple | np.ndarray):
+        found = [signal_index(name, one, signals) for one in cast("Sequence[int | str]", wanted)]
+    else:
+        found = [signal_index(name, wanted, signals)]
+    if not found or len(set(found)) < len(found):
+        raise InputError(f"`{name}` must choose signals, each once; got {wanted!r} of {len(signals)}")
+    return found
+
+
+def in_parts(key: Any) -> tuple[Any, Any, Any]:
+    """Index of samples, outputs and inputs in brackets; what is left out is all."""
+    parts: list[Any] = list(cast("tuple[Any, ...]", key)) if isinstance(key, tuple) else [key]
+    if len(parts) > 3:
+        raise InputError(f"`[...]` takes samples, outputs and inputs; got {len(parts)} parts")
+    samples, outputs, inputs = parts + [slice(None)] * (3 - len(parts))
+    return samples, outputs, inputs
 
 
 def as_level(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64] | None:

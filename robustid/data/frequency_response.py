@@ -13,17 +13,8 @@ from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
 from robustid.data.faults import Fault, as_faults
-from robustid.data.frequency_points import (
-    NYQUIST_SLACK,
-    FrequencyPoints,
-    as_level,
-    as_modes,
-    as_note,
-    as_points,
-    check_measured,
-    hz_span,
-    signal_index,
-)
+from robustid.data.frequency_points import as_level, as_modes, as_note, as_points, check_measured, hz_span
+from robustid.data.response_parts import ENTRIES, ResponseParts
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
@@ -31,11 +22,9 @@ from robustid.figures import Drawable
 if TYPE_CHECKING:
     import control
 
-_ENTRIES = ("values", "noise", "distortion")  # one number per frequency point and entry of the matrix
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class FrequencyResponse(FrequencyPoints, Drawable):
+class FrequencyResponse(ResponseParts, Drawable):
     """Samples of a frequency response with bounds on their errors: per entry, per column or of the whole matrix.
 
     ``values[k] = F(exp(1j*omega[k]*dt)) + e``, ``|e| <= bound[k]``, entry by entry (forward-shift convention;
@@ -88,7 +77,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
     <FrequencyResponse: 2 frequency points, 1.5915 to 3.1831 Hz, 1x1, bound, dt=0.01 s>
     """
 
-    PER_POINT: ClassVar[tuple[str, ...]] = ("omega", *_ENTRIES, "coherence", "covariance")
+    PER_POINT: ClassVar[tuple[str, ...]] = ("omega", *ENTRIES, "coherence", "covariance")
     omega: np.ndarray
     values: np.ndarray = None  # type: ignore[assignment] # only beside a control.FRD
     _: dataclasses.KW_ONLY
@@ -153,25 +142,6 @@ class FrequencyResponse(FrequencyPoints, Drawable):
         parts += [f"{count} missing"] if (count := int(np.sum(self.missing))) else []
         parts += [f"dt={self.dt:.6g} s"] if self.dt is not None else []
         return f"<FrequencyResponse: {', '.join(parts)}>"
-
-    def entry(self, output: int | str = 0, input: int | str = 0) -> FrequencyResponse:
-        """One entry of the matrix, by index or name of its signals, still with shape (F, 1, 1), and its own bound."""
-        i, j = signal_index("output", output, self.outputs), signal_index("input", input, self.inputs)
-        pick = (slice(None), slice(i, i + 1), slice(j, j + 1))
-        flat = j * len(self.outputs) + i
-        if np.all(self.missing[pick]):
-            raise InputError(
-                f"`output` = {self.outputs[i].name!r}, `input` = {self.inputs[j].name!r}: this entry was measured at no"
-                " frequency point"
-            )
-        return self._with(
-            bound=None if self.bound is None else self.bound.entries(*pick[1:]),
-            **{name: array[pick] for name in _ENTRIES if (array := getattr(self, name)) is not None},
-            coherence=None if self.coherence is None else self.coherence[:, i : i + 1],
-            covariance=None if self.covariance is None else self.covariance[:, flat, flat, None, None],
-            inputs=(self.inputs[j],),
-            outputs=(self.outputs[i],),
-        )
 
     def without_delay(self, seconds: float) -> FrequencyResponse:
         """The response times exp(+j omega seconds): without a delay in front of the plant, of any fraction of a sample.
@@ -353,8 +323,7 @@ class FrequencyResponse(FrequencyPoints, Drawable):
                 "`with_joint_bound` needs the covariance of the response; give `covariance`, or with_bound(...)"
             )
         probability = as_probability(probability)
-        real = (self.omega == 0) | (self.omega * (self.dt or 0.0) >= np.pi / NYQUIST_SLACK)
-        radius = joint_radius(probability, int(np.sum(~self.missing)), self.dof, real)
+        radius = joint_radius(probability, int(np.sum(~self.missing)), self.dof, self.all_real)
         radius = radius * np.sqrt(variances(self.covariance, self.values.shape))
         excitations = None if self.bound is None else self.bound.excitations
         bound = Bound(radius, kind="confidence", probability=probability, dof=self.dof, excitations=excitations)

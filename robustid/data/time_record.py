@@ -5,15 +5,27 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Frozen, Savable, as_array, as_flag, as_float, as_positive, as_signals, freeze
+from robustid.core import (
+    ByValue,
+    Frozen,
+    Savable,
+    Tabular,
+    as_array,
+    as_flag,
+    as_float,
+    as_positive,
+    as_signals,
+    freeze,
+)
 from robustid.data.bound import Bound
-from robustid.data.frequency_points import as_note, signal_index
+from robustid.data.frequency_points import as_note, in_parts, signal_index, signal_indices
 from robustid.errors import InputError, InputTypeError
+from robustid.figures import Drawable
 
 INITIAL = ("rest", "free", "periodic")
 _WHOLE = 1e-6  # part of a sample, or of a spectrum, that is rounding
@@ -21,7 +33,7 @@ PAST = ("known", "unknown", "periodic")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class TimeRecord(Frozen, Savable):
+class TimeRecord(ByValue, Frozen, Tabular, Drawable, Savable):
     """A known input and the measured output, each sample in an interval of known half-width.
 
     ``y[k] = sum_j f[j] u[k-j] + e[k]``, ``|e[k]| <= bound[k]``, f the impulse response.
@@ -62,6 +74,7 @@ class TimeRecord(Frozen, Savable):
     (4, 1)
     """
 
+    INDEX: ClassVar[str] = "time [s]"
     u: np.ndarray
     y: np.ndarray
     _: dataclasses.KW_ONLY
@@ -127,21 +140,58 @@ class TimeRecord(Frozen, Savable):
     def entry(self, output: int | str = 0, input: int | str = 0) -> TimeRecord:
         """One output and one input of the record, by index or name; the other inputs must be zero."""
         i, j = signal_index("output", output, self.outputs), signal_index("input", input, self.inputs)
-        others = np.delete(self.u, j, axis=1)
-        if np.any(others):
+        return self._signals([i], [j])
+
+    __iter__: ClassVar[None] = None  # no sequence: neither loops nor arrays go through the samples one by one
+
+    def __getitem__(self, samples: Any) -> TimeRecord:
+        """Some samples, outputs and inputs: ``record[100:500]``, ``record[:, "angle"]``; what was before the samples is unknown.
+
+        Inputs that are left out must be zero. `window` keeps what the input did before; it takes seconds.
+        """
+        wanted, outputs, inputs = in_parts(samples)
+        rows, columns = signal_indices("output", outputs, self.outputs), signal_indices("input", inputs, self.inputs)
+        whole = rows == list(range(len(self.outputs))) and columns == list(range(len(self.inputs)))
+        part = self if whole else self._signals(rows, columns)
+        if not isinstance(wanted, slice) or cast("Any", wanted).step not in (None, 1):
             raise InputError(
-                f"`input` = {self.inputs[j].name!r}: the other inputs of the record are not zero, so that the"
+                f"`[...]` of a record takes a slice of neighbouring samples such as [100:500]; got {wanted!r}. Fewer samples a"
+                " second: rid.prepare.decimate"
+            )
+        start, stop, _ = wanted.indices(len(self.u))
+        if (start, stop) == (0, len(self.u)):
+            return part
+        if start == 0 and part.initial != "periodic":
+            return part.window(0.0, stop * self.dt)
+        return part.window(start * self.dt, stop * self.dt, past="unknown")
+
+    def _signals(self, rows: list[int], columns: list[int]) -> TimeRecord:
+        """Some outputs and inputs."""
+        if np.any(np.delete(self.u, columns, axis=1)):
+            names = ", ".join(self.inputs[j].name for j in columns)
+            raise InputError(
+                f"`input` = {names!r}: the other inputs of the record are not zero, so that the"
                 " output isn't the response to this one alone"
             )
+        every = columns == list(range(len(self.inputs)))
         return dataclasses.replace(
             self,
-            u=self.u[:, j],
-            y=self.y[:, i],
-            bound=None if self.bound is None else self.bound.entries(slice(i, i + 1)),
-            reference=None,
-            inputs=(self.inputs[j],),
-            outputs=(self.outputs[i],),
+            u=self.u[:, columns],
+            y=self.y[:, rows],
+            bound=None if self.bound is None else self.bound.entries(rows),
+            reference=self.reference if every else None,
+            inputs=tuple(self.inputs[j] for j in columns),
+            outputs=tuple(self.outputs[i] for i in rows),
         )
+
+    def table(self) -> dict[str, np.ndarray]:
+        """Time, inputs, outputs and their bounds, by the names of the signals with their units."""
+        found = {self.INDEX: self.time}
+        found |= {str(signal): self.u[:, j] for j, signal in enumerate(self.inputs)}
+        found |= {str(signal): self.y[:, i] for i, signal in enumerate(self.outputs)}
+        if self.bound is not None:
+            found |= {f"bound {signal.name}": self.bound.radius[:, i] for i, signal in enumerate(self.outputs)}
+        return found
 
     def window(self, start: float = 0.0, stop: float | None = None, *, past: str = "known") -> TimeRecord:
         """The samples with ``start <= t < stop``; what the input did before them is still used.

@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core import Real, as_count, one_thread
-from robustid.data import (
-    NYQUIST_SLACK,
-    Bound,
-    FrequencyResponse,
-    TimeRecord,
-    as_frequency_response,
-    as_probability,
-    joint_radius,
-)
+from robustid.data import Bound, FrequencyResponse, TimeRecord, as_frequency_response, as_probability, joint_radius
 from robustid.errors import InputError
 from robustid.estimation.noise_floor import bounds_from_noise_floor
 from robustid.estimation.record_faults import found_period
@@ -206,8 +198,7 @@ def _bounded(
     frf: FrequencyResponse, s: Real, dof: float, probability: float, words: str, left: Real | None
 ) -> FrequencyResponse:
     """The response with the joint confidence bound of a deviation that was estimated with dof degrees of freedom."""
-    real = (frf.omega == 0) | (frf.omega * (frf.dt or 0.0) >= np.pi / NYQUIST_SLACK)
-    radius = joint_radius(probability, int(np.sum(~frf.missing)), dof, real) * s
+    radius = joint_radius(probability, int(np.sum(~frf.missing)), dof, frf.all_real) * s
     if left is not None:
         radius = np.where(left > radius, _BEYOND * left, radius)
     size = np.abs(np.where(frf.missing, 0, frf.values))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, as_array, as_count, as_flag, as_float, as_kind, as_positive, freeze
+from robustid.core import Frozen, as_array, as_count, as_flag, as_float, as_kind, as_positive, as_state_space, freeze
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation.pole_fit import PoleFit, Refined
@@ -239,6 +239,7 @@ def with_delay(model: control.StateSpace, seconds: float) -> DelayedModel:
     """
     import control
 
+    model = as_state_space("model", model)
     if not isinstance(model, control.StateSpace):
         raise InputTypeError(f"`model` must be a control.StateSpace; got {type(model).__name__}")
     if not model.dt or model.dt is True:

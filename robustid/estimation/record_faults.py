@@ -69,7 +69,8 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     input u is constant (0): it excites nothing
     >>> u = np.tile(np.random.default_rng(0).standard_normal(50), 4)
     >>> print(*rid.prepare.record_faults(rid.TimeRecord(u, 2 * u, dt=1.0)))
-    the input repeats every 50 samples (4 periods), and nothing says so: give period = 50
+    the input repeats every 50 samples (4 periods), and nothing says so: give --period 50, or period = 50 in a run
+    file
     """
     records = as_records("record", record)
     period = None if period is None else as_count("period", period, least=2)
@@ -240,7 +241,8 @@ def _repeating(record: TimeRecord, period: int | None) -> list[Fault]:
     whole = len(drive) // right
     cut = "" if whole * right == len(drive) else f"; cut the record to {whole * right} samples"
     words = (
-        f"the input repeats every {right} samples ({whole} periods), and nothing says so: give period = {right}{cut}"
+        f"the input repeats every {right} samples ({whole} periods), and nothing says so: give --period {right},"
+        f" or period = {right} in a run file{cut}"
     )
     return [Fault(FaultKind.UNSTATED_PERIOD, words, where="input", size=right)]
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from robustid.core import Budget, Frozen, Interruptible, Progress, Savable, StateMatrices, as_flag, one_thread
 from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
-from robustid.figures import Drawable
+from robustid.figures import Drawable, Modes
 from robustid.fitting.fraction.constraints import Constraint, RollOff, StaticGain, as_constraints
 from robustid.fitting.fraction.criterion import Weight
 from robustid.fitting.fraction.first_models import EXTRA, first_model, strongest
@@ -40,7 +40,7 @@ _ROUNDS = 3  # of adding a mode and taking the least important one away, where a
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class MatrixFraction(Frozen, Drawable, Savable):
+class MatrixFraction(Frozen, Drawable, Modes, Savable):
     """A fitted model P = N D^{-1} (or D^{-1} N, or N/d with poles that all entries share), and how it was found.
 
     Attributes

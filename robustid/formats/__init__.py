@@ -4,7 +4,7 @@ from robustid.formats import datasets
 from robustid.formats.contents import Contents, Item, contents
 from robustid.formats.excitation_files import load_excitation
 from robustid.formats.headings import heading
-from robustid.formats.measurement_files import Origin, origin, read_file, read_said
+from robustid.formats.measurement_files import Origin, kind_of_file, origin, read_file, read_said
 from robustid.formats.model_files import load_model, save_model
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 from robustid.formats.readers import read_table
@@ -27,6 +27,7 @@ __all__ = [
     "datasets",
     "heading",
     "is_network",
+    "kind_of_file",
     "load_excitation",
     "load_model",
     "origin",

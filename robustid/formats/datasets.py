@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_flag
+from robustid.core import as_flag, explain
 from robustid.data import flexible_structure
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError
 from robustid.formats.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
@@ -258,3 +258,6 @@ def _where(name: str, known: Dataset) -> str:
         f"{name} {where}: get it from {known.origin} ({known.licence}), put it at {name} in a folder of"
         f" your choice and set {VARIABLE} to that folder"
     )
+
+
+explain(__name__, __all__)

@@ -39,7 +39,8 @@ def from_headings(table: Table, kind: str | None) -> Table:
     axis = next((name for name in table.columns if axis_role(name) in _AXES), None)
     if kind not in (None, "frequency") or axis is None or "values" in table.columns:
         return table
-    found = _quantities(table)
+    frequency = table.columns[axis]
+    found = _quantities(table, frequency.size if isinstance(frequency, np.ndarray) else 0)
     for (quantity, _), entries in found.items():
         if not quantity and all(column.heading.sign > 0 for column in entries[""].values()):
             continue  # without a quantity or a sign the roles say as much
@@ -57,15 +58,15 @@ def from_headings(table: Table, kind: str | None) -> Table:
     return table
 
 
-def _quantities(table: Table) -> dict[tuple[str, str], dict[str, _Parts]]:
+def _quantities(table: Table, points: int) -> dict[tuple[str, str], dict[str, _Parts]]:
     """Parts by quantity and entry, in the order of the file; what says no quantity belongs to the one that lacks it.
 
-    Without those that stand there twice: nothing says which is meant.
+    Those that are no vector of so many points are something else; of those that stand there twice nothing says which is meant.
     """
     found: dict[tuple[str, str], dict[str, _Parts]] = {}
     twice: set[tuple[str, str]] = set()
     for name, values in table.columns.items():
-        if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != max(values.shape):
+        if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != points:
             continue
         said = heading(name)
         if said is None or not said.part:
@@ -158,11 +159,11 @@ def _with_response(
     facts: Options = dict(zip(("outputs", "inputs"), _signals(quantity, outputs, inputs, unit, scale), strict=True))
     columns = {**table.columns, "values": matrix}
     frequency = table.columns[axis]
-    if isinstance(frequency, np.ndarray) and len(frequency) == len(matrix):
+    if isinstance(frequency, np.ndarray) and frequency.size == len(matrix):
         idle = (frequency.reshape(-1) == 0) & ~np.any(matrix.reshape(len(matrix), -1), axis=1)
         if np.any(idle) and not np.all(idle):
             how += f"; {int(idle.sum())} rows without frequency and response left out"
-            columns = {name: one[~idle] if isinstance(one, np.ndarray) and len(one) == len(idle) else one
+            columns = {name: one[~idle] if isinstance(one, np.ndarray) and one.shape[:1] == idle.shape else one
                        for name, one in columns.items()}  # fmt: skip
     facts = {side: labels for side, labels in facts.items() if labels is not None}
     remarks = {**table.remarks, "values": "made of the others"}

@@ -121,6 +121,14 @@ def _check_words(
         raise InputError(f"`decimal` must be '.' or ','; got {decimal!r}")
 
 
+def kind_of_file(path: str | os.PathLike[str], decimal: str | None = None) -> str | None:
+    """Kind of what a file holds, "frequency", "time", "tangential" or "model", as far as its names say; else None."""
+    table = read_table(path, decimal)
+    if table.meta is not None:
+        return str(table.meta["kind"])
+    return "model" if _is_model(table) else Lookup(table, {}).looks()
+
+
 def _is_model(table: Table) -> bool:
     """A model, and no measurements beside its matrices."""
     return is_model(table) and Lookup(table, {}).looks() is None

@@ -16,6 +16,7 @@ from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.interconnection import interconnection
 from robustid.guarantees.interconnection_result import Interconnection, InterconnectionStatus
+from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
@@ -65,6 +66,7 @@ __all__ = [
     "Coverage",
     "Diameter",
     "Driver",
+    "ErrorSets",
     "Family",
     "Interconnection",
     "InterconnectionStatus",

@@ -156,7 +156,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             return radius, self.polygons, omega, centre
         nominal = self.problem.plane.values_at(model, omega)
         with one_thread():
-            return self._entries.distances(nominal, self._angles(omega)), self.polygons, omega, nominal
+            return self._entries.errors(nominal, self._angles(omega)).bound, self.polygons, omega, nominal
 
     def with_model(self, model: control.StateSpace) -> Band:
         """Return the same band with errors measured from another nominal; nothing is searched."""

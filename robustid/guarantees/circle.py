@@ -14,6 +14,7 @@ from robustid.core import Complex, Frozen, Real, freeze
 from robustid.data import FrequencyResponse
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
+from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.sweep import Means, value_sets
 from robustid.guarantees.value_set import (
@@ -58,6 +59,8 @@ class CircleBound(Frozen):
         At the edges, with their certificates; entry after entry.
     entries : (C, ny, nu) array
         Bounds of the entries of F - model.
+    sets : ErrorSets
+        Discs about other centres and polygons that hold F - model, where they are known.
     """
 
     edges: Real
@@ -66,10 +69,20 @@ class CircleBound(Frozen):
     converged: bool
     values: tuple[ValueSet, ...]
     entries: Any = None
+    sets: Any = None
 
     def __post_init__(self) -> None:
-        entries = self.bound[:, None, None] if self.entries is None else self.entries
-        self._set(edges=freeze(self.edges), bound=freeze(self.bound), entries=freeze(entries))
+        entries = freeze(self.bound[:, None, None] if self.entries is None else self.entries)
+        sets = ErrorSets.about_zero(entries) if self.sets is None else ErrorSets(*map(freeze, self.sets))
+        self._set(edges=freeze(self.edges), bound=freeze(self.bound), entries=entries, sets=sets)
+
+    def sets_at(self, omega: Real) -> ErrorSets:
+        """The sets of the arcs that hold frequencies; at an edge of that with the larger bound."""
+        last = self.bound.size - 1
+        right, left = (
+            np.clip(np.searchsorted(self.edges, omega, side=side) - 1, 0, last) for side in ("right", "left")
+        )
+        return self.sets.of(np.where(self.bound[left] > self.bound[right], left, right))
 
     @property
     def largest(self) -> float:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, freeze
+from robustid.core import Frozen, Real, Tabular, freeze
 from robustid.guarantees.next_record import Ranked, chance_of_order, ranked
 from robustid.guarantees.power import NARROW, SURE, Judgement
 
@@ -22,7 +23,7 @@ _NARROW = {3.0: "three"}[NARROW]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Coverage(Frozen):
+class Coverage(Frozen, Tabular):
     """Withheld responses in units of a band that was not made from them.
 
     Attributes
@@ -58,6 +59,20 @@ class Coverage(Frozen):
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "error", "noise", "shown")})
+
+    def table(self) -> dict[str, list[Any]]:
+        """Columns of distances from the middle of the band, in half-widths: a row for every record, frequency and entry."""
+        places = list(np.ndindex(*self.error.shape))
+        outputs, inputs = self.signals
+        return {
+            "withheld": [self.names[r] for r, *_ in places],
+            "frequency [Hz]": [self.omega[k] / (2 * np.pi) for _, k, *_ in places],
+            "output": [outputs[i] for *_, i, _ in places],
+            "input": [inputs[j] for *_, j in places],
+            "error": self.error.ravel().tolist(),
+            "own bound": self.noise.ravel().tolist(),
+            "excess": self.excess.ravel().tolist(),
+        }
 
     @functools.cached_property
     def excess(self) -> Real:

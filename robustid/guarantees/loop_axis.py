@@ -16,7 +16,8 @@ from robustid.errors import InputError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import Image
 from robustid.guarantees.cells import Pieces, enclose
-from robustid.guarantees.loop_values import MAPS, LoopValues, delay_of, worst_of
+from robustid.guarantees.linear.error_sets import ErrorSets
+from robustid.guarantees.loop_values import MAPS, Balls, LoopValues, delay_of, worst_of
 from robustid.reduction import balanced_truncation
 
 if TYPE_CHECKING:
@@ -134,10 +135,14 @@ class BandAxis:
 
     def bounds(self, pieces: Pieces) -> Real:
         """Bounds of the entries on the cell of every piece, (N, ny, nu)."""
+        return self.errors(pieces).bound
+
+    def errors(self, pieces: Pieces) -> ErrorSets:
+        """Sets that hold the errors on the cell of every piece."""
         if not self.parted.size:
-            return self.band.circle.entries[pieces.cell]
+            return self.band.circle.sets.of(pieces.cell)
         own = np.searchsorted(self.band.circle.edges, self._edges[:-1], side="right") - 1
-        return self.band.circle.entries[own[pieces.cell]]
+        return self.band.circle.sets.of(own[pieces.cell])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,8 +170,11 @@ class LoopAxis:
         )
 
     def _sizes(self, pieces: Pieces, reach: Real, _: Real, top: Real) -> Real:
-        """Sizes that limit peaks and margins where the values are within their reach, (N, names)."""
-        balls = LoopValues(pieces.values, reach, self.shape).balls(BandAxis(self.band).bounds(pieces))
+        """Sizes that limit peaks and margins where the values are within their reach, (N, names): the least of all discs."""
+        values, errors = LoopValues(pieces.values, reach, self.shape), BandAxis(self.band).errors(pieces)
+        return np.minimum.reduce([self._of(balls, top) for balls in values.over(errors)])
+
+    def _of(self, balls: Mapping[str, Balls], top: Real) -> Real:
         sensitivity = balls["sensitivity"]
         found = [balls[name].largest for name in MAPS]
         found.append(sensitivity.about(np.eye(self.shape[1]) / 2).largest)

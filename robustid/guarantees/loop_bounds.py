@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -32,7 +33,7 @@ from robustid.guarantees.loop_axis import LoopAxis, LoopMargins, Peak
 from robustid.guarantees.loop_radius import farthest_plant
 from robustid.guarantees.loop_values import MAPS, Balls, LoopValues
 from robustid.guarantees.scope import scope_of
-from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin
+from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.unstable_plant import UnstablePlant, unstable_plant
 from robustid.identification import Identification, Loop, as_system, identify
 from robustid.reduction import controller_model
@@ -276,7 +277,8 @@ def loop_bounds(
 
     Notes
     -----
-    On the whole axis the bounds of the band around its model hold on arcs, on which the maps are enclosed. Assumed: the class of R,
+    On the whole axis the maps are enclosed on arcs, on which the bounds of the band around its model hold; of one input and one
+    output also discs around other centres, and polygons where the band was refined. Assumed: the class of R,
     the bounds of its samples, and the controller as it ran.
 
     References
@@ -321,7 +323,9 @@ def loop_bounds(
         )
     stability, other = None, None
     if controller is not None:
-        stability = band.robust_stability_margin(loop.parameter_of(controller))
+        circle, nominal = band.circle, _nominal(band)
+        bounds = circle.edges, circle.bound, circle.entries
+        stability = margin_of_circle(nominal, loop.parameter_of(controller), bounds, "additive", circle.sets)
         other = loop.as_controller(controller)
     around = loop.about(model, other)
     if decay_of(poles_of(around.A), loop.dt) <= 0:  # the nominal loop is not stable: nothing is bounded
@@ -382,18 +386,14 @@ def _without(band: Band, loop: Loop, controller: object, stability: RobustStabil
 
 
 def _at_frequencies(band: Band, loops: Sequence[StateMatrices], loop: Loop, omega: Real) -> Iterator[dict[str, Balls]]:
-    """The four maps of every loop at frequencies, from discs about the centres of the band and about its model."""
+    """The four maps of every loop at frequencies, from discs about the centres of the band, about its model, and those of arcs."""
     points = np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega
     nominal, (centre, radius) = band.problem.plane.values_at(_nominal(band), omega), band.at(omega)
     known = np.asarray(np.isfinite(radius).all(axis=(1, 2), keepdims=True), dtype=bool)
     shift, reach, error = np.where(known, centre - nominal, 0.0), np.where(known, radius, np.inf), band.error_at(omega)
+    on_arcs = band.circle.sets_at(omega)
     for around in loops:
         values = LoopValues.at(response_at(around, points), loop.shape)
-        about_model, about_centre = values.balls(error), values.shifted(shift).balls(reach)
-        yield {name: _smaller(about_centre[name], about_model[name]) for name in about_model}
-
-
-def _smaller(one: Balls, other: Balls) -> Balls:
-    """At every point the one of two that says more."""
-    first = one.largest <= other.largest
-    return Balls(np.where(first[:, None, None], one.centre, other.centre), np.where(first, one.radius, other.radius))
+        every = [values.shifted(shift).balls(reach), values.balls(error)]
+        every += values.over(on_arcs) if on_arcs.corners.shape[1] else []
+        yield {name: functools.reduce(Balls.or_smaller, [one[name] for one in every]) for name in MAPS}

@@ -37,7 +37,7 @@ from robustid.errors import InputError
 from robustid.guarantees.cells import Pieces, enclose
 from robustid.guarantees.loop_axis import BandAxis
 from robustid.guarantees.loop_bounds import LoopBounds
-from robustid.guarantees.loop_values import Balls, image_of
+from robustid.guarantees.loop_values import Balls, image_over
 
 STEPS = ("set point", "load")
 _TOLERANCE = 0.02  # of the width: what arcs may take of it
@@ -251,7 +251,7 @@ class _Steps(NamedTuple):
                     (slice(1, None), slice(1, 1 + ny)),
                 )
             )
-            return image_of(left, right, inner, self.axis.bounds(pieces))
+            return image_over(left, right, inner, self.axis.errors(pieces))
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
             nonlocal mean, count

@@ -4,22 +4,27 @@ From r at the input and d at the output of the plant to u and y, with :math:`R =
 
 .. math:: H(\Delta) = H_0 + H_1 \Delta (I - m \Delta)^{-1} H_2 .
 
-Of one input and one output a disc of Δ gives the disc with
+Of one input and one output the disc of Δ about e with the radius r gives the disc with
 
-.. math:: \text{centre } H_0 + H_1 H_2 \frac{\bar m\, b^2}{1 - |m|^2 b^2}, \qquad
-          \text{radius } \frac{|H_1 H_2|\, b}{1 - |m|^2 b^2} ,
+.. math:: \text{centre } H_0 + \frac{H_1 H_2}{1 - m e} \left(e + \frac{\bar m\, r^2}{|1 - m e|^2 - |m|^2 r^2}\right), \qquad
+          \text{radius } \frac{|H_1 H_2|\, r}{|1 - m e|^2 - |m|^2 r^2} ,
 
-exactly, since that is a Möbius map. Of matrices the centre is H_0, and the largest singular value of what is added to it is bounded
-by the smallest of three: by entries (Neumann's series), by norms, and by norms with the scaling of the robust stability margin.
+exactly, since that is a Möbius map. Every disc that holds a set of Δ bounds what it does; the worst of a polygon, seen from where a
+map is infinite (Δ = 1/m) or T is zero, is that of a large disc whose border is almost the line that parts them. Of matrices the
+centre is H_0, and the largest singular value of what is added to it is bounded by the smallest of three: by entries (Neumann's
+series), by norms, and by norms with the scaling of the robust stability margin.
 """
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from robustid.core import Complex, Real
+from robustid.guarantees.linear.error_sets import ErrorSets, Held
 from robustid.guarantees.scaling import perron_scaling
 from robustid.guarantees.value_set import norm_of_bounds
 
@@ -37,6 +42,20 @@ class Balls(NamedTuple):
     def largest(self) -> Real:
         """Bound of the largest singular value, (N,)."""
         return _norms(self.centre) + self.radius
+
+    def or_narrower(self, other: Balls) -> Balls:
+        """At every point the one of two with the smaller radius."""
+        first = self.radius <= other.radius
+        return Balls(
+            np.where(first[:, None, None], self.centre, other.centre), np.where(first, self.radius, other.radius)
+        )
+
+    def or_smaller(self, other: Balls) -> Balls:
+        """At every point the one of two that says more."""
+        first = self.largest <= other.largest
+        return Balls(
+            np.where(first[:, None, None], self.centre, other.centre), np.where(first, self.radius, other.radius)
+        )
 
     @property
     def least(self) -> Real:
@@ -75,12 +94,32 @@ class LoopValues(NamedTuple):
         moved = V + V[:, :, columns["e"]] @ back @ V[:, rows["x"], :]
         return LoopValues(moved, np.zeros(moved.shape), self.shape)
 
-    def balls(self, bound: Real) -> dict[str, Balls]:
-        """The maps S, T = I - S, P S and C S over all ``|Delta| <= bound``, (N, ny, nu); infinite where a loop may be singular."""
+    def over(self, errors: ErrorSets) -> Iterator[dict[str, Balls]]:
+        """The maps by several discs that hold the errors at the points, all of which hold; of matrices about 0 alone."""
+        if self.shape != (1, 1):
+            yield self.balls(errors.bound)
+            return
+        (S, _), (left, _) = self.part("y", "d"), self.part("y", "e")
+        (right, _), (inner, _) = self.part("x", "d"), self.part("x", "e")
+        discs = errors.discs()
+        if errors.corners.shape[1] and np.any(inner):  # else no map is infinite
+            with np.errstate(divide="ignore", invalid="ignore"):
+                singular = (1 / inner)[:, 0, 0]
+                no_loop = ((1 - S) / (left * right + inner * (1 - S)))[:, 0, 0]
+            discs = errors.discs(singular, no_loop)
+        for held in discs:
+            yield self.balls(held)
+
+    def balls(self, within: Real | Held) -> dict[str, Balls]:
+        """The maps S, T = I - S, P S and C S over all Delta in discs, or of at most so much; infinite where a loop may be singular.
+
+        A bound (N, ny, nu), or discs of the entries; of matrices those about 0.
+        """
+        held = within if isinstance(within, Held) else Held.about_zero(within)
         found = {
-            "sensitivity": self._ball("y", "d", bound),
-            "process_sensitivity": self._ball("y", "r", bound),
-            "control_sensitivity": self._ball("u", "d", bound),
+            "sensitivity": self._ball("y", "d", held),
+            "process_sensitivity": self._ball("y", "r", held),
+            "control_sensitivity": self._ball("u", "d", held),
         }
         one = found["sensitivity"]
         found["complementary_sensitivity"] = Balls(np.eye(self.shape[1]) - one.centre, one.radius)
@@ -94,9 +133,9 @@ class LoopValues(NamedTuple):
     def entry(self, row: str, column: str, place: int, bound: Real) -> Balls:
         """Balls of one entry on the diagonal of a map, (N, 1, 1): no larger than those of the whole."""
         own = slice(place, place + 1)
-        return self._ball(row, column, bound, own)
+        return self._ball(row, column, Held.about_zero(bound), own)
 
-    def _ball(self, row: str, column: str, bound: Real, own: slice = slice(None)) -> Balls:
+    def _ball(self, row: str, column: str, held: Held, own: slice = slice(None)) -> Balls:
         fixed, left, right = (
             (one[0][:, rows, columns], one[1][:, rows, columns])
             for one, rows, columns in (
@@ -107,9 +146,9 @@ class LoopValues(NamedTuple):
         )
         inner = self.part("x", "e")
         if self.shape == (1, 1):
-            found = _disc(fixed, left, right, inner, bound)
+            found = _disc(fixed, left, right, inner, held)
         else:
-            found = Balls(fixed[0], _added(left, right, inner, bound) + _norms(fixed[1]))
+            found = Balls(fixed[0], _added(left, right, inner, held.bound) + _norms(fixed[1]))
         rounding = _ROUNDING * (_norms(found.centre) + np.where(np.isfinite(found.radius), found.radius, 0.0))
         return Balls(found.centre, found.radius + rounding)
 
@@ -120,9 +159,21 @@ Part = tuple[Complex, Real]  # values, and radii that hold around them
 def image_of(left: Part, right: Part, inner: Part, bound: Real) -> Balls:
     """Balls that hold ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``: of scalars discs."""
     if bound.shape[1:] == (1, 1):
-        return _disc((0.0 * left[0], 0.0 * left[1]), left, right, inner, bound)
+        return _disc((0.0 * left[0], 0.0 * left[1]), left, right, inner, Held.about_zero(bound))
     return Balls(
         np.zeros((len(bound), left[0].shape[1], right[0].shape[2]), dtype=complex), _added(left, right, inner, bound)
+    )
+
+
+def image_over(left: Part, right: Part, inner: Part, errors: ErrorSets) -> Balls:
+    """Balls as of `image_of` over sets of errors: of scalars the narrowest of their discs."""
+    if errors.bound.shape[1:] != (1, 1):
+        return image_of(left, right, inner, errors.bound)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        singular = (1 / inner[0])[:, 0, 0]
+    none = 0.0 * left[0], 0.0 * left[1]
+    return functools.reduce(
+        Balls.or_narrower, [_disc(none, left, right, inner, held) for held in errors.discs(singular)]
     )
 
 
@@ -130,20 +181,23 @@ def _added(left: Part, right: Part, inner: Part, bound: Real) -> Real:
     return np.fmin.reduce([one(left, right, inner, bound) for one in (_by_entries, _by_norms, _scaled)])
 
 
-def _disc(fixed: Part, left: Part, right: Part, inner: Part, bound: Real) -> Balls:
+def _disc(fixed: Part, left: Part, right: Part, inner: Part, held: Held) -> Balls:
     """The image of a disc; around it what the radii of the values let it move."""
-    b, m = bound[:, 0, 0], inner[0][:, 0, 0]
+    e, r, b, m = (one[:, 0, 0] for one in (*held, inner[0]))
     across = (left[0] * right[0])[:, 0, 0]
     size, reach = np.abs(m), inner[1][:, 0, 0]
-    most = (size + reach) * b
     moved = np.abs(left[0]) * right[1] + left[1] * (np.abs(right[0]) + right[1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = 1 - (size * b) ** 2
-        centre = fixed[0][:, 0, 0] + across * np.conj(m) * b**2 / room
-        radius = np.abs(across) * b / room
-        radius += fixed[1][:, 0, 0] + moved[:, 0, 0] * b / (1 - most)
-        radius += np.abs(across) * b**2 * reach / ((1 - most) * (1 - size * b))
-    whole = most < 1
+        about = 1 - m * e
+        clear = np.abs(about) - size * r  # |1 - m Delta| at least
+        room = clear * (np.abs(about) + size * r)
+        centre = fixed[0][:, 0, 0] + across / about * (e + np.conj(m) * r**2 / room)
+        radius = np.abs(across) * r / room
+        least = np.fmax(clear, 1 - size * b)
+        sure = least - reach * b  # the same with what m may be
+        radius += fixed[1][:, 0, 0] + moved[:, 0, 0] * b / sure
+        radius += np.abs(across) * b**2 * reach / (sure * least)
+        whole = (clear > 0) & (sure > 0) & np.isfinite(radius)
     return Balls(np.where(whole, centre, 0.0)[:, None, None], np.where(whole, radius, np.inf))
 
 

@@ -236,7 +236,7 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
         low, high = bands.bands[0].angles[[0, -1]]
         angles = plane.angles(self.omega)
         inside = (angles >= low) & (angles <= high)
-        bounds = np.minimum(self.upper[inside], bands.errors_at(self.model, angles[inside]))
+        bounds = np.minimum(self.upper[inside], bands.errors_at(self.model, angles[inside]).bound)
         corners = (angles[inside], bounds) if inside.sum() > 1 else None
         return whole_axis(bands, self.model, corners, float(self.sigma_lower.max()))
 

@@ -7,7 +7,7 @@ import enum
 import numpy as np
 
 from robustid.core import Real
-from robustid.data import NYQUIST_SLACK, FrequencyResponse, joint_radius, variances
+from robustid.data import FrequencyResponse, joint_radius, variances
 
 NARROW = 3.0  # half-widths of a band that is too narrow at which the true response lies
 SURE = 0.95  # probability with which that is to show
@@ -72,8 +72,7 @@ def shown(half_width: Real, response: FrequencyResponse) -> Real:
     room = np.where(known, 2 * half_width, 0.0) - own
     if response.covariance is None or bound.kind not in _ESTIMATED:
         return np.where(known, (room > own) * 1.0, np.nan)
-    omega, nyquist = response.omega, np.pi / response.dt if response.dt else np.inf
-    real = (omega == 0) | (omega >= nyquist / NYQUIST_SLACK)
+    real = response.all_real
     size = np.sqrt(np.maximum(variances(response.covariance, response.values.shape), 0.0))
     alone = joint_radius(SURE, 1, bound.dof, real) * size
     parts = np.where(real, 1, 2)[:, None, None]

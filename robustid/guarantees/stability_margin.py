@@ -16,6 +16,7 @@ from robustid.figures import Drawable
 from robustid.guarantees.bilinear import Image
 from robustid.guarantees.cells import INPUT, KINDS, Pieces, as_bounds, check_plant, enclose, structure_of
 from robustid.guarantees.covers import cover_bound
+from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.scaling import Scaling, best_scaling, perron_scaling
 from robustid.identification import check_model
 from robustid.reduction import doubtful_distance
@@ -161,9 +162,20 @@ def robust_stability_margin(
     >>> round(result.margin, 1), result.guaranteed
     (6.7, True)
     """
+    return _margin(nominal, controller, edges, bound, kind)
+
+
+def _margin(
+    nominal: control.StateSpace,
+    controller: control.StateSpace,
+    edges: ArrayLike,
+    bound: ArrayLike,
+    kind: str,
+    sets: ErrorSets | None = None,
+) -> RobustStabilityMargin:
     if (image := Image.of(nominal, edges)) is not None:
         both = image.model("nominal", nominal), image.model("controller", controller)
-        found = robust_stability_margin(*both, image.edges, bound, kind=kind)
+        found = _margin(*both, image.edges, bound, kind, sets)
         omega = image.omega(found.frequency)
         return dataclasses.replace(found, frequency=omega, edges=np.asarray(edges, dtype=float))
     plant = check_plant(nominal)
@@ -187,7 +199,7 @@ def robust_stability_margin(
         frequency, shares = float(np.abs(np.angle(worst)) / plant.dt), np.zeros((plant.noutputs, plant.ninputs))
         none = np.zeros(cells.edges.size - 1)
         return RobustStabilityMargin(0.0, frequency, MarginStatus.UNSTABLE, "full", shares, cells.edges, none)
-    condition = Condition(loop, cells.angles, bounds)
+    condition = Condition(loop, cells.angles, bounds, sets=sets)
     gain, angle = condition.largest()
     margin = 1 / gain if gain else np.inf
     status = MarginStatus.GUARANTEED if margin > 1 else MarginStatus.OPEN
@@ -199,11 +211,16 @@ def robust_stability_margin(
 
 
 def margin_of_circle(
-    nominal: control.StateSpace, controller: control.StateSpace, circle: tuple[Real, Real, Real], kind: str
+    nominal: control.StateSpace,
+    controller: control.StateSpace,
+    circle: tuple[Real, Real, Real],
+    kind: str,
+    sets: ErrorSets | None = None,
 ) -> RobustStabilityMargin:
     """`robust_stability_margin` against a bound (C,) of the largest singular value and bounds (C, ny, nu) of the entries at once.
 
     `circle`: the edges (C + 1,), in rad/s, and both bounds; of a relative kind they give one of the relative error (`cover_bound`).
+    Of one entry `sets`, with 0 in them, are what may grow by the margin, where they say more than the bound.
     """
     edges, bound, entries = circle
     if kind != "additive":
@@ -211,7 +228,7 @@ def margin_of_circle(
             nominal, controller, edges, cover_bound(nominal, edges, bound, entries, kind), kind=kind
         )
     if entries.shape[1:] == (1, 1):
-        return robust_stability_margin(nominal, controller, edges, bound)
+        return _margin(nominal, controller, edges, bound, kind, sets if sets is not None and sets.narrower else None)
     known = np.maximum(entries, _LEAST * entries.max())  # entries that are known exactly
     return robust_stability_margin(nominal, controller, edges, (bound, known))
 
@@ -258,6 +275,7 @@ class Condition:
     angles: Real  # (C + 1,), rad
     bounds: tuple[Real, ...]  # (C, p, q) each; all of them hold
     improved: bool = True  # False: the scaling of Perron is the best one already
+    sets: ErrorSets | None = None  # of one entry, on the cells
 
     def largest(self) -> tuple[float, float]:
         """Guaranteed maximum over the circle, and where."""
@@ -327,6 +345,11 @@ class Condition:
                 )
             size[wide] = 0.0
             middle, arc = np.minimum(middle, size), np.minimum(arc, bounded)
+        if self.sets is not None and (open_ := arc > enough).any():
+            some = pieces.of(open_)
+            held, M, reach = self.sets.of(some.cell), some.values[:, 0, 0], some.radius[:, 0, 0]
+            middle[open_] = np.minimum(middle[open_], held.closed_by(M, 0.0 * reach))
+            arc[open_] = np.minimum(arc[open_], held.closed_by(M, reach))
         return middle, arc
 
 

@@ -100,7 +100,7 @@ def whole_axis(
     """Bound of |F - model| arc by arc, from the discs and `corners` (angles, bounds (N, ny, nu)); `lower` is attained."""
     plane = bands.problem.plane
     with one_thread():
-        angles, entries = arc_bounds(bands, model, corners)
+        angles, errors = arc_bounds(bands, model, corners)
     edges, inside = np.full(angles.size, plane.top), angles < np.pi
     edges[inside] = plane.omega(angles[inside])
-    return CircleBound(edges, norm_of_bounds(entries), lower, True, (), entries)
+    return CircleBound(edges, norm_of_bounds(errors.bound), lower, True, (), errors.bound, errors)

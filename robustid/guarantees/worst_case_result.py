@@ -6,10 +6,11 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, Source, freeze, threads_for
+from robustid.core import Real, Source, Tabular, freeze, threads_for
 from robustid.errors import InputError
 from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
@@ -27,7 +28,7 @@ _SECONDS, _EACH = 2e-10, 0.01  # for a multiplication of a Newton step, and for 
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class WorstCaseError(WorstCase):
+class WorstCaseError(WorstCase, Tabular):
     """Largest distance of all consistent systems from a model, of poles as stated: proved from above, attained from below.
 
     The guarantee holds under the assumptions of the identification: gain bound, decay rate and parametric poles, and the bounds of
@@ -130,6 +131,20 @@ class WorstCaseError(WorstCase):
         result = dataclasses.replace(self)
         result._circle.take(circle)
         return result
+
+    def table(self) -> dict[str, list[Any]]:
+        """Model and bounds of its error, a row for every frequency and entry."""
+        upper, lower = self.upper, self.lower
+        nominal, places = self.nominal.reshape(upper.shape), list(np.ndindex(*upper.shape))
+        return {
+            "frequency [Hz]": [self.omega[k] / (2 * np.pi) for k, *_ in places],
+            "output": [str(self.problem.outputs[int(i)]) for _, i, _ in places],
+            "input": [str(self.problem.inputs[int(j)]) for *_, j in places],
+            "real": nominal.real.ravel().tolist(),
+            "imag": nominal.imag.ravel().tolist(),
+            "guaranteed error": upper.ravel().tolist(),
+            "reached error": lower.ravel().tolist(),
+        }
 
     def claims(self) -> Iterator[SupportClaim]:
         """Every inequality that is stated, with its certificate; those at the edges of the circle, if it has been bounded."""

@@ -9,6 +9,8 @@ from robustid.identification.certificate import (
     certify_support,
     evaluate_support,
 )
+from robustid.identification.comparing import compare
+from robustid.identification.comparison import Comparison, Differing
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS, told_apart_functions
@@ -40,6 +42,8 @@ __all__ = [
     "BoundedReal",
     "Check",
     "Claim",
+    "Comparison",
+    "Differing",
     "Functional",
     "Identification",
     "Loop",
@@ -63,6 +67,7 @@ __all__ = [
     "class_size",
     "class_value",
     "common_scope",
+    "compare",
     "contradictions",
     "describe_poles",
     "entry_name",

@@ -9,6 +9,7 @@ import time
 import numpy as np
 
 from robustid.core import Budget, Choice, Interruptible, Progress, Source, as_positive, one_thread, pass_on, threads_for
+from robustid.data import FrequencyPoints, TimeRecord
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate
@@ -155,7 +156,10 @@ def _proof(claim: Claim, asked: float) -> dict[str, Choice]:
 
 def _check_arguments(problem: object, objective: str, form: str) -> None:
     if not isinstance(problem, MixedProblem):
-        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}")
+        others = ""
+        if isinstance(problem, FrequencyPoints | TimeRecord | list | tuple):
+            others = ". Of data alone identify_reduced(data) chooses the class; MixedProblem(frequency=..., prior=...) states it"
+        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}{others}")
     if objective not in OBJECTIVES:
         raise InputError(f"`objective` must be one of {OBJECTIVES}; got {objective!r}")
     if problem.prior.positive_real and objective in ("gain", "order"):

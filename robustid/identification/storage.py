@@ -7,6 +7,7 @@ import dataclasses
 from robustid.bases import Function, FunctionKind, ParametricBasis, Sections
 from robustid.core import Choice, Complex, Real, Record, fields_of, keep, stored
 from robustid.identification.certificate import MarginCertificate
+from robustid.identification.comparison import Comparison
 from robustid.identification.formulation.choice import formulate_in
 from robustid.identification.formulation.convex import Candidate
 from robustid.identification.model import level_of, nominal_model
@@ -83,3 +84,4 @@ stored(BoundedReal, Claim, Function, FunctionKind, MarginCertificate, MixedProbl
 stored(Prior, PriorWeight, Sections)
 stored(ParametricBasis, evidence=_functions, make=_basis)
 keep(Identification, "identification", evidence=_evidence, make=_make)
+keep(Comparison, "comparison")

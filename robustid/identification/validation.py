@@ -17,9 +17,11 @@ from robustid.core import (
     Real,
     StateMatrices,
     as_kind,
+    as_state_space,
     balanced_scales,
     freeze,
     lengths,
+    model_of,
     one_thread,
     points_of,
     simulate,
@@ -115,7 +117,7 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
 
     Parameters
     ----------
-    model : control.StateSpace, or a result that has a model
+    model : control.StateSpace or TransferFunction, scipy.signal's lti or dlti, or a result that has a model
         Discrete with the dt of the data, or continuous for a frequency response without dt. Of an Identification, a
         MatrixFraction, a Reduction and other results their `model` is taken.
     data : TimeRecord, FrequencyResponse or TangentialResponse
@@ -147,7 +149,7 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
     >>> round(validation.ratio, 6), validation.outside
     (0.5, 0)
     """
-    system = check_model("model", _model_of(model))
+    system = check_model("model", model)
     kinds = TimeRecord, FrequencyResponse, TangentialResponse
     as_kind("data", data, kinds, "a TimeRecord, FrequencyResponse or TangentialResponse")
     if isinstance(data, TimeRecord):
@@ -173,14 +175,9 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
     return Validation(data, predicted=predicted, residuals=residuals, fit=_fit(measured, residuals, used), **result)
 
 
-def _model_of(thing: object) -> object:
-    """The model of a result; everything else as it is."""
-    model = getattr(thing, "model", None) if isinstance(thing, Frozen) else None
-    return model if _is_state_space(model) else thing
-
-
 def check_model(name: str, model: object) -> Model:
-    """`model` itself, if it is a finite `control.StateSpace` whose time base is known."""
+    """Return a finite `control.StateSpace` whose time base is known, of a model in any form or of a result that has one."""
+    model = as_state_space(name, model_of(model))
     if not _is_state_space(model):
         if hasattr(model, "frdata"):
             raise InputTypeError(
@@ -188,7 +185,7 @@ def check_model(name: str, model: object) -> Model:
                 " one that fits it, fit_mfd(...).model; loop_from_data finds that of a controller"
             )
         raise InputTypeError(
-            f"`{name}` must be a control.StateSpace; got {type(model).__name__}. Convert it with control.ss(...)"
+            f"`{name}` must be a control.StateSpace or TransferFunction, or a result that has a model; got {type(model).__name__}"
         )
     for letter in "ABCD":
         if not np.all(np.isfinite(getattr(model, letter))):
@@ -199,22 +196,7 @@ def check_model(name: str, model: object) -> Model:
 
 
 def as_system(name: str, model: Any) -> tuple[StateMatrices, float | None]:
-    """The matrices of a state space or transfer function, its states balanced, and its time base; None of a static gain."""
-    import control
-
-    if isinstance(model, control.TransferFunction):
-        size = f"{model.noutputs} outputs and {model.ninputs} inputs"
-        try:
-            model = control.ss(model)
-        except NotImplementedError:
-            raise InputTypeError(
-                f"`{name}` must be a control.StateSpace: a TransferFunction with {size} is converted by slycot, which isn't"
-                " installed. Build it from its entries, which control.ss(...) converts one by one"
-            ) from None
-        except ValueError:
-            raise InputError(
-                f"`{name}` must be proper; got a TransferFunction with more zeros than poles. Add the poles that its roll-off has"
-            ) from None
+    """The matrices of a model, its states balanced, and its time base; None of a static gain."""
     found = check_model(name, model)
     system = balanced_scales(StateMatrices.of(found))
     return system, found.dt if len(system.A) else None

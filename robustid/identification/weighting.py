@@ -11,7 +11,18 @@ from typing import Any, cast
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Numbers, Plane, Real, StateMatrices, points_of, scaled_states, simulate
+from robustid.core import (
+    Complex,
+    Frozen,
+    Numbers,
+    Plane,
+    Real,
+    StateMatrices,
+    as_state_space,
+    points_of,
+    scaled_states,
+    simulate,
+)
 from robustid.errors import InputError, InputTypeError
 
 _SAME = 1e-6  # relative: a weight whose zeros and poles do not give its values again is not known well enough
@@ -246,6 +257,7 @@ def as_weight(value: object) -> PriorWeight:
         stored = cast("dict[str, Any]", value)
         zeros, poles = (tuple(complex(*root) for root in stored[name]) for name in ("zeros", "poles"))
         return PriorWeight(zeros, poles, float(stored["gain"]), float(stored["dt"]))
+    value = value if isinstance(value, control.TransferFunction) else as_state_space("weight", value)
     if not isinstance(value, control.StateSpace | control.TransferFunction):
         raise InputTypeError(
             f"`weight` must be a control.StateSpace or control.TransferFunction; got {type(value).__name__}"

@@ -64,7 +64,7 @@ def loop_from_data(
     >>> r = np.random.default_rng(0).standard_normal(2000)
     >>> y = control.forced_response(control.feedback(plant, gain), inputs=r).outputs
     >>> y = y + 0.01 * np.random.default_rng(1).standard_normal(2000)
-    >>> loop = rid.loop_from_data(rid.TimeRecord(r - 0.5 * y, y, dt=0.01), gain)
+    >>> loop = rid.prepare.loop_from_data(rid.TimeRecord(r - 0.5 * y, y, dt=0.01), gain)
     >>> bool(abs(abs(loop.auxiliary.poles()).max() - 1.1) < 0.02)
     True
     """

@@ -37,7 +37,7 @@ from robustid.report.document import (
     proved,
 )
 from robustid.report.identified import Parts
-from robustid.report.loop_page import loop_stands_on
+from robustid.report.loop_page import NOT_IN_LOOP, loop_stands_on
 from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
@@ -79,6 +79,7 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
             words=_words(design),
             chart=None if curves is None else first_panel(curves),
             next=[*_next(design), *([Text(where)] if (where := where_to_measure(design, improved)) else [])],
+            not_covered=NOT_IN_LOOP if design.status is DesignStatus.PROVED else "",
         ),
     )
 
@@ -250,7 +251,7 @@ def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
 
 def _open_loop(design: ControllerDesign) -> list[Block]:
     charts = nyquist_charts(design)
-    words = "Each disc holds the open loops of all consistent plants at a frequency; limits keep them out of what is dashed."
+    words = "Each outline holds the open loops of all consistent plants at a frequency; limits keep them out of what is dashed."
     return [
         Heading("Open loop", guarantee=True),
         Drawing(open_loop_bode(design)),

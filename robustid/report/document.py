@@ -6,6 +6,7 @@ A subject builds blocks; its page and its summary at the terminal are outlines o
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
@@ -15,6 +16,8 @@ from robustid.report.charts import Chart
 from robustid.report.words import number
 
 Role = Literal["", "soft", "caution", "warning"]
+MOST_WARNINGS = 3  # on the first screen; the others stand in a part of their own
+_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 Kind = Literal["", "text", "n", "whole", "share"]
 
 
@@ -58,6 +61,12 @@ class Verdict:
         """Word, sentence and numbers as text."""
         numbers = "; ".join(f"{name} {value}" for name, value in self.numbers)
         return f"{self.word}: {self.said}{f' ({numbers})' if numbers else ''}"
+
+    @property
+    def short(self) -> str:
+        """Word and numbers as text."""
+        numbers = "; ".join(f"{name} {value}" for name, value in self.numbers)
+        return f"{self.word}{f' ({numbers})' if numbers else ''}"
 
     @property
     def said(self) -> str:
@@ -147,12 +156,16 @@ Block = Heading | Text | Verdict | Facts | Table | Drawing | Grid | Beside | Cod
 
 @dataclasses.dataclass(frozen=True)
 class Glance:
-    """First screen below the verdict: numbers (what, how much), the result in words, the one plot, what to do next."""
+    """First screen below the verdict: numbers (what, how much), the result in words, the one plot, what to do next.
+
+    At the terminal, where no section says it, stands what is `not_covered`.
+    """
 
     numbers: Sequence[tuple[str, str]] = ()
     words: str = ""
     chart: Chart | None = None
     next: Sequence[Text] = ()
+    not_covered: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -186,6 +199,14 @@ class Document:
     def verdict(self) -> Verdict | None:
         """The verdict that comes first, but for those ahead of it."""
         return next((block for block in self.head if isinstance(block, Verdict) and not block.ahead), None)
+
+    @property
+    def numbers(self) -> list[tuple[str, str]]:
+        """Numbers of the first screen, with those of its verdict that are none of them."""
+        shown = list(self.glance.numbers)
+        values = {value for _, value in shown} | {value.removeprefix("≤ ") for _, value in shown}
+        own = () if self.verdict is None else self.verdict.numbers
+        return shown + [one for one in own if one[1] not in values]
 
     @property
     def warnings(self) -> list[str]:
@@ -234,6 +255,12 @@ class Document:
                 todo = [inner for part in block.parts for inner in part] + todo
             else:
                 yield block
+
+
+def in_short(words: str) -> tuple[str, str]:
+    """The first sentence of a text, and the rest of it."""
+    first, *rest = _SENTENCE_END.split(words, maxsplit=1)
+    return first[0].upper() + first[1:], "".join(rest)
 
 
 def checks_table(checks: Sequence[Check]) -> Table:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robustid.controllers import ControllerDesign, DesignStatus
 from robustid.errors import Status
 from robustid.guarantees import Band, WorstCaseError
 from robustid.identification import Identification, fit_percent
@@ -73,9 +74,25 @@ def glance(
         next=steps_with_faults(
             identification.problem.placed_faults,
             parts.get("undoing"),
-            _next(identification, worst_case, band, contradicted, advice, bounding),
+            _next(identification, worst_case, band, contradicted, advice, bounding, parts.get("design")),
         ),
+        not_covered="" if bound is None or contradicted else _not_covered(identification, bound),
     )
+
+
+def _not_covered(identification: Identification, bound: Bounded | Band) -> str:
+    """Say for what the guarantee does not hold."""
+    chosen = ", which was chosen from these data" if identification.choices else ""
+    found = [f"a machine outside the class{chosen}", "samples with errors above their bounds"]
+    if identification.problem.parametric is not None and (
+        isinstance(bound, WorstCaseError) or getattr(bound, "box", None) is None
+    ):
+        found.append("other poles than those assumed")
+    if isinstance(bound, Band):
+        found += [f"frequencies from {bound.open_words}"] if bound.open_ranges else []
+    elif getattr(bound, "known_circle", None) is None:
+        found.append("what lies between the frequencies")
+    return ", ".join(found)
 
 
 def _sentence(identification: Identification, bound: Bounded | Band, drawn: bool) -> str:
@@ -138,6 +155,7 @@ def _next(
     contradicted: bool,
     advice: Sequence[str],
     bounding: str,
+    design: ControllerDesign | None,
 ) -> list[Text]:
     if identification.status is Status.INCONSISTENT:
         return [Text(line) for line in advice] or [
@@ -153,12 +171,20 @@ def _next(
         narrower = f"The error is largest near {where}: a frequency point or a smaller bound there helps first."
         if band.open_ranges:
             narrower = f"Measure frequency points from {band.open_words}: nothing is proved there."
-        check = f"band.{_STABLE}"
-        return [Text(f"Check a controller K against this error: {check}", code=(check,)), Text(narrower)]
+        return [_check(f"band.{_STABLE}", design), Text(narrower)]
     if error is None or not error.omega.size:
         return [Text(f"Bound the error of the model: {bounding}", code=(bounding,))]
     at, *_, sample = error.worst(1)[0]
     where, what = f"{number(at / HZ, 5)} Hz", sample_words(identification, sample)
     narrower = f"The error is largest at {where}. A smaller bound of one sample helps first there: {what}."
-    check = f"error.{_STABLE}"
-    return [Text(f"Check a controller K against this error: {check}", code=(check,)), Text(narrower)]
+    return [_check(f"error.{_STABLE}", design), Text(narrower)]
+
+
+def _check(check: str, design: ControllerDesign | None) -> Text:
+    """Step about a controller: to take the one that was designed and proved, else to check one."""
+    if design is not None and design.status is DesignStatus.PROVED:
+        return Text(
+            f"A controller is proved for every consistent plant, {design.goal.name} {design.goal.told(design.level)}: see “The"
+            " controller that was designed”."
+        )
+    return Text(f"Check a controller K against this error: {check}", code=(check,))

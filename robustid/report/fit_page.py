@@ -99,7 +99,8 @@ def _glance(view: FitView, entry: Chart, undoing: Undoing | None) -> Glance:
     steps.append("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
     faults = [] if view.data is None else placed(view.data)
     after = steps_with_faults(faults, undoing, [Text(step, code=_COMMANDS) for step in steps])
-    return Glance(numbers=numbers, chart=first_panel(entry), next=after)
+    left_out = "how far the machine is from this model, between the frequency points and on them"
+    return Glance(numbers=numbers, chart=first_panel(entry), next=after, not_covered=left_out)
 
 
 def fit_summary(view: FitView) -> list[Block]:

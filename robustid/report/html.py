@@ -9,14 +9,13 @@ import importlib.metadata
 import io
 import json
 import platform
-import re
 import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robustid._version import __version__
 from robustid.report.charts import Chart, Layer
-from robustid.report.document import Block, Document, Drawing, Grid, Text
+from robustid.report.document import MOST_WARNINGS, Block, Document, Drawing, Grid, Text, in_short
 from robustid.report.with_matplotlib import draw
 from robustid.report.with_plotly import Figure, figures
 
@@ -25,13 +24,11 @@ if TYPE_CHECKING:
     from markupsafe import Markup
     from matplotlib.figure import Figure as Picture
 
-MOST_WARNINGS = 3  # on the first screen; the others stand in a part of their own
 _COLUMNS = 4  # of small figures on a wide screen
 _COLOURS = {"consistent": "0,158,115", "inconsistent": "213,94,0", "failed": "120,120,120"}  # of heads
 _OTHER = "230,159,0"
 _PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "control")
 MOST_BYTES = 360_000  # of all pictures of a page, as base64
-_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 _PALETTE = 96  # of a picture: those of its curves, and steps between
 _FIRST = 110  # dots per inch of the picture of the first screen
 _FINENESS = (110, 96, 84, 72, 60, 50, 40, 32)  # of the others, tried one after another
@@ -47,7 +44,7 @@ def render(document: Document, *, static: bool = False) -> str:
         .get_template("document.html.j2")
         .render(
             document=document,
-            warnings=[_in_short(words) for words in document.warnings],
+            warnings=[in_short(words) for words in document.warnings],
             most_warnings=MOST_WARNINGS,
             figures=drawn,
             pictures=pictures(every) if static else {},
@@ -67,12 +64,6 @@ def render_head(document: Document) -> str:
     """
     colour = _COLOURS.get(document.verdict.key, _OTHER) if document.verdict else ""
     return _environment().get_template("notebook.html.j2").render(document=document, colour=colour)
-
-
-def _in_short(words: str) -> tuple[str, str]:
-    """The first sentence of a warning, and the rest of it."""
-    first, *rest = _SENTENCE_END.split(words, maxsplit=1)
-    return first[0].upper() + first[1:], "".join(rest)
 
 
 def _figures(document: Document) -> dict[str, list[Figure]]:

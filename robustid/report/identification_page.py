@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -51,14 +52,27 @@ _MOST_EXPERIMENTS = 6  # at the terminal
 _AGAIN = "robustid run FILE -o FOLDER"
 
 
-def identification_page(identification: Identification, title: str | None, parts: Parts) -> Document:
-    """Build the page of an identification, with what is guaranteed of it."""
-    problem, withheld, findings = identification.problem, parts.get("withheld"), parts.get("findings", ())
-    reduction, diagnosis = parts.get("reduction"), parts.get("diagnosis")
-    shown = further_models(reduction, parts.get("models"))
+def identification_head(identification: Identification, title: str | None, parts: Parts) -> Document:
+    """Build the first screen of an identification, which is soon there."""
+    problem, diagnosis = identification.problem, parts.get("diagnosis")
+    advice = [] if diagnosis is None else diagnosis.next_steps
     return Document(
         title or words.title("Identification", problem.outputs, problem.inputs),
         head=[*_verdicts(identification, parts), *_warnings(identification, parts.get("loop") is None)],
+        body=[],
+        foot=_foot(identification),
+        glance=glance(identification, margin_interval(identification), parts, advice),
+        notice=unfinished_notice(parts.get("unfinished")),
+    )
+
+
+def identification_page(identification: Identification, title: str | None, parts: Parts) -> Document:
+    """Build the page of an identification, with what is guaranteed of it."""
+    withheld, findings = parts.get("withheld"), parts.get("findings", ())
+    reduction, diagnosis = parts.get("reduction"), parts.get("diagnosis")
+    shown = further_models(reduction, parts.get("models"))
+    return dataclasses.replace(
+        identification_head(identification, title, parts),
         body=[
             *findings_section(findings),
             *([Heading("What would help"), Code(diagnosis.summary())] if diagnosis is not None else []),
@@ -83,11 +97,6 @@ def identification_page(identification: Identification, title: str | None, parts
             *_parameters_section(identification),
             *run_file_section(parts.get("run_file")),
         ],
-        foot=_foot(identification),
-        glance=glance(
-            identification, margin_interval(identification), parts, [] if diagnosis is None else diagnosis.next_steps
-        ),
-        notice=unfinished_notice(parts.get("unfinished")),
     )
 
 

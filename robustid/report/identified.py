@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypedDict, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict, cast
 
 import numpy as np
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from robustid.guarantees import Band, Coverage, LoopBounds, ResponseTube, RobustStabilityMargin, StructuredWeight
     from robustid.reduction import ModelWorth, PlantReduction, Reduction
 
-Models = Mapping[str, "control.StateSpace"] | None
+Models = Any  # by names, one, or several
 Bounded = WorstCaseError | WorstCaseOverPoles
 DIRECTIONS = "combinations of outputs / combinations of inputs"
 _GRID = 800  # points of a response, evenly spaced in log frequency
@@ -176,9 +176,46 @@ class Shown(NamedTuple):
 def shown_models(identification: Identification, models: Models = None) -> list[Shown]:
     """The nominal model and the further ones."""
     out = [Shown(f"nominal model, order {identification.order}", identification.model, NOMINAL, "solid", "circle")]
-    for k, (name, model) in enumerate(by_name("models", models or {}, "map names to control.StateSpace").items()):
-        out.append(Shown(name, checked_model(f"models[{name!r}]", model, identification), *further(k)))
-    return out
+    return out + other_models(models, identification.problem)
+
+
+class HasSignals(Protocol):
+    """Data, or a problem, with which a model must agree."""
+
+    @property
+    def outputs(self) -> Any:
+        """Signals."""
+        ...
+
+    @property
+    def inputs(self) -> Any:
+        """Signals."""
+        ...
+
+    @property
+    def dt(self) -> float | None:
+        """Sample time in s; None for continuous time."""
+        ...
+
+
+def other_models(models: Models, data: HasSignals) -> list[Shown]:
+    """Further models with their looks, each with the signals and the time base of the data."""
+    found = models_by_name(models).items()
+    return [
+        Shown(name, checked_model(f"models[{name!r}]", one, data), *further(k)) for k, (name, one) in enumerate(found)
+    ]
+
+
+def models_by_name(models: Models) -> dict[str, object]:
+    """Return models by their names; one, or several in a sequence, get names."""
+    if models is None:
+        return {}
+    if isinstance(models, list | tuple):
+        return {f"model {k}": one for k, one in enumerate(cast("Sequence[object]", models), start=1)}
+    if isinstance(models, str):
+        raise InputTypeError(f"`models` must be models, by names, in a list or one; got {models!r}")
+    several = isinstance(models, Mapping)
+    return by_name("models", cast("object", models), "map names to models") if several else {"model": models}
 
 
 def by_name(argument: str, things: object, wanted: str) -> dict[str, object]:
@@ -193,10 +230,10 @@ def by_name(argument: str, things: object, wanted: str) -> dict[str, object]:
     return found
 
 
-def checked_model(name: str, model: object, identification: Identification) -> control.StateSpace:
+def checked_model(name: str, model: object, data: HasSignals) -> control.StateSpace:
     """Return the model, if it has the signals and the time base of the data."""
-    system, dt = check_model(name, model), identification.problem.dt
-    p, q = len(identification.problem.outputs), len(identification.problem.inputs)
+    system, dt = check_model(name, model), data.dt or 0.0
+    p, q = len(data.outputs), len(data.inputs)
     if (system.noutputs, system.ninputs) != (p, q):
         raise InputError(
             f"`{name}` must have {p} output{'s' * (p > 1)} and {q} input{'s' * (q > 1)}; got {system.noutputs} and"
@@ -217,8 +254,7 @@ def further_models(reduction: Reduction | None, models: Models) -> dict[str, con
     out: dict[str, control.StateSpace] = {}
     if reduction is not None:
         out[f"reduced model, order {reduction.order}"] = reduction.model
-    by_name("models", models or {}, "map names to control.StateSpace")
-    return out | dict(models or {})
+    return out | {name: check_model(f"models[{name!r}]", one) for name, one in models_by_name(models).items()}
 
 
 def band(problem: MixedProblem) -> tuple[float, float]:

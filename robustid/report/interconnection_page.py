@@ -58,7 +58,13 @@ def interconnection_page(result: Interconnection, title: str | None, parts: Part
             Facts(_sides(result)),
             *_proofs(result),
         ],
-        glance=Glance(_numbers(result), _words(result), first, [Text(one) for one in _next(result)]),
+        glance=Glance(
+            _numbers(result),
+            _words(result),
+            first,
+            [Text(one) for one in _next(result)],
+            "parts outside their classes" if result.stable and not _known(result) else "",
+        ),
     )
 
 

@@ -45,15 +45,19 @@ def loci_chart(result: Interconnection, region: tuple[float, float] | None = Non
     return Chart("loci", [square_panel(title, "of the eigenvalues [–]", layers)])
 
 
-def _outlines(values: Complex, radii: Real) -> list[Complex]:
-    """Borders of discs, a few that are apart from each other."""
+def _outlines(values: Complex, radii: Real, corners: Complex | None = None) -> list[Complex]:
+    """Borders of discs, or of polygons where their corners (N, M) are known, a few that are apart from each other."""
     kept: list[int] = []
     for k in range(len(values)):
         away = np.abs(values[k] - values[kept])
         if np.all(away > _APART * np.maximum(radii[k], radii[kept])):
             kept.append(k)
     kept = kept[:: max(1, len(kept) // _MOST)]
-    return [values[k] + radii[k] * TURN for k in kept]
+    borders = [values[k] + radii[k] * TURN for k in kept]
+    if corners is None or not corners.shape[1]:
+        return borders
+    polygons = corners[kept][:, [*range(corners.shape[1]), 0]]
+    return [one if np.all(np.isfinite(one)) else disc for one, disc in zip(polygons, borders, strict=True)]
 
 
 def _forbidden(gain: float, phase: float, largest: float) -> Layer:
@@ -74,17 +78,19 @@ def open_loop_chart(
     if bounds.loop.shape != (1, 1):
         return None
     omega = bounds.omega[bounds.omega > 0] if omega is None else omega
-    panel = open_loop_panel(*open_loop_of(bounds, omega), further)
+    panel = open_loop_panel(*open_loop_of(bounds, omega), further, _corners_of(bounds, omega))
     return None if panel is None else Chart(name, [panel])
 
 
-def open_loop_panel(values: Complex, radii: Real, further: Sequence[Layer] = ()) -> Panel | None:
-    """Nyquist plot of discs that hold open loops; None where none is near -1."""
+def open_loop_panel(
+    values: Complex, radii: Real, further: Sequence[Layer] = (), corners: Complex | None = None
+) -> Panel | None:
+    """Nyquist plot of discs that hold open loops, or of polygons by their corners; None where none is near -1."""
     near = np.isfinite(radii) & (np.abs(values) <= _WIDE + 0.5) & (radii <= _WIDE)
     shown = np.flatnonzero(near)
     if not shown.size:
         return None
-    outlines = _outlines(values[shown], radii[shown])
+    outlines = _outlines(values[shown], radii[shown], None if corners is None else corners[shown])
     line = np.where(np.abs(values) <= _WIDE + 0.5, values, np.nan)
     layers = [
         *further,
@@ -98,6 +104,18 @@ def open_loop_panel(values: Complex, radii: Real, further: Sequence[Layer] = ())
 def open_loop_of(bounds: LoopBounds, omega: Real) -> tuple[Complex, Real]:
     """Discs that hold the open loops of all consistent plants of one input and one output, (F,) each."""
     centre, radius = bounds.plant_at(omega)
-    law, points = as_system("controller", bounds.controller)[0], points_of(omega, bounds.loop.dt)
-    gain = response_at(law, points)[:, 0, 0]
+    gain = _gain_of(bounds, omega)
     return centre[:, 0, 0] * gain, radius * np.abs(gain)
+
+
+def _gain_of(bounds: LoopBounds, omega: Real) -> Complex:
+    law = as_system("controller", bounds.controller)[0]
+    return response_at(law, points_of(omega, bounds.loop.dt))[:, 0, 0]
+
+
+def _corners_of(bounds: LoopBounds, omega: Real) -> Complex | None:
+    """Corners of polygons that hold the open loops of plants that were measured without a controller, (F, M)."""
+    model, corners = bounds.band.model, bounds.band.circle.sets_at(omega).corners
+    if model is None or not (bounds.in_open_loop and corners.shape[1]):
+        return None
+    return (bounds.band.problem.plane.values_at(model, omega)[:, 0] + corners) * _gain_of(bounds, omega)[:, None]

@@ -25,6 +25,8 @@ from robustid.report.proved_band import poles_words
 from robustid.report.words import HZ, number
 from robustid.report.words import title as heading
 
+NOT_IN_LOOP = "plants outside the class, limits of the actuator, a delay of the computer that the file does not have"
+
 
 def loop_page(bounds: LoopBounds, title: str | None, parts: Parts) -> Document:
     """Build the page of a controller with every consistent plant."""
@@ -57,6 +59,7 @@ def loop_page(bounds: LoopBounds, title: str | None, parts: Parts) -> Document:
             words=_words(bounds),
             chart=first_panel(drawn if nyquist is None else nyquist),
             next=[Text(one) for one in _next(bounds)],
+            not_covered=NOT_IN_LOOP if bounds.status is LoopStatus.STABLE else "",
         ),
     )
 

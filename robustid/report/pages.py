@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Unpack, cast
 
 from robustid.controllers import ControllerDesign
 from robustid.core import Unfinished, as_flag, as_kind, atomic_write
@@ -21,8 +21,9 @@ from robustid.guarantees import (
     WorstCaseError,
     WorstCaseOverPoles,
 )
-from robustid.identification import Identification
+from robustid.identification import Comparison, Identification
 from robustid.report import html, with_rich
+from robustid.report.comparison_page import comparison_page
 from robustid.report.data_faults import problem_verdict
 from robustid.report.design_page import design_page
 from robustid.report.document import Code, Document, Glance, Text, Verdict, unfinished_notice
@@ -31,6 +32,7 @@ from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
 from robustid.report.fit_view import FitView
 from robustid.report.identification_page import (
+    identification_head,
     identification_page,
     identification_summary,
     identification_verdict,
@@ -41,7 +43,7 @@ from robustid.report.interconnection_page import interconnection_page
 from robustid.report.loop_page import loop_page
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
-from robustid.report.stability import stability_summary, weights_summary
+from robustid.report.stability import stability_summary, stability_verdict, weights_summary
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -50,7 +52,16 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _LINES = 18  # of a summary
-Shown = Identification | MatrixFraction | FrequencyResponse | Family | LoopBounds | Interconnection | ControllerDesign
+Shown = (
+    Identification
+    | MatrixFraction
+    | FrequencyResponse
+    | Family
+    | LoopBounds
+    | Interconnection
+    | ControllerDesign
+    | Comparison
+)
 
 
 def write_report(
@@ -74,11 +85,13 @@ def write_report(
     where, how it moves with the condition, and what is not known. Of LoopBounds: whether the controller stabilises every consistent
     plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
     the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
-    loop with every consistent plant, its factors and gains. The page works offline and fetches nothing.
+    loop with every consistent plant, its factors and gains. Of a Comparison: where two measurements differ by more than noise, and
+    how probable that is by chance. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection or ControllerDesign
+    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign or
+        Comparison
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -177,9 +190,22 @@ def render_report(
     if title is not None:
         as_kind("title", title, str, "text")
     build, belonging = _PAGES[kind]
-    given = {name: part for name, part in parts.items() if part is not None and part != ()}
+    given = _given(parts)
     refuse_foreign(identification, given, belonging)
     return html.render(build(identification, title, given), static=static)
+
+
+def first_screen(result: Shown, **parts: Unpack[Parts]) -> Document:
+    """Build the page of `write_report`, which names the parts, as far as its first screen needs it."""
+    if isinstance(result, Identification):
+        return identification_head(result, None, _given(parts))
+    build, _ = _PAGES[kind_of("result", result, _PAGES)]
+    return build(result, None, _given(parts))
+
+
+def _given(parts: Parts) -> Parts:
+    """Parts that are something."""
+    return cast("Parts", {name: part for name, part in parts.items() if part is not None and part != ()})
 
 
 _OF_DATA = ("data", "order_sweep", "records", "forbidden")
@@ -191,6 +217,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     LoopBounds: (loop_page, ("candidates",)),
     Interconnection: (interconnection_page, ("forbidden",)),
     ControllerDesign: (design_page, ("sensitivity",)),
+    Comparison: (comparison_page, ()),
 }
 
 
@@ -245,8 +272,14 @@ def render_summary(
     return with_rich.render(identification_summary(identification, reduction, unfinished))
 
 
+def head_at_terminal(document: Document, width: int, most: int) -> Group:
+    """Render the first screen of a page for a rich console of a width, in at most so many lines, but for files and next steps."""
+    return with_rich.render_head(document, width, most)
+
+
 def verdict(
-    result: Identification | MatrixFraction | FrequencyResponse, order_sweep: OrderSweep | None = None
+    result: Identification | MatrixFraction | FrequencyResponse | RobustStabilityMargin,
+    order_sweep: OrderSweep | None = None,
 ) -> Verdict:
     """Return the outcome of a result in one word and one sentence; its `key` is "consistent" where nothing is wrong.
 
@@ -261,6 +294,8 @@ def verdict(
         return fit_verdict(FitView(result, sweep=order_sweep))
     if isinstance(result, FrequencyResponse):
         return response_verdict(ResponseView(result))
+    if isinstance(result, RobustStabilityMargin):
+        return stability_verdict(result)
     return identification_verdict(result)
 
 
@@ -272,6 +307,11 @@ def kind_of(name: str, value: object, kinds: Iterable[type]) -> type:
     *names, last = (kind.__name__ for kind in kinds)
     wanted = f"{', '.join(names)} or {last}" if names else last
     raise InputTypeError(f"`{name}` must be of class {wanted}; got {type(value).__name__}")
+
+
+def has_page(result: object) -> bool:
+    """Return whether `write_report` has a page about this kind of result."""
+    return isinstance(result, tuple(_PAGES))
 
 
 def refuse_foreign(result: object, given: Iterable[str], belonging: Iterable[str]) -> None:

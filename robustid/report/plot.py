@@ -6,11 +6,12 @@ figure), it is drawn there instead, in the style of these axes; their figure is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.controllers import ControllerDesign
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.core import as_state_space, explain
+from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response
 from robustid.fitting import MatrixFraction, OrderSweep
 from robustid.guarantees import (
     Band,
@@ -23,7 +24,7 @@ from robustid.guarantees import (
     WorstCaseError,
     WorstCaseOverPoles,
 )
-from robustid.identification import Identification
+from robustid.identification import Comparison, Identification
 from robustid.reduction import ModelWorth, Reduction
 from robustid.report.charts import Chart
 from robustid.report.design_charts import open_loop_bode
@@ -34,6 +35,7 @@ from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
 from robustid.report.guarantee import guaranteed_bode
 from robustid.report.order_sweep_section import order_chart, stabilisation_chart
+from robustid.report.plot_data import comparison, record
 from robustid.report.plot_loops import design, loop, nyquist, stability
 from robustid.report.pole_box import pole_box_chart
 from robustid.report.poles import pole_chart
@@ -45,15 +47,14 @@ from robustid.report.stability import weights_chart
 from robustid.report.time_response import identified_time, tube_chart
 
 if TYPE_CHECKING:
-    import control
     from matplotlib.figure import Figure
 
     from robustid.report.drawn import Where
-
-    Models = Mapping[str, control.StateSpace] | None
+    from robustid.report.identified import Models
 
 __all__ = [
     "bode",
+    "comparison",
     "convergence",
     "design",
     "hankel",
@@ -62,6 +63,7 @@ __all__ = [
     "of",
     "orders",
     "poles",
+    "record",
     "residuals",
     "schedule",
     "stabilisation",
@@ -79,7 +81,7 @@ def of(result: Any, **options: Any) -> Figure:
 
     Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a
     RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of LoopBounds the `loop`, of a ControllerDesign the
-    `design`, of everything else `bode`.
+    `design`, of a TimeRecord the `record`, of a Comparison the `comparison`, of everything else `bode`.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def of(result: Any, **options: Any) -> Figure:
     """
     figures: dict[type, Callable[..., Figure]] = {ResponseTube: time_response, RobustStabilityMargin: stability}
     figures |= {OrderSweep: orders, Reduction: orders, Interconnection: nyquist, LoopBounds: loop}
-    figures |= {ControllerDesign: design}
+    figures |= {ControllerDesign: design, TimeRecord: record, Comparison: comparison}
     return next((figure for kind, figure in figures.items() if isinstance(result, kind)), bode)(result, **options)
 
 
@@ -128,8 +130,8 @@ def bode(
     ----------
     result : Identification, Band, WorstCaseError, WorstCaseOverPoles, MatrixFraction, FrequencyResponse, StructuredWeight or
         control.StateSpace
-    models : mapping of str to control.StateSpace, optional
-        Further models with the sample time of an identification's data, such as a reduced one.
+    models : model, sequence of models, or mapping from names to them, optional
+        Of an Identification or a FrequencyResponse: further models with the sample time of the data, or results that have one.
     data : FrequencyResponse, optional
         What a MatrixFraction was fitted to: gives the names of the signals and the noise.
     records : TimeRecord or sequence of TimeRecord, optional
@@ -160,6 +162,7 @@ def bode(
     """
     import control
 
+    result = as_frequency_response("result", result) if hasattr(result, "frdata") else as_state_space("result", result)
     kinds: dict[type, tuple[Callable[..., Chart], tuple[str, ...]]] = {
         Identification: (identified_bode, ("models",)),
         WorstCaseError: (guaranteed_bode, ()),
@@ -167,7 +170,7 @@ def bode(
         Band: (centre_chart, ()),
         StructuredWeight: (weights_chart, ()),
         MatrixFraction: (fit_bode, ("data",)),
-        FrequencyResponse: (response_bode, ("records",)),
+        FrequencyResponse: (response_bode, ("records", "models")),
         control.StateSpace: (model_chart, ()),
         Family: (family_chart, ()),
         ControllerDesign: (open_loop_bode, ()),
@@ -352,3 +355,6 @@ def stabilisation(result: OrderSweep, *, ax: Where = None) -> Figure:
     'order [–]'
     """
     return drawn({OrderSweep: (stabilisation_chart, ())}, result, {}, ax)
+
+
+explain(__name__, __all__)

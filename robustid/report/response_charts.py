@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Signal, as_kind
+from robustid.core import Signal, StateMatrices, as_kind, exponents_of, points_of, response_at
 from robustid.data import Fault, FrequencyResponse, TimeRecord, as_records, variances
 from robustid.errors import InputError
 from robustid.report.charts import (
@@ -30,22 +30,30 @@ from robustid.report.charts import (
 from robustid.report.curves import (
     cells_per_entry,
     half_angle,
+    log_axis,
     low_quantile,
     magnitude_range,
     measured_phase,
+    next_to,
     position,
     positive,
+    resolved,
     rounded,
+    spread,
     thinned,
     with_gaps,
 )
 from robustid.report.data_faults import faults_of_response
+from robustid.report.identified import Models, Shown, other_models
 from robustid.report.magnitude_phase import MagnitudePhase, Ranged, phase_axis
+from robustid.report.record_charts import amplitudes
 from robustid.report.words import HZ, matrix_unit_label, unit_label
 
 _SAME_STEP = 1e-6
 _LOOKS = {"noise": (FURTHER[0], "dot"), "response": (FURTHER[0], "dot"), "distortion": (FURTHER[1], "dashdot")}
 _FEW = 300  # points, up to which each gets a marker
+_GRID = 600  # points of a model's response, along the axis
+_AROUND = np.linspace(-1.4, 1.4, 21)  # phases across a light resonance
 
 Records = TimeRecord | Sequence[TimeRecord] | None
 
@@ -64,15 +72,29 @@ class ResponseView:
 
     frf: FrequencyResponse
     given: Records = None
+    models: Models = None
 
     def __post_init__(self) -> None:
         as_kind("frf", self.frf, FrequencyResponse, "a FrequencyResponse")
-        _ = self.records
+        _ = self.records, self.curves
 
     @cached_property
     def records(self) -> tuple[TimeRecord, ...]:
         """The records that are given, which belong to the response."""
         return _checked(self.given, self.frf)
+
+    @cached_property
+    def curves(self) -> list[tuple[Shown, np.ndarray, np.ndarray]]:
+        """Models to be drawn over the response, each with frequencies (rad/s) that resolve it and its values there."""
+        omega = self.frf.omega
+        low, high, log = float(omega[omega > 0].min(initial=omega.max())), float(omega.max()), log_axis(omega)
+        found: list[tuple[Shown, np.ndarray, np.ndarray]] = []
+        for one in other_models(self.models, self.frf):
+            with np.errstate(divide="ignore"):
+                s = exponents_of(np.asarray(one.model.poles(), dtype=complex), self.frf.dt or 0)
+            at = resolved(spread(low, high, _GRID, log), s[np.isfinite(s)], _AROUND, low, high)
+            found.append((one, at, response_at(StateMatrices.of(one.model), points_of(at, self.frf.dt))))
+        return found
 
     @cached_property
     def faults(self) -> tuple[Fault, ...]:
@@ -159,15 +181,10 @@ class ResponseView:
     def spectrum(self, side: str, index: int) -> Spectrum:
         """Spectrum of an input ("u") or output ("y") of the records."""
         signals = np.stack([getattr(record, side)[:, index] for record in self.records])
-        samples = signals.shape[1]
-        power = np.mean(np.abs(np.fft.rfft(signals, axis=1)) ** 2, axis=0)
-        amplitude = 2 * np.sqrt(power) / samples
-        if samples % 2 == 0:
-            amplitude[-1] /= 2
-        step = 1 / (samples * self.records[0].dt)
-        excited = np.zeros(amplitude.size, bool)
-        excited[np.rint(self.frf.freq_hz / step).astype(int).clip(0, amplitude.size - 1)] = True
-        return Spectrum(step * np.arange(1, amplitude.size), amplitude[1:], excited[1:])
+        hz, amplitude = amplitudes(signals, self.records[0].dt)
+        excited = np.zeros(hz.size + 1, bool)
+        excited[np.rint(self.frf.freq_hz / hz[0]).astype(int).clip(0, hz.size)] = True
+        return Spectrum(hz, amplitude, excited[1:])
 
 
 def _checked(records: Records, frf: FrequencyResponse) -> tuple[TimeRecord, ...]:
@@ -224,6 +241,11 @@ def _entry(view: ResponseView, i: int, j: int, cells: int) -> Chart:
     marker, sure = "circle" if kept.size <= _FEW else "", np.where(silent, np.nan, 1.0)
     curve = _shown((sure * size)[kept]), rounded(with_gaps((sure * angle)[kept]))
     drawn.add("response", x, *curve, colour=DATA, dash="solid", marker=marker, size=0.5)
+    for one, at, response in view.curves:
+        value = response[:, i, j]
+        turned = next_to(np.degrees(np.angle(value)), np.interp(at, omega, angle))
+        curve = _shown(np.abs(value)), rounded(with_gaps(turned))
+        drawn.add(one.name, at / HZ, *curve, colour=one.colour, dash=one.dash, size=0.7)
     if (lost := silent[kept]).any():
         places = _shown(size[kept][lost]), rounded(angle[kept][lost])
         drawn.add("response below its bound", x[lost], *places, colour=ALERT, marker="circle-open", size=0.5)
@@ -333,9 +355,11 @@ def _spectrum(view: ResponseView, axis: Axis, name: str, side: str, index: int, 
     return Chart(f"{name}-{index}", (panel,), linked=True)
 
 
-def response_bode(frf: FrequencyResponse, records: TimeRecord | Sequence[TimeRecord] | None = None) -> Chart:
-    """Every entry of a response, then overviews, and the spectra of its records."""
-    view = ResponseView(frf, records)
+def response_bode(
+    frf: FrequencyResponse, records: TimeRecord | Sequence[TimeRecord] | None = None, models: Models = None
+) -> Chart:
+    """Every entry of a response with models over it, then overviews, and the spectra of its records."""
+    view = ResponseView(frf, records, models)
     spectra = spectrum_charts(view)
     further = (overview_charts(view), spectra[: view.nu], spectra[view.nu :])
     groups = ([panel for chart in group for panel in chart.panels] for group in further)

@@ -74,7 +74,8 @@ def _glance(view: ResponseView, entry: Chart, undoing: Undoing | None) -> Glance
     if view.frf.bound is None:
         steps = [Text("Give a bound of the errors (--frequency-bound), or estimate it from records: robustid frf.")]
     after = steps_with_faults(placed(view.frf), undoing, steps)
-    return Glance(numbers=_numbers(view), chart=first_panel(entry), next=after)
+    left_out = "" if view.frf.bound is None else "what lies between the frequency points"
+    return Glance(numbers=_numbers(view), chart=first_panel(entry), next=after, not_covered=left_out)
 
 
 def response_summary(view: ResponseView) -> list[Block]:

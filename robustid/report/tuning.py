@@ -42,7 +42,7 @@ def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Lim
         layers += [curve(LARGEST, one.omega, one.largest[name], NOMINAL) for one in found]
         values = np.clip(np.concatenate([layer.y for layer in layers]), _DEEP * size, _HIGH * size)
         if bounded_below(limits, name):
-            layers += [curve(SMALLEST, one.omega, one.balls[name].least, FURTHER[0]) for one in found]
+            layers += [curve(SMALLEST, one.omega, one.smallest[name], FURTHER[0]) for one in found]
         asked = limit_layers(limits, name, omega)
         span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), _MARGIN)
         label = f"{'largest ' * (not bounded_below(limits, name))}|{letters}|"
@@ -68,7 +68,7 @@ def tuning_nyquist(found: Sequence[WorstAt], limits: Limits) -> Drawn:
     """Open loops near -1 in their discs, and what limits keep them out of."""
     layers = kept_out(limits, "")
     for one in found:
-        panel = open_loop_panel(one.centre, one.radius)
+        panel = open_loop_panel(one.centre, one.radius, corners=one.corners)
         layers += [] if panel is None else panel.layers
     x, y = (Axis(f"{part} part of L", range=span) for part, span in zip(("real", "imaginary"), _NEAR, strict=True))
     drawn = plotly_figure([Panel("", x, y, layers, square=True)], _PLANE)

@@ -6,7 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.controllers.controller_design import DesignStatus
-from support.command_line import main, refused, words
+from support.command_line import main, one_screen, refused, to_paste, words
 from support.design_cases import DT, band_of
 from support.one_design import small_band, small_design
 
@@ -36,9 +36,11 @@ def test_the_command_writes_design_model_and_page(here, capsys, monkeypatch):
     monkeypatch.setattr("robustid.report.design_charts._DISCS", 30)
     text = ["control", "band", "--structure", "PID(80), Notch(30..40)", "--peak", "1.9", "--phase-margin", "45"]
     text += ["--attenuate", "1:2:0.5", "--maximise", "attenuation:1:3", "-o", "new", "--report", "new.html"]
-    code, out, _ = words(text, capsys, monkeypatch)
+    code, out, _ = main(text, capsys, monkeypatch, columns=80)
     assert code == 0
-    assert "proved: every consistent plant keeps the limits" in out
+    one_screen(out)
+    assert "Proved  Every consistent plant keeps all limits" in out
+    assert to_paste(out) == [["export", "new-controller.npz", "-o", "new-controller.c"]]
     assert rid.load(here / "new").status.name == "PROVED"
     model = rid.load(here / "new-controller.npz", kind="model")
     assert np.array_equal(model.C, small_design().controller.C)
@@ -61,7 +63,7 @@ def test_the_report_of_a_design_says_on_request_what_would_help(here, capsys, mo
     assert "What would help" not in (here / "page.html").read_text(encoding="utf-8")
     row = rid.design.Improvement("bounds", 0.5, 6.0, 13.0, 13.2, 1.2)
     monkeypatch.setattr(rid.design.ControllerDesign, "improvements", lambda self: (row,))
-    code, out, _ = words(["report", "design", "-o", "page.html", "--sensitivity", "--force"], capsys, monkeypatch)
+    code, out, _ = words(["report", "design", "-o", "page.html", "--sensitivity", "--force", "-v"], capsys, monkeypatch)
     assert code == 0
     assert row.sentence in out
     assert "Measure better from 0.9549 to 2.069 Hz first" in (here / "page.html").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ import pytest
 import robustid as rid
 from robustid.app.run.run_file import read_run_file
 from robustid.errors import FileFormatError, InputError
-from support.command_line import main, refused, words
+from support.command_line import main, one_screen, refused, to_paste, words
 from support.forging import forge, kept
 
 DT = 0.01
@@ -111,12 +111,18 @@ def test_what_is_not_bounded_is_told_by_its_reason_and_not_as_infinite(folder):
 
 
 def test_the_command_loop_proves_one_controller_and_refutes_the_other(here, capsys, monkeypatch):
-    code, out, _ = words(["loop", ".", "--controller", "near.npz", "--report", "near.html"], capsys, monkeypatch)
+    code, out, _ = words(["loop", ".", "--controller", "near.npz", "--report", "near.html", "-v"], capsys, monkeypatch)
     assert code == 0
     assert "every consistent plant is stabilised, proved on the whole axis" in out
     assert "Stable with every consistent plant" in (here / "near.html").read_text(encoding="utf-8")
     assert rid.load(here / "tried").guaranteed
-    asked = ["loop", "loop.npz", "--controller", "bad.npz", "-o", "two-bad"]
+    short = ["loop", ".", "--controller", "near.npz", "--controller", "bad.npz", "-o", "both"]
+    code, out, _ = main(short, capsys, monkeypatch, columns=80)
+    assert code == 3
+    one_screen(out)
+    assert "Controller near: stable with every consistent plant" in out
+    assert "Controller bad: refused" in out
+    asked = ["loop", "loop.npz", "--controller", "bad.npz", "-o", "two-bad", "-v"]
     code, out, _ = words(asked, capsys, monkeypatch)
     assert code == 3
     assert "whose closed loop has a pole at 0 Hz (real part +" in out
@@ -149,13 +155,17 @@ def test_misuse_is_one_sentence(arguments, sentence, here, capsys, monkeypatch):
 
 
 def test_the_command_connect_decides_and_verify_holds(here, capsys, monkeypatch):
-    asked = ["connect", "part", "known.npz", "-o", "pair", "--report", "pair.html", "--keep-out", "6:30"]
+    asked = ["connect", "part", "known.npz", "-o", "pair", "--report", "pair.html", "--keep-out", "6:30", "-v"]
     code, out, _ = words(asked, capsys, monkeypatch)
     assert code == 0
     assert "stable: every pair of consistent systems makes a stable loop" in out
     page = (here / "pair.html").read_text(encoding="utf-8")
     assert "Stable for every pair" in page
     assert "no eigenvalue of any pair is in it" in page
+    code, out, _ = main([*asked[:3], "-o", "short"], capsys, monkeypatch, columns=80)
+    assert code == 0
+    one_screen(out)
+    assert to_paste(out) == [["verify", "short"]]
     code, out, _ = words(["verify", "pair"], capsys, monkeypatch)
     assert (code, out.split()[-1]) == (0, "verified")
     refused(main(asked, capsys, monkeypatch), "pair.npz exists")

@@ -96,7 +96,7 @@ def test_a_time_limit_leaves_bounds_at_some_frequencies_and_says_so(folder):
 def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, run):
     wrong = {"modes": {"hz": [9.0, 17.2], "damping": [0.1, 0.004]}, "prior": CLASS["prior"]}
     ask(folder, DATA, wrong, SHORT)
-    code, out, _ = run(["run", "ask.toml", "-o", "out", "--static"])
+    code, out, _ = run(["run", "ask.toml", "-o", "out", "--static", "-v"])
     assert code == 3
     result = rid.load("out/identification")
     assert not result.consistent
@@ -148,7 +148,7 @@ def test_a_class_of_anything_at_all_is_not_chosen():
 @pytest.mark.usefixtures("unreduced")
 def test_nothing_is_replaced_without_force(folder, run):
     ask(folder, DATA, CLASS, SHORT)
-    code, out, _ = run(["run", "ask.toml", "-o", "out"])
+    code, out, _ = run(["run", "ask.toml", "-o", "out", "-v"])
     assert code == 0
     written = sorted(path.name for path in (folder / "out").iterdir())
     assert written == [

@@ -75,7 +75,7 @@ def test_the_command_covers_the_box_of_continuous_data(tmp_path, response, capsy
     suggested, prior = rid.suggest_kautz(response), rid.Prior(gain_bound=2.0, decay=60.0)
     rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=suggested.basis)).save("one")
     few = ["--omega", "40", "--directions", "3", "--poles", "--time-limit", "6"]
-    code, out, _ = words(["bounds", "one", *few], capsys, monkeypatch)
+    code, out, _ = words(["bounds", "one", *few, "-v"], capsys, monkeypatch)
     assert code == 0
     assert "with every pole in the pole-uncertainty box" in out
     assert rid.load("bounds-poles").certified

@@ -57,7 +57,7 @@ def test_past_samples_and_a_known_filter():
 def test_conditions_are_the_limits_for_all_values_of_a_disc():
     """|S|, |T|, |C S|, |P S| at most a limit for all F of a disc, margins of the gain and phase, against its dense edge."""
     rng, turn = np.random.default_rng(1), np.exp(2j * np.pi * np.arange(2000) / 2000)
-    discs = Discs(np.ones(1), np.full((1, 1, 1), 0.6 - 0.9j), np.array([0.2]), np.ones((1, 1)))
+    discs = Discs.of(np.ones(1), np.full((1, 1, 1), 0.6 - 0.9j), np.array([0.2]), np.ones((1, 1)))
     F = discs.centre[:, 0] + discs.radius * turn
     limits = {
         "sensitivity_peak": (1.7, lambda C: np.abs(1 / (1 + F * C))),
@@ -82,7 +82,7 @@ def test_conditions_are_the_limits_for_all_values_of_a_disc():
 
 
 def test_a_gain_and_a_phase_margin_keep_their_arcs_clear():
-    discs = Discs(np.ones(1), np.full((1, 1, 1), 0.6 - 0.9j), np.array([0.1]), np.ones((1, 1)))
+    discs = Discs.of(np.ones(1), np.full((1, 1, 1), 0.6 - 0.9j), np.array([0.1]), np.ones((1, 1)))
     gain, phase = conditions_of(Limits(sensitivity_peak=None, gain_margin=2.0, phase_margin=0.7), discs)
     rng, turn = np.random.default_rng(2), np.exp(2j * np.pi * np.arange(500) / 500)
     for C in rng.standard_normal(400) + 1j * rng.standard_normal(400):

@@ -167,8 +167,11 @@ def test_a_plant_that_may_be_zero_and_too_little_action_are_proved_to_stand_in_t
     discs = plants[0].discs(np.geomspace(1.0, 10.0, 50))
     assert few.law is Law.ACTION
     assert few.need == pytest.approx(np.max(0.8 / (np.abs(discs.centre[:, 0, 0]) - discs.radius)), rel=1e-2)
-    wide = band.with_model(control.ss([], [], [], 0.02, DT))
-    zero = obstacle_of([Plants.of(wide)], (P,), Limits(bandwidth=20.0))
+    away = band.with_model(control.ss([], [], [], 0.02, DT))
+    assert obstacle_of([Plants.of(away)], (P,), Limits(bandwidth=20.0)) is None  # a poor model, and no plant that is 0
+    frf = band.problem.frequency[0].with_bound(0.1)
+    wide = rid.band(rid.MixedProblem(frequency=frf, prior=band.problem.prior), model=band.model)
+    zero = obstacle_of([Plants.of(wide)], (P,), Limits(bandwidth=200.0))
     assert zero.law is Law.BOUNDS
     assert zero.have > 1
 
@@ -212,7 +215,7 @@ def test_a_delay_margin_keeps_its_arcs_clear():
     rng, turn, kept = np.random.default_rng(3), np.exp(2j * np.pi * np.arange(200) / 200), 0
     for tau, peak in ((0.3, None), (1.0, 2.0), (2.0, 2.0)):
         centre, radius = np.array([0.6 - 0.9j, -1.1 + 0.2j, 0.4 + 0.9j]), np.array([0.1, 0.2, 0.02])
-        discs = Discs(np.array([0.3, 1.0, 1.2]), centre[:, None, None], radius, np.ones((3, 1)))
+        discs = Discs.of(np.array([0.3, 1.0, 1.2]), centre[:, None, None], radius, np.ones((3, 1)))
         limits = Limits(sensitivity_peak=peak, delay_margin=tau)
         conditions = conditions_of(limits, discs)
         for C in rng.standard_normal(200) + 1j * rng.standard_normal(200):

@@ -66,7 +66,7 @@ def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
     """|S|, |T|, |C S|, |P S| and the bandwidth, where the conditions say so, against members at the edge of the ball."""
     rng = np.random.default_rng(2)
     centre, units = random(rng, 1, 2, 2), np.array([[1.0, 0.3]])
-    discs = Discs(np.ones(1), centre, np.array([0.1]), units)
+    discs = Discs.of(np.ones(1), centre, np.array([0.1]), units)
     change = random(rng, 500, 2, 2)
     change *= (0.1 * rng.choice([1, 1, 0.5], 500) / largest(change))[:, None, None]
     P = centre + change * units[:, None, :]
@@ -105,7 +105,7 @@ def test_with_its_own_direction_a_cone_is_the_condition():
             self.found = np.einsum("nmij,m->nij", values, x) + fixed
 
     rng = np.random.default_rng(3)
-    discs = Discs(np.ones(4), random(rng, 4, 3, 3), np.zeros(4), np.ones((4, 3)))
+    discs = Discs.of(np.ones(4), random(rng, 4, 3, 3), np.zeros(4), np.ones((4, 3)))
     basis, x = random(rng, 4, 5, 3, 3), rng.standard_normal(5)
     C = np.einsum("fmij,m->fij", basis, x)
     (condition,) = conditions_of(Limits(), discs)
@@ -144,10 +144,10 @@ def check(plant, design, peak):
 
 @pytest.fixture(scope="module")
 def small():
-    """Two coupled axes of one pole each, known to 2 % at six lines."""
+    """Two coupled axes of one pole each, known to 2 % at ten lines."""
     alone = control.append(*(control.ss(control.tf([1 - a], [1, -a], DT)) for a in (0.7, 0.5)))
     plant = control.ss(alone.A, alone.B, np.array([[1.0, 0.3], [-0.2, 1.0]]) @ alone.C, np.zeros((2, 2)), DT)
-    omega = np.linspace(10.0, 310.0, 6)
+    omega = np.linspace(10.0, 310.0, 10)
     frf = rid.FrequencyResponse(omega, responses(plant, omega), bound=0.02, dt=DT)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.9, decay_rate=1.25))
     return plant, rid.band(problem, model=plant)

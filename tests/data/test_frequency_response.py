@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 
-from robustid.data import Bound, FrequencyResponse, TimeRecord
+from robustid.data import Bound, FrequencyResponse, TimeRecord, hz_span
 from robustid.errors import InputError, InputTypeError
 from support.mimo_data import KINDS, response, same
 from support.refusals import refusals
@@ -283,3 +283,18 @@ def test_scaling_by_powers_of_two_is_exact(power):
     scaled = TimeRecord(record.u, record.y * scale, bound=record.bound * scale, dt=record.dt * scale)
     np.testing.assert_array_equal(scaled.time / scale, record.time)
     np.testing.assert_array_equal(scaled.bound / scale, record.bound)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (1.0, 1e4, "1 to 10000 Hz"),
+        (1e3, 1e6, "1 to 1000 kHz"),
+        (999.0, 1e6, "999 to 1e+06 Hz"),
+        (1e8, 3e9, "100 to 3000 MHz"),
+        (0.0, 2e9, "0 to 2000 MHz"),
+        (26.5e9, 40e12, "26.5 to 40000 GHz"),
+    ],
+)
+def test_ranges_of_frequencies_are_said_in_the_unit_that_fits(low, high, words):
+    assert hz_span(low, high) == words

@@ -79,7 +79,7 @@ def test_a_period_is_found(periods, extra, said):
     one = record(periods=periods + 1, input_noise=0.05)
     cut = slice(0, periods * PERIOD + extra)
     (words,) = sentences(changed(one, u=one.u[cut], y=one.y[cut]), period=None)
-    assert words.startswith(f"the input repeats every 100 samples {said}, and nothing says so: give period = 100")
+    assert words.startswith(f"the input repeats every 100 samples {said}, and nothing says so: give --period 100")
     assert ("cut the record to" in words) == bool(extra)
 
 

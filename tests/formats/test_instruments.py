@@ -95,6 +95,17 @@ def test_a_minus_in_a_name_is_a_sign_where_the_column_is_named_too(tmp_path):
     assert found.how.endswith("the sign of '-Im(Z)/Ohm' is turned, as the minus in the name says")
 
 
+def test_tables_in_memory_and_arrays_of_other_lengths(tmp_path):
+    """Single numbers and other vectors beside the response, and a row of the state at rest."""
+    table = {"freq_hz": np.append(0.0, HZ), "Zreal [mOhm]": 1e3 * np.append(0.0, CELL.real), "dt": np.array(0.0),
+             "-Zimag [mOhm]": -1e3 * np.append(0.0, CELL.imag), "S11 real": np.ones(3), "Y": np.ones((2, 2))}  # fmt: skip
+    np.savez(tmp_path / "cell.npz", **table)
+    for source in (table, tmp_path / "cell.npz"):
+        frf = load(source)
+        np.testing.assert_allclose(frf.values[:, 0, 0], CELL[::-1], rtol=1e-14)
+        np.testing.assert_allclose(frf.freq_hz, HZ[::-1], rtol=1e-14)
+
+
 def test_a_list_of_diagnostics_at_even_frequencies(tmp_path):
     frf = load(write(tmp_path, "fft.xml", files.diagnostics(subtype=0)))
     np.testing.assert_allclose(frf.freq_hz, 1 + 0.5 * np.arange(9), rtol=1e-14)

@@ -68,14 +68,19 @@ def inside(plant, controller, tubes):
 
 
 def dense(bounds, of, points=1 << 14):
-    """Half of the width from values at many angles, S divided by 1 - 1/z."""
+    """Half of the width from values at many angles, S divided by 1 - 1/z: in discs about the model, or about other centres."""
     theta = (np.arange(points) + 0.5) * np.pi / points
     circle = bounds.band.circle
-    b = circle.entries[np.searchsorted(circle.edges, theta / DT) - 1, 0, 0]
+    held = circle.sets_at(theta / DT)
+    b, e, r = (one[:, 0, 0] for one in (held.bound, held.centre, held.radius))
     P, C = values(bounds.band.model, theta / DT)[:, 0, 0], values(bounds.controller, theta / DT)[:, 0, 0]
     S = 1 / (1 + P * C)
-    moved = np.abs(S**2 * (C if of == "set point" else 1) / (1 - np.exp(-1j * theta))) * b
-    return float(np.mean(moved / (1 - np.abs(C * S * b) ** 2)))
+    moved = np.abs(S**2 * (C if of == "set point" else 1) / (1 - np.exp(-1j * theta)))
+    about_model, about_centre = (
+        b / (1 - np.abs(C * S * b) ** 2),
+        r / (np.abs(1 + C * S * e) ** 2 - np.abs(C * S * r) ** 2),
+    )
+    return float(np.mean(moved * np.minimum(about_model, about_centre)))
 
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=[] if k == 3 else pytest.mark.slow) for k in range(50)])

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 import robustid as rid
+from robustid.spellings import MEANT
 
 pytestmark = pytest.mark.quick
 
@@ -28,7 +29,7 @@ def test_names_of_a_group_are_its_own_and_found_from_the_front_door(group):
                 getattr(rid, name)
 
 
-@pytest.mark.parametrize(("typed", "meant"), sorted(rid._MEANT.items()))
+@pytest.mark.parametrize(("typed", "meant"), sorted(MEANT.items()))
 def test_names_of_other_programs_lead_to_the_right_one(typed, meant):
     thing = rid
     for part in meant.split("."):

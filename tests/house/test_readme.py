@@ -1,4 +1,4 @@
-"""The README as its readers follow it: the snippet and the command lines, on files like those that the demo writes."""
+"""The README as its readers follow it: the block of Python and the command lines, on files like those of the demo."""
 
 import re
 import shlex
@@ -11,7 +11,8 @@ import robustid as rid
 from robustid.app.cli import main as cli
 
 README = Path(__file__).parents[2] / "README.md"
-
+HOWTO = README.parent / "docs" / "howto" / "command_line.rst"
+CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay-rate", "1.1"]
 
 AS_THE_DEMO = {"extra_hz": np.linspace(17.2, 18.1, 10)}
 FEWER = {"lines": 5, "samples": 3, "extra_hz": [17.5, 17.67, 17.8]}  # coefficients: 19 for 62
@@ -38,41 +39,47 @@ def commands(comment):
     return [shlex.split(line) for line in found.splitlines()]
 
 
-def names_of(number, names=None):
-    """What is defined once a block of Python has run, after others."""
-    names = {} if names is None else names
-    exec(compile(PYTHON[number], "README.md", "exec"), names)
-    return names
+def test_it_is_short():
+    assert len(TEXT.splitlines()) <= 120
+    assert len(PYTHON) == 1
 
 
-def test_the_python_snippet_and_then_the_command_lines_run_as_printed(demo_files, capsys, monkeypatch):
-    names = names_of(0)
+def test_the_python_block_runs_as_printed(demo_files, capsys):
+    names = {}
+    exec(compile(PYTHON[0], "README.md", "exec"), names)
     assert names["result"].consistent
     assert names["result"].warnings == ()
     assert names["small"].order < names["result"].order
     assert "consistent" in capsys.readouterr().out
     assert rid.load("result").consistent
     assert "<html" in Path("report.html").read_text(encoding="utf-8")
-    names_of(1, names)
-    assert names["error"].certified
-    assert np.all(names["tube"].lower <= names["tube"].upper)
-    assert rid.load("bounds").certified
-    lines = commands("command line")
-    assert [words[1] for words in lines] == ["identify", "reduce", "report", "bounds", "verify", "fit"]
+
+
+@pytest.mark.parametrize(
+    ("where", "names", "written"),
+    [
+        (
+            "README.md",
+            ["look", "identify", "bounds", "reduce", "export"],
+            ["mine.npz", "mine.json", "mine.html", "mine-bounds.html", "small.npz", "small.h"],
+        ),
+        pytest.param(
+            "docs/howto/command_line.rst",
+            ["identify", "reduce", "report", "bounds", "verify", "fit"],
+            ["by-hand.npz", "by-hand.html", "small.mat", "again.html", "fitted.npz", "fitted.html"],
+            marks=pytest.mark.slow,  # each of them is tested elsewhere
+        ),
+    ],
+)
+def test_the_command_lines_run_as_printed(demo_files, capsys, monkeypatch, where, names, written):
+    page = re.search(r"\.\. commands: .*?code-block:: sh\n\n(.*?)\n\n", HOWTO.read_text(encoding="utf-8"), re.S)
+    lines = [shlex.split(line) for line in page[1].splitlines()] if "docs" in where else commands("command line")
+    assert [words[1] for words in lines] == names
     for words in lines:
-        faster = ["--directions", "3", "--points", "4"] if words[1] == "bounds" else []  # as printed half a minute
-        run([*words, *faster], capsys, monkeypatch)
-    for name in ("mine.npz", "mine.json", "mine.html", "small.mat", "again.html", "fitted.npz", "fitted.html"):
+        faster = {"bounds": ["--directions", "3", "--points", "4"], "identify": CLASS}.get(words[1], [])
+        run([*words, *faster], capsys, monkeypatch)  # as printed half a minute
+    for name in written:
         assert Path(name).stat().st_size > 0
-
-
-def test_the_snippet_with_several_channels_runs_as_printed(capsys):
-    names = names_of(2)
-    assert names["plate"].consistent
-    assert names["plate"].verification.passed
-    assert (names["plate"].model.noutputs, names["plate"].model.ninputs) == (2, 2)
-    assert len(names["plate"].modes) == 2
-    assert "2 inputs (left [V], right [V]), symmetric" in capsys.readouterr().out
 
 
 def run(words, capsys, monkeypatch):
@@ -99,23 +106,3 @@ def test_signals_are_played_and_their_records_read_as_printed(tmp_path, capsys, 
     assert frf.omega.size == 79
     assert np.all(np.abs(frf.values - np.array([[1.0, 0.5], [2.0, -1.0]])) <= frf.bound)
     assert Path("frf.html").stat().st_size > 0
-
-
-def test_the_fraction_of_the_readme_is_fitted_as_printed(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    names = names_of(4)
-    assert names["fit"].status.converged
-    assert names["fit"].model.nstates == 6
-    assert capsys.readouterr().out.count("ModeRow") == 2
-    assert Path("fit.html").stat().st_size > 0
-
-
-def test_the_records_of_the_readme_give_a_response_as_printed(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    frf = names_of(3)["frf"]
-    delay = np.exp(-1j * frf.omega * frf.dt)[:, None, None]
-    truth = delay * [[0.8, 0], [0, 0]] + [[0, 0.1], [0, 0.5]]
-    assert np.all(np.abs(frf.values - truth) <= frf.bound)
-    assert "95 % jointly" in capsys.readouterr().out
-    assert rid.load("frf.npz").dof == frf.dof
-    assert "Spectra of the records" in Path("frf.html").read_text(encoding="utf-8")

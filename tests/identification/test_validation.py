@@ -195,7 +195,7 @@ CONTINUOUS = FrequencyResponse([0.0, 1.0], [1.0, 1.0])
     ("model", "data", "says"),
     [
         (ONE, np.ones(4), "TimeRecord, FrequencyResponse or TangentialResponse"),
-        (control.tf([1], [1, 0.5], DT), RECORD, "control.ss"),
+        ("plant", RECORD, "control.StateSpace or TransferFunction"),
         (control.StateSpace([[0.5]], [[1]], [[1]], 0, None), RECORD, "dt = None"),
         (control.StateSpace([[0.5]], [[np.nan]], [[1]], 0, DT), RECORD, "matrix B"),
         (control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.02), RECORD, "dt = 0.02 s.*dt = 0.01 s"),

@@ -50,7 +50,7 @@ def test_a_measured_controller_is_refused():
 def test_the_loop_is_that_of_the_model():
     plant, controller = control.ss(1.1, 1.0, 1.0, 0.0, DT), control.ss(control.tf([0.5, 0.1], [1, 0.1], DT))
     frf = rid.FrequencyResponse(SLOW, response(control.feedback(plant, controller), SLOW), bound=1e-6, dt=DT)
-    one, other = (rid.loop_from_data(frf, given) for given in (controller, control.frd(controller, SLOW)))
+    one, other = (rid.prepare.loop_from_data(frf, given) for given in (controller, control.frd(controller, SLOW)))
     assert rid.guarantee.nu_gap(one.controller, other.controller).value < 1e-9
     assert rid.guarantee.nu_gap(one.auxiliary, other.auxiliary).value < 1e-5
     with pytest.raises(rid.errors.InputTypeError, match="got a frequency response"):

@@ -228,3 +228,13 @@ def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "From y2 to u2" in page
     assert "From y1 to u2" not in page
+
+
+def test_the_first_screen_of_a_run_names_the_controller_that_was_designed(tmp_path):
+    result = rid.identify(small_band().problem)
+    asked, designed = "Check a controller K", "A controller is proved for every consistent plant, bandwidth 1.7507 Hz"
+    for design, said, unsaid in ((small_design(), designed, asked), (None, asked, designed)):
+        write_report(result, tmp_path / "page.html", band=small_band(), design=design)
+        page = (tmp_path / "page.html").read_text(encoding="utf-8")
+        assert said in page
+        assert unsaid not in page

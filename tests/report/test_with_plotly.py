@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from robustid.report.charts import Axis, Layer, Panel
 from robustid.report.frequency import frequency_charts
 from robustid.report.poles import pole_chart
 from robustid.report.residual_charts import residual_chart
@@ -18,3 +19,12 @@ def test_plotly_accepts_and_holds_the_numbers_of_the_chart(consistent):
             np.testing.assert_array_equal(np.array(trace["y"], float), layer.y)
             if layer.low is not None:
                 np.testing.assert_allclose(layer.y - trace["error_y"]["arrayminus"], layer.low, atol=1e-12)
+
+
+def test_ticks_of_large_numbers_have_prefixes():
+    """2G in place of 2e+9; smaller ones are written in full, wider ranges as powers of ten."""
+    curve = (Layer("x", np.array([1.0, 2.0]), np.array([1.0, 2.0]), "#000000"),)
+    ranges = {(1e9, 5e9): "~s", (10.0, 200.0): "~g", (1.0, 1e9): None}
+    for range_, wanted in ranges.items():
+        panel = Panel("x", Axis("frequency [Hz]", log=True, range=range_), Axis("y"), curve)
+        assert plotly_figure((panel,), 400)["layout"]["xaxis"].get("tickformat") == wanted

@@ -8,7 +8,7 @@ import pytest
 from robustid.core import Signal
 from robustid.report import at_least, at_most
 from robustid.report.fit_charts import with_deviation
-from robustid.report.words import HZ, at_frequencies, at_hz, number, title
+from robustid.report.words import HZ, at_frequencies, at_hz, number, quotient, title
 
 pytestmark = pytest.mark.quick
 
@@ -55,3 +55,8 @@ def test_frequencies_are_said_in_hz():
 def test_headings_name_the_signals():
     assert title("Fit", [Signal("x", "m")], [Signal("u", "N")]) == "Fit of x [m] / u [N]"
     assert title("Fit", [Signal("x", "m")], [Signal("a"), Signal("b")]) == "Fit from a, b to x"
+
+
+def test_units_of_quotients():
+    pairs = [("V", "A"), ("A", "V"), ("mm", "N"), ("", "N"), ("V", ""), ("", "")]
+    assert [quotient(*pair) for pair in pairs] == ["Ω", "S", "mm/N", "1/N", "V", ""]

@@ -54,12 +54,14 @@ def test_a_section_of_something_else_or_of_another_kind_of_result_is_refused(sim
 def test_misuse_is_named(simple, consistent, tmp_path):
     import control
 
-    with pytest.raises(rid.errors.InputTypeError, match="`models` must map names"):
-        plot.poles(simple, models=[consistent.model])
+    with pytest.raises(
+        rid.errors.InputTypeError, match="`models` must be models, by names, in a list or one; got 'model'"
+    ):
+        plot.poles(simple, models="model")
     with pytest.raises(rid.errors.InputTypeError, match="names"):
         plot.poles(simple, models={1: consistent.model})
     with pytest.raises(rid.errors.InputTypeError, match=r"models\['a'\].*StateSpace"):
-        plot.residuals(simple, models={"a": control.tf(1, [1, 0.5], 0.1)})
+        plot.residuals(simple, models={"a": [1, 0.5]})
     with pytest.raises(rid.InputError, match="1 output and 1 input"):
         plot.time_response(simple, models={"a": control.ss(0.5, [[1, 1]], 1, 0, 0.1)})
     with pytest.raises(rid.InputError, match=r"dt = 0.1 s.*control\.sample_system"):

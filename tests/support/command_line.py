@@ -1,6 +1,7 @@
 """The command line as tests call it."""
 
 import contextlib
+import shlex
 from pathlib import Path
 
 import pytest
@@ -12,10 +13,10 @@ CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay-r
 SHORT = [*CLASS, "--no-reduce"]
 
 
-def main(arguments, capsys, monkeypatch):
+def main(arguments, capsys, monkeypatch, columns=200):
     """Through `main`, as the installed command does; returns (exit code, stdout, stderr)."""
     monkeypatch.setattr("sys.argv", ["robustid", *arguments])
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("COLUMNS", str(columns))
     with pytest.raises(SystemExit) as stop:
         cli.main()
     out = capsys.readouterr()
@@ -60,3 +61,16 @@ def interrupted(run, arguments, monkeypatch):
         code, _, err = run([*arguments, "--report", "page.html"])
     assert code == 130
     assert "interrupted" in err
+
+
+def one_screen(out):
+    """Assert that a result fits a terminal of 24 lines and 80 columns, without the steps, which a terminal replaces."""
+    lines = [line for line in out.splitlines() if not line.endswith(" …")]
+    assert sum(max(1, -(-len(line) // 80)) for line in lines) <= 24, out
+    unbroken = "  robustid ", "read ", "written: ", "next: "  # by a terminal alone, the first by none: it is pasted
+    assert all(len(line) <= 80 or line.startswith(unbroken) for line in lines)
+
+
+def to_paste(out):
+    """The command lines that an output offers, as a shell takes them, without the name of the program."""
+    return [shlex.split(line)[1:] for line in out.splitlines() if line.startswith("  robustid ")]

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, words_of
-from robustid.app.cli.screen import in_words, resumable, say, telling
+from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
+from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
     import control
-    from rich.console import Console
+    from rich.console import RenderableType
 
     from robustid.advice import KautzSuggestion
+    from robustid.app.cli.terminal import Terminal
     from robustid.app.run.modes import Box
     from robustid.app.run.work import Work
     from robustid.bases import ParametricBasis
@@ -65,6 +67,7 @@ def bounds(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Bound how far every consistent system can be from the identified model, with a certificate for every bound.
@@ -84,7 +87,7 @@ def bounds(
         raise InputError("--omega and --points both say at which frequencies; give one of them")
     if controller and not how.circle:
         raise InputError("--controller needs the bound between the frequencies too: add --circle")
-    found = _Bounds(screen.console(stderr=as_json), output, report, static, {})
+    found = _Bounds(screen.console(stderr=as_json, verbose=verbose), output, report, static, {})
     written_files.check_static(report, static)
     read = [*written_files.sources(source), *(controller or [])]
     written_files.check_outputs([*found.files(how.over_poles), report], read, force)
@@ -94,7 +97,7 @@ def bounds(
         identification.require()
     at, suggested = _frequencies(identification, omega, points), _suggested(identification.problem)
     executor = _processes(identification, at, how.directions, workers)
-    over_box: list[Step] = [lambda work: _over_box(work, suggested), found.say_over_box]
+    over_box: list[Step] = [lambda work: _over_box(work, suggested), found.keep_over_box]
     words = words_of(bounds, executor="--workers", identification="the identification")
     found_again = f"finished frequencies are in {resume}: the same command goes on from there"
     kept = resumable(found.console, found_again, lambda: resume is not None)
@@ -102,31 +105,32 @@ def bounds(
         around = Surroundings(progress, executor=executor, resume=resume)
         asked = RunFile(worst_case=how)
         work = Work(run=asked, identification=identification, around=around, box=_box(suggested), omega=at)
-        carry_out(work, [proved, found.say_proved, bounded, circled, found.say_bounded])
+        carry_out(work, [proved, found.keep_proved, bounded, circled, found.keep_bounded])
         carry_out(work, [*(over_box if how.over_poles else []), found.draw])
-    screen.repeat_warnings(found.console, identification)
+    found.conclude(work, source)
     if not found.certified:
         screen.warn(found.console, "a certificate does not hold: robustid verify names it")
     code = 0 if found.certified else 1
     if as_json:
         from robustid.app.answers import verdicts
 
-        proved_ones = [one for one in (work.band, work.error, work.over_poles) if one is not None]
-        screen.write(verdicts.bounded(identification, proved_ones, found.written, found.margins, code), found.console)
+        bands = [one for one in (work.band, work.error, work.over_poles) if one is not None]
+        screen.write(verdicts.bounded(identification, bands, found.written, found.margins, code), found.console)
     raise typer.Exit(code)
 
 
 @dataclasses.dataclass
 class _Bounds:
-    """Files and sentences of the command: every bound as soon as it is there."""
+    """Files and sentences of the command: every bound is written as soon as it is there."""
 
-    console: Console
+    console: Terminal
     output: Path
     report: Path | None
     static: bool
     loops: dict[str, control.StateSpace]
     margins: dict[str, RobustStabilityMargin] = dataclasses.field(default_factory=dict[str, "RobustStabilityMargin"])
     certified: bool = True
+    said: list[str] = dataclasses.field(default_factory=list[str])
     written: list[Path] = dataclasses.field(default_factory=list[Path])
 
     def beside(self, ending: str) -> Path:
@@ -139,43 +143,38 @@ class _Bounds:
         names = [self.output, *([self.beside("-poles")] if over_poles else []), self.beside("-band")]
         return [file for name in names for file in written_files.result_files(name)]
 
-    def say_proved(self, work: Work) -> None:
-        """Say the band, before it is narrowed."""
-        if work.band is not None:
-            say(self.console, work.band.summary())
+    def keep_proved(self, work: Work) -> None:
+        """Keep the words on the band, before it is narrowed."""
+        self.said += [] if work.band is None else [work.band.summary()]
 
-    def say_bounded(self, work: Work) -> None:
-        """Keep the bounds at the frequencies, and say them, and what they say of the controllers."""
+    def keep_bounded(self, work: Work) -> None:
+        """Keep the bounds at the frequencies, and what they say of the controllers."""
         from robustid.app.answers.verdicts import circle_words
-        from robustid.report import render_summary
 
         if (error := work.error) is None:
             return
         self._verify(work, error)
         error.save(self.output)
         on_circle = [f"circle     {circle_words(error)}"] if work.run.worst_case.circle else []
-        say(self.console, error.summary(), *on_circle)
+        self.said += [error.summary(), *on_circle]
         self.margins = {name: error.robust_stability_margin(loop) for name, loop in self.loops.items()}
-        for name, margin in self.margins.items():
-            say(self.console, f"controller {name}:")
-            self.console.print(render_summary(margin))
+        self.written += written_files.result_files(self.output)
         self._keep_band(work)
-        band = () if work.band is None else written_files.result_files(self.beside("-band"))
-        self._say_written(*written_files.result_files(self.output), *band)
+        self.written += [] if work.band is None else written_files.result_files(self.beside("-band"))
 
-    def say_over_box(self, work: Work) -> None:
-        """Keep the bounds over the poles, and say them."""
+    def keep_over_box(self, work: Work) -> None:
+        """Keep the bounds over the poles."""
         if (found := work.over_poles) is None or work.error is None:
-            say(self.console, _GIVEN)
+            self.said.append(_GIVEN)
             return
         self._verify(work, found)
         found.save(self.beside("-poles"))
         done, asked = found.omega.size, work.error.omega.size
         late = f"unfinished {done} of {asked} frequencies are bounded in all cells of the box"
         head = "with every pole in the pole-uncertainty box that the data leave:"
-        say(self.console, head, *([] if done == asked else [late]), found.summary())
+        self.said += [head, *([] if done == asked else [late]), found.summary()]
         self._keep_band(work)
-        self._say_written(*written_files.result_files(self.beside("-poles")))
+        self.written += written_files.result_files(self.beside("-poles"))
 
     def draw(self, work: Work) -> None:
         """Write the page."""
@@ -183,13 +182,37 @@ class _Bounds:
 
         if self.report is not None:
             work.around.say("drawing the report")
-            shown: Parts = {**work.parts, "stability": self.margins or None}
-            write_report(work.identification, self.report, static=self.static, **shown)
-            self._say_written(self.report)
+            write_report(work.identification, self.report, static=self.static, **self._parts(work))
+            self.written.append(self.report)
 
-    def _say_written(self, *files: Path) -> None:
-        self.written += files
-        screen.say_written(self.console, *files)
+    def _parts(self, work: Work) -> Parts:
+        return {**work.parts, "stability": self.margins or None}
+
+    def conclude(self, work: Work, source: Path) -> None:
+        """Say what was found."""
+        from robustid.report import first_screen, verdict
+
+        verdicts = {name: verdict(margin) for name, margin in self.margins.items()}
+        small = written_files.free(
+            written_files.stem(source).with_name(f"{written_files.stem(source).name}-small"), ".npz"
+        )
+        steps = [Next("the smallest model inside the bounds", ["reduce", source, "-o", f"{small}.npz"])]
+        head = first_screen(work.identification, **self._parts(work))
+        said = [dataclasses.replace(one, word=f"Controller {name}: {one.word}") for name, one in verdicts.items()]
+        shown = dataclasses.replace(head.glance, numbers=[*head.glance.numbers, *_swept(work.error)])
+        head = dataclasses.replace(head, head=[*head.head, *said], glance=shown)
+        screen.conclude(self.console, head, self._everything(work), written=self.written, steps=steps)
+
+    def _everything(self, work: Work) -> Callable[[], list[RenderableType]]:
+        from robustid.report import render_summary
+
+        def found() -> list[RenderableType]:
+            margins = [
+                part for name, one in self.margins.items() for part in (f"controller {name}:", render_summary(one))
+            ]
+            return [*self.said, *margins, *(f"warning: {words}" for words in work.identification.warnings)]
+
+        return found
 
     def _verify(self, work: Work, found: WorstCaseError | WorstCaseOverPoles) -> None:
         work.around.say("verifying every certificate")
@@ -202,7 +225,7 @@ class _Bounds:
         refined(work)
         if work.band is not None:
             if work.band.polygons is not None:
-                say(self.console, f"band       {work.band.polygon_words}")
+                self.said.append(f"band       {work.band.polygon_words}")
             work.band.save(self.beside("-band"))
 
 
@@ -253,6 +276,17 @@ def _same_poles(one: ParametricBasis | None, other: ParametricBasis | None) -> b
     if one is None or other is None or one.poles.shape != other.poles.shape:
         return False
     return np.allclose(one.in_s().poles, other.in_s().poles, atol=1e-6)
+
+
+def _swept(error: WorstCaseError | None) -> list[tuple[str, str]]:
+    """The bounds at single frequencies as a number of the first screen."""
+    if error is None or not error.omega.size:
+        return []
+    from robustid.report import at_least, at_most
+
+    count, upper, lower = error.omega.size, error.sigma_upper.max(), error.sigma_lower.max()
+    where = "at 1 frequency" if count == 1 else f"at {count} frequencies"
+    return [(f"{where}, poles as they stand", f"≤ {at_most(upper, 3)} (attained: {at_least(lower, 3)})")]
 
 
 def _frequencies(identification: Identification, omega: list[float] | None, points: int | None) -> Real | None:

@@ -15,20 +15,32 @@ import typer
 from robustid.app.run.checks import Option, options
 from robustid.app.run.settings import PARTS
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="Where results go: NAME.npz and NAME.json.")]
-Report = Annotated[Path | None, typer.Option("--report", help="Write the HTML report here.")]
-Static = Annotated[
-    bool, typer.Option("--static", help="Write the report with pictures only: small, and without scripts.")
-]
-Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+FILES = "Files and screen"  # headings of the help
+_READING, _CLASS, _USED = "How files are read", "The class", "Data that are used"
+_HEADINGS = {
+    "RecordSource": _READING,
+    "ResponseSource": _READING,
+    "LoopChoice": "The loop it was measured in",
+    "FrequencyPoints": _USED,
+    "Modes": _CLASS,
+    "PriorChoice": _CLASS,
+    "ControllerChoice": "Structure, limits and goal",
+}
+_result = functools.partial(typer.Option, rich_help_panel=FILES)
+Output = Annotated[Path, _result("--output", "-o", help="Where results go: NAME.npz and NAME.json.")]
+Report = Annotated[Path | None, _result("--report", help="Write the HTML report here.")]
+Static = Annotated[bool, _result("--static", help="Write the report with pictures only: small, and without scripts.")]
+Force = Annotated[bool, _result("--force", help="Replace files that exist.")]
+Verbose = Annotated[bool, _result("--verbose", "-v", help="Print everything that was found, not one screen of it.")]
 AsJson = Annotated[
     bool,
-    typer.Option(
-        "--json", help="Print the answer as JSON, by the schema that is published; everything else to stderr."
-    ),
+    _result("--json", help="Print the answer as JSON, by the schema that is published; everything else to stderr."),
 ]
 First = Annotated[
-    int | None, typer.Option("--first", help="Use only the first so many samples of every record.", metavar="SAMPLES")
+    int | None,
+    typer.Option(
+        "--first", help="Use only the first so many samples of every record.", metavar="SAMPLES", rich_help_panel=_USED
+    ),
 ]
 FLAGS = {
     field.name: option.flag
@@ -41,9 +53,10 @@ _BESIDE = (
     "report",
     "static",
     "force",
+    "verbose",
+    "as_json",
     "source",
     "context",
-    "as_json",
 )  # of every command: no arguments of the library
 _METAVARS = {"s": "SECONDS", "Hz": "HZ", "samples": "SAMPLES"}
 
@@ -77,9 +90,9 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
         types = typing.get_type_hints(kind)
         for field, option in options(kind):
             if option.flag and (chosen is None or field.name in chosen):
-                title = option.flag.lstrip("-").replace("-", "_")
+                title = _title(option)
                 parts[name][1][field.name] = title, option
-                parameters.setdefault(title, _parameter(title, option, types[field.name], field.default))
+                parameters.setdefault(title, _parameter(option, types[field.name], field.default, kind))
 
     @functools.wraps(command)
     def called(**given: Any) -> None:
@@ -116,7 +129,12 @@ def _section(hint: Any) -> tuple[Any, tuple[str, ...] | None]:
     return kind, next((extra.names for extra in extras if isinstance(extra, Only)), None)
 
 
-def _parameter(title: str, option: Option, kind: Any, default: Any) -> inspect.Parameter:
+def _title(option: Option) -> str:
+    """Name of the parameter of an option."""
+    return str(option.flag).lstrip("-").replace("-", "_")
+
+
+def _parameter(option: Option, kind: Any, default: Any, section: Any) -> inspect.Parameter:
     """One option of the command line."""
     if option.text is not None:  # several texts where the value is a table
         kind = str | None if "Mapping" not in str(kind) else list[str] | None
@@ -125,8 +143,11 @@ def _parameter(title: str, option: Option, kind: Any, default: Any) -> inspect.P
         f"{option.flag}/--no-{str(option.flag)[2:]}" if states_both else option.flag,
         help=option.sentence.replace("[", "\\["),  # no markup of rich
         metavar=option.metavar or _METAVARS.get(option.unit),
+        rich_help_panel=_HEADINGS.get(section.__name__),
     )
-    return inspect.Parameter(title, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, shown])
+    return inspect.Parameter(
+        _title(option), inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, shown]
+    )
 
 
 def _built(kind: Any, fields: dict[str, tuple[str, Option]], given: dict[str, Any]) -> Any:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Output, Report, Static, words_of
+from robustid.app.cli.command_options import Force, Output, Report, Static, Verbose, words_of
 from robustid.app.cli.loops import MeasuredPlant, beside, read_files
-from robustid.app.cli.screen import in_words, say, telling
+from robustid.app.cli.screen import Next, in_words, telling
 from robustid.app.run.checks import options
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.errors import InputError, Status
@@ -38,6 +38,7 @@ def control(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     """Design a controller of a structure that keeps its limits with every plant that the data allow, and prove it.
 
@@ -51,9 +52,9 @@ def control(
     """
     from robustid.app.load_save import save
     from robustid.controllers import design_controller
-    from robustid.report import write_report
+    from robustid.report import first_screen, write_report
 
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     written_files.check_static(report, static)
     flags = {field.name: str(option.flag) for field, option in options(ControllerChoice)}
     if not asked.is_stated:
@@ -80,13 +81,14 @@ def control(
             save(model, found.controller)
         else:
             model.unlink(missing_ok=True)  # that of an earlier design, which --force replaces
-        say(console, found.summary())
         if report is not None:
             progress("drawing the report", 0, 0)
             write_report(
                 found, report, title=f"Controller for {source[0].stem}" if len(source) == 1 else None, static=static
             )
-    screen.say_written(console, *files, model if usable else None, report)
+    written = [*files, model if usable else None, report]
+    steps = _next(found, model) if found.status.name == "PROVED" else None
+    screen.conclude(console, first_screen(found), lambda: [found.summary()], written=written, steps=steps)
     raise typer.Exit(design_exit(found, [one.band for one in plants]))
 
 
@@ -95,3 +97,11 @@ def design_exit(found: ControllerDesign, bands: Sequence[Band] = ()) -> int:
     status = {"PROVED": Status.CONSISTENT, "NONE": Status.INCONSISTENT}.get(found.status.name, Status.UNDECIDED)
     about = bands or [one.band for one in found.proofs]
     return screen.exit_code(status, any(one.problem.open_faults for one in about))
+
+
+def _next(found: ControllerDesign, model: Path) -> list[Next | str]:
+    """The controller for a drive; of a continuous one as a script."""
+    name, ending = model.with_suffix(""), ".c" if found.controller is not None and found.controller.dt else ".m"
+    endings = (ending, ".h") if ending == ".c" else (ending,)
+    what = "the controller as C" if ending == ".c" else "the controller for MATLAB"
+    return [Next(what, ["export", model, "-o", f"{written_files.free(name, *endings)}{ending}"])]

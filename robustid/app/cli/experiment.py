@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import First, Force, Report, Static, only, words_of
-from robustid.app.cli.screen import in_words, step
+from robustid.app.cli.command_options import First, Force, Report, Static, Verbose, only, words_of
+from robustid.app.cli.screen import Next, in_words, step
 from robustid.app.run.checks import low_high
 from robustid.app.run.sources import Estimate, RecordSource
 from robustid.errors import InputError
@@ -143,6 +143,7 @@ def frf(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     """Estimate the frequency response of a SISO or MIMO plant from records, with a bound for all spectral lines at once.
 
@@ -158,7 +159,7 @@ def frf(
     from robustid.data import save
     from robustid.estimation import estimate_frf
     from robustid.formats import WRITERS
-    from robustid.report import render_report, render_summary
+    from robustid.report import first_screen, render_report, render_summary
 
     written_files.check_ending(output, tuple(WRITERS))
     written_files.check_static(report, static)
@@ -166,7 +167,7 @@ def frf(
     for k, path in enumerate(record):
         if path.resolve() in [other.resolve() for other in record[:k]]:
             raise InputError(f"{path} is given twice; every experiment counts once")
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     files = Files(paths=record, source=source, first=first)
     records = files.read(console)
     samples, index = _periods(lines, how.period, how.method, records[0])
@@ -184,10 +185,10 @@ def frf(
     page = None if report is None else render_report(found, static=static, records=records, undoing=undoing)
     save(output, found)
     written_files.write_page(report, page)
-    console.print(render_summary(found))
-    screen.say_written(console, output, report)
-    screen.say_next(console, undoing)
-    screen.say(console, *_then_model(found, output))
+    written, steps = [output, report], _then_model(found, output)
+    screen.conclude(
+        console, first_screen(found), lambda: [render_summary(found)], written=written, undoing=undoing, steps=steps
+    )
 
 
 def _periods(
@@ -234,13 +235,13 @@ def _undoing(called: list[str], found: FrequencyResponse, output: Path, records:
     return in_command(again(called), of_records, [], records) or in_command(further, of_response, [output], [])
 
 
-def _then_model(found: FrequencyResponse, output: Path) -> list[str]:
-    name = shlex.quote(str(output))
-    several = found.values[0].size > 1
-    what = "a model of all entries (of one: --entry OUTPUT,INPUT), with a proof" if several else "a model with a proof"
-    return [
-        f"Next, {what}:",
-        f"  robustid identify --frequency {name} --report report.html",
-        "or a matrix fraction by least squares:",
-        f"  robustid fit {name} --order auto --report fit.html",
-    ]
+def _then_model(found: FrequencyResponse, output: Path) -> list[Next | str]:
+    name = output.with_suffix("")
+    if found.bound is None:
+        fit = written_files.free(name.with_name(f"{name.name}-fit"), ".npz", ".html")
+        words = "a matrix fraction by least squares"
+        return [Next(words, ["fit", output, "--order", "auto", "-o", f"{fit}.npz", "--report", f"{fit}.html"])]
+    model = written_files.free(name.with_name(f"{name.name}-model"), ".npz", ".json", ".html")
+    several = " of all entries (of one: --entry OUTPUT,INPUT)" if found.values[0].size > 1 else ""
+    proof = ["identify", "--frequency", output, "-o", model, "--report", f"{model}.html"]
+    return [Next(f"a model{several} with a proof", proof)]

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Static, only
+from robustid.app.cli.command_options import Static, Verbose, only
 from robustid.app.cli.identify import conclude, work_on
-from robustid.app.cli.screen import in_words, say, shown, telling, told
+from robustid.app.cli.screen import Next, in_words, say, shown, telling, told
 from robustid.app.run.settings import General
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from robustid.app.cli.terminal import Terminal
     from robustid.app.explore.tuning import Tuning
     from robustid.app.run.reading import Tables
     from robustid.app.run.run_file import RunFile
@@ -75,7 +74,7 @@ def explore(
 
 
 def _asked(
-    console: Console, file: Path | None, source: ResponseSource, general: General, tables: Tables
+    console: Terminal, file: Path | None, source: ResponseSource, general: General, tables: Tables
 ) -> tuple[RunFile, Path, str]:
     """The run file of a file, the folder that its names are seen from, and the title of the page."""
     from robustid.app.cli.measured_files import Files
@@ -119,14 +118,14 @@ def _tuned(file: Path, source: ResponseSource, general: General, progress: Progr
     return Tuning.of(load_result(file, "controller design", progress=progress))
 
 
-def _demo(console: Console) -> Path:
+def _demo(console: Terminal) -> Path:
     """The measurements of the demo, in a new folder."""
     folder = written_files.new_folder(Path("robustid-demo"))
     _measurements(console, folder)
     return folder
 
 
-def _opened(console: Console, address: str, browser: bool) -> None:
+def _opened(console: Terminal, address: str, browser: bool) -> None:
     """Say the address, and open it."""
     import webbrowser
 
@@ -136,7 +135,7 @@ def _opened(console: Console, address: str, browser: bool) -> None:
     say(console, "Ctrl-C ends it")
 
 
-def _measurements(console: Console, folder: Path, seed: int = 0) -> SimulatedExperiment:
+def _measurements(console: Terminal, folder: Path, seed: int = 0) -> SimulatedExperiment:
     """Write the measurements of the demo into a folder; what they are of."""
     import numpy as np
 
@@ -155,6 +154,7 @@ def demo(
     ] = Path("robustid-demo"),
     static: Static = False,
     seed: Annotated[int, typer.Option(min=0, help="Noise of the simulated measurements.")] = 0,
+    verbose: Verbose = False,
 ) -> None:
     """Identify a simulated mass-beam structure, from measurements to a report. About ten seconds.
 
@@ -165,7 +165,7 @@ def demo(
     from robustid.app.run.sequence import bounded, diagnosed, gridded, proved, reduced, refined
     from robustid.app.run.work import carry_out
 
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     folder = written_files.new_folder(output)
     data = _measurements(console, folder, seed)
     page = folder / "report.html"
@@ -174,8 +174,9 @@ def demo(
         work = work_on([data.frequency], [data.time], Surroundings(progress))
         work.run = work.run.changed("worst_case", at_hz=hz, directions=_SIDES)
         carry_out(work, [gridded, bounded, lambda work: _keep(work, folder), proved, reduced, diagnosed, refined])
-    conclude(console, work, folder / "result", page, static=static, title="robustid demo")
-    screen.say(console, f"\nNext: open {page} in a browser.")
+    look = Next("the same by hand, from the file on", ["look", str(folder / "frequency.csv")])
+    steps = [f"open {page} in a browser", look]
+    conclude(console, work, folder / "result", page, steps=steps, static=static, title="robustid demo")
     found = work.identification
     raise typer.Exit(screen.exit_code(found.verified_status, bool(found.problem.open_faults)))
 

@@ -8,16 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import AsJson, Force
-from robustid.app.cli.screen import say
+from robustid.app.cli.command_options import AsJson, Force, Verbose
+from robustid.app.cli.screen import Next, say
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
+    from robustid.app.cli.terminal import Terminal
     from robustid.app.look import Look
+
+_MOST_SAID = 5  # sentences on a file
 
 
 def look(
-    files: Annotated[list[Path], typer.Argument(help="Files of any kind that robustid reads.")], as_json: AsJson = False
+    files: Annotated[list[Path], typer.Argument(help="Files of any kind that robustid reads.")],
+    verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show what is in files: names, shapes, ranges, what looks odd, and the lines to go on with.
 
@@ -27,17 +32,57 @@ def look(
     """
     from robustid.app.look import look as looked
 
-    console = screen.console(stderr=as_json)
-    found: list[Look] = []
-    for path in files:
-        found.append(looked(path))
-        say(console, found[-1].summary())
+    console = screen.console(stderr=as_json, verbose=verbose)
+    found = [looked(path) for path in files]
+    if verbose:
+        say(console, *(one.summary() for one in found))
+    else:
+        _on_screen(console, found)
     code = screen.FAULTY if any(one.faulty for one in found) else 0
     if as_json:
         from robustid.app.answers import verdicts
 
         screen.write(verdicts.looked(found, code), console)
     raise typer.Exit(code)
+
+
+def _on_screen(console: Terminal, looks: list[Look]) -> None:
+    """Print several looks on one screen: first sentences, the command to go on with, and contents where there is a line left."""
+    from robustid.report import in_short
+
+    def short(words: str) -> str:
+        return words[0] + in_short(words)[0][1:]
+
+    heads = [f"{one.path}: {one.how}" for one in looks]
+    tails = [[short(words) for words in one.sentences[:_MOST_SAID]] for one in looks]
+    for tail, one in zip(tails, looks, strict=True):
+        if (more := len(one.sentences) - len(tail)) > 0:
+            tail.append(f"and {more} more (-v)")
+        tail += _next(one)
+    left = console.left([*heads, *(line for tail in tails for line in tail)]) // len(looks)
+    for head, one, tail in zip(heads, looks, tails, strict=True):
+        rows = one.contents(left if left >= len(one.rows) else max(left - 1, 0)) if left > 1 else []
+        say(
+            console,
+            head,
+            *(row if len(row) <= console.width else f"{row[: console.width - 1]}…" for row in rows),
+            *tail,
+        )
+
+
+def _next(found: Look) -> list[str]:
+    """The command to go on with, to files that are not there yet."""
+    (what, called), name = found.step, Path(found.path).stem
+    if not called or (found.data is None and not found.arguments):
+        return []
+    if called[0] in ("new", "export"):
+        ending = ".toml" if called[0] == "new" else ".m"
+        written = ["-o", f"{written_files.free(Path(name), ending)}{ending}"]
+    else:
+        ending = {"identify": "model", "fit": "fit", "frf": "response"}[called[0]]
+        new = written_files.free(Path(f"{name}-{ending}"), ".npz", ".json", ".html")
+        written = ["-o", f"{new}.npz", "--report", f"{new}.html"]
+    return Next(what, [*called, *written]).lines
 
 
 def new(
@@ -61,7 +106,10 @@ def new(
         file.write(draft.text)
     screen.say_written(console, output)
     say(console, *(f"edit first: {line}" for line in draft.edits))
-    say(console, f"next: robustid run {output} -o {output.stem}")
+    say(
+        console,
+        *Next("everything, in a folder", ["run", output, "-o", written_files.free(Path(output.stem), "")]).lines,
+    )
 
 
 def export(

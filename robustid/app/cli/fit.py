@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Report, Static, only, words_of
-from robustid.app.cli.screen import in_words, shown, step, warn
+from robustid.app.cli.command_options import Force, Report, Static, Verbose, only, words_of
+from robustid.app.cli.screen import Next, in_words, step, telling, warn
+from robustid.app.run.checks import options
 from robustid.app.run.settings import Fit, FrequencyPoints
 from robustid.app.run.sources import ResponseSource
 from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import RenderableType
 
+    from robustid.app.cli.terminal import Terminal
     from robustid.core import Real
     from robustid.data import FrequencyResponse
     from robustid.fitting import MatrixFraction, OrderSweep, RollOff, Weight
@@ -60,15 +62,24 @@ def fit(
     response: Annotated[
         ResponseSource, only("dt", "rate", "unit", "fields", "axes", "decimal", "start", "step", "correct")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The model: NAME.npz, or .mat.")] = Path("fit.npz"),
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="NAME for the whole fit (NAME.npz and NAME.json, for robustid report and load), or its model alone: NAME.npz or"
+            " NAME.mat.",
+        ),
+    ] = Path("fit.npz"),
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     r"""Fit a matrix fraction N/D of given order to a measured frequency response, stable and with condition number one.
 
-    With --order auto a range of orders is fitted, on all cores, and the stabilisation diagram grows line by line: the smallest
-    description length (MDL), the stated bounds and the error at withheld frequency points decide. Ctrl-C in a fit takes the best
+    With --order auto a range of orders is fitted, on all cores: the smallest description length (MDL), the stated bounds and the
+    error at withheld frequency points decide; with -v the stabilisation diagram grows line by line. Ctrl-C in a fit takes the best
     model so far.
 
     [bold]Example[/bold]: robustid fit frf.npz --order 20 --rigid-body 3 --band 10:2000 --report fit.html
@@ -79,13 +90,13 @@ def fit(
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.undoing import again, in_command, placed_faults
     from robustid.formats import save_model
-    from robustid.report import render_report, render_summary, verdict
+    from robustid.report import first_screen, render_report, verdict
 
-    wanted, model_file = _order(order), _model_file(output)
+    wanted, model_files = _order(order), _model_files(output)
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
     written_files.check_static(report, static)
-    written_files.check_outputs([model_file, report], [source], force)
-    console = screen.console()
+    written_files.check_outputs([*model_files, report], [source], force)
+    console = screen.console(verbose=verbose)
     (frf,) = asked_files.read(console)
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method} | _constraints(roll_off)
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
@@ -100,15 +111,48 @@ def fit(
     if report is not None:
         with step(console, "drawing the report"):
             page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
-    save_model(result.model, model_file)
+    if len(model_files) > 1:
+        result.save(output)
+    else:
+        save_model(result.model, output)
     written_files.write_page(report, page)
-    if sweep is not None:
-        screen.say(console, sweep.summary())
-    console.print(render_summary(result, data=frf, order_sweep=sweep))
-    screen.say_written(console, model_file, report)
-    screen.say_next(console, undoing)
+    head = first_screen(result, data=frf, order_sweep=sweep)
+    steps = (
+        _next(source, frf, model_files[0], screen.called(context))
+        if verdict(result, sweep).key == "consistent"
+        else None
+    )
+    written = [*model_files, report]
+    screen.conclude(
+        console, head, lambda: _everything(result, frf, sweep), written=written, undoing=undoing, steps=steps
+    )
     good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
     raise typer.Exit(screen.exit_code(good, any(not one.fault.undone for one in faults)))
+
+
+def _everything(result: MatrixFraction, frf: FrequencyResponse, sweep: OrderSweep | None) -> list[RenderableType]:
+    from robustid.report import render_summary
+
+    found = render_summary(result, data=frf, order_sweep=sweep)
+    return [found] if sweep is None else [sweep.summary(), found]
+
+
+def _next(source: Path, frf: FrequencyResponse, model: Path, called: list[str]) -> list[Next | str]:
+    """A proof from the same file, read in the same way; the model for another program where no bound of errors is known."""
+    from robustid.app.run.undoing import options_among
+    from robustid.estimation import estimate_bound
+
+    name, flags = model.with_suffix(""), {option.flag for _, option in options(ResponseSource) if option.flag}
+    try:
+        known = frf.bound is not None or estimate_bound(frf)
+    except InputError:
+        known = False
+    if not known:
+        return [Next("the model for MATLAB", ["export", model, "-o", f"{written_files.free(name, '.m')}.m"])]
+    read = options_among(called, {*flags, "--band"})
+    proved = written_files.free(name.with_name(f"{name.name}-proved"), ".npz", ".json", ".html")
+    proof = ["identify", "--frequency", source, *read, "-o", proved, "--report", f"{proved}.html"]
+    return [Next("a proof, and a bound of the error, which least squares do not give", proof)]
 
 
 def _constraints(roll_off: int | None) -> dict[str, tuple[RollOff, ...]]:
@@ -136,42 +180,44 @@ def _order(text: str) -> int | None:
     return int(text)
 
 
-def _model_file(output: Path) -> Path:
+def _model_files(output: Path) -> list[Path]:
+    """The file of the model, or both files of the whole fit."""
     if output.suffix.lower() in (".npz", ".mat"):
-        return output
+        return [output]
     if output.suffix.lower() in (".csv", ".txt", ".json", ".html"):
-        raise InputError(f"--output {output} must end in .npz or .mat")
-    return output.with_name(output.name + ".npz")
+        raise InputError(f"--output {output} must end in .npz or .mat, or have no ending for the whole fit")
+    return list(written_files.result_files(output))
 
 
-def _fitted(console: Console, frf: FrequencyResponse, order: int, asked: dict[str, Any]) -> MatrixFraction:
-    """The fit, every iteration shown."""
+def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: dict[str, Any]) -> MatrixFraction:
+    """The fit; at a terminal every iteration is shown."""
     from robustid.fitting import fit_mfd
 
     text = f"fitting order {order}: {frf.omega.size} frequency points"
-    with shown(console, text) as show:
+    with telling(console) as tell:
+        tell(text, 0, 0)
 
         def progress(line: str, number: int, _: int) -> None:
-            show(f"{text}; iteration {number}, {line}")
+            if console.is_terminal:
+                tell(f"fitting order {order}, iteration {number}: {line}", 0, 0)
 
         return fit_mfd(frf, order=order, progress=progress, **asked)
 
 
-def _swept(console: Console, frf: FrequencyResponse, asked: dict[str, Any]) -> OrderSweep:
-    """A sweep over the order on all cores; the stabilisation diagram grows with it."""
+def _swept(console: Terminal, frf: FrequencyResponse, asked: dict[str, Any]) -> OrderSweep:
+    """A sweep over the order on all cores; if everything is asked for, the stabilisation diagram grows with it."""
     from robustid.core import worker_pool
     from robustid.fitting import suggest_order
 
     diagram = Stabilisation(frf.omega)
-    with shown(console, "fitting a range of orders") as show, worker_pool() as pool:
-
-        def progress(line: str, done: int, count: int) -> None:
-            show(f"{line}: {done} of {count}")
+    with telling(console) as tell, worker_pool() as pool:
+        tell("fitting a range of orders", 0, 0)
 
         def grown(sweep: OrderSweep) -> None:
-            screen.say(console, *diagram.lines(sweep))
+            if console.verbose:
+                screen.say(console, *diagram.lines(sweep))
 
-        sweep = suggest_order(frf, executor=pool, progress=progress, grown=grown, **asked)
+        sweep = suggest_order(frf, executor=pool, progress=tell, grown=grown, **asked)
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
         warn(console, f"order {sweep.suggested} is the largest one tried; give a larger --order by hand to compare")
     return sweep

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, Unpack
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import AsJson, First, Force, Output, Report, Static
-from robustid.app.cli.screen import say, telling
+from robustid.app.cli.command_options import AsJson, First, Force, Output, Report, Static, Verbose
+from robustid.app.cli.screen import Next, say, telling
 from robustid.app.run.checks import too_large
 from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.loop_settings import LoopChoice
@@ -21,8 +21,9 @@ from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import RenderableType
 
+    from robustid.app.cli.terminal import Terminal
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.work import Step, Work
     from robustid.data import FrequencyResponse, TimeRecord
@@ -71,6 +72,7 @@ def identify(
     static: Static = False,
     reduce: Annotated[bool, typer.Option(help="Look for the smallest model inside the bounds.")] = True,
     force: Force = False,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Decide whether measurements fit a class of systems, with a proof, and build a model.
@@ -98,7 +100,7 @@ def identify(
     prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner", "weight": "--weight"})
     written_files.check_static(report, static)
     written_files.check_outputs([*written_files.result_files(output), report], paths, force)
-    console, entry = screen.console(stderr=as_json), general.entry
+    console, entry = screen.console(stderr=as_json, verbose=verbose), general.entry
     asked_lines = Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True)
     asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
     lines, samples = asked_lines.read(console), asked_samples.read(console)
@@ -115,7 +117,8 @@ def identify(
             carry_out(work, [*changed, proved, *smaller, diagnosed, refined, in_loop])
     origins = asked_lines.origins, asked_samples.origins
     work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
-    conclude(console, work, output, report, static=static)
+    steps = next_of(work, output, screen.called(context))
+    conclude(console, work, output, report, steps=steps, static=static)
     found = work.identification
     code = screen.exit_code(found.verified_status, bool(found.problem.open_faults))
     if as_json:
@@ -143,7 +146,7 @@ def _opened(
     return running, [running.opened_response(one) for one in lines]
 
 
-def _warn_of_faults(console: Console, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> None:
+def _warn_of_faults(console: Terminal, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> None:
     """Warn of records that the responses beside them do not explain."""
     from robustid.estimation import experiment_faults
 
@@ -153,7 +156,7 @@ def _warn_of_faults(console: Console, lines: list[FrequencyResponse], samples: l
             screen.warn(console, str(fault))
 
 
-def _apply(console: Console, work: Work) -> None:
+def _apply(console: Terminal, work: Work) -> None:
     """The change of the most likely cause, where that makes the data consistent; one of the choices."""
     from robustid.app.run.sequence import diagnosed
     from robustid.core import Choice, Source
@@ -221,22 +224,49 @@ def work_on(
     return Work(run=run, identification=result, around=around, box=box_of_modes(run.modes))
 
 
+def next_of(work: Work, output: Path, called: Sequence[str]) -> list[Next | str] | None:
+    """Steps to go on with an identification; None for those of its page."""
+    from robustid.app.run.undoing import again
+    from robustid.errors import Status
+
+    found, name = work.identification, written_files.stem(output)
+    if found.verified_status is Status.CONSISTENT:
+        bounds = written_files.free(name.with_name(f"{name.name}-bounds"), ".npz", ".json", "-band.npz", ".html")
+        return [Next("the error at single frequencies", ["bounds", name, "-o", bounds, "--report", f"{bounds}.html"])]
+    if (diagnosis := work.diagnosis) is None or not called or not any(one.solves for one in diagnosis.causes[:1]):
+        return None
+    return [*diagnosis.next_steps[:1], Next("with that change", [*again(called), "--apply"])]
+
+
 def conclude(
-    console: Console, work: Work, output: Path, report: Path | None, *, static: bool = False, title: str | None = None
+    console: Terminal,
+    work: Work,
+    output: Path,
+    report: Path | None,
+    *,
+    steps: Sequence[Next | str] | None,
+    static: bool = False,
+    title: str | None = None,
 ) -> None:
     """Render everything; only then write, and show what was found."""
-    from robustid.report import render_report, render_summary
+    from robustid.report import first_screen, render_report
 
     result = work.identification
     page = None if report is None else render_report(result, title=title, static=static, **work.parts)
-    summary = render_summary(result, work.reduction, unfinished=work.around.unfinished)
+    head = first_screen(result, **work.parts)
     result.save(output)
     written_files.write_page(report, page)
-    console.print(summary)
-    if work.band is not None:
-        say(console, work.band.summary())
-    if work.diagnosis is not None:
-        console.print("\n" + screen.plain(work.diagnosis.summary()), highlight=False)  # wrapped at words
-    screen.say_written(console, *written_files.result_files(output), report)
-    screen.repeat_warnings(console, result)
-    screen.say_next(console, work.undoing)
+    written = (*written_files.result_files(output), report)
+    screen.conclude(console, head, lambda: everything(work), written=written, undoing=work.undoing, steps=steps)
+
+
+def everything(work: Work) -> list[RenderableType]:
+    """All that is found of an identification, as rich shows it."""
+    from robustid.report import render_summary
+
+    found: list[RenderableType] = [
+        render_summary(work.identification, work.reduction, unfinished=work.around.unfinished)
+    ]
+    found += [] if work.band is None else [work.band.summary()]
+    found += [] if work.diagnosis is None else ["\n" + work.diagnosis.summary()]
+    return [*found, *(f"warning: {sentence}" for sentence in work.identification.warnings)]

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, words_of
-from robustid.app.cli.screen import in_words, say, telling
+from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
+from robustid.app.cli.screen import Next, in_words, telling
 from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
     import control
-    from rich.console import Console
+    from rich.console import RenderableType
 
+    from robustid.app.cli.terminal import Terminal
     from robustid.core import Progress
     from robustid.guarantees import Band, Interconnection, LoopBounds
     from robustid.identification import Identification, Loop
@@ -44,6 +45,7 @@ def loop(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Try controllers on every plant that the data allow: proved stable with all of them, or refused with one that is not.
@@ -58,7 +60,7 @@ def loop(
     """
     from robustid.app.run.controllers import read_controllers
 
-    console, paths = screen.console(stderr=as_json), controller or []
+    console, paths = screen.console(stderr=as_json, verbose=verbose), controller or []
     written_files.check_static(report, static)
     places = {path.stem: beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
     wanted = [file for one in places.values() for file in (*written_files.result_files(one), beside(one, "-plant.npz"))]
@@ -71,23 +73,22 @@ def loop(
     with in_words(words), telling(console) as progress:
         progress(f"reading {source}", 0, 0)
         ran = MeasuredPlant.of(source, progress)
-        found, kept = {} if paths else {"": ran.tried(None)}, list[Path]()
+        found, written = {} if paths else {"": ran.tried(None)}, list[Path]()
         for name, model in read_controllers(paths, "--controller", ran.loop).items():
             progress(f"trying {name}", 0, 0)
             found[name] = ran.tried(model)
-            _say_tried(console, name, found[name])
-            kept += _keep_tried(console, places[name], found[name])
-        if not paths:
-            _say_tried(console, "", found[""])
+            written += _keep_tried(places[name], found[name])
         if report is not None:
-            _draw(console, found, report, static)
+            _draw(found, report, static)
+    files = [*written, *([report] if report else [])]
+    _conclude(console, found, files)
     worst = max((one.status.name for one in found.values()), key=("STABLE", "UNDECIDED", "UNSTABLE").index)
     status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[worst]
     code = screen.exit_code(status, bool(ran.band.problem.open_faults))
     if as_json:
         from robustid.app.answers import verdicts
 
-        screen.write(verdicts.tried(found, [*kept, *([report] if report else [])], code), console)
+        screen.write(verdicts.tried(found, files, code), console)
     raise typer.Exit(code)
 
 
@@ -159,24 +160,39 @@ def beside(output: Path, ending: str) -> Path:
     return base.with_name(base.name + ending)
 
 
-def _say_tried(console: Console, name: str, found: LoopBounds) -> None:
-    say(console, *([f"controller {name}:"] if name else []), found.summary())
+def _conclude(console: Terminal, found: dict[str, LoopBounds], written: list[Path]) -> None:
+    """Say the first controller, and the verdicts on the others."""
+    from robustid.report import first_screen
+
+    def everything() -> list[RenderableType]:
+        return [
+            part for name, one in found.items() for part in (f"controller {name}:" * bool(name), one.summary()) if part
+        ]
+
+    first = next(iter(found))
+    head = first_screen(found[first], candidates=found if len(found) > 1 else None)
+    said = head.verdict
+    if len(found) > 1 and said is not None:
+        named = dataclasses.replace(said, word=f"Controller {first}: {said.word.lower()}")
+        head = dataclasses.replace(head, head=[named, *(one for one in head.head if one is not said)])
+    good = all(one.status.name == "STABLE" for one in found.values())
+    steps = [Next("its proofs, from the numbers", ["verify", written[0].with_suffix("")])] if good and written else None
+    screen.conclude(console, head, everything, written=written, steps=steps)
 
 
-def _keep_tried(console: Console, place: Path, found: LoopBounds) -> list[Path]:
+def _keep_tried(place: Path, found: LoopBounds) -> list[Path]:
     """Write the bounds, and the plant that refutes the controller; the files."""
     from robustid.app.load_save import save
 
     found.save(place)
-    files = list(written_files.result_files(place))
+    written = [*written_files.result_files(place)]
     if found.refuted_by is not None:
-        files.append(beside(place, "-plant.npz"))
-        save(files[-1], found.refuted_by.plant)
-    screen.say_written(console, *files)
-    return files
+        written.append(beside(place, "-plant.npz"))
+        save(written[-1], found.refuted_by.plant)
+    return written
 
 
-def _draw(console: Console, found: dict[str, LoopBounds], report: Path, static: bool) -> None:
+def _draw(found: dict[str, LoopBounds], report: Path, static: bool) -> None:
     """Write the page: of the first controller, the others beside it."""
     from robustid.report import write_report
 
@@ -184,7 +200,6 @@ def _draw(console: Console, found: dict[str, LoopBounds], report: Path, static: 
     title = f"Controller {first}" if first else "The controller that ran"
     others = found if len(found) > 1 else None
     write_report(found[first], report, title=title, static=static, candidates=others)
-    screen.say_written(console, report)
 
 
 def connect(
@@ -216,6 +231,7 @@ def connect(
     report: Report = None,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     """Decide whether two measured parts make a stable loop, whichever of their consistent systems they are.
 
@@ -228,9 +244,9 @@ def connect(
     nothing has undone, 1 undecided, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.guarantees import interconnection
-    from robustid.report import write_report
+    from robustid.report import first_screen, write_report
 
-    console, region = screen.console(), _region(keep_out)
+    console, region = screen.console(verbose=verbose), _region(keep_out)
     written_files.check_static(report, static)
     files, pair = written_files.result_files(output), [beside(output, f"-{part}.npz") for part in ("source", "load")]
     written_files.check_outputs([*files, *pair, report], [*read_files(source), *read_files(load)], force)
@@ -240,22 +256,29 @@ def connect(
         progress("judging every pair", 0, 0)
         found = interconnection(parts[0], parts[1], time_limit=time_limit)
         found.save(output)
-        shown = _keep_pair(found, pair)
-        say(console, found.summary())
-        if region is not None:
-            kept = found.keeps_out(*region)
-            say(
-                console,
-                f"forbidden  kept out of at {int(kept.sum())} of {kept.size} frequencies by every pair, proved there",
-            )
+        written = _keep_pair(found, pair)
+        head, kept = first_screen(found), _kept_out(found, region)
+        shown = dataclasses.replace(head.glance, numbers=[*head.glance.numbers, *kept])
         if report is not None:
             progress("drawing the report", 0, 0)
             write_report(found, report, title=f"{source.stem} and {load.stem}", static=static, forbidden=region)
-    screen.say_written(console, *files, *shown, report)
+    steps = [Next("its proofs, from the numbers", ["verify", written_files.stem(output)])] if found.stable else None
+    said = [found.summary(), *map(": ".join, kept)]
+    screen.conclude(
+        console, dataclasses.replace(head, glance=shown), lambda: said, written=[*files, *written, report], steps=steps
+    )
     status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[
         found.status.name
     ]
     raise typer.Exit(screen.exit_code(status, any(_faulty(one) for one in parts)))
+
+
+def _kept_out(found: Interconnection, region: tuple[float, float] | None) -> list[tuple[str, str]]:
+    """The region that every pair keeps out of as a number of the first screen; none where none is stated."""
+    if region is None:
+        return []
+    kept = found.keeps_out(*region)
+    return [("forbidden region, kept out of by every pair", f"at {int(kept.sum())} of {kept.size} frequencies")]
 
 
 def _region(text: str | None) -> tuple[float, float] | None:

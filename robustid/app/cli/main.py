@@ -14,35 +14,47 @@ from typer.core import TyperGroup
 from robustid._version import __version__
 from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
+from robustid.app.cli.help_page import Explained, parameters, show_help
 from robustid.app.cli.screen import console, plain
 from robustid.errors import RobustIdError, SolverError
 
+_START, _MEASURE, _MODEL, _LOOP = "Start", "Measure", "Model and proof", "Controllers and loops"
 COMMANDS = {  # in the order of the list, with the file of each
     "demo": "explore",
-    "explore": "explore",
+    "look": "files",
     "identify": "identify",
+    "new": "files",
     "run": "run",
     "excite": "experiment",
     "frf": "experiment",
     "fit": "fit",
     "bounds": "bounds",
+    "reduce": "reduce",
+    "compare": "compare",
+    "verify": "verify",
+    "refute": "refute",
+    "report": "report",
+    "export": "files",
+    "explore": "explore",
     "loop": "loops",
     "connect": "loops",
     "control": "control",
-    "verify": "verify",
-    "refute": "refute",
-    "reduce": "reduce",
-    "report": "report",
-    "export": "files",
-    "look": "files",
-    "new": "files",
     "serve": "serve",
+}
+_HEADINGS: dict[str, str] = {
+    **dict.fromkeys(("demo", "look", "identify", "new", "run"), _START),
+    **dict.fromkeys(("excite", "frf"), _MEASURE),
+    **dict.fromkeys(("loop", "connect", "control"), _LOOP),
 }
 MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}
 _INTERRUPTED = "interrupted before the results were written"
 _EARLY = "interrupted: what was found by then is written"
+
+
+def _first_sentence(text: str) -> str:
+    return text.split("\n\n", maxsplit=1)[0].replace("\n", " ")
 
 
 def _command(name: str) -> Callable[..., None]:
@@ -59,8 +71,15 @@ class Commands(TyperGroup):
         if name is None or command is None:
             return name, command, rest
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
-        alone.command(name)(opened(_command(name)))
+        alone.command(name, cls=Explained)(opened(_command(name)))
         return name, typer.main.get_command(alone), rest
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help: the commands by what they are for, then the options."""
+        del formatter
+        commands = [self.get_command(ctx, name) for name in self.list_commands(ctx)]
+        rows = [(one, str(one.name), _first_sentence(one.help or "")) for one in commands if one is not None]
+        show_help(self, ctx, [*rows, *parameters(self, ctx)], 12)
 
 
 app = typer.Typer(
@@ -91,7 +110,7 @@ def _listed(name: str) -> Callable[[], None]:
 
 
 for _name in COMMANDS:
-    app.command(_name)(_listed(_name))
+    app.command(_name, rich_help_panel=_HEADINGS.get(_name, _MODEL))(_listed(_name))
 
 
 def _show_version(wanted: bool) -> None:

@@ -22,7 +22,7 @@ from robustid.formats import Origin, origin
 from robustid.identification import sample_faults
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from robustid.app.cli.terminal import Terminal
 
 
 S = TypeVar("S", ResponseSource, RecordSource)
@@ -61,10 +61,10 @@ class Files(Generic[S]):
         return self.source.kind
 
     @overload
-    def read(self: Files[ResponseSource], out: Console) -> list[FrequencyResponse]: ...
+    def read(self: Files[ResponseSource], out: Terminal) -> list[FrequencyResponse]: ...
     @overload
-    def read(self: Files[RecordSource], out: Console) -> list[TimeRecord]: ...
-    def read(self, out: Console) -> Sequence[Data]:
+    def read(self: Files[RecordSource], out: Terminal) -> list[TimeRecord]: ...
+    def read(self, out: Terminal) -> Sequence[Data]:
         """The measurements, one line said about each."""
         seen: set[Path] = set()
         data: list[Data] = []
@@ -86,7 +86,7 @@ class Files(Generic[S]):
             raise InputError(f"{flag} names {name}, which is none of the files; write it as in --{self.kind}")
         return tuple(words.strip() for name, _, words in split if name.strip() in ("", str(path))) or None
 
-    def _read_one(self, out: Console, path: Path) -> list[Data]:
+    def _read_one(self, out: Terminal, path: Path) -> list[Data]:
         """The measurements of a file: several records where its axes have realisations."""
         how, unit = self.source, getattr(self.source, "unit", None)
         with _named(path, self.kind):

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, words_of
-from robustid.app.cli.screen import in_words, step, telling
+from robustid.app.cli.command_options import Force, Verbose, words_of
+from robustid.app.cli.screen import Next, in_words, step, telling
 from robustid.app.run.checks import low_high
 
 if TYPE_CHECKING:
     import control
-    from rich.console import Console
 
+    from robustid.app.cli.terminal import Terminal
     from robustid.identification import Identification
     from robustid.reduction import Reduction
 
@@ -54,6 +54,7 @@ def reduce(
         ),
     ] = Path("reduced.npz"),
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
     """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.
 
@@ -76,7 +77,7 @@ def reduce(
     written_files.check_outputs([output], [*written_files.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
         asked["weight"] = load_model(weight)
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     identification = _load_identification(source)
     with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
         if identification is None:
@@ -88,14 +89,27 @@ def reduce(
             reduction = _truncated(console, identification.model, asked | {"unstable": "keep"})
             _say_margin(console, identification, reduction)
     save(output, reduction.model)
-    screen.say_written(console, output)
+    screen.say(console, screen.written_words([output]))
     unverified = identification is not None and not identification.verification.passed
     if unverified:
         screen.warn(console, "the identification is not verified: robustid verify names what does not hold")
+    screen.say(console, *screen.next_lines(None, _next(output, reduction)))
     raise typer.Exit(1 if unverified or reduction.status is ReductionStatus.UNSTABLE else 0)
 
 
-def _within_bounds(console: Console, identification: Identification, time_limit: float | None) -> Reduction:
+def _next(output: Path, reduction: Reduction) -> list[Next | str]:
+    """The model for another program, where it isn't one of such a program yet."""
+    from robustid.reduction import ReductionStatus
+
+    if output.suffix not in (".npz", ".mat") or reduction.status is ReductionStatus.UNSTABLE:
+        return []
+    ending = ".h" if reduction.model.dt else ".m"
+    other = written_files.free(output.with_suffix(""), ending)
+    what = "as a filter in C" if ending == ".h" else "for MATLAB"
+    return [Next(what, ["export", output, "-o", f"{other}{ending}"])]
+
+
+def _within_bounds(console: Terminal, identification: Identification, time_limit: float | None) -> Reduction:
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import reduced
@@ -107,15 +121,17 @@ def _within_bounds(console: Console, identification: Identification, time_limit:
         work = Work(run=asked, identification=identification, around=Surroundings(progress))
         reduced(work)
     reduction = work.small
-    for tried, margin in reduction.tried:
+    for tried, margin in reduction.tried if console.verbose else ():
         screen.say(console, f"order {tried:3d}: {margin:.4g} of what is allowed")
-    screen.say(console, f"order {reduction.order}: {reduction.status.value}")
+    screen.say(console, f"order {reduction.order} of {identification.order}: {reduction.status.value}")
+    if not console.verbose and len(reduction.tried) > 1:
+        screen.say(console, f"{len(reduction.tried)} orders were tried (-v lists them)")
     if reduction.stopped:
         screen.warn(console, reduction.stopped)
     return reduction
 
 
-def _truncated(console: Console, model: control.StateSpace, asked: dict[str, Any]) -> Reduction:
+def _truncated(console: Terminal, model: control.StateSpace, asked: dict[str, Any]) -> Reduction:
     import numpy as np
 
     from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error
@@ -134,7 +150,7 @@ def _truncated(console: Console, model: control.StateSpace, asked: dict[str, Any
     return reduction
 
 
-def _say_margin(console: Console, identification: Identification, reduction: Reduction) -> None:
+def _say_margin(console: Terminal, identification: Identification, reduction: Reduction) -> None:
     from robustid.identification import largest_ratio
 
     margin = largest_ratio(identification.problem, reduction.model)

@@ -1,27 +1,35 @@
-"""robustid report: the page of a saved identification."""
+"""robustid report: the page of a saved identification, or of whatever else was saved and has one."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Static
+from robustid.app.cli.command_options import Force, Static, Verbose
 from robustid.app.cli.control import design_exit
+from robustid.app.cli.identify import everything, next_of
 from robustid.app.cli.screen import telling
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
     from robustid.advice import Sensitivity
     from robustid.app.run.work import Work
+    from robustid.core import Progress
     from robustid.guarantees import ResponseTube
     from robustid.report import Parts
 
 
 def report(
-    source: Annotated[Path, typer.Argument(help="A saved identification or design (NAME, NAME.npz or NAME.json).")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A saved identification or design (NAME, NAME.npz or NAME.json); without further options also a fit, a"
+            " comparison, a loop, a connection or a response."
+        ),
+    ],
     bounds: Annotated[
         list[Path] | None, typer.Option(help="Add what robustid bounds saved of it: NAME, and NAME-poles. Repeatable.")
     ] = None,
@@ -41,32 +49,39 @@ def report(
     reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
     static: Static = False,
     force: Force = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Write the report of a saved identification or design again; its claims are verified again from the numbers.
+    """Write the report of a saved result again; its claims are verified again from the numbers.
 
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
-    from robustid.app.load_save import load_result
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, reduced
     from robustid.app.run.work import Work
     from robustid.controllers import ControllerDesign
-    from robustid.report import render_summary, write_report
+    from robustid.identification import Identification
+    from robustid.report import first_screen, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     with telling(console) as progress:
-        result = load_result(source, "identification", "controller design", progress=progress)
+        result = _loaded(source, progress)
         if isinstance(result, ControllerDesign):
             _of_identifications({"--bounds": bool(bounds), "--step": steps is not None, "--no-reduce": not reduce})
             progress("searching what would help" if sensitivity else "drawing the report", 0, 0)
             helping = result.improvements() if sensitivity else ()
             write_report(result, output, title=title, static=static, sensitivity=helping or None)
-            screen.say(console, result.summary(), *(row.sentence for row in helping))
-            screen.say_written(console, output)
+            head, said = first_screen(result, sensitivity=helping or None), [row.sentence for row in helping]
+            screen.conclude(console, head, lambda: [result.summary(), *said], written=[output])
             raise typer.Exit(design_exit(result))
+        if not isinstance(result, Identification):
+            _other(result, source, {"--bounds": bounds, "--step": steps, "--sensitivity": sensitivity or None})
+            write_report(result, output, title=title, static=static)
+            said = result.summary() if hasattr(result, "summary") else repr(result)
+            screen.conclude(console, first_screen(result), lambda: [said], written=[output])
+            return
         work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
         _take_bounds(work, bounds or [])
         if reduce:
@@ -76,10 +91,32 @@ def report(
         diagnosed(work)
         work.around.say("verifying every certificate")
         write_report(result, output, title=title, static=static, **{**work.parts, **shown})
-    console.print(render_summary(result, work.reduction))
-    screen.say_written(console, output)
-    screen.repeat_warnings(console, result)
+    head = first_screen(result, **work.parts)
+    screen.conclude(console, head, lambda: everything(work), written=[output], steps=next_of(work, source, []))
     raise typer.Exit(screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
+
+
+def _loaded(source: Path, progress: Progress) -> Any:
+    """The saved result, or whatever else a file holds."""
+    from robustid.app.load_save import load, load_result
+    from robustid.core import saved_kind
+
+    if saved_kind(source) is None and source.is_file():
+        return load(source)
+    return load_result(source, progress=progress)
+
+
+def _other(result: object, source: Path, options: dict[str, object]) -> None:
+    """Refuse what has no page, and options that belong to an identification."""
+    from robustid.report import has_page
+
+    if not has_page(result):
+        kind = type(result).__name__
+        raise InputError(
+            f"{source} holds a {kind}, which has no page of its own; bounds are shown with --bounds beside NAME"
+        )
+    if given := [flag for flag, value in options.items() if value is not None]:
+        raise InputError(f"{given[0]} belongs to an identification; {source} holds a {type(result).__name__}")
 
 
 def _of_identifications(given: dict[str, bool]) -> None:

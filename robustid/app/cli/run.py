@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robustid.app.cli import screen
-from robustid.app.cli.command_options import FLAGS, Static
-from robustid.app.cli.screen import in_words, resumable, shown, told
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import FLAGS, Static, Verbose
+from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.checks import options
 from robustid.app.run.settings import PARTS
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from robustid.app.run.results import FamilyRun, IdentifiedReduced
 
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
 _WORDS = {name: name for name in (*FLAGS, "order", "scaling")} | {
@@ -56,6 +61,7 @@ def run(
     ] = None,
     static: Static = False,
     force: Annotated[bool, typer.Option("--force", help="Replace what an earlier run wrote there.")] = False,
+    verbose: Verbose = False,
     keys: Annotated[
         bool, typer.Option("--keys", callback=_show_keys, is_eager=True, help="List every key of a run file, and exit.")
     ] = False,
@@ -66,7 +72,7 @@ def run(
     A run file names data and, where you want it otherwise, choices:
 
         title = "Motor bench"
-        entry = ["angle", "current"]     # \[output, input]; all of the matrix without it
+        entry = ["angle", "current"]     # \[output, input]; else the matrix
 
         [\[record]]                       # once for each: a file, or a dataset
         file = "bench.csv"
@@ -82,7 +88,7 @@ def run(
         \[frequency_points]
         band_hz = [5.0, 200.0]
         every = 2                        # the others test the result
-        \[modes]                          # or \[fit] with order = "auto": the modes of a matrix fraction
+        \[modes]                          # or of a fit: \[fit] order = "auto"
         hz = [17.67]
         damping = [0.004]
         \[prior]
@@ -100,16 +106,16 @@ def run(
     with a fault that nothing has undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.run import pipeline
-    from robustid.app.run.results import IdentifiedReduced, unfinished_words
+    from robustid.app.run.results import IdentifiedReduced
     from robustid.app.run.run_folder import RUN_FILE
     from robustid.errors import Status
-    from robustid.report import render_summary
 
     folder = output or Path(config.stem)
-    console = screen.console()
+    console = screen.console(verbose=verbose)
     found_again = f"what is finished is in {folder}: the same command with --resume goes on from there"
     interrupted = resumable(console, found_again, (folder / RUN_FILE).exists)
-    with interrupted, in_words(_WORDS), shown(console, f"reading {config}") as show:
+    with interrupted, in_words(_WORDS), telling(console) as progress:
+        progress(f"reading {config}", 0, 0)
         result = pipeline.run(
             config,
             folder,
@@ -117,25 +123,50 @@ def run(
             force=force,
             static=static,
             executor=None if workers in (None, 1) else workers,
-            progress=told(show),
+            progress=progress,
         )
     if isinstance(result, IdentifiedReduced):
-        console.print(render_summary(result.identification, result.reduction, unfinished=result.unfinished))
-        if result.diagnosis is not None:
-            screen.say(console, "\n" + result.diagnosis.summary())
         status, identifications = result.identification.verified_status, [result.identification]
     else:
         status, identifications = result.status, list(result.identifications.values())
-        for line in unfinished_words(result.unfinished):
-            screen.warn(console, line)
-        if result.family is not None:
-            contradicted = "withheld data contradict what follows, which is no guarantee for the machines\n"
-            screen.say(console, contradicted * result.contradicted + result.family.summary())
-    for finding in result.findings:
-        screen.say(console, "\n" + finding)
-    screen.say_written(console, *sorted(path for path in folder.iterdir() if path.is_file()))
-    for one in identifications:
-        screen.repeat_warnings(console, one)
-    screen.say_next(console, result.undoing)
+    good = status is Status.CONSISTENT and not result.contradicted
+    written = sorted(path for path in folder.iterdir() if path.is_file())
+    screen.conclude(
+        console,
+        result.first_screen(),
+        lambda: _everything(result),
+        written=written,
+        undoing=result.undoing,
+        steps=_next(folder) if good else None,
+    )
     faulty = any(one.problem.open_faults for one in identifications)
     raise typer.Exit(screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty))
+
+
+def _next(folder: Path) -> list[Next | str] | None:
+    """The small model for another program; for a plant in a loop its own."""
+    model = next((path for name in ("plant", "small_model") if (path := folder / f"{name}.npz").is_file()), None)
+    if model is None:
+        return None
+    name = written_files.free(Path(f"{folder.name}-model"), ".m")
+    return [Next("the small model for MATLAB (.h: C, .json, .sos)", ["export", model, "-o", f"{name}.m"])]
+
+
+def _everything(result: IdentifiedReduced | FamilyRun) -> list[RenderableType]:
+    """All that was found, as rich shows it."""
+    from robustid.app.run.results import FamilyRun, unfinished_words
+    from robustid.report import render_summary
+
+    found: list[RenderableType] = []
+    if isinstance(result, FamilyRun):
+        identifications = list(result.identifications.values())
+        found += [f"warning: {line}" for line in unfinished_words(result.unfinished)]
+        if result.family is not None:
+            contradicted = "withheld data contradict what follows, which is no guarantee for the machines\n"
+            found.append(contradicted * result.contradicted + result.family.summary())
+    else:
+        identifications = [result.identification]
+        found.append(render_summary(result.identification, result.reduction, unfinished=result.unfinished))
+        found += [] if result.diagnosis is None else ["\n" + result.diagnosis.summary()]
+    found += [f"\n{finding}" for finding in result.findings]
+    return [*found, *(f"warning: {words}" for one in identifications for words in one.warnings)]

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import RenderableType
 
+    from robustid.app.cli.terminal import Terminal
     from robustid.core import Progress
     from robustid.data import Undoing
+    from robustid.report import Document
 
 
 class Context(Protocol):
@@ -41,10 +43,10 @@ class Warned(Protocol):
         ...
 
 
+_OTHERS: list[Callable[[str], None]] = []  # programs that are told the steps, in place of the terminal
+_MOST_FILES = 6  # that are named
 _WORTH_SAYING = 2.0  # seconds that a step has taken
 FAULTY = 4
-_WARNED: WeakKeyDictionary[Console, list[str]] = WeakKeyDictionary()  # sentences, by where they were printed
-_OTHERS: list[Callable[[str], None]] = []  # programs that are told the steps, in place of the terminal
 _EXIT = {Status.CONSISTENT: 0, Status.INCONSISTENT: 3, Status.UNDECIDED: 1, Status.FAILED: 1}
 
 
@@ -53,11 +55,11 @@ def exit_code(status: Status, faulty: bool) -> int:
     return FAULTY if faulty and status in (Status.CONSISTENT, Status.INCONSISTENT) else _EXIT[status]
 
 
-def console(*, stderr: bool = False) -> Console:
-    """A rich console on the present stdout or stderr."""
-    from rich.console import Console
+def console(*, stderr: bool = False, verbose: bool = False) -> Terminal:
+    """A console on the present stdout or stderr."""
+    from robustid.app.cli.terminal import Terminal
 
-    return Console(stderr=stderr)
+    return Terminal(stderr=stderr, verbose=verbose)
 
 
 def plain(text: str) -> str:
@@ -67,53 +69,104 @@ def plain(text: str) -> str:
     return escape(text)
 
 
-def say(out: Console, *texts: str) -> None:
+def say(out: Terminal, *texts: str) -> None:
     """Print plain text, as it stands."""
     for text in texts:
-        out.print(plain(text), highlight=False, soft_wrap=True)
+        out.say(text)
 
 
-def warn(out: Console, text: str) -> None:
+def warn(out: Terminal, text: str) -> None:
     """Print a yellow sentence."""
-    _WARNED.setdefault(out, []).append(text)
-    out.print(f"[yellow]warning:[/yellow] {plain(text)}", highlight=False, soft_wrap=not out.is_terminal)
+    out.warned.append(text)
+    out.say(text, "warning: ", "yellow")
 
 
-def write(answer: dict[str, Any], out: Console | None = None) -> None:
-    """Write an answer as JSON on stdout, with the warnings that were printed."""
+def write(answer: dict[str, Any], out: Terminal | None = None) -> None:
+    """Write an answer as JSON on stdout, with the warnings that were printed and the commands to go on with."""
     from robustid.app.answers.form import text_of
 
-    warned = [] if out is None else _WARNED.get(out, [])
-    sys.stdout.write(text_of(answer | {"warnings": list(dict.fromkeys([*warned, *answer["warnings"]]))}))
+    if out is not None:
+        warnings = list(dict.fromkeys([*out.warned, *answer["warnings"]]))
+        answer = answer | {"warnings": warnings, "next": answer["next"] or out.next}
+    sys.stdout.write(text_of(answer))
     sys.stdout.flush()
 
 
-def say_written(out: Console, *paths: Path | None) -> None:
+def say_written(out: Terminal, *paths: Path | None) -> None:
     """Print the names of the files, on one line."""
-    say(out, "written: " + ", ".join(str(path) for path in paths if path is not None))
+    say(out, written_words([path for path in paths if path is not None]))
 
 
-def repeat_warnings(out: Console, result: Warned) -> None:
+def written_words(files: Sequence[Path], most: int = _MOST_FILES) -> str:
+    """The names of the files; of more in one folder, which has a page, the folder."""
+    if len(files) > most and len({path.parent for path in files}) == 1:
+        page = next((f"{path.name} and " for path in files if path.suffix == ".html"), "")
+        count = len(files) - bool(page)
+        return f"written: {files[0].parent}{os.sep} with {page}{count} more files"
+    return "written: " + (", ".join(map(str, files)) or "nothing")
+
+
+def repeat_warnings(out: Terminal, result: Warned) -> None:
     """Print at the end what must not scroll away."""
     for sentence in result.warnings:
         warn(out, sentence)
 
 
-def say_next(out: Console, undoing: Undoing | None) -> None:
-    """Print at the end what undoes a fault of the data, each line of it as it is pasted."""
+class Next(NamedTuple):
+    """A command to go on with, as it is pasted, and what it is for."""
+
+    what: str
+    arguments: Sequence[str | Path]
+
+    @property
+    def command(self) -> str:
+        """The line that is pasted."""
+        from robustid.app.run.undoing import command_line
+
+        return command_line([str(one) for one in self.arguments])
+
+    @property
+    def lines(self) -> list[str]:
+        """Two lines."""
+        return [f"next, {self.what}:", f"  {self.command}"]
+
+
+def next_lines(undoing: Undoing | None, steps: Sequence[Next | str]) -> list[str]:
+    """Lines that undo a fault of the data, as they are pasted; else those of the steps."""
     if undoing is None:
-        return
+        return [line for one in steps for line in (one.lines if isinstance(one, Next) else [f"next: {one}"])]
     if undoing.place:
-        say(out, f"next: undo the fault of the data, in {undoing.place}:", undoing.paste, "then:", undoing.then)
+        head = f"next: undo the fault of the data, in {undoing.place}:"
+        return [head, f"  {undoing.paste}", "then:", f"  {undoing.then}"]
+    return ["next: undo the fault of the data:", f"  {undoing.paste}"]
+
+
+def conclude(
+    out: Terminal,
+    document: Document,
+    everything: Callable[[], Iterable[RenderableType]],
+    *,
+    written: Iterable[Path | None] = (),
+    undoing: Undoing | None = None,
+    steps: Sequence[Next | str] | None = None,
+) -> None:
+    """Show what was found on one screen: the head of its page, the files, what to do next; or everything.
+
+    `steps`: None for those of the page, which name no files.
+    """
+    from robustid.report import head_at_terminal
+
+    own = [step.text for step in document.glance.next] if steps is None else steps
+    files = [path for path in written if path is not None]
+    out.next += [one.command if isinstance(one, Next) else one for one in own]
+    tail = [written_words(files, _MOST_FILES if not out.verbose else len(files)), *next_lines(undoing, own)]
+    if out.verbose:
+        for one in everything():
+            say(out, one) if isinstance(one, str) else out.print(one, highlight=False)
     else:
-        say(out, "next: undo the fault of the data:", undoing.paste)
-
-
-@contextlib.contextmanager
-def step(out: Console, text: str) -> Generator[None]:
-    """Show a long step: a spinner at a terminal, else one line."""
-    with shown(out, text):
-        yield
+        tail[0] += " (-v prints all numbers)"
+        out.print(head_at_terminal(document, out.width, out.left(tail)), highlight=False)
+    say(out, *tail)
 
 
 def tell_others(receiver: Callable[[str], None]) -> None:
@@ -121,8 +174,20 @@ def tell_others(receiver: Callable[[str], None]) -> None:
     _OTHERS.append(receiver)
 
 
+def _log(out: Terminal, words: str) -> None:
+    """A line for a step where there is no terminal: it takes no place on a screen."""
+    out.print(plain(words), highlight=False, soft_wrap=True)
+
+
 @contextlib.contextmanager
-def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
+def step(out: Terminal, text: str) -> Generator[None]:
+    """Show a long step: a spinner at a terminal, else one line."""
+    with shown(out, text):
+        yield
+
+
+@contextlib.contextmanager
+def shown(out: Terminal, text: str) -> Generator[Callable[[str], None]]:
     """Show a line that changes at a terminal; elsewhere one line for every change."""
     if _OTHERS:
         _OTHERS[-1](text)
@@ -131,19 +196,19 @@ def shown(out: Console, text: str) -> Generator[Callable[[str], None]]:
         with out.status(plain(text)) as status:
             yield lambda words: status.update(plain(words))
     else:
-        say(out, f"{text} …")
-        yield lambda words: say(out, words)
+        _log(out, f"{text} …")
+        yield lambda words: _log(out, words)
 
 
 @contextlib.contextmanager
-def telling(out: Console) -> Generator[Progress]:
+def telling(out: Terminal) -> Generator[Progress]:
     """Show the steps of a command as they begin; receiver of their words and their progress."""
     if _OTHERS:
         yield told(_OTHERS[-1])
         return
     with out.status("") if out.is_terminal else contextlib.nullcontext() as status:
         yield told(
-            lambda words: say(out, words) if status is None else status.update(plain(words)), " …" * (status is None)
+            lambda words: _log(out, words) if status is None else status.update(plain(words)), " …" * (status is None)
         )
 
 
@@ -165,7 +230,7 @@ def told(show: Callable[[str], None], ending: str = "") -> Progress:
 
 
 @contextlib.contextmanager
-def resumable(out: Console, words: str, there: Callable[[], bool]) -> Generator[None]:
+def resumable(out: Terminal, words: str, there: Callable[[], bool]) -> Generator[None]:
     """Say on Ctrl-C how an unfinished computation goes on, where something of it is there."""
     from robustid.core import Interruptible, pass_on
 

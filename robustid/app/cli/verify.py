@@ -13,8 +13,7 @@ from robustid.app.cli.command_options import AsJson
 from robustid.app.cli.screen import in_words, say, step, telling
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from robustid.app.cli.terminal import Terminal
     from robustid.controllers import ControllerDesign
     from robustid.guarantees import Band, Interconnection, LoopBounds, WorstCaseError, WorstCaseOverPoles
     from robustid.identification import Identification
@@ -74,7 +73,7 @@ def verify(
     raise typer.Exit(code)
 
 
-def _failures(console: Console, result: Any, exact: bool) -> list[str]:
+def _failures(console: Terminal, result: Any, exact: bool) -> list[str]:
     """Print what an identification, or bounds, claim; the names of what does not hold."""
     from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
 
@@ -88,7 +87,9 @@ def _failures(console: Console, result: Any, exact: bool) -> list[str]:
     return failed
 
 
-def _loop_failures(console: Console, result: LoopBounds | Interconnection | ControllerDesign, exact: bool) -> list[str]:
+def _loop_failures(
+    console: Terminal, result: LoopBounds | Interconnection | ControllerDesign, exact: bool
+) -> list[str]:
     """Print the verdict on a loop, which loading evaluated anew, and the proofs of its bands; the names of what fails."""
     from robustid.controllers import ControllerDesign
     from robustid.guarantees import Family, LoopBounds
@@ -111,7 +112,7 @@ def _loop_failures(console: Console, result: LoopBounds | Interconnection | Cont
     return failed
 
 
-def _identification_failures(console: Console, result: Identification, exact: bool) -> list[str]:
+def _identification_failures(console: Terminal, result: Identification, exact: bool) -> list[str]:
     """Print what an identification claims; the names of what does not hold."""
     from robustid.identification import verify_margin_exactly
 
@@ -135,7 +136,7 @@ def _margin(result: Identification) -> str:
     return f"margin {high}, reached by a system of the class, and proved not below {low}"
 
 
-def _bound_failures(console: Console, error: WorstCaseError, exact: bool) -> list[str]:
+def _bound_failures(console: Terminal, error: WorstCaseError, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
     from robustid.app.answers.verdicts import circle_words
 
@@ -152,7 +153,7 @@ def _bound_failures(console: Console, error: WorstCaseError, exact: bool) -> lis
     return failed
 
 
-def _band_failures(console: Console, band: WorstCaseOverPoles, exact: bool) -> list[str]:
+def _band_failures(console: Terminal, band: WorstCaseOverPoles, exact: bool) -> list[str]:
     """Print what a band over poles claims; the names of what does not hold."""
     say(console, "claimed    of all poles in a pole-uncertainty box:", band.summary())
     if not band.covered:
@@ -166,7 +167,7 @@ def _band_failures(console: Console, band: WorstCaseOverPoles, exact: bool) -> l
     return failed if band.supported else [*failed, "bounds, from those of the cells"]
 
 
-def _sum_failures(console: Console, band: Band, exact: bool) -> list[str]:
+def _sum_failures(console: Terminal, band: Band, exact: bool) -> list[str]:
     """Print what a band of linear certificates claims, from its multipliers; the names of what does not hold."""
     say(console, f"claimed    {band.claim}")
     with step(console, "evaluating the sums"):
@@ -181,7 +182,7 @@ def _sum_failures(console: Console, band: Band, exact: bool) -> list[str]:
     return [] if holds else ["discs, from the sums of their multipliers, or polygons, from their certificates"]
 
 
-def _claim_failures(console: Console, result: WorstCaseError | WorstCaseOverPoles, exact: bool) -> list[str]:
+def _claim_failures(console: Terminal, result: WorstCaseError | WorstCaseOverPoles, exact: bool) -> list[str]:
     """Evaluate every certificate, count those that hold, name the others."""
     total = result.claim_count
     failed: list[str] = []

@@ -62,6 +62,20 @@ def write_page(report: Path | None, page: str | None) -> None:
             file.write(page)
 
 
+def free(wanted: Path, *endings: str) -> str:
+    """The name of files that are yet to be written, or the next one with -2, -3, … under which none of the endings exists."""
+    k, base = 1, wanted
+    while any(base.with_name(base.name + ending).exists() for ending in endings):
+        k += 1
+        base = wanted.with_name(f"{wanted.name}-{k}")
+    return str(base)
+
+
+def stem(output: Path) -> Path:
+    """The name of a result without the ending of its files."""
+    return result_files(output)[0].with_suffix("")
+
+
 def new_folder(wanted: Path) -> Path:
     """Create the folder, or the next free of its name with -2, -3, …"""
     folder, k = wanted, 1

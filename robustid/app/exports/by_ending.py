@@ -15,7 +15,7 @@ import numpy as np
 from robustid.app.exports import c_header, matlab, roots
 from robustid.app.exports.controller_source import designed_controller, write_controller_c
 from robustid.controllers import ControllerDesign
-from robustid.core import Complex, atomic_write, exponents_of
+from robustid.core import Complex, as_state_space, atomic_write, exponents_of, model_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.estimation import DelayedModel
@@ -49,16 +49,8 @@ def _pole_table(model: control.StateSpace, name: str) -> str:
 
 def _bound_table(error: WorstCaseError, name: str) -> str:
     """Return the model and the bounds of its error at every frequency, a row for each entry."""
-    upper, lower = error.upper, error.lower
-    nominal = error.nominal.reshape(upper.shape)
-    problem = error.identification.problem
-    rows: list[tuple[object, ...]] = []
-    for k, i, j in np.ndindex(*upper.shape):
-        value = nominal[k, i, j]
-        of = error.omega[k] / (2 * np.pi), str(problem.outputs[int(i)]), str(problem.inputs[int(j)])
-        rows.append((*of, value.real, value.imag, upper[k, i, j], lower[k, i, j]))
-    heads = ("frequency [Hz]", "output", "input", "real", "imag", "guaranteed error", "reached error")
-    return _csv(heads, rows)
+    columns = error.table()
+    return _csv(tuple(columns), zip(*columns.values(), strict=True))
 
 
 def _verdict_table(identification: Identification, name: str) -> str:
@@ -101,6 +93,7 @@ _OF_RESULTS: tuple[tuple[type, dict[str, Writer]], ...] = (
     (UncertaintyWeight, {".m": matlab.uncertain_script}),
 )
 _OF_RESPONSES = (".uff", ".unv", ".uf")
+_FOR_MODELS = (".m", ".mat", ".c", ".h", ".sos", ".zpk")  # of a result its model
 
 
 def exported(path: str | os.PathLike[str], thing: object) -> bool:
@@ -112,6 +105,8 @@ def exported(path: str | os.PathLike[str], thing: object) -> bool:
     if isinstance(thing, FrequencyResponse) and ending in _OF_RESPONSES:
         write_universal(path, thing)
         return True
+    of_its_own = any(isinstance(thing, kind) and ending in own for kind, own in _OF_RESULTS)
+    thing = as_state_space("thing", model_of(thing) if ending in _FOR_MODELS and not of_its_own else thing)
     designed = isinstance(thing, ControllerDesign) and ending in (".c", ".h")
     if designed or (ending == ".c" and isinstance(thing, control.StateSpace | control.TransferFunction)):
         write_controller_c(path, thing)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import StateMatrices, as_array, as_positive, input_states
+from robustid.core import StateMatrices, as_array, as_positive, as_state_space, input_states, model_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.formats import is_network, scattering_model, scattering_of, write_spice, write_touchstone
@@ -67,6 +67,7 @@ def save_network(
 def _model(thing: object) -> control.StateSpace:
     import control
 
+    thing = as_state_space("thing", model_of(thing))
     if not isinstance(thing, control.StateSpace):
         raise InputTypeError(
             f"`thing` must be a FrequencyResponse or a control.StateSpace for this ending; got {type(thing).__name__}"

@@ -20,6 +20,8 @@ from robustid.reduction import ModelWorth, PlantReduction, Reduction
 if TYPE_CHECKING:
     import control
 
+    from robustid.report import Document, Parts
+
 
 class WiderBand(NamedTuple):
     """The band that data which contradict their class would leave if every bound were `factor` times as large."""
@@ -141,30 +143,37 @@ class IdentifiedReduced(Frozen):
 
     def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
         """Write the page of everything, with the run file in it; see `write_report`."""
-        from robustid.report import write_report
+        from robustid.report import Parts, write_report
 
-        write_report(
-            self.identification,
-            path,
-            reduction=self.reduction,
-            title=title or self.run_file.title,
-            static=static,
-            worst_case=self.error,
-            over_poles=self.over_poles,
-            findings=self.findings,
-            diagnosis=self.diagnosis,
-            withheld=self.withheld,
-            content=self.content,
-            worth=self.worth,
-            run_file=self.run_file.text(),
-            band=self.band,
-            unfinished=self.unfinished,
-            undoing=self.undoing,
-            loop=self.loop,
-            plant=self.plant,
-            candidates=self.candidates or None,
-            design=self.design,
-        )
+        title, parts = title or self.run_file.title, self._parts | Parts(run_file=self.run_file.text())
+        write_report(self.identification, path, title=title, static=static, **parts)
+
+    def first_screen(self) -> Document:
+        """Return the head of the page."""
+        from robustid.report import first_screen
+
+        return first_screen(self.identification, **self._parts)
+
+    @property
+    def _parts(self) -> Parts:
+        """Everything that stands beside the identification on its page, but for the run file."""
+        return {
+            "reduction": self.reduction,
+            "worst_case": self.error,
+            "over_poles": self.over_poles,
+            "findings": self.findings,
+            "diagnosis": self.diagnosis,
+            "withheld": self.withheld,
+            "content": self.content,
+            "worth": self.worth,
+            "band": self.band,
+            "unfinished": self.unfinished,
+            "undoing": self.undoing,
+            "loop": self.loop,
+            "plant": self.plant,
+            "candidates": self.candidates or None,
+            "design": self.design,
+        }
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -240,25 +249,35 @@ class FamilyRun(Frozen):
 
     def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
         """Write the page of the family, with the run file in it; nothing where there is none."""
-        from robustid.report import write_report
+        from robustid.report import Parts, write_report
 
-        if self.family is None:
-            return
+        if self.family is not None:
+            title, parts = title or self.run_file.title, self._parts | Parts(run_file=self.run_file.text())
+            write_report(self.family, path, title=title, static=static, **parts)
+
+    def first_screen(self) -> Document:
+        """Return the head of the page; without a family the worst finding about a member."""
+        from robustid.report import Document, Verdict, first_screen, verdict
+
+        if self.family is not None:
+            return first_screen(self.family, **self._parts)
+        names = [name for name, one in self.identifications.items() if one.verified_status is self.status]
+        said = verdict(self.identifications[names[0]])
+        others = [Verdict(said.key, "Member", name) for name in names[1:]]
+        return Document("", head=[dataclasses.replace(said, word=f"{names[0]}: {said.word}"), *others], body=[])
+
+    @property
+    def _parts(self) -> Parts:
         order = Judgement.SUPPORTED, Judgement.NOT_TESTED, Judgement.CONTRADICTED
         seen = self.withheld.values()
         worst = max(seen, key=lambda found: (order.index(found.judgement), found.largest), default=None)
-        write_report(
-            self.family,
-            path,
-            title=title or self.run_file.title,
-            static=static,
-            findings=self.findings,
-            withheld=worst,
-            run_file=self.run_file.text(),
-            unfinished=self.unfinished,
-            undoing=self.undoing,
-            design=self.design,
-        )
+        return {
+            "findings": self.findings,
+            "withheld": worst,
+            "unfinished": self.unfinished,
+            "undoing": self.undoing,
+            "design": self.design,
+        }
 
 
 def unfinished_words(unfinished: Unfinished | None) -> list[str]:

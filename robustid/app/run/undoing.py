@@ -39,6 +39,16 @@ def with_option(arguments: Sequence[str], flag: str, value: str) -> list[str]:
     return [*found, flag, value]
 
 
+def options_among(arguments: Sequence[str], flags: set[str]) -> list[str]:
+    """Options with one value that a command was called with, as far as they are among the flags."""
+    found: list[str] = []
+    for k, word in enumerate(arguments):
+        name, equals, _ = word.partition("=")
+        if name in flags:
+            found += [word] if equals else arguments[k : k + 2]
+    return found
+
+
 def again(arguments: Sequence[str]) -> list[str]:
     """Arguments of a command that was carried out, to replace what it has written."""
     return [*arguments] if "--force" in arguments else [*arguments, "--force"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Budget, StateMatrices, as_array, response_at
+from robustid.core import Budget, StateMatrices, as_array, as_state_space, response_at
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.fraction_forms import fitted, states_of_poles
 from robustid.fitting.fraction.fraction_iteration import fit_fraction
@@ -116,6 +116,7 @@ def first_model(
         return min(_estimates(problem, data, stable, budget), key=lambda model: _start_cost(problem, data, model))
     import control
 
+    start = as_state_space("start", start)
     if not isinstance(start, control.StateSpace):
         if not isinstance(start, np.ndarray | list | tuple):
             raise InputTypeError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import as_kind, points_of, response_at
+from robustid.core import Tabular, as_kind, points_of, response_at
 from robustid.fitting.fraction.fit_covariance import FitCovariance
 from robustid.fitting.matrix_fraction import MatrixFraction
 from robustid.fitting.modal.modal_covariance import mode_shapes
@@ -73,14 +73,33 @@ class ModeRow:
     drive_std: Array | None = dataclasses.field(default=None, repr=False, compare=False)
 
 
-def mode_table(
-    model: control.StateSpace | MatrixFraction, covariance: FitCovariance | None = None
-) -> tuple[ModeRow, ...]:
+class ModeTable(tuple[ModeRow, ...], Tabular):
+    """Rows of modes, by frequency; printed as a table, and a DataFrame on request."""
+
+    __slots__ = ()
+
+    def table(self) -> dict[str, list[object]]:
+        """Columns: frequency in Hz, damping, participation, states, entry where it is largest, pole; deviations where known."""
+        names = {"frequency [Hz]": "hz", "damping": "damping", "participation": "participation", "states": "count"}
+        names |= {"rigid": "rigid", "output": "output", "input": "input", "pole": "pole"}
+        if any(np.isfinite(row.hz_std) for row in self):
+            names |= {"frequency std [Hz]": "hz_std", "damping std": "damping_std"}
+        return {head: [getattr(row, name) for row in self] for head, name in names.items()}
+
+    def __str__(self) -> str:
+        lines = ["  frequency [Hz]   damping   participation   states"]
+        for row in self:
+            hz = "rigid body" if row.rigid else f"{row.hz:.6g}"
+            lines.append(f"{hz:>16}  {row.damping:>8.4g}  {row.participation:>14.3g}  {row.count:>7}")
+        return "\n".join(lines)
+
+
+def mode_table(model: control.StateSpace | MatrixFraction, covariance: FitCovariance | None = None) -> ModeTable:
     """Modes of a model with frequency, damping and how much each contributes, by frequency.
 
     Parameters
     ----------
-    model : control.StateSpace or MatrixFraction
+    model : control.StateSpace or TransferFunction, MatrixFraction, or another result that has a model
         Continuous, or discrete with its sample time. Poles of a fit that all its entries share are told once; in its
         state space they are there for every signal of the smaller side.
     covariance : FitCovariance, optional
@@ -88,7 +107,8 @@ def mode_table(
 
     Returns
     -------
-    tuple of ModeRow
+    ModeTable
+        A tuple of `ModeRow`, which prints as a table and has `to_dataframe`.
 
     Raises
     ------
@@ -133,10 +153,10 @@ def mode_table(
                 rows.append(row)
                 peaks.append(_peak(part, inputs, outputs, s, dt))
     found = [_with_deviation(row, covariance) for row in _with_participation(rows, peaks)]
-    return tuple(sorted(found, key=lambda row: (not row.rigid, row.hz)))
+    return ModeTable(sorted(found, key=lambda row: (not row.rigid, row.hz)))
 
 
-def _of_fit(fit: MatrixFraction, covariance: FitCovariance | None) -> tuple[ModeRow, ...]:
+def _of_fit(fit: MatrixFraction, covariance: FitCovariance | None) -> ModeTable:
     """Modes of a fit, each once: where poles are shared, those of the entries as one column."""
     fraction = fit.fraction
     if fraction.shape is None:
@@ -144,15 +164,13 @@ def _of_fit(fit: MatrixFraction, covariance: FitCovariance | None) -> tuple[Mode
         return rows if fit.modal is None else _with_shapes(rows, fit, covariance)
     rows = mode_table(dataclasses.replace(fraction, shape=None).model, covariance)
     places = (divmod(row.output, fraction.shape[1]) for row in rows)
-    return tuple(
+    return ModeTable(
         dataclasses.replace(row, output=i, input=j, shape=None, drive=None)
         for row, (i, j) in zip(rows, places, strict=True)
     )
 
 
-def _with_shapes(
-    rows: tuple[ModeRow, ...], fit: MatrixFraction, covariance: FitCovariance | None
-) -> tuple[ModeRow, ...]:
+def _with_shapes(rows: tuple[ModeRow, ...], fit: MatrixFraction, covariance: FitCovariance | None) -> ModeTable:
     """Rows of a fit of modal structure with its own shapes, exactly as the structure has them."""
     found = mode_shapes(fit, None if covariance is None else covariance.modes)
     out: list[ModeRow] = []
@@ -164,7 +182,7 @@ def _with_shapes(
             )
             row = dataclasses.replace(row, shape=found.shape[k], drive=found.drive[k], **deviations)
         out.append(row)
-    return tuple(out)
+    return ModeTable(out)
 
 
 def _shapes(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> dict[str, np.ndarray]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Frozen, Real, Savable, StateMatrices, freeze, simulate
 from robustid.data import TimeRecord
+from robustid.figures import Modes
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RecordFit(Frozen, Savable):
+class RecordFit(Frozen, Modes, Savable):
     """A model fitted to records as output error, with the state that every record began with.
 
     Attributes

@@ -11,6 +11,7 @@ import numpy as np
 from robustid.core import Real, StateMatrices
 from robustid.guarantees.curvature import Curvature, input_normal, second_derivatives
 from robustid.guarantees.linear.entry_band import EntryBands
+from robustid.guarantees.linear.error_sets import ErrorSets
 
 if TYPE_CHECKING:
     import control
@@ -23,11 +24,12 @@ _ONE = 1 + 1e-9
 
 def arc_bounds(
     bands: EntryBands, model: control.StateSpace, corners: tuple[Real, Real] | None = None
-) -> tuple[Real, Real]:
-    r"""Edges (angles) and bounds (arcs, ny, nu) of |F - model|, of every entry of every consistent system.
+) -> tuple[Real, ErrorSets]:
+    r"""Edges (angles) of arcs, and sets that hold E = F - model on them, of every entry of every consistent system.
 
-    |E| <= (1 - t) u_0 + t u_1 + B h^2/8 along an arc: u its multipliers' bounds of E = F - model at its ends, or those of `corners`
-    (angles, and bounds (N, ny, nu)), B a bound of |E''|. Arcs are divided until the last term is small; nothing is searched.
+    |E| <= (1 - t) u_0 + t u_1 + B h^2/8 along an arc: u its multipliers' bounds of E at its ends, or those of `corners` (angles,
+    and bounds (N, ny, nu)), B a bound of |E''|; other discs and polygons follow from `KnownErrors.on_arcs`. Arcs are divided until
+    the last term is small; nothing is searched.
     """
     knots = np.unique(np.concatenate([band.angles for band in bands.bands]))
     bend = Bends(bands, model)
@@ -36,25 +38,25 @@ def arc_bounds(
         knots = np.union1d(knots, corners[0])
     edges, found = _divided(knots, bands, bend, model)
     if corners is not None:
-        found = _below_chords(edges, found, *corners, bend)
+        found = found._replace(bound=_below_chords(edges, np.array(found.bound), *corners, bend))
     top = np.pi if knots[-1] < np.pi else None
     if top is not None:
         edges = np.append(edges, top)
-        found = np.concatenate([found, bend.beyond(float(knots[-1]))[None]])
-    return edges, found.reshape(-1, *bend.shape)
+        found = found.followed_by(bend.beyond(float(knots[-1])))
+    return edges, found
 
 
-def _divided(knots: Real, bands: EntryBands, bend: Bends, model: control.StateSpace) -> tuple[Real, Real]:
+def _divided(knots: Real, bands: EntryBands, bend: Bends, model: control.StateSpace) -> tuple[Real, ErrorSets]:
     """The arcs between knots of all entries, in as many parts as their bends ask for, a few at a time: shorter arcs bend less."""
     edges, at = knots, bands.errors_at(model, knots)
-    added, asked = np.full((edges.size - 1, *at.shape[1:]), np.inf), np.arange(edges.size - 1)
+    added, asked = np.full((edges.size - 1, *bend.shape), np.inf), np.arange(edges.size - 1)
     for most in _PARTS:
         low, high = edges[asked], edges[asked + 1]
         own = bend.of(low, high) * ((high - low) ** 2 / 8)[:, None, None]
         # The bend of a whole arc bounds that of its parts.
         added[asked] = np.fmin(added[asked], own)
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = added[asked] / (_FINE * np.maximum(at[asked], at[asked + 1]))
+            ratio = added[asked] / (_FINE * np.maximum(at.bound[asked], at.bound[asked + 1]))
         ratio = np.nan_to_num(ratio, nan=0.0, posinf=most**2).max(axis=(1, 2))
         parts = np.ones(edges.size - 1, int)
         parts[asked] = np.clip(np.ceil(np.sqrt(ratio)), 1, most).astype(int)
@@ -62,14 +64,13 @@ def _divided(knots: Real, bands: EntryBands, bend: Bends, model: control.StateSp
             break
         sides = zip(edges[:-1].tolist(), edges[1:].tolist(), parts.tolist(), strict=True)
         inner: list[Real] = [np.linspace(a, b, n + 1)[:-1] for a, b, n in sides]
-        kept, before = np.append(0, np.cumsum(parts)), at
+        kept = np.append(0, np.cumsum(parts))
         edges = np.concatenate([*inner, edges[-1:]])
         new = np.setdiff1d(np.arange(edges.size), kept, assume_unique=True)
-        at = np.empty((edges.size, *before.shape[1:]))
-        at[kept], at[new] = before, bands.errors_at(model, edges[new])
+        at = at.in_order(bands.errors_at(model, edges[new]), np.argsort(np.concatenate([kept, new])))
         added = np.repeat(added / (parts**2)[:, None, None], parts, axis=0)
         asked = np.flatnonzero(np.repeat(parts > 1, parts))
-    return edges, (np.maximum(at[:-1], at[1:]) + added) * _ONE
+    return edges, at.on_arcs(added)
 
 
 def _below_chords(edges: Real, found: Real, angles: Real, bounds: Real, bend: Bends) -> Real:

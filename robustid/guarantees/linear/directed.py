@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.certificate import Targets, targets_at
+from robustid.guarantees.linear.error_sets import KnownErrors
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, smallest_discs
 from robustid.guarantees.linear.samples import Samples
 
@@ -220,11 +221,17 @@ class DirectedBand(Frozen):
         """Corners of the polygons at angles, (N, M)."""
         return corners_of_supports(self.supports(angles))
 
-    def distances(self, nominal: Complex, angles: Real, rounding: float) -> Real:
-        """Bounds of F less nominal values (N, k) at angles, these known up to rounding."""
-        corners = self.corners_at(angles)[:, None, :]
-        far = np.abs(corners - nominal[:, :, None]) * (1 + rounding) + _CORNERS * np.abs(corners)
-        return np.where(np.isnan(far).any(axis=2), np.inf, far.max(axis=2))
+    def errors(self, nominal: Complex, angles: Real, rounding: float) -> KnownErrors:
+        """F less nominal values (N, k) at angles, these known up to rounding: bounds and discs (N, k), supports of the first."""
+        support = self.supports(angles)
+        corners = corners_of_supports(support)
+        centre, radius = smallest_discs(corners)
+        away, sizes = corners[:, None, :] - nominal[:, :, None], _CORNERS * np.abs(corners)[:, None, :]
+        far = np.abs(away) * (1 + rounding) + sizes
+        bound = np.where(np.isnan(far).any(axis=2), np.inf, far.max(axis=2))
+        spread = rounding * np.abs(nominal) + _CORNERS * np.abs(centre)[:, None]
+        own = support - (self.turns * nominal[:, :1]).real + spread[:, :1]
+        return KnownErrors(bound, centre[:, None] - nominal, radius[:, None] + spread, own)
 
     def supports(self, angles: Real) -> Real:
         """Bounds of Re(exp(-j theta) F) at angles, (N, M): an arc at a time, with the multipliers of both ends in proportion."""

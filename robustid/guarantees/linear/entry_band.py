@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from robustid.core import Budget, Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
+from robustid.guarantees.linear.error_sets import KnownErrors
 from robustid.guarantees.linear.samples import Number, Samples
 from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
 from robustid.identification import MixedProblem
@@ -92,10 +93,13 @@ class EntryBand(Frozen):
                 whole[~known] = own
         return found
 
-    def distances(self, nominal: Complex, angles: Real, rounding: float) -> Real:
-        """Bounds of F less nominal values (N, k) at angles, these known up to rounding."""
+    def errors(self, nominal: Complex, angles: Real, rounding: float) -> KnownErrors:
+        """F less nominal values (N, k) at angles, these known up to rounding: bounds and discs (N, k)."""
         centre, radius = self.at(angles)
-        return np.abs(centre[:, None] - nominal) * (1 + rounding) + radius[:, None]
+        away = centre[:, None] - nominal
+        size = np.abs(away)
+        spread = radius[:, None] + rounding * size
+        return KnownErrors(size * (1 + rounding) + radius[:, None], away, spread, np.zeros((angles.size, 0)))
 
     def between(self, arcs: NDArray[np.intp], part: Real) -> tuple[Complex, Real]:
         """Centres and radii on arcs, behind knot number `arcs`, at the given parts of their lengths."""
@@ -138,17 +142,22 @@ class EntryBands(Frozen):
         centres, radii = zip(*(one.at(angles) for one in self.bands), strict=True)
         return self.matrices(centres), self.matrices(radii)
 
-    def distances(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> Real:
-        """Bounds of the entries of F less nominal values (N, ny, nu) at angles, these known up to rounding."""
-        found = np.empty(nominal.shape)
+    def errors(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> KnownErrors:
+        """The entries of F less nominal values (N, ny, nu) at angles, these known up to rounding."""
+        bound, radius, centre = np.empty(nominal.shape), np.empty(nominal.shape), np.empty(nominal.shape, complex)
+        supports = np.zeros((angles.size, 0))
         for number, band in enumerate(self.bands):
             rows, columns = zip(*(place for place, own in self._numbers.items() if own == number), strict=True)
-            found[:, rows, columns] = band.distances(nominal[:, rows, columns], angles, rounding)
-        return found
+            own = band.errors(nominal[:, rows, columns], angles, rounding)
+            bound[:, rows, columns], centre[:, rows, columns], radius[:, rows, columns] = own[:3]
+            supports = own.supports
+        if self.problem.entries.shape != (1, 1):
+            supports = np.zeros((angles.size, 0))
+        return KnownErrors(bound, centre, radius, supports)
 
-    def errors_at(self, model: control.StateSpace, angles: Real) -> Real:
-        """Bounds of the entries of F - model at angles, (N, ny, nu)."""
-        return self.distances(self.problem.plane.values(model, angles), angles, _ROUNDED)
+    def errors_at(self, model: control.StateSpace, angles: Real) -> KnownErrors:
+        """The entries of F - model at angles."""
+        return self.errors(self.problem.plane.values(model, angles), angles, _ROUNDED)
 
     def open_arcs(self) -> list[tuple[float, float]]:
         """Arcs between angles on which nothing is said: around infinite radii, as far as they exceed the largest response."""

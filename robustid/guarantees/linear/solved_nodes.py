@@ -17,6 +17,7 @@ from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.directed import DirectedBand, Sides
 from robustid.guarantees.linear.directed_search import directed_band
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands, apart, evaluate, first_knots, mixed
+from robustid.guarantees.linear.error_sets import KnownErrors
 from robustid.guarantees.linear.samples import Number, Samples
 from robustid.guarantees.linear.search import search
 
@@ -207,6 +208,6 @@ class JoinedBands(EntryBands):
         (centre, radius), (plain, least) = super().at(angles), self.plain.at(angles)
         return np.where(radius < least, centre, plain), np.minimum(radius, least)
 
-    def distances(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> Real:
-        """The smaller bounds of those by both, (N, ny, nu)."""
-        return np.minimum(super().distances(nominal, angles, rounding), self.plain.distances(nominal, angles, rounding))
+    def errors(self, nominal: Complex, angles: Real, rounding: float = 1e-15) -> KnownErrors:
+        """The smaller bounds, discs and supports of those by both."""
+        return super().errors(nominal, angles, rounding).or_smaller(self.plain.errors(nominal, angles, rounding))
