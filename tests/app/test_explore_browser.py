@@ -44,6 +44,11 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         browser.release(place(browser, 9, 0.7))
         browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
         assert abs(float(browser.value(field("hz-0"))) - 9) < 0.1
+        browser.value("document.querySelector('#undo').click()")
+        browser.wait(f"{field('hz-0')} === '7'")
+        browser.value("document.querySelector('#redo').click()")
+        browser.wait(f"Math.abs({field('hz-0')} - 9) < 0.1")
+        browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
         browser.drag(place(browser, 15, 0.5), place(browser, 16.9, 0.6))  # over the point at 16 Hz
         browser.wait(f"{field('left-out')} === '16'")
         browser.value("document.querySelector('#gain-slider').focus()")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from robustid.app.explore.history import History, connect_history
 from robustid.app.explore.quantities import choice_of, quantities
 from robustid.app.explore.session import ByHand, Session, toggled
 from robustid.app.explore.worker import BAND, Computed, Worker
@@ -64,11 +65,14 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
 
     every = quantities(session)
     fields = [*(one.name for one in every), "left-out"]
+    history = History([*(one.shown for one in every), session.words(session.start.left_out_hz)])
+    connect_history(app, history, [(name, "value") for name in fields])
 
     @app.callback(Output("trouble", "children"), *[Input(name, "value") for name in fields])
     def chosen(*values: float | str | None) -> str:
         try:
             worker.ask(choice_of(session, every, values))
+            history.note(values)
         except RobustIdError as error:
             return error.said({}, unknown=str)
         return ""

@@ -102,7 +102,14 @@ def _fields(session: Session) -> Component:
         ("Run file", file),
     ]
     sets = [html.Fieldset([html.Legend(name), *inside]) for name, inside in parts]
-    return html.Section(sets, id="fields", **named("Choices"))
+    return html.Section([html.Div(undo_redo(), className="buttons"), *sets], id="fields", **named("Choices"))
+
+
+def undo_redo() -> list[Component]:
+    """The buttons that go back and forth between what the fields stated."""
+    from dash import html
+
+    return [html.Button(name, id=name.lower(), type="button") for name in ("Undo", "Redo")]
 
 
 def row(one: Quantity) -> Component:
