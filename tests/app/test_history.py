@@ -3,6 +3,15 @@
 from robustid.app.explore.history import History
 
 
+def test_other_fields_are_another_change_also_at_once():
+    history = History([1.0, ""], clock=lambda: 0.0)
+    history.note([2.0, ""])
+    history.note([3.0, ""])
+    history.note([3.0, "17.4"])
+    assert history.undo() == (3.0, "")
+    assert history.undo() == (1.0, "")
+
+
 def test_changes_without_a_pause_are_taken_back_together_and_come_again():
     now = [0.0]
     history = History([1.0, ""], clock=lambda: now[0])

@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 _MOST = 50  # statements that can be taken back
-_PAUSE = 1.0  # seconds without a change: what is changed then is another try
+_PAUSE = 1.0  # seconds without a change: what is changed then is another change
 
 Fields = tuple[object, ...]  # their values, in the order of the page
 
 
 class History:
-    """Fields as they stood for a while; a slider that is moved without a pause is one change.
+    """Fields as they stood; the same fields that are changed again without a pause, as a slider does, are one change.
 
     Examples
     --------
@@ -30,6 +30,7 @@ class History:
         self._before: list[Fields] = []
         self._after: list[Fields] = []
         self._clock, self._changed, self._one = clock, -math.inf, threading.Lock()
+        self._places: list[int] = []  # of the fields that were changed
 
     def note(self, fields: Sequence[object]) -> None:
         """Note what the fields state now; nothing where that was known."""
@@ -37,9 +38,11 @@ class History:
             now, fields = self._clock(), tuple(fields)
             if fields == self._present:
                 return
-            if now - self._changed > _PAUSE:
+            pairs = zip(fields, self._present, strict=True)
+            places = [k for k, (new, old) in enumerate(pairs) if new != old]
+            if now - self._changed > _PAUSE or places != self._places:
                 self._before = [*self._before, self._present][-_MOST:]
-            self._present, self._after, self._changed = fields, [], now
+            self._present, self._after, self._changed, self._places = fields, [], now, places
 
     def undo(self) -> Fields:
         """The fields before the last change; the present ones where there was none."""
