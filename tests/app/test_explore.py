@@ -14,7 +14,8 @@ import pytest
 
 import robustid as rid
 from robustid.app.explore.callbacks import write_run_file
-from robustid.app.explore.quantities import choice_of, quantities
+from robustid.app.explore.modes import added, most_missed_hz, removed
+from robustid.app.explore.quantities import choice_of, mode_names, quantities
 from robustid.app.explore.session import Session
 from robustid.app.explore.worker import Worker, glance
 from robustid.app.run.run_file import read_run_file
@@ -47,17 +48,49 @@ def test_lines_are_left_out_by_words_and_the_words_come_back(explored):
 
 def test_fields_without_a_sensible_number_name_themselves(explored):
     every = quantities(explored)
-    assert [one.name for one in every] == ["hz-0", "damping-0", "hz-1", "damping-1", "gain", "rate"]
-    values = [one.shown for one in every]
+    modes = mode_names(explored)
+    assert modes[:4] == ["hz-0", "damping-0", "hz-1", "damping-1"]
+    assert [one.name for one in every] == [*modes, "gain", "rate"]
+    values = [2, *(one.shown for one in every)]
     assert choice_of(explored, every, [*values, None]) == explored.start
     for place, wrong, sentence in (
-        (0, None, "Mode 1, frequency .Hz.: give a number above 0"),
-        (3, 4.0, "Mode 2, damping ratio: give a number above 0 and at most 1; got 4"),
-        (5, 0.9, "decay rate ρ: give a number above 1"),
+        (1, None, "Mode 1, frequency .Hz.: give a number above 0"),
+        (4, 4.0, "Mode 2, damping ratio: give a number above 0 and at most 1; got 4"),
+        (len(values) - 1, 0.9, "decay rate ρ: give a number above 1"),
     ):
         changed = [*values[:place], wrong, *values[place + 1 :], ""]
         with pytest.raises(InputError, match=sentence):
             choice_of(explored, every, changed)
+
+
+def test_a_mode_is_added_where_the_model_misses_the_data_most_and_removed_again(explored):
+    every = quantities(explored)
+    modes, rest = [one.shown for one in every[:-2]], [one.shown for one in every[-2:]]
+    with pytest.raises(InputError, match="wait for the margin"):
+        added(None, 2, modes)
+    alone = removed(1, 2, modes)
+    choice = choice_of(explored, every, [*alone, *rest, ""])
+    assert (choice.hz, choice.damping) == ((9.0,), (0.1,))
+    result = rid.identify(explored.problem(choice)[0])
+    assert result.margin > 1
+    assert 17 < most_missed_hz(result) < 18.5  # the mode that is not there is at 17.67 Hz
+    again = added(result, *split(alone))
+    choice = choice_of(explored, every, [*again, *rest, ""])
+    assert choice.hz == (9.0, most_missed_hz(result))
+    assert rid.identify(explored.problem(choice)[0]).margin < result.margin
+    none = removed(0, *split(alone))
+    choice = choice_of(explored, every, [*none, *rest, ""])
+    assert choice.hz == ()
+    problem, _ = explored.problem(choice)
+    assert problem.parametric is None
+    # A mode between two moves up, and what is free stays free.
+    first = removed(0, 2, modes)
+    assert first == [1, 17.67, 0.004, *modes[4:], 9.0, 0.1]
+
+
+def split(fields):
+    """The number of modes, and their fields."""
+    return fields[0], fields[1:]
 
 
 def test_a_choice_is_written_as_a_run_file_that_poses_the_same_problem(explored, tmp_path, monkeypatch):

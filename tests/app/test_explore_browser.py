@@ -44,12 +44,30 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         browser.release(place(browser, 9, 0.7))
         browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
         assert abs(float(browser.value(field("hz-0"))) - 9) < 0.1
+        browser.value("document.querySelector('#undo').click()")
+        browser.wait(f"{field('hz-0')} === '7'")
+        browser.value("document.querySelector('#redo').click()")
+        browser.wait(f"Math.abs({field('hz-0')} - 9) < 0.1")
+        browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
+        worker = server._worker  # the state behind the page
+        until(lambda: worker.found.choice.hz[0] > 8 and worker.found.identification is not None)
+        browser.value("document.querySelector('#add').click()")
+        browser.wait("document.querySelectorAll('fieldset[id]:not([hidden])').length === 3")
+        until(lambda: len(worker.found.choice.hz) == 3)
+        added = worker.found.choice.hz[2]
+        browser.wait("document.querySelector('#picture .js-plotly-plot').layout.shapes.length === 3")
+        assert float(browser.value(field("hz-2"))) == added
+        assert browser.value("document.querySelector('#hz-2-slider').value") == "500"  # around the new frequency
+        browser.value("document.querySelector('#remove-2').click()")
+        browser.wait("document.querySelector('#mode-2').hidden")
+        until(lambda: len(worker.found.choice.hz) == 2)
+        browser.wait("document.querySelector('#picture .js-plotly-plot').layout.shapes.length === 2")
+        browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
         browser.drag(place(browser, 15, 0.5), place(browser, 16.9, 0.6))  # over the point at 16 Hz
         browser.wait(f"{field('left-out')} === '16'")
         browser.value("document.querySelector('#gain-slider').focus()")
         browser.press("ArrowRight", 39)
         browser.wait(f"{field('gain')} === '0.201851'")
-        worker = server._worker  # the state behind the page
         until(lambda: worker.found.choice.gain_bound == 0.201851 and worker.found.choice.left_out_hz == (16.0,))
         until(lambda: worker.found.identification is not None)
         assert browser.value("document.querySelector('#gain-slider').getAttribute('aria-valuetext')") == "0.201851"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from robustid.app.explore.history import History, connect_history
+from robustid.app.explore.modes import connect_modes
 from robustid.app.explore.quantities import choice_of, quantities
 from robustid.app.explore.session import ByHand, Session, toggled
 from robustid.app.explore.worker import BAND, Computed, Worker
@@ -20,6 +22,7 @@ _MODE = {"color": "#a8447d", "width": 4, "dash": "dot"}
 def connect(app: Any, session: Session, worker: Worker) -> None:
     """Make the page of a Dash application react."""
     _connect_fields(app, session)
+    connect_modes(app, session, worker)
     _connect_computation(app, session, worker)
     _connect_state(app, session, worker)
 
@@ -63,12 +66,16 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
     from dash.exceptions import PreventUpdate
 
     every = quantities(session)
-    fields = [*(one.name for one in every), "left-out"]
+    fields = [("modes", "data"), *((one.name, "value") for one in every), ("left-out", "value")]
+    start = session.start
+    history = History([len(start.hz), *(one.shown for one in every), session.words(start.left_out_hz)])
+    connect_history(app, history, fields)
 
-    @app.callback(Output("trouble", "children"), *[Input(name, "value") for name in fields])
+    @app.callback(Output("trouble", "children"), *[Input(*field) for field in fields])
     def chosen(*values: float | str | None) -> str:
         try:
             worker.ask(choice_of(session, every, values))
+            history.note(values)
         except RobustIdError as error:
             return error.said({}, unknown=str)
         return ""
@@ -86,7 +93,7 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
         Output("written", "children"),
         Input("write", "n_clicks"),
         State("file", "value"),
-        *[State(name, "value") for name in fields],
+        *[State(*field) for field in fields],
         prevent_initial_call=True,
     )
     def written(_: object, name: str | None, *values: float | str | None) -> str:

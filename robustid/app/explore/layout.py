@@ -22,6 +22,7 @@ _BRUSH = (
     "Drag over points of the magnitude to leave them out, or to take them back; drag a vertical line to move its mode. Lines"
     " left out are frequencies in Hz with commas between them, and LOW:HIGH for all points between two frequencies."
 )
+_ADD = "Where the nominal model misses the data most, measured by their bounds"
 _PROVED = (
     "Proved: the verdict, the margin, and the band at every frequency, which follows while a mode is dragged. It holds for poles"
     " anywhere in the box that the data left where modes are not moved by hand, and for poles exactly as stated where they are: the"
@@ -40,6 +41,7 @@ def layout(session: Session, title: str) -> Component:
             html.Main([html.Div([_verdict(), _picture(), _numbers()], id="seen"), _fields(session)]),
             dcc.Interval(id="tick", interval=POLL),
             dcc.Store(id="shown", data=[-1, 0, 0]),
+            dcc.Store(id="modes", data=len(session.start.hz)),
         ]
     )
 
@@ -85,7 +87,8 @@ def _numbers() -> Component:
 def _fields(session: Session) -> Component:
     from dash import dcc, html
 
-    groups = itertools.groupby(quantities(session), key=lambda one: one.group)
+    groups = {name: list(ones) for name, ones in itertools.groupby(quantities(session), key=lambda one: one.group)}
+    *modes, rest = groups.items()
     points = [
         html.Label("Lines left out [Hz]", htmlFor="left-out"),
         dcc.Input(id="left-out", type="text", debounce=True, value=session.words(session.start.left_out_hz)),
@@ -96,13 +99,32 @@ def _fields(session: Session) -> Component:
         html.Button("Write it", id="write", type="button"),
         html.P(id="written", role="status"),
     ]
-    parts = [
-        *((name, [row(one) for one in group]) for name, group in groups),
-        ("Frequency points", points),
-        ("Run file", file),
-    ]
+    parts = [(rest[0], [row(one) for one in rest[1]]), ("Frequency points", points), ("Run file", file)]
     sets = [html.Fieldset([html.Legend(name), *inside]) for name, inside in parts]
+    sets = [
+        html.Div(undo_redo(), className="buttons"),
+        *(_mode(k, name, ones, hidden=k >= len(session.start.hz)) for k, (name, ones) in enumerate(modes)),
+        html.Div(html.Button("Add a mode", id="add", type="button", title=_ADD), className="buttons"),
+        *sets,
+    ]
     return html.Section(sets, id="fields", **named("Choices"))
+
+
+def _mode(place: int, name: str, ones: list[Quantity], hidden: bool) -> Component:
+    """Fields of a mode, with a cross that removes it."""
+    from dash import html
+
+    words = f"Remove {name.lower()}"
+    cross = html.Button("×", id=f"remove-{place}", type="button", title=words, className="cross", **named(words))
+    parts = [html.Legend(name), cross, *(row(one) for one in ones)]
+    return html.Fieldset(parts, id=f"mode-{place}", hidden=hidden)
+
+
+def undo_redo() -> list[Component]:
+    """The buttons that go back and forth between what the fields stated."""
+    from dash import html
+
+    return [html.Button(name, id=name.lower(), type="button") for name in ("Undo", "Redo")]
 
 
 def row(one: Quantity) -> Component:

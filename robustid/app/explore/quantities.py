@@ -10,6 +10,8 @@ from robustid.app.explore.session import ByHand, Session
 from robustid.errors import InputError
 
 STEPS = 1000  # of a slider
+LIGHT = 0.01  # damping ratio of a mode that is added
+_ROOM, _ABOVE = 6, 10.0  # modes that can be added; their frequencies before that, over those of the data
 _REST = "Non-parametric part"
 _NEAR, _WIDE = 1.2, 100.0  # factors from the start of a frequency, and of all else, to the ends of its slider
 _LEAST, _MOST = 1e-5, 1.0  # damping ratios
@@ -56,10 +58,12 @@ class Quantity:
 
 
 def quantities(session: Session) -> list[Quantity]:
-    """Return all of them: frequency and damping of every mode, K, and the decay."""
+    """Return all of them: frequency and damping of every mode and of those that can be added, K, and the decay."""
     start = session.start
     found: list[Quantity] = []
-    for k, (hz, damping) in enumerate(zip(start.hz, start.damping, strict=True)):
+    # Above all data: the page moves a slider to where its mode is added.
+    room = [(_ABOVE * float(session.points_hz.max()), LIGHT)] * _ROOM
+    for k, (hz, damping) in enumerate([*zip(start.hz, start.damping, strict=True), *room]):
         mode = f"Mode {k + 1}"
         found.append(Quantity(f"hz-{k}", mode, "frequency [Hz]", hz, hz / _NEAR, hz * _NEAR))
         found.append(Quantity(f"damping-{k}", mode, "damping ratio", damping, _LEAST, _MOST, most=_MOST))
@@ -70,11 +74,18 @@ def quantities(session: Session) -> list[Quantity]:
     return [*found, Quantity("rate", _REST, "decay rate ρ", rate, (rate - 1) / _WIDE, (rate - 1) * _WIDE, 1.0)]
 
 
+def mode_names(session: Session) -> list[str]:
+    """Names of the fields of modes, as they stand in `quantities`: frequency and damping of each."""
+    return [f"{own}-{k}" for k in range(len(session.start.hz) + _ROOM) for own in ("hz", "damping")]
+
+
 def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[float | str | None]) -> ByHand:
-    """The choice that the fields state: those of the quantities, and the lines left out in words."""
-    *numbers, words = values
-    found = {one.name: one.checked(value) for one, value in zip(every, numbers, strict=True)}
-    modes = range(len(session.start.hz))
+    """The choice that the fields state: the number of modes, the quantities, and the lines left out in words."""
+    count, *numbers, words = values
+    modes = range(int(count or 0))
+    room = mode_names(session)[2 * len(modes) :]
+    stated = zip(every, numbers, strict=True)
+    found = {one.name: one.checked(value) for one, value in stated if one.name not in room}
     return ByHand(
         tuple(found[f"hz-{k}"] for k in modes),
         tuple(found[f"damping-{k}"] for k in modes),

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import threading
-import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -31,8 +29,6 @@ from robustid.errors import InputError
 
 _POINTS = 200  # frequencies, beside those where the plant or the controller changes fast
 _INSIDE = 1e-9  # of the end of a limit: where two cells of a band meet the larger bound of both is taken
-_MOST = 50  # settings that can be taken back
-_PAUSE = 1.0  # seconds without a change: what is turned then is another try
 PROOF = "proof on the whole axis"
 
 
@@ -131,13 +127,11 @@ class Tuned(State):
 
 
 class Tuner(Newest[Tuned, Sections]):
-    """Looks at sections at once, and proves them in its thread; remembers what was tried."""
+    """Looks at sections at once, and proves them in its thread."""
 
     def __init__(self, tuning: Tuning) -> None:
         self.tuning, self._one = tuning, threading.Lock()
         self.before = tuning.look(tuning.start)
-        self._tried: list[dict[str, float]] = []
-        self._turned, self._returning = -math.inf, False
         super().__init__(Tuned(number=1, look=self.before))
 
     @property
@@ -146,22 +140,11 @@ class Tuner(Newest[Tuned, Sections]):
         return self.found.look or self.before
 
     def turn(self, numbers: Mapping[str, float]) -> None:
-        """Look at other numbers; a proof was of those before. What stood for a while before that can be taken back to."""
+        """Look at other numbers; a proof was of those before."""
         with self._one:
-            before, sections = self.look.sections.numbers, self.tuning.start.turned(numbers)
-            if before == sections.numbers:
-                return
-            self._replace(None, Tuned(look=self.tuning.look(sections)))
-            now = time.monotonic()
-            if now - self._turned > _PAUSE and not self._returning:
-                self._tried = [*self._tried, before][-_MOST:]
-            self._turned, self._returning = now, False
-
-    def taken_back(self) -> dict[str, float]:
-        """Numbers that stood before; those of the design where there are none. What is turned next is they."""
-        with self._one:
-            self._returning = True
-            return self._tried.pop() if self._tried else self.tuning.start.numbers
+            sections = self.tuning.start.turned(numbers)
+            if self.look.sections.numbers != sections.numbers:
+                self._replace(None, Tuned(look=self.tuning.look(sections)))
 
     def prove(self) -> None:
         """Prove the present sections on the whole axis."""

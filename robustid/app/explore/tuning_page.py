@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robustid.app.explore.layout import POLL, named, row
+from robustid.app.explore.history import History, connect_history
+from robustid.app.explore.layout import POLL, named, row, undo_redo
 from robustid.app.explore.quantities import Quantity
 from robustid.app.explore.tuning import Tuned, Tuner, Tuning
 from robustid.controllers import Corner, Gains, Kept, OneRoot, Section, TwoRoots
@@ -136,10 +137,7 @@ def _fields(tuning: Tuning) -> Component:
         sets.append(
             html.Fieldset([html.Legend(name), *(inside or [html.P("stays as it was found", className="soft")])])
         )
-    buttons = [
-        html.Button("Undo", id="undo", type="button"),
-        html.Button("Back to the design", id="back", type="button"),
-    ]
+    buttons = [*undo_redo(), html.Button("Back to the design", id="back", type="button")]
     file = [
         html.Label("Name of the file", htmlFor="file"),
         dcc.Input(id="file", type="text", value="tuned.npz"),
@@ -170,9 +168,11 @@ def connect_tuning(app: Any, tuner: Tuner) -> None:
 
 def _connect_numbers(app: Any, tuner: Tuner) -> None:
     """Fields and sliders follow each other, and the worst cases follow them; earlier numbers come back."""
-    from dash import ClientsideFunction, Input, Output, State, ctx
+    from dash import ClientsideFunction, Input, Output, State
 
     every = tuning_quantities(tuner.tuning)
+    start = [one.shown for one in every]
+    history = History(start)
     for one in every:
         slider = f"{one.name}-slider"
         app.clientside_callback(
@@ -186,20 +186,20 @@ def _connect_numbers(app: Any, tuner: Tuner) -> None:
     def turned(*values: object) -> str:
         try:
             tuner.turn(stated(every, values))
+            history.note(values)
         except RobustIdError as error:
             return said(every, error)
         return ""
 
+    connect_history(app, history, [(one.name, "value") for one in every])
+
     @app.callback(
         *[Output(one.name, "value", allow_duplicate=True) for one in every],
-        Input("undo", "n_clicks"),
         Input("back", "n_clicks"),
         prevent_initial_call=True,
     )
-    def returned(*_: object) -> list[float]:
-        undone = str(ctx.triggered_id) == "undo"  # type: ignore[reportUnknownMemberType]
-        numbers = tuner.taken_back() if undone else tuner.tuning.start.numbers
-        return [float(f"{numbers[one.name.removeprefix('tune-')]:.6g}") for one in every]
+    def returned(_: object) -> list[float]:
+        return start
 
 
 def _connect_buttons(app: Any, tuner: Tuner) -> None:

@@ -18,7 +18,11 @@ window.dash_clientside.explore = (() => {
     if (number === undefined || number === null) return [same(), same()];
     slider.setAttribute("aria-valuetext", String(number));
     if (!(part > 0)) return [same(), same()];
-    const share = Math.log(part) / Math.log(one.high / one.low);
+    const width = one.high / one.low;
+    if (name.startsWith("hz-") && (part < 1 || part > width)) { // another mode, or a long way
+      [one.low, one.high] = [number / Math.sqrt(width), number * Math.sqrt(width)];
+    }
+    const share = Math.log((number - one.offset) / one.low) / Math.log(width);
     return [same(), Math.round(STEPS * Math.min(Math.max(share, 0), 1))];
   }
 
