@@ -276,7 +276,9 @@ def _is_units(row: list[str]) -> bool:
     bare = [cell.strip("[]() ") for cell in row]
     axes = (units.FREQUENCY, units.TIME, units.PHASE)
     return all(
-        cell != text or cell.lower().removeprefix("db") in units.USUAL or any(units.factor(axis, cell) for axis in axes)
+        text.strip()[:1] in ("[", "(")
+        or cell.lower().removeprefix("db") in units.USUAL
+        or any(units.factor(axis, cell) for axis in axes)
         for cell, text in zip(bare, row, strict=True)
     )
 

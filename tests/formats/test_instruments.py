@@ -47,6 +47,7 @@ READ = {
     "rew.txt": (files.rew(names="Freq(Hz) SPL(dB) Phase(degrees)", size=files.decibels), HZ, SPEAKER, LEVEL),
     "woofer.frd": (files.frd(), HZ, SPEAKER, LEVEL),
     "woofer.zma": (files.zma(), HZ, SPEAKER, OHM),
+    "titled.zma": (files.zma_titled(), HZ, SPEAKER, OHM),
     "grid.csv": (files.dq_parts(), HZ, MATRIX, GRID),
     "grid_polar.csv": (files.dq_magnitudes(), HZ, MATRIX, GRID),
     "grid_db.txt": (files.dq_decibels(), HZ, MATRIX, GRID),
