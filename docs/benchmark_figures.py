@@ -110,19 +110,24 @@ def passive_models(axes: Any) -> None:
 
 
 def controllers(axes: Any) -> None:
-    """Level that is proved within the discs of the band over that within a weight above it."""
-    names, ratios, machine = [], [], ""
-    for line in table("controllers.py", "level that is proved"):
+    """Level that is proved in polygons, and in discs about the same centres, over that within a weight above them."""
+    names, discs, polygons, machine = [], [], [], ""
+    for line in table("controllers.py", "the centres of the band, in polygons"):
         if not line.startswith("    "):
             machine = line.split(":")[0].strip()
-        elif found := re.match(r"\s+(.+?)\s{2,}.*\(([\d.]+|inf), (?:proved|none)\)$", line):
-            names.append(f"{machine}: {found[1]}")
-            ratios.append(float(found[2]))
-    axes.barh(range(len(names)), ratios, color=BLUE)
-    axes.set_yticks(range(len(names)), names)
+        elif machine != "simulated lag":  # of which a weight leaves next to nothing
+            ratios = re.findall(r"\(([\d.]+)\)", line)
+            names.append(f"{re.sub(', (?:even periods|300 mV)', '', machine)}: {re.match(r' +(.+?) {2,}', line)[1]}")
+            discs.append(float(ratios[1]))
+            polygons.append(float(ratios[2]))
+    places = range(len(names))
+    axes.barh(places, polygons, color=BLUE, label="in polygons")
+    axes.barh(places, discs, color=ORANGE, height=0.4, label="in discs")
+    axes.set_yticks(places, names)
     axes.invert_yaxis()
     axes.axvline(1, color=GREY, lw=1)
-    axes.set(xlabel="proved bandwidth (beam: attenuation) over that with a weight")
+    axes.set(xlabel="proved bandwidth (beam: attenuation) over that with a weight", xlim=(0, 3.4))
+    axes.legend(loc="lower right", framealpha=1)
 
 
 FIGURES = {"margins": margins, "fits": fits, "passive": passive_models, "controllers": controllers}

@@ -113,20 +113,27 @@ class RobustIdError(Exception):
         unknown : callable, optional
             Words for what else stands in backticks.
         """
+        return "".join(map(str, self._spoken(names, remedy, unknown)))
+
+    def reworded(self, names: Mapping[str, str], remedy: Callable[[Remedy], str | Remedy] | None = None) -> Self:
+        """Return the same error with its sentence as `said` gives it; of a remedy that `remedy` returns, with its arguments."""
+        return self._with(*self._spoken(names, remedy, "`{}`".format))
+
+    def _spoken(
+        self, names: Mapping[str, str], remedy: Callable[[Remedy], str | Remedy] | None, unknown: Callable[[str], str]
+    ) -> list[str | Remedy]:
+        """The parts in other words."""
 
         def named(found: re.Match[str]) -> str:
             return names[found[1]] if found[1] in names else unknown(found[1])
 
-        def spoken(part: str | Remedy) -> str:
-            if isinstance(part, Remedy):
-                return remedy(part) if remedy else part.words or unknown(part.typed)
-            return _MARKED.sub(named, part)
+        def spoken(part: str | Remedy) -> str | Remedy:
+            if not isinstance(part, Remedy):
+                return _MARKED.sub(named, part)
+            said = remedy(part) if remedy else _MARKED.sub(named, str(part))
+            return said if isinstance(said, Remedy) else Remedy(part.arguments, said)
 
-        return "".join(map(spoken, self.parts))
-
-    def reworded(self, names: Mapping[str, str], remedy: Callable[[Remedy], str] | None = None) -> Self:
-        """Return the same error with its sentence as `said` gives it."""
-        return self._with(self.said(names, remedy))
+        return list(map(spoken, self.parts))
 
     def at(self, place: str) -> Self:
         """Return the same error with a place in front, but for a sentence that names one."""

@@ -175,11 +175,12 @@ def suggest_kautz(
             " remainder; ask for fewer modes, or give more frequency points"
         )
     poles, reason = find_poles(fit, wanted)
+    decades, lowest = None, float(frf.omega[frf.omega > 0].min(initial=np.inf))
     if wanted is None and not fit.plane.dt:
         decades = over_decades(frf)
         left = residual_rows(poles, fit)
         if decades is not None and ratios(left).max() > 1 and explain_more(decades, left, len(poles)):
-            return _of_decades(fit, decades, float(frf.omega[frf.omega > 0].min()), repeat)
+            return _of_decades(fit, decades, lowest, repeat)
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     poles, kept, words = _kept(fit, poles, shown, wanted is not None)
     reason += words
@@ -202,8 +203,11 @@ def suggest_kautz(
             )
         boxes = [box for k, box in enumerate(boxes) if k in apart]
         kept, edges = kept[apart], edges[apart]
-        if len(poles) and not len(kept) and (slow := slow_poles(frf, fixed_delay)) is not None:
-            return _of_process(fit, slow, repeat)
+        if len(poles) and not len(kept):  # none stands in a class
+            if decades is not None and decades.largest <= 1:
+                return _of_decades(fit, decades, lowest, repeat)
+            if (slow := slow_poles(frf, fixed_delay)) is not None:
+                return _of_process(fit, slow, repeat)
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     if step and np.any(omega < frf.omega[0]):
         reason += (
@@ -263,9 +267,9 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
     edges[:, 0] = np.stack([np.minimum(edges[:, 0, 0], omega), np.maximum(edges[:, 0, 1], omega)], axis=1)
     reason = (
         f"{found.omega.size} poles over {np.log10(top / lowest):.1f} decades, {np.sum(found.damping == 1)} of them real, and a"
-        f" constant leave at most {found.largest:.3g} times the bound; modes beside a smooth remainder leave more. Other"
-        " real poles follow a plant that relaxes over decades as well: these are a choice, no property of it, and the fastest"
-        " stands for the constant"
+        f" constant leave at most {found.largest:.3g} times the bound; modes beside a smooth remainder leave more, or none that a"
+        " class could hold. Other real poles follow a plant that relaxes over decades as well: these are a choice, no property of"
+        " it, and the fastest stands for the constant"
     )
     return KautzSuggestion(
         omega=omega,

@@ -56,8 +56,8 @@ class Look(Frozen):
         What is odd.
     data : object or None
         What `load` makes of it; None where it needs to be told more.
-    refusal : str
-        Then why.
+    refusal, argument : str
+        Then why; and the argument of `load` that is wrong or missing, where it is a single one.
     arguments : dict
         Arguments of `load` to try, as the refusal names them.
     bound : str
@@ -78,6 +78,7 @@ class Look(Frozen):
     faults: tuple[Fault, ...]
     data: object = None
     refusal: str = ""
+    argument: str | None = None
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict[str, Any])
     bound: str = ""
     unknown: tuple[str, ...] = ()
@@ -210,8 +211,10 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
             "records": tuple(apart),
             "joined": joined,
             "kind": kind,
+            "refusal": str(error),
+            "argument": error.argument,
         }
-        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), refusal=str(error), **told)
+        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), **told)
     several: Sequence[object] = data if is_array(data) else [data]
     for one in several:
         odd += response_faults(one) if isinstance(one, FrequencyResponse) else []

@@ -98,7 +98,8 @@ def default_bound(
         except InputError as error:
             why.append(str(error))
     other = ", or take it from a record without excitation" if record else ""
-    raise InputError("no error bound can be taken from the data: " + "; ".join(why) + f". Give `bound`{other}")
+    said = "no error bound can be taken from the data: " + "; ".join(why) + f". Give `bound`{other}"
+    raise InputError(said, argument="bound")
 
 
 def _of_periods(record: TimeRecord) -> TimeRecord:

@@ -141,7 +141,8 @@ def _values(lookup: Lookup) -> np.ndarray:
         if (unsure := lookup.unsure("phase") or lookup.unsure("magnitude")) is not None:
             raise InputError(
                 f"the unit of {unsure!r} isn't certain: give `fields={{'phase_deg': ...}}` or 'phase_rad', and 'magnitude' or"
-                f" 'magnitude_db', or call the columns 'phase [deg]' and 'magnitude [dB]'. {lookup.inventory()}"
+                f" 'magnitude_db', or call the columns 'phase [deg]' and 'magnitude [dB]'. {lookup.inventory()}",
+                argument="fields",
             )
         raise InputError(
             "needs 'values' (complex), or 'real' and 'imag', or 'magnitude' or 'magnitude_db' with"

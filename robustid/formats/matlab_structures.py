@@ -123,7 +123,8 @@ def _frequency_scale(part: _Part, frequency_unit: str | None) -> float:
     said = "isn't there" if not unit else f"is {unit!r}" + ("" if turns is None else " and TimeUnit isn't known")
     raise InputError(
         f"the unit of the frequencies isn't certain: {part.prefix}FrequencyUnit {said}; store it (and TimeUnit), or give"
-        " `frequency_unit` ('Hz' or 'rad/s') where it is missing"
+        " `frequency_unit` ('Hz' or 'rad/s') where it is missing",
+        argument="frequency_unit",
     )
 
 

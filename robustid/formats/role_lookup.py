@@ -93,7 +93,8 @@ class Lookup:
             return "frequency" if frequency else "time"
         if not frequency and (kind := self.looks()) is not None:
             return kind
-        raise InputError("can't tell whether it holds frequency or time data; give `kind` and `fields`. ", *self.help())
+        words = "can't tell whether it holds frequency or time data; give `kind` and `fields`. "
+        raise InputError(words, *self.help(), argument="fields")
 
     def looks(self) -> str | None:
         """Frequency or time, by the usual names in the file alone; None where both or neither are there."""
@@ -137,7 +138,8 @@ class Lookup:
     def need(self, role: str) -> object:
         """As `find`, or say what is missing."""
         if (name := self.find(role)) is None:
-            raise InputError(f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. ", *self.help())
+            words = f"no {role!r} found; name it by `fields={{{role!r}: ...}}`. "
+            raise InputError(words, *self.help(), argument="fields")
         return name
 
     def name(self, name: object) -> str:
@@ -198,7 +200,8 @@ class Lookup:
             raise InputTypeError(f"`fields[{role!r}]` must name what is in the file; got {name!r}")
         what, place = f"`fields[{role!r}]` = {name!r}", self._place(name)
         if place is None:
-            raise InputError(f"{what} isn't in the file. {self._file_of(name)[0].inventory()}")
+            held = self._file_of(name)[0].inventory()
+            raise InputError(f"{what} isn't in the file. {held}", argument="fields", got=name)
         value = place.there.whole(place.name)
         if place.address is None:
             return value, None

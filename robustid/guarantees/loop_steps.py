@@ -15,7 +15,7 @@ difference at sample k is near :math:`\frac{1}{\pi} \operatorname{Re} \int_0^\pi
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,9 @@ from robustid.errors import InputError
 from robustid.guarantees.cells import Pieces, enclose
 from robustid.guarantees.loop_axis import BandAxis
 from robustid.guarantees.loop_bounds import LoopBounds
-from robustid.guarantees.loop_values import Balls, image_over
+from robustid.guarantees.loop_values import Part, image_over
+from robustid.guarantees.tubes import response_tube
+from robustid.identification import Identification
 
 STEPS = ("set point", "load")
 _TOLERANCE = 0.02  # of the width: what arcs may take of it
@@ -95,12 +97,17 @@ def settled(poles: Complex, dt: float) -> int:
 
 @one_thread()
 def step_tube(
-    bounds: LoopBounds, of: str = "set point", *, entry: tuple[int, int] = (0, 0), horizon: int | None = None
+    bounds: LoopBounds,
+    of: str = "set point",
+    *,
+    entry: tuple[int, int] = (0, 0),
+    horizon: int | None = None,
+    identification: Identification | None = None,
 ) -> StepTube:
     r"""Bounds of the step response of a loop with every plant that the data allow, proved at every sample.
 
     Of the discs of the band on the whole axis, by :math:`|\delta y_k| \le \frac{1}{\pi} \int_0^\pi |\delta Y| d\theta`: the width
-    is the same at all samples.
+    is the same at all samples, unless an `identification` narrows it.
 
     Parameters
     ----------
@@ -112,6 +119,9 @@ def step_tube(
         The output, and the set point or the input that steps.
     horizon : int, optional
         Number of samples. Default: until the loop with the model has settled.
+    identification : Identification, optional
+        Of the problem of the band, of one input and one output: the linear part of the difference is then bounded in the class
+        itself, at up to 60 samples, a second or two each. That is narrower, above all where the response has settled.
 
     Returns
     -------
@@ -156,15 +166,27 @@ def step_tube(
     steps, dt = _steps_of(bounds, of, entry), bounds.loop.dt
     count = settled(poles_of(steps.around.A), dt) if horizon is None else as_count("horizon", horizon, least=1)
     nominal, (centre, width) = steps.nominal(count), steps.difference(count)
+    samples, low, high = np.arange(count), centre - width, centre + width
+    if identification is not None:
+        samples, inner, outer = steps.narrowed(_as_one_entry(identification), count)
+        low, high = np.maximum(low[samples], inner), np.minimum(high[samples], outer)
     return StepTube(
         bounds=bounds,
         of=of,
         entry=entry,
-        times=dt * np.arange(count, dtype=float),
-        nominal=nominal,
-        lower=nominal + centre - width,
-        upper=nominal + centre + width,
+        times=dt * samples.astype(float),
+        nominal=nominal[samples],
+        lower=nominal[samples] + low,
+        upper=nominal[samples] + high,
     )
+
+
+def _as_one_entry(identification: object) -> Identification:
+    """The identification of a problem of one input and one output."""
+    found = as_kind("identification", identification, Identification, "an Identification")
+    if not found.problem.entries.single:
+        raise InputError("`identification` must be of one input and one output; leave it out for a matrix")
+    return found
 
 
 def _steps_of(bounds: LoopBounds, of: str, entry: tuple[int, int]) -> _Steps:
@@ -181,7 +203,8 @@ def _steps_of(bounds: LoopBounds, of: str, entry: tuple[int, int]) -> _Steps:
     return _Steps(BandAxis(bounds.band), around, (nu, ny), of, entry)
 
 
-class _Steps(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class _Steps:
     """Steps of all plants: that of the model at samples, and the difference of the others from it."""
 
     axis: BandAxis
@@ -207,7 +230,8 @@ class _Steps(NamedTuple):
 
     def difference(self, count: int) -> tuple[Real, float]:
         """Centre at every sample, and how far from it the difference of any plant may be."""
-        pieces, balls = self._balls()
+        pieces, parts = self.arcs
+        balls = image_over(*parts, self.axis.errors(pieces))
         wide: Real = 2 * pieces.half
         width = float(wide @ balls.radius) / np.pi
         if not np.isfinite(width):
@@ -218,11 +242,39 @@ class _Steps(NamedTuple):
             some = k[first : first + step, None]
             parts = np.real(c * np.exp(1j * some * pieces.middle)) * (2 * np.sin(some * pieces.half) / some)
             centre[first : first + step] = parts.sum(axis=1) / np.pi
-        sign = -1.0 if self.of == "set point" else 1.0
-        return sign * centre, width + _ROUNDING * float(wide @ (np.abs(c) + balls.radius))
+        return self.sign * centre, width + _ROUNDING * float(wide @ (np.abs(c) + balls.radius))
 
-    def _balls(self) -> tuple[Pieces, Balls]:
-        """Pieces of arc, and on each the difference of the transform of all plants, but for a factor z."""
+    def narrowed(self, identification: Identification, count: int) -> tuple[NDArray[np.intp], Real, Real]:
+        """Samples, and bounds of the difference there whose linear part is that of the consistent set, at single outputs.
+
+        ``H_1 Delta H_2`` of a step is the response of Delta to a known input; the rest is ``H_1 m Delta^2 / (1 - m Delta) H_2``.
+        """
+        row, x, e, column = self._places
+        u = np.zeros((count, self.around.B.shape[1]))
+        u[:, column] = 1.0
+        given = np.zeros(u.shape)
+        given[:, e] = simulate(self.around, u)[0][:, x]
+        known = simulate(self.around, given)[0][:, row]
+        tube = response_tube(identification, input=known, model=self.axis.band.model)
+        pieces, parts = self.arcs
+        left, right, inner = ((np.abs(values) + reach)[:, 0, 0] for values, reach in parts)
+        b = self.axis.bounds(pieces)[:, 0, 0]
+        room = 1 - inner * b
+        rest = np.where(room > 0, left * right * inner * b**2 / np.where(room > 0, room, 1.0), np.inf)
+        width = float(2 * pieces.half @ rest) / np.pi  # infinite: nothing is narrowed
+        low, high = sorted(
+            (self.sign * (tube.lower - tube.nominal), self.sign * (tube.upper - tube.nominal)), key=np.sum
+        )
+        return tube.samples, low - width, high + width
+
+    @property
+    def sign(self) -> float:
+        """The set point is a disturbance of the other sign."""
+        return -1.0 if self.of == "set point" else 1.0
+
+    @functools.cached_property
+    def arcs(self) -> tuple[Pieces, tuple[Part, Part, Part]]:
+        """Pieces of arc, and on each what is before and behind Delta and around it, but for a factor z."""
         row, x, e, column = self._places
         A, B, C, D = self.around
         _, ny = self.shape
@@ -242,24 +294,23 @@ class _Steps(NamedTuple):
         model, lost, angles, _ = self.axis.arcs_of(system)
         mean, count = 0.0, 0
 
-        def balls(pieces: Pieces, reach: Real) -> Balls:
-            left, right, inner = (
-                (pieces.values[:, rows, columns], reach[:, rows, columns])
-                for rows, columns in (
-                    (slice(0, 1), slice(1 + ny, None)),
-                    (slice(1, None), slice(0, 1)),
-                    (slice(1, None), slice(1, 1 + ny)),
-                )
-            )
-            return image_over(left, right, inner, self.axis.errors(pieces))
+        def parts(pieces: Pieces, reach: Real) -> tuple[Part, Part, Part]:
+            def part(rows: slice, columns: slice) -> Part:
+                return pieces.values[:, rows, columns], reach[:, rows, columns]
+
+            one, others = slice(0, 1), slice(1, None)
+            return part(one, slice(1 + ny, None)), part(others, one), part(others, slice(1, 1 + ny))
+
+        def radius(pieces: Pieces, reach: Real) -> Real:
+            return image_over(*parts(pieces, reach), self.axis.errors(pieces)).radius
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:
             nonlocal mean, count
-            middle, arc = balls(pieces, 0.0 * pieces.radius).radius, balls(pieces, pieces.radius + lost).radius
+            middle, arc = radius(pieces, 0.0 * pieces.radius), radius(pieces, pieces.radius + lost)
             mean = mean or float(middle @ pieces.half) / np.pi
             count += arc.size
             more = (arc > middle + _TOLERANCE * np.maximum(middle, mean)) & np.isfinite(middle)
             return more & np.any(pieces.radius > lost, axis=(1, 2)) & (count < _FEW)
 
         pieces = enclose(model, angles, coarse)
-        return pieces, balls(pieces, pieces.radius + lost)
+        return pieces, parts(pieces, pieces.radius + lost)

@@ -129,39 +129,39 @@ class Refutation(Frozen):
             _verify(self.identification, item, judged) for item, judged in zip(self.data, self.samples, strict=True)
         )
 
+    @property
+    def verdict(self) -> tuple[str, str]:
+        """The verdict in a word, refuted, inside or undecided, and in a sentence."""
+        count, place = self.ratio.size, self._place
+        if self.refuted:
+            broken = int(np.sum(self.ratio > 1))
+            return "refuted", f"{broken} of {count} new samples contradict the guarantee; worst: {place}"
+        if self.inside:
+            kept = f"each of the {count} new samples is kept by a consistent system; nearest to its bound: {place}"
+            return "inside", kept
+        open_ = int(np.sum(self.attainable > 1))
+        return "undecided", f"{open_} of {count} new samples are at the edge of what is consistent; worst: {place}"
+
     def __repr__(self) -> str:
-        verdict = "refuted" if self.refuted else "inside" if self.inside else "undecided"
-        return f"<Refutation: {verdict}, {self.ratio.size} new samples, worst ratio {self.ratio.max():.4g}>"
+        return f"<Refutation: {self.verdict[0]}, {self.ratio.size} new samples, worst ratio {self.ratio.max():.4g}>"
 
     def summary(self) -> str:
         """The result in plain words."""
         *_, ratio, attainable = self.worst
-        place = self._place
-        count, broken = self.ratio.size, int(np.sum(self.ratio > 1))
+        word, sentence = self.verdict
+        found = f"one was found at {attainable:.4g}" if np.isfinite(attainable) else "none was found"
+        tail = {
+            "refuted": f"no consistent system comes nearer to it than {ratio:.4g} times its bound ({found})",
+            "inside": f"({attainable:.4g} times its bound at most)",
+            "undecided": f"the nearest consistent value is between {ratio:.6g} and {attainable:.6g} times its bound away",
+        }[word]
+        meaning = "nothing is proved of the samples jointly: identify with the old and the new data together"
         if self.refuted:
-            found = f"one was found at {attainable:.4g}" if np.isfinite(attainable) else "none was found"
-            return "\n".join(
-                [
-                    f"refuted    {broken} of {count} new samples contradict the guarantee; worst: {place}",
-                    f"           no consistent system comes nearer to it than {ratio:.4g} times its bound ({found})",
-                    "meaning    an assumption is wrong, data cannot say which: gain bound, decay rate, parametric poles or their"
-                    " intervals, a bound of the old samples, or the bound of this one",
-                ]
+            meaning = (
+                "an assumption is wrong, data cannot say which: gain bound, decay rate, parametric poles or their"
+                " intervals, a bound of the old samples, or the bound of this one"
             )
-        if self.inside:
-            head = f"inside     each of the {count} new samples is kept by a consistent system; nearest to its bound: {place}"
-            tail = f"           ({attainable:.4g} times its bound at most)"
-        else:
-            open_ = int(np.sum(self.attainable > 1))
-            head = f"undecided  {open_} of {count} new samples are at the edge of what is consistent; worst: {place}"
-            tail = f"           the nearest consistent value is between {ratio:.6g} and {attainable:.6g} times its bound away"
-        return "\n".join(
-            [
-                head,
-                tail,
-                "meaning    nothing is proved of the samples jointly: identify with the old and the new data together",
-            ]
-        )
+        return "\n".join([f"{word:<11}{sentence}", f"           {tail}", f"meaning    {meaning}"])
 
 
 @one_thread()

@@ -76,10 +76,17 @@ def _error(error: WorstCaseError) -> Record:
         "values": pack_values(error.values),
         "parameters": {name: getattr(found, name) for name in ("lower", "upper", "attained")}
         | pack_certificates(found.certificates),
-        "circle": None if circle is None else fields_of(circle) | {"values": pack_values(circle.values)},
+        "circle": None if circle is None else _circle(circle),
         "directions": error.directions,
         "gap": error.gap,
         "missing": error.missing,
+    }
+
+
+def _circle(circle: CircleBound) -> Record:
+    """All but the sets, which of a worst-case error say what its bounds say."""
+    return {name: value for name, value in fields_of(circle).items() if name != "sets"} | {
+        "values": pack_values(circle.values)
     }
 
 

@@ -156,10 +156,10 @@ def _proof(claim: Claim, asked: float) -> dict[str, Choice]:
 
 def _check_arguments(problem: object, objective: str, form: str) -> None:
     if not isinstance(problem, MixedProblem):
-        others = ""
+        kind, others = type(problem).__name__, ""
         if isinstance(problem, FrequencyPoints | TimeRecord | list | tuple):
             others = ". Of data alone identify_reduced(data) chooses the class; MixedProblem(frequency=..., prior=...) states it"
-        raise InputTypeError(f"`problem` must be a MixedProblem; got {type(problem).__name__}{others}")
+        raise InputTypeError(f"`problem` must be a MixedProblem; got {kind}{others}")
     if objective not in OBJECTIVES:
         raise InputError(f"`objective` must be one of {OBJECTIVES}; got {objective!r}")
     if problem.prior.positive_real and objective in ("gain", "order"):

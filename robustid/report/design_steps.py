@@ -32,7 +32,7 @@ def steps_section(design: ControllerDesign) -> list[Block]:
         words = f"With the plant of the model of the band alone: no range of other plants is proved, since {reason}."
     rows = [(f"Band {k}" * (len(found) > 1), tubes) for k, (tubes, _) in enumerate(found, start=1) if tubes]
     facts = [(f"{own}{', ' * bool(own)}{name}", text) for own, tubes in rows for name, text in _tube_rows(tubes)]
-    drawn = Drawing(step_chart(design))
+    drawn = Drawing(step_chart(design, [tubes for tubes, _ in found]))
     return [
         Heading("Steps of the loop", guarantee=not reason),
         Text(words, "soft"),
@@ -50,17 +50,18 @@ def _tube_rows(tubes: Sequence[StepTube]) -> list[tuple[str, str]]:
     ]
 
 
-def step_chart(design: ControllerDesign) -> Chart:
+def step_chart(design: ControllerDesign, tubes: Sequence[Sequence[StepTube]] | None = None) -> Chart:
     """Steps of the loop with the plant of the model of each band: of the set point, and of a disturbance at the input.
 
-    With the range of every consistent plant, where one is proved.
+    With the range of every consistent plant, where one is proved; `tubes`: those of every band, where they are known.
     """
+    known = [step_tubes(one)[0] for one in proofs_of(design)] if tubes is None else tubes
     colours = (NOMINAL, *FURTHER)
     panels: list[list[Layer]] = [[], [], []]
     for k, one in enumerate(proofs_of(design)):
         own = "" if len(design.proofs) == 1 else f" of band {k + 1}"
         t, answers = _steps(one)
-        for layers, tube in zip(panels[::2], step_tubes(one, t.size)[0], strict=False):
+        for layers, tube in zip(panels[::2], known[k], strict=False):
             name, low, high = f"range of every consistent plant{own}", tube.lower, tube.upper
             layers.append(Layer(name, tube.times, tube.nominal, BAND, low=low, high=high, fill=True))
         for layers, y in zip(panels, answers, strict=True):
@@ -74,10 +75,10 @@ def step_chart(design: ControllerDesign) -> Chart:
     return Chart("steps", drawn, linked=True)
 
 
-def step_tubes(bounds: LoopBounds, horizon: int | None = None) -> tuple[list[StepTube], str]:
+def step_tubes(bounds: LoopBounds) -> tuple[list[StepTube], str]:
     """Ranges of the steps of all consistent plants, of the set point and of a load, or the reason for which there are none."""
     try:
-        return [step_tube(bounds, of, horizon=horizon) for of in STEPS], ""
+        return [step_tube(bounds, of) for of in STEPS], ""
     except InputError as error:
         return [], str(error)
 

@@ -71,33 +71,31 @@ def identification_page(identification: Identification, title: str | None, parts
     withheld, findings = parts.get("withheld"), parts.get("findings", ())
     reduction, diagnosis = parts.get("reduction"), parts.get("diagnosis")
     shown = further_models(reduction, parts.get("models"))
-    return dataclasses.replace(
-        identification_head(identification, title, parts),
-        body=[
-            *findings_section(findings),
-            *([Heading("What would help"), Code(diagnosis.summary())] if diagnosis is not None else []),
-            *withheld_section(withheld),
-            Heading("Consistency margin"),
-            Facts([("Proven interval", margin_interval(identification))]),
-            Text(margin_words(identification)),
-            *assumptions_section(identification),
-            *content_section(parts.get("content")),
-            *not_guaranteed(_guaranteed(identification, parts), withheld),
-            *frequency_section(identification, shown),
-            *time_section(identification, shown),
-            *residual_section(identification, shown),
-            *active_section(identification, refuted(identification)),
-            *order_section(identification, reduction),
-            *worth_section(parts.get("worth")),
-            *poles_section(identification, shown),
-            *_matrices(identification, reduction),
-            Heading("Verification"),
-            Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
-            checks_table(identification.verification.checks),
-            *_parameters_section(identification),
-            *run_file_section(parts.get("run_file")),
-        ],
-    )
+    body = [
+        *findings_section(findings),
+        *([Heading("What would help"), Code(diagnosis.summary())] if diagnosis is not None else []),
+        *withheld_section(withheld),
+        Heading("Consistency margin"),
+        Facts([("Proven interval", margin_interval(identification))]),
+        Text(margin_words(identification)),
+        *assumptions_section(identification),
+        *content_section(parts.get("content")),
+        *not_guaranteed(_guaranteed(identification, parts), withheld),
+        *frequency_section(identification, shown),
+        *time_section(identification, shown),
+        *residual_section(identification, shown),
+        *active_section(identification, refuted(identification)),
+        *order_section(identification, reduction),
+        *worth_section(parts.get("worth")),
+        *poles_section(identification, shown),
+        *_matrices(identification, reduction),
+        Heading("Verification"),
+        Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
+        checks_table(identification.verification.checks),
+        *_parameters_section(identification),
+        *run_file_section(parts.get("run_file")),
+    ]
+    return dataclasses.replace(identification_head(identification, title, parts), body=body)
 
 
 def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:

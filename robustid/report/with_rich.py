@@ -108,6 +108,10 @@ def _warnings(warnings: Iterable[str], width: int, most: int) -> list[Line]:
         if len(found) + len(lines) > most - 1 and shown:
             break
         found, shown = found + lines, shown + 1
+    if shown and len(found) > max(most, 1):  # the first one alone has no room: what it says goes on elsewhere
+        found = found[: max(most, 1)]
+        found[-1].truncate(width - 1)
+        found[-1].append("…")
     left = len(warnings) - shown
     return found + _wrapped(f"and {left} more warning{'s' * (left > 1)}" if left else "", width, style="yellow")
 

@@ -243,11 +243,6 @@ test_bad_input_is_named = refusals(
     (lambda: rid.guarantee.nu_gap(LAG, UNSEEN), "`second` must be moved by its inputs and seen in its outputs"),
     (lambda: rid.guarantee.coprime(UNSEEN), "`model` must be moved by its inputs and seen in its outputs"),
     (lambda: rid.guarantee.coprime(tf([1, 0, 0], [1, 1])), "`model` must be proper"),
-    (
-        lambda: rid.guarantee.coprime(WIDE),
-        "`model` must be a control.StateSpace: a TransferFunction with 1 outputs and 2",
-        InputTypeError,
-    ),
     (lambda: rid.guarantee.coprime(LAG, normalised="no"), "`normalised` must be True or False", InputTypeError),
     (lambda: rid.guarantee.coprime(tf([1e-9], [1, 0, 1e8])), "`model` must"),
     (
@@ -256,6 +251,11 @@ test_bad_input_is_named = refusals(
     ),
     (lambda: rid.guarantee.ncf_margin(LAG, tf([1], [1, 0.5], 0.1)), "`controller` must have the time base of `plant`"),
 )
+
+
+def test_a_matrix_of_transfer_functions_is_taken_as_the_system_that_it_is():
+    both = control.ss(np.diag([-1.0, -2.0]), np.eye(2), [[1.0, 1.0]], [[0.0, 0.0]])
+    assert rid.guarantee.nu_gap(WIDE, both).value < 1e-8
 
 
 def test_hidden_states_that_are_stable_and_static_gains_of_any_time_base_are_taken():

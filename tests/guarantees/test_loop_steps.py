@@ -12,8 +12,11 @@ from robustid.design import PID, Limits
 from robustid.errors import InputTypeError
 from robustid.guarantee import step_tube
 from robustid.guarantees import STEPS, CircleBound
+from robustid.guarantees.outputs import consistent_outputs
+from robustid.identification import nominal_model
+from robustid.identification.formulation import Candidate
 from support.design_cases import DT, STRUCTURES, band_of, matrix_band_of
-from support.loop_candidates import consistent_members
+from support.loop_candidates import consistent_members, is_consistent
 
 
 def values(model, omega):
@@ -93,10 +96,42 @@ def test_steps_of_consistent_plants_are_in_their_range(seed):
     for (of, _), tube in tubes.items():
         half = (tube.upper[0] - tube.lower[0]) / 2
         assert 1 <= half / dense(bounds, of) <= 1.05
-    near = [omega for _, omega in design.shares.values() if np.isfinite(omega)]
+    near, result = [omega for _, omega in design.shares.values() if np.isfinite(omega)], rid.identify(band.problem)
     count = 1 if seed == 3 else 20
-    for one in (plant, *consistent_members(rid.identify(band.problem), count, np.random.default_rng(seed), near)):
+    for one in (plant, *consistent_members(result, count, np.random.default_rng(seed), near)):
         assert max(inside(one, design.controller, tubes)) <= 1
+    if seed == 3:
+        tubes = {("load", (0, 0)): step_tube(bounds, "load", horizon=4, identification=result)}
+        assert np.all(tubes["load", (0, 0)].upper - tubes["load", (0, 0)].lower < 1.6 * half)
+        assert max(inside(one, design.controller, tubes)) <= 1
+
+
+def farthest(result, model, controller, sample, sign):
+    """The consistent plant whose step of the set point is about the farthest at a sample, to first order."""
+    times = DT * np.arange(sample + 1)
+    given = control.step_response(control.feedback(controller, model), times).outputs
+    known = control.forced_response(control.feedback(1, model * controller), times, given).outputs
+    outputs = consistent_outputs(result, known)
+    point, none = outputs.consistent.member(outputs.functional(sample, sign), 0.02), np.zeros(0)
+    return nominal_model(
+        outputs.consistent.posed, Candidate(*point, none, none, ""), outputs.consistent.level, 0.0
+    ).model
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_the_farthest_plants_come_near_to_the_range_that_the_class_narrows(seed):
+    _, band = band_of(seed)
+    design = rid.design_controller(band, STRUCTURES[seed % 3], limits=Limits(sensitivity_peak=2.0))
+    (bounds,), result = design.proofs, rid.identify(band.problem)
+    wide = step_tube(bounds, horizon=8)
+    tube, shares = step_tube(bounds, horizon=8, identification=result), []
+    assert np.all((tube.lower >= wide.lower) & (tube.upper <= wide.upper))
+    for sign in (-1.0, 1.0):
+        one = farthest(result, bounds.band.model, design.controller, 5, sign)
+        assert is_consistent(band.problem, one)
+        shares += inside(one, design.controller, {("set point", (0, 0)): tube})
+    assert 0.5 <= max(shares) <= 1
 
 
 @pytest.mark.slow
@@ -135,5 +170,6 @@ def test_what_has_no_range_is_refused():
     ):
         with pytest.raises(rid.InputError, match=words):
             step_tube(**{"bounds": bounds, **change})
-    with pytest.raises(InputTypeError, match="LoopBounds"):
-        step_tube(band)
+    for change in ({"bounds": band}, {"identification": band}):
+        with pytest.raises(InputTypeError, match="must be"):
+            step_tube(**{"bounds": bounds, **change})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Output, Report, Static, Verbose, words_of
+from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
 from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
@@ -68,6 +68,7 @@ def bounds(
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Bound how far every consistent system can be from the identified model, with a certificate for every bound.
 
@@ -86,7 +87,7 @@ def bounds(
         raise InputError("--omega and --points both say at which frequencies; give one of them")
     if controller and not how.circle:
         raise InputError("--controller needs the bound between the frequencies too: add --circle")
-    found = _Bounds(screen.console(verbose=verbose), output, report, static, {})
+    found = _Bounds(screen.console(stderr=as_json, verbose=verbose), output, report, static, {})
     written_files.check_static(report, static)
     read = [*written_files.sources(source), *(controller or [])]
     written_files.check_outputs([*found.files(how.over_poles), report], read, force)
@@ -109,7 +110,13 @@ def bounds(
     found.conclude(work, source)
     if not found.certified:
         screen.warn(found.console, "a certificate does not hold: robustid verify names it")
-    raise typer.Exit(0 if found.certified else 1)
+    code = 0 if found.certified else 1
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        bands = [one for one in (work.band, work.error, work.over_poles) if one is not None]
+        screen.write(verdicts.bounded(identification, bands, found.written, found.margins, code), found.console)
+    raise typer.Exit(code)
 
 
 @dataclasses.dataclass
@@ -142,11 +149,14 @@ class _Bounds:
 
     def keep_bounded(self, work: Work) -> None:
         """Keep the bounds at the frequencies, and what they say of the controllers."""
+        from robustid.app.answers.verdicts import circle_words
+
         if (error := work.error) is None:
             return
         self._verify(work, error)
         error.save(self.output)
-        self.said += [error.summary(), *([circle_words(error)] if work.run.worst_case.circle else [])]
+        on_circle = [f"circle     {circle_words(error)}"] if work.run.worst_case.circle else []
+        self.said += [error.summary(), *on_circle]
         self.margins = {name: error.robust_stability_margin(loop) for name, loop in self.loops.items()}
         self.written += written_files.result_files(self.output)
         self._keep_band(work)
@@ -277,13 +287,6 @@ def _swept(error: WorstCaseError | None) -> list[tuple[str, str]]:
     count, upper, lower = error.omega.size, error.sigma_upper.max(), error.sigma_lower.max()
     where = "at 1 frequency" if count == 1 else f"at {count} frequencies"
     return [(f"{where}, poles as they stand", f"≤ {at_most(upper, 3)} (attained: {at_least(lower, 3)})")]
-
-
-def circle_words(error: WorstCaseError) -> str:
-    """The bound on the whole circle in words."""
-    found, end = error.circle, "pi/dt" if error.identification.problem.dt else "infinity"
-    text = f"circle     |F - model| <= {found.largest:.4g} at every frequency from {found.edges[0]:.4g} rad/s to {end}"
-    return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
 
 
 def _frequencies(identification: Identification, omega: list[float] | None, points: int | None) -> Real | None:

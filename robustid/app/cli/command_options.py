@@ -32,6 +32,10 @@ Report = Annotated[Path | None, _result("--report", help="Write the HTML report 
 Static = Annotated[bool, _result("--static", help="Write the report with pictures only: small, and without scripts.")]
 Force = Annotated[bool, _result("--force", help="Replace files that exist.")]
 Verbose = Annotated[bool, _result("--verbose", "-v", help="Print everything that was found, not one screen of it.")]
+AsJson = Annotated[
+    bool,
+    _result("--json", help="Print the answer as JSON, by the schema that is published; everything else to stderr."),
+]
 First = Annotated[
     int | None,
     typer.Option(
@@ -50,6 +54,7 @@ _BESIDE = (
     "static",
     "force",
     "verbose",
+    "as_json",
     "source",
     "context",
 )  # of every command: no arguments of the library

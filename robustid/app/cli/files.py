@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Verbose
+from robustid.app.cli.command_options import AsJson, Force, Verbose
 from robustid.app.cli.screen import Next, say
 from robustid.errors import InputError
 
@@ -22,6 +22,7 @@ _MOST_SAID = 5  # sentences on a file
 def look(
     files: Annotated[list[Path], typer.Argument(help="Files of any kind that robustid reads.")],
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Show what is in files: names, shapes, ranges, what looks odd, and the lines to go on with.
 
@@ -31,13 +32,18 @@ def look(
     """
     from robustid.app.look import look as looked
 
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     found = [looked(path) for path in files]
     if verbose:
         say(console, *(one.summary() for one in found))
     else:
         _on_screen(console, found)
-    raise typer.Exit(screen.FAULTY if any(one.faulty for one in found) else 0)
+    code = screen.FAULTY if any(one.faulty for one in found) else 0
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.looked(found, code), console)
+    raise typer.Exit(code)
 
 
 def _on_screen(console: Terminal, looks: list[Look]) -> None:

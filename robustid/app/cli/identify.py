@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, Unpack
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import First, Force, Output, Report, Static, Verbose
+from robustid.app.cli.command_options import AsJson, First, Force, Output, Report, Static, Verbose
 from robustid.app.cli.screen import Next, say, telling
 from robustid.app.run.checks import too_large
 from robustid.app.run.class_settings import PriorChoice
@@ -73,6 +73,7 @@ def identify(
     reduce: Annotated[bool, typer.Option(help="Look for the smallest model inside the bounds.")] = True,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Decide whether measurements fit a class of systems, with a proof, and build a model.
 
@@ -94,12 +95,12 @@ def identify(
 
     paths = [*(frequency or []), *(time or [])]
     if not paths:
-        raise InputError("--frequency and --time are both missing; give at least one file")
+        raise InputError("--frequency and --time are both missing; give at least one file", argument="frequency")
     flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay", "passive": "--passive"}
     prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner", "weight": "--weight"})
     written_files.check_static(report, static)
     written_files.check_outputs([*written_files.result_files(output), report], paths, force)
-    console, entry = screen.console(verbose=verbose), general.entry
+    console, entry = screen.console(stderr=as_json, verbose=verbose), general.entry
     asked_lines = Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True)
     asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
     lines, samples = asked_lines.read(console), asked_samples.read(console)
@@ -119,7 +120,13 @@ def identify(
     steps = next_of(work, output, screen.called(context))
     conclude(console, work, output, report, steps=steps, static=static)
     found = work.identification
-    raise typer.Exit(screen.exit_code(found.verified_status, bool(found.problem.open_faults)))
+    code = screen.exit_code(found.verified_status, bool(found.problem.open_faults))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        files = [*written_files.result_files(output), *([report] if report else [])]
+        screen.write(verdicts.identified(work, files, code), console)
+    raise typer.Exit(code)
 
 
 def _opened(

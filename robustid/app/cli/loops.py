@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Output, Report, Static, Verbose, words_of
+from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
 from robustid.app.cli.screen import Next, in_words, telling
 from robustid.errors import InputError, Status
 
@@ -46,6 +46,7 @@ def loop(
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Try controllers on every plant that the data allow: proved stable with all of them, or refused with one that is not.
 
@@ -59,7 +60,7 @@ def loop(
     """
     from robustid.app.run.controllers import read_controllers
 
-    console, paths = screen.console(verbose=verbose), controller or []
+    console, paths = screen.console(stderr=as_json, verbose=verbose), controller or []
     written_files.check_static(report, static)
     places = {path.stem: beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
     wanted = [file for one in places.values() for file in (*written_files.result_files(one), beside(one, "-plant.npz"))]
@@ -79,10 +80,16 @@ def loop(
             written += _keep_tried(places[name], found[name])
         if report is not None:
             _draw(found, report, static)
-    _conclude(console, found, [*written, *([report] if report else [])])
+    files = [*written, *([report] if report else [])]
+    _conclude(console, found, files)
     worst = max((one.status.name for one in found.values()), key=("STABLE", "UNDECIDED", "UNSTABLE").index)
     status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[worst]
-    raise typer.Exit(screen.exit_code(status, bool(ran.band.problem.open_faults)))
+    code = screen.exit_code(status, bool(ran.band.problem.open_faults))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.tried(found, files, code), console)
+    raise typer.Exit(code)
 
 
 @dataclasses.dataclass

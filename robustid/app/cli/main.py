@@ -32,12 +32,14 @@ COMMANDS = {  # in the order of the list, with the file of each
     "reduce": "reduce",
     "compare": "compare",
     "verify": "verify",
+    "refute": "refute",
     "report": "report",
     "export": "files",
     "explore": "explore",
     "loop": "loops",
     "connect": "loops",
     "control": "control",
+    "serve": "serve",
 }
 _HEADINGS: dict[str, str] = {
     **dict.fromkeys(("demo", "look", "identify", "new", "run"), _START),
@@ -135,24 +137,40 @@ def main() -> None:
         app()
     except SystemExit as stop:
         if stop.code == INTERRUPTED:  # typer's way to say Ctrl-C
-            _end(_INTERRUPTED, INTERRUPTED)
+            _end(_INTERRUPTED, INTERRUPTED, "stopped")
+        if stop.code == MISUSE:  # said by typer
+            _answer("the options can't be read; stderr says which", MISUSE, "refused")
         raise
     except EndedEarly:
-        _end(_EARLY, INTERRUPTED)
+        _say(_EARLY, INTERRUPTED)  # its answer says so too
     except KeyboardInterrupt:
-        _end(_INTERRUPTED, INTERRUPTED)
+        _end(_INTERRUPTED, INTERRUPTED, "stopped")
     except RobustIdError as error:
-        said = error.said(_OPTIONS, unknown=str)
-        _end(f"[bold red]error:[/bold red] {plain(said)}", UNSOLVED if isinstance(error, SolverError) else MISUSE)
+        code, status = (UNSOLVED, "failed") if isinstance(error, SolverError) else (MISUSE, "refused")
+        _end(error.said(_OPTIONS, unknown=str), code, status, "error: ", error)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        _end(f"[bold red]error:[/bold red] {plain(place + (error.strerror or str(error)))}", MISUSE)
+        _end(place + (error.strerror or str(error)), MISUSE, "refused", "error: ")
     except Exception:
         # Not caught to hide it: the user is to know whose fault it is, and scripts to tell it from a finding.
-        _end(f"[bold red]internal error, please report:[/bold red]\n{plain(traceback.format_exc())}", BUG)
+        _end(traceback.format_exc(), BUG, "broken", "internal error, please report:\n")
 
 
-def _end(sentence: str, code: int) -> None:
+def _end(sentence: str, code: int, status: str, head: str = "", error: RobustIdError | None = None) -> None:
+    _answer(sentence, code, status, error)
+    _say(f"[bold red]{head}[/bold red]{plain(sentence)}", code)
+
+
+def _say(sentence: str, code: int) -> None:
     out = console(stderr=True)
     out.print(sentence, highlight=False, soft_wrap=not out.is_terminal)
     sys.exit(code)
+
+
+def _answer(sentence: str, code: int, status: str, error: RobustIdError | None = None) -> None:
+    """Write the answer where one is asked for and nothing was found."""
+    if "--json" in sys.argv[1:]:
+        from robustid.app.answers.form import ended
+
+        command = next((word for word in sys.argv[1:] if word in COMMANDS), "")
+        screen.write(ended(command, status, sentence, code, error))

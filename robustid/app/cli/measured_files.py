@@ -12,11 +12,11 @@ import numpy as np
 
 from robustid.app.cli.screen import say, warn
 from robustid.app.run.checks import options
-from robustid.app.run.reading import Data, Tables, in_options, option_words, read_source
+from robustid.app.run.reading import Data, Tables, in_options, option_words, read_source, values_of_options
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.core import Signal
 from robustid.data import FrequencyResponse, TimeRecord, hz_span
-from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.estimation import BOUND_SOURCES, response_faults
 from robustid.formats import Origin, origin
 from robustid.identification import sample_faults
@@ -166,6 +166,12 @@ class Files(Generic[S]):
         return dataclasses.replace(data, **{k: v[: self.first] for k, v in arrays.items() if v is not None})
 
 
+def _of_options(remedy: Remedy, kind: str) -> Remedy:
+    """A remedy whose arguments are options."""
+    values = remedy.arguments if remedy.words else values_of_options(remedy, kind)
+    return Remedy(values, in_options(remedy, kind))
+
+
 def _names(signals: Sequence[Signal]) -> str:
     return ", ".join(map(str, signals)) if len(signals) <= _MOST_NAMED else f"{len(signals)} signals"
 
@@ -206,6 +212,8 @@ def _named(path: Path, kind: str) -> Generator[None]:
                 f"a frequency point at {got:.5g} Hz lies above the Nyquist frequency of {nyquist:.5g} Hz; check --dt, and"
                 " --frequency-unit: an omega column is in rad/s unless it says Hz"
             )
-        spoken = error.reworded(option_words(kind), lambda remedy: in_options(remedy, kind))
+        options = option_words(kind)
+        spoken = error.reworded(options, lambda remedy: _of_options(remedy, kind))
+        spoken.argument = options.get(str(error.argument), error.argument)
         # What can't be read names its file.
         raise (spoken if isinstance(error, FileFormatError) else spoken.at(path.name)) from None

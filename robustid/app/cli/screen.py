@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -42,6 +43,7 @@ class Warned(Protocol):
         ...
 
 
+_OTHERS: list[Callable[[str], None]] = []  # programs that are told the steps, in place of the terminal
 _MOST_FILES = 6  # that are named
 _WORTH_SAYING = 2.0  # seconds that a step has taken
 FAULTY = 4
@@ -75,7 +77,19 @@ def say(out: Terminal, *texts: str) -> None:
 
 def warn(out: Terminal, text: str) -> None:
     """Print a yellow sentence."""
+    out.warned.append(text)
     out.say(text, "warning: ", "yellow")
+
+
+def write(answer: dict[str, Any], out: Terminal | None = None) -> None:
+    """Write an answer as JSON on stdout, with the warnings that were printed and the commands to go on with."""
+    from robustid.app.answers.form import text_of
+
+    if out is not None:
+        warnings = list(dict.fromkeys([*out.warned, *answer["warnings"]]))
+        answer = answer | {"warnings": warnings, "next": answer["next"] or out.next}
+    sys.stdout.write(text_of(answer))
+    sys.stdout.flush()
 
 
 def say_written(out: Terminal, *paths: Path | None) -> None:
@@ -105,11 +119,16 @@ class Next(NamedTuple):
     arguments: Sequence[str | Path]
 
     @property
-    def lines(self) -> list[str]:
-        """Two lines."""
+    def command(self) -> str:
+        """The line that is pasted."""
         from robustid.app.run.undoing import command_line
 
-        return [f"next, {self.what}:", f"  {command_line([str(one) for one in self.arguments])}"]
+        return command_line([str(one) for one in self.arguments])
+
+    @property
+    def lines(self) -> list[str]:
+        """Two lines."""
+        return [f"next, {self.what}:", f"  {self.command}"]
 
 
 def next_lines(undoing: Undoing | None, steps: Sequence[Next | str]) -> list[str]:
@@ -139,6 +158,7 @@ def conclude(
 
     own = [step.text for step in document.glance.next] if steps is None else steps
     files = [path for path in written if path is not None]
+    out.next += [one.command if isinstance(one, Next) else one for one in own]
     tail = [written_words(files, _MOST_FILES if not out.verbose else len(files)), *next_lines(undoing, own)]
     if out.verbose:
         for one in everything():
@@ -147,6 +167,11 @@ def conclude(
         tail[0] += " (-v prints all numbers)"
         out.print(head_at_terminal(document, out.width, out.left(tail)), highlight=False)
     say(out, *tail)
+
+
+def tell_others(receiver: Callable[[str], None]) -> None:
+    """Have another program told the steps of commands, in place of the terminal."""
+    _OTHERS.append(receiver)
 
 
 def _log(out: Terminal, words: str) -> None:
@@ -164,7 +189,10 @@ def step(out: Terminal, text: str) -> Generator[None]:
 @contextlib.contextmanager
 def shown(out: Terminal, text: str) -> Generator[Callable[[str], None]]:
     """Show a line that changes at a terminal; elsewhere one line for every change."""
-    if out.is_terminal:
+    if _OTHERS:
+        _OTHERS[-1](text)
+        yield _OTHERS[-1]
+    elif out.is_terminal:
         with out.status(plain(text)) as status:
             yield lambda words: status.update(plain(words))
     else:
@@ -175,6 +203,9 @@ def shown(out: Terminal, text: str) -> Generator[Callable[[str], None]]:
 @contextlib.contextmanager
 def telling(out: Terminal) -> Generator[Progress]:
     """Show the steps of a command as they begin; receiver of their words and their progress."""
+    if _OTHERS:
+        yield told(_OTHERS[-1])
+        return
     with out.status("") if out.is_terminal else contextlib.nullcontext() as status:
         yield told(
             lambda words: _log(out, words) if status is None else status.update(plain(words)), " …" * (status is None)

@@ -19,6 +19,8 @@ class Terminal(Console):
         super().__init__(stderr=stderr)
         self.verbose = verbose
         self.lines = 0
+        self.warned: list[str] = []  # sentences
+        self.next: list[str] = []  # commands that were named
 
     @property
     def wraps(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen
-from robustid.app.cli.bounds import circle_words
+from robustid.app.cli.command_options import AsJson
 from robustid.app.cli.screen import in_words, say, step, telling
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def verify(
     exact: Annotated[
         bool, typer.Option("--exact", help="In ball arithmetic too, every rounding enclosed: needs robustid\\[exact].")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Evaluate every proof in a file again, from its numbers and without a solver.
 
@@ -50,7 +51,7 @@ def verify(
     from robustid.controllers import ControllerDesign
     from robustid.guarantees import Band, Interconnection, LoopBounds
 
-    console, of_loops = screen.console(), (LoopBounds, Interconnection, ControllerDesign)
+    console, of_loops = screen.console(stderr=as_json), (LoopBounds, Interconnection, ControllerDesign)
     with in_words({"exact": "--exact"}):
         with telling(console) as progress:
             result = load_result(source, *_KINDS, progress=progress)
@@ -64,7 +65,12 @@ def verify(
     for name in failed:
         console.print(f"[red]FAILED[/red]     {screen.plain(name)}", highlight=False, soft_wrap=True)
     console.print("[red]not verified[/red]" if failed else "[green]verified[/green]", highlight=False)
-    raise typer.Exit(1 if failed else 0)
+    code = 1 if failed else 0
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.verified(result, failed, code), console)
+    raise typer.Exit(code)
 
 
 def _failures(console: Terminal, result: Any, exact: bool) -> list[str]:
@@ -132,13 +138,15 @@ def _margin(result: Identification) -> str:
 
 def _bound_failures(console: Terminal, error: WorstCaseError, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
+    from robustid.app.answers.verdicts import circle_words
+
     upper, count = error.sigma_upper, error.omega.size
     intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))
     text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
     say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
     failed = _claim_failures(console, error, exact)
     if error.known_circle is not None:
-        say(console, circle_words(error))
+        say(console, f"circle     {circle_words(error)}")
         if not error.circle_supported:
             failed.append("bound on the circle, from its ends of arcs")
     say(console, "recorded   what was attained: as the computation found it, not evaluated again")

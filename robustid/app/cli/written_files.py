@@ -39,7 +39,8 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path], force:
         if [other.resolve() for other in paths].count(path.resolve()) > 1:
             raise InputError(f"{path} would be written twice; choose different names")
         if path.exists() and not force:
-            raise InputError(f"{path} exists; choose another name, or pass --force to replace it")
+            words = f"{path} exists; choose another name, or pass --force to replace it"
+            raise InputError(words, argument="output", got=str(path))
         if not path.parent.is_dir():
             raise InputError(f"the folder {path.parent} does not exist; create it first")
         if not os.access(path.parent, os.W_OK):

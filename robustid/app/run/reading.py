@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Generic, NamedTuple, TypeVar, overload
+from typing import Any, Generic, NamedTuple, TypeVar, overload
 
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.app.run.toml import is_array, write_toml
@@ -120,15 +120,23 @@ def in_options(remedy: Remedy, kind: str) -> str:
     """A remedy as options for a file of this kind."""
     if remedy.words:
         return remedy.words
-    words: list[str] = []
+    return " ".join(
+        f"{flag} {shlex.quote(str(one))}"
+        for flag, value in values_of_options(remedy, kind).items()
+        for one in (value if is_array(value) else [value])
+    )
+
+
+def values_of_options(remedy: Remedy, kind: str) -> dict[str, Any]:
+    """The same as values by their options; of fields a list."""
+    found: dict[str, Any] = {}
     for name, value in remedy.arguments.items():
         if name == "fields":
             several = {role: names if is_array(names) else [names] for role, names in value.items()}
-            pairs = [f"{role}={one}" for role, names in several.items() for one in names]
-            words += [f"--{kind}-field {shlex.quote(pair)}" for pair in pairs]
+            found[f"--{kind}-field"] = [f"{role}={one}" for role, names in several.items() for one in names]
         else:
-            words.append(f"{option_words(kind)[name]} {shlex.quote(str(value))}")
-    return " ".join(words)
+            found[option_words(kind)[name]] = value
+    return found
 
 
 def option_words(kind: str) -> dict[str, str]:
