@@ -75,9 +75,9 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
 
     @app.callback(Output("trouble", "children"), *[Input(*field) for field in fields])
     def chosen(*values: float | str | None) -> str:
+        history.note(values)
         try:
             worker.ask(choice_of(session, every, values))
-            history.note(values)
         except RobustIdError as error:
             return error.said({}, unknown=str)
         return ""

@@ -184,9 +184,9 @@ def _connect_numbers(app: Any, tuner: Tuner) -> None:
 
     @app.callback(Output("trouble", "children"), *[Input(one.name, "value") for one in every])
     def turned(*values: object) -> str:
+        history.note(values)
         try:
             tuner.turn(stated(every, values))
-            history.note(values)
         except RobustIdError as error:
             return said(every, error)
         return ""
