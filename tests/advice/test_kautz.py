@@ -209,7 +209,9 @@ def test_of_two_modes_that_the_lines_do_not_tell_apart_one_is_left_to_the_gain_b
     frf = rid.estimate_frf(datasets.load("fsm/train"), period=8192).band(500, 1700)
     found = suggest_kautz(frf)
     assert "nothing bounds their amplitudes" in found.reason
-    assert found.omega.size >= 6  # of 8, as the bounds of the response are: those near 1385 and 1450 Hz are the doubtful ones
+    assert (
+        found.omega.size >= 6
+    )  # of 8, as the bounds of the response are: those near 1385 and 1450 Hz are the doubtful ones
     assert not np.any((found.omega > 2 * np.pi * 1350) & (found.omega < 2 * np.pi * 1480))
     prior = rid.Prior(gain_bound=1.0, decay_rate=1.05, scaling=np.median(np.abs(frf.values), axis=0))
     problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=found.basis)
