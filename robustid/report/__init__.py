@@ -3,7 +3,7 @@
 from robustid.report import plot
 from robustid.report.document import Document, Verdict, in_short
 from robustid.report.identified import Parts, same
-from robustid.report.live import live_figure, live_words, look_figure, look_words
+from robustid.report.live import live_figure, live_numbers, live_words, look_figure, look_words
 from robustid.report.pages import (
     first_screen,
     has_page,
@@ -30,6 +30,7 @@ __all__ = [
     "head_at_terminal",
     "in_short",
     "live_figure",
+    "live_numbers",
     "live_words",
     "look_figure",
     "look_words",

@@ -12,17 +12,18 @@ from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import Band, Sample, SampleCheck, WorstCaseError
 from robustid.identification import Identification
-from robustid.report.charts import ALERT, BAND, FAINT, FURTHER, NOMINAL, Layer, Panel
+from robustid.report.charts import ALERT, BAND, FAINT, FINE, FURTHER, NOMINAL, Layer, Panel
 from robustid.report.data_faults import problem_verdict
 from robustid.report.frequency import Curve, entry_chart, frequency_charts
 from robustid.report.guarantee import guarantee_sentence, worst_case_charts
 from robustid.report.identification_page import identification_verdict, margin_interval
-from robustid.report.identified import Posed, about, sample_words, shown_band, unit
+from robustid.report.identified import Posed, about, in_unit, sample_words, shown_band, unit
 from robustid.report.proved_band import band_sentence, drawn_band, with_band
 from robustid.report.with_plotly import Drawn, plotly_figure
-from robustid.report.words import HZ, number, percent
+from robustid.report.words import HZ, at_most, number, percent
 
 LEFT_OUT = "left out"
+_KEPT = "kept choice"
 _WITHHELD = "withheld, to test the result"
 _ACTIVE = "active constraints"
 _CONTRADICTED = "contradicted by the others"
@@ -37,9 +38,11 @@ def live_figure(
     band: Band | None = None,
     left_out: Sequence[FrequencyResponse] = (),
     withheld: Sequence[FrequencyResponse] = (),
+    kept: Band | None = None,
 ) -> Drawn:
     """Magnitude, phase and error of a SISO identification as plotly draws them: the error is that of the nominal model, drawn
-    between the frequencies where the band is. Points that are used or `left_out` carry their frequency in Hz as `customdata`.
+    between the frequencies where the band is; the band of another choice that was `kept` stands lightly behind. Points that are
+    used or `left_out` carry their frequency in Hz as `customdata`.
     """
     panels = (frequency_charts(identification) if error is None else worst_case_charts(error))[0].panels
     if error is not None:
@@ -47,7 +50,7 @@ def live_figure(
     panels = _with_active(identification, *panels)
     if band is not None:
         panels = with_band(band, panels)
-    return _figure(identification, panels, left_out, withheld)
+    return _figure(identification, panels, left_out, withheld, kept)
 
 
 def look_figure(
@@ -55,6 +58,7 @@ def look_figure(
     band: Band | None = None,
     left_out: Sequence[FrequencyResponse] = (),
     withheld: Sequence[FrequencyResponse] = (),
+    kept: Band | None = None,
 ) -> Drawn:
     """Magnitude and phase before there is a model, as `live_figure` draws them: the band around its centre.
 
@@ -67,17 +71,23 @@ def look_figure(
     curve = Curve(name, values[above], NOMINAL if band is not None else ALERT, "dot")
     panels = entry_chart(check, (0, 0), omega[above], [curve], shown_band(check)).panels
     if band is not None:
-        return _figure(check, with_band(band, panels), left_out, withheld)
+        return _figure(check, with_band(band, panels), left_out, withheld, kept)
     worst = int(np.argmax(check.ratio))
     ring = _ring(_CONTRADICTED, check.omega[[worst]], check.values[[worst]])
     first = replace(panels[0], layers=(*panels[0].layers, ring))
-    return _figure(check, (first, *panels[1:]), left_out, withheld)
+    return _figure(check, (first, *panels[1:]), left_out, withheld, kept)
 
 
 def _figure(
-    posed: Posed, panels: Sequence[Panel], left_out: Sequence[FrequencyResponse], withheld: Sequence[FrequencyResponse]
+    posed: Posed,
+    panels: Sequence[Panel],
+    left_out: Sequence[FrequencyResponse],
+    withheld: Sequence[FrequencyResponse],
+    kept: Band | None,
 ) -> Drawn:
-    """Panels with the points that are not used, as plotly draws them."""
+    """Panels with the points that are not used and the band of a choice that was kept, as plotly draws them."""
+    if kept is not None:
+        panels = _with_kept(kept, *panels)
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4, choice=True)
     first = replace(panels[0], layers=(*under, *panels[0].layers, *over))
     what = f" [{unit(posed)}]" if unit(posed) else ""
@@ -124,6 +134,29 @@ def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, 
         " the other samples and the assumptions leave no room for it."
     )
     return "inconsistent", words, "No band is drawn: there is no system that it could hold."
+
+
+def live_numbers(identification: Identification, band: Band | None = None) -> list[tuple[str, str]]:
+    """Margin and largest proved error, to be compared with those of another choice."""
+    error = "none is proved"
+    if band is not None and band.bounded.any():
+        error = in_unit(at_most(band.sigma_upper[band.bounded].max()), identification)
+    return [("margin", margin_interval(identification)), ("proved error, largest", error)]
+
+
+def _with_kept(band: Band, magnitude: Panel, phase: Panel, *below: Panel) -> tuple[Panel, ...]:
+    """The panels with a band of another choice behind what they show, and its error."""
+    omega, centre, radius, error = drawn_band(band)
+    (left, right), (bottom, top) = magnitude.x.range or (0.0, np.inf), magnitude.y.range or (0.0, np.inf)
+    seen = (omega >= left * HZ) & (omega <= right * HZ)
+    x, middle, half, error = omega[seen] / HZ, np.abs(centre[seen]), radius[seen], error[seen]
+    low, high = np.clip([middle - half, middle + half], bottom, top)
+    area = Layer(f"{_KEPT}: proved band", x, np.clip(middle, low, high), FAINT, low=low, high=high, fill=True)
+    line = Layer(
+        f"{_KEPT}: proved error", x, np.where(np.isfinite(error), error, np.nan), FAINT, dash="dash", size=FINE
+    )
+    after = [replace(one, layers=(line, *one.layers)) for one in below]
+    return replace(magnitude, layers=(area, *magnitude.layers)), phase, *after
 
 
 def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below: Panel) -> tuple[Panel, Panel, Panel]:

@@ -160,7 +160,7 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     return Chart("proved-band", (behind(panel, [area, *bars], span), errors), linked=True)
 
 
-@functools.lru_cache(maxsize=2)  # a page is drawn again for every frequency that is bounded
+@functools.lru_cache(maxsize=3)  # a page is drawn again for every frequency that is bounded, with a band that was kept
 def drawn_band(band: Band, entry: tuple[int, int] = (0, 0)) -> tuple[np.ndarray, ...]:
     """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
     knots = (band.joined or band.bands)[0].angles

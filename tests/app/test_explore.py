@@ -14,6 +14,7 @@ import pytest
 
 import robustid as rid
 from robustid.app.explore.callbacks import write_run_file
+from robustid.app.explore.kept import compared
 from robustid.app.explore.modes import added, most_missed_hz, removed
 from robustid.app.explore.quantities import choice_of, mode_names, quantities
 from robustid.app.explore.session import Session
@@ -21,7 +22,7 @@ from robustid.app.explore.worker import Worker, glance
 from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.guarantees import growing_error
-from robustid.report import live_figure, live_words, look_figure, look_words
+from robustid.report import live_figure, live_numbers, live_words, look_figure, look_words
 from support.explored import run_file, served, session, until
 
 pytest.importorskip("dash")
@@ -230,6 +231,43 @@ def test_the_state_of_the_page_holds_the_band_before_and_after_the_margin(explor
         worker.ask(dataclasses.replace(near, hz=(6.0, 17.67)))
         until(lambda: not worker.found.doing)
         assert worker.found.band is None
+    finally:
+        worker.close()
+
+
+def test_a_choice_that_is_kept_stays_beside_the_newest_one(explored):
+    worker, near = Worker(explored), dataclasses.replace(explored.start, hz=(9.05, 17.67))
+    try:
+        with pytest.raises(InputError, match="wait for it"):
+            worker.keep()
+        worker.ask(explored.start)
+        until(lambda: worker.found.band is not None)
+        worker.keep()
+        kept = worker.kept
+        assert worker.found.number > kept.number  # the page draws it
+        worker.ask(near)
+        until(lambda: worker.found.band is not None)
+        found = worker.found
+        assert (kept.choice, found.choice) == (explored.start, near)
+        (table,) = compared(explored, kept, found)
+        rows = {
+            cells[0]: cells[1:]
+            for cells in ([cell.children for cell in row.children] for row in table.children[1].children)
+        }
+        assert rows["modes [Hz] (damping)"] == ["9 (0.1), 17.67 (0.004)", "9.05 (0.1), 17.67 (0.004)"]
+        assert rows["gain bound K"] == ["0.2", "0.2"]
+        margins = [live_numbers(one.identification, one.band)[0][1] for one in (kept, found)]
+        assert rows["margin"] == margins
+        assert margins[0] != margins[1]
+        errors = [float(words.split()[0]) for words in rows["proved error, largest"]]
+        assert errors == pytest.approx([one.band.sigma_upper.max() for one in (kept, found)], rel=1e-3)
+        figure = live_figure(found.identification, None, found.band, kept=kept.band)
+        line = next(one for one in figure["data"] if one["name"] == "kept choice: proved error")
+        own = live_figure(kept.identification, None, kept.band)
+        before = next(one for one in own["data"] if one["name"].startswith("proved error"))
+        assert np.array_equal(line["y"], before["y"])
+        worker.forget()
+        assert compared(explored, worker.kept, worker.found) == []
     finally:
         worker.close()
 

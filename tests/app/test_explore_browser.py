@@ -51,6 +51,11 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
         worker = server._worker  # the state behind the page
         until(lambda: worker.found.choice.hz[0] > 8 and worker.found.identification is not None)
+        browser.write("#damping-1", "-1")
+        browser.wait("document.querySelector('#trouble').textContent.startsWith('Mode 2, damping ratio')")
+        browser.value("document.querySelector('#undo').click()")
+        browser.wait(f"{field('damping-1')} === '0.004'")
+        browser.wait("document.querySelector('#trouble').textContent === ''")
         browser.value("document.querySelector('#add').click()")
         browser.wait("document.querySelectorAll('fieldset[id]:not([hidden])').length === 3")
         until(lambda: len(worker.found.choice.hz) == 3)
@@ -63,6 +68,10 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         until(lambda: len(worker.found.choice.hz) == 2)
         browser.wait("document.querySelector('#picture .js-plotly-plot').layout.shapes.length === 2")
         browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
+        until(lambda: worker.found.identification is not None)
+        browser.value("document.querySelector('#keep').click()")
+        browser.wait("document.querySelectorAll('#kept tbody tr').length === 6")
+        browser.wait(f"{LEGEND}.includes('kept choice: proved band')")
         browser.drag(place(browser, 15, 0.5), place(browser, 16.9, 0.6))  # over the point at 16 Hz
         browser.wait(f"{field('left-out')} === '16'")
         browser.value("document.querySelector('#gain-slider').focus()")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from robustid.app.explore.history import History, connect_history
+from robustid.app.explore.kept import compared, connect_kept
 from robustid.app.explore.modes import connect_modes
 from robustid.app.explore.quantities import choice_of, quantities
 from robustid.app.explore.session import ByHand, Session, toggled
@@ -23,6 +24,7 @@ def connect(app: Any, session: Session, worker: Worker) -> None:
     """Make the page of a Dash application react."""
     _connect_fields(app, session)
     connect_modes(app, session, worker)
+    connect_kept(app, worker)
     _connect_computation(app, session, worker)
     _connect_state(app, session, worker)
 
@@ -73,9 +75,9 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
 
     @app.callback(Output("trouble", "children"), *[Input(*field) for field in fields])
     def chosen(*values: float | str | None) -> str:
+        history.note(values)
         try:
             worker.ask(choice_of(session, every, values))
-            history.note(values)
         except RobustIdError as error:
             return error.said({}, unknown=str)
         return ""
@@ -111,7 +113,7 @@ def _connect_state(app: Any, session: Session, worker: Worker) -> None:
 
     @app.callback(
         *(Output("picture", "figure"), Output("verdict", "children"), Output("verdict", "className")),
-        *(Output("guarantee", "children"), Output("numbers", "children")),
+        *(Output("guarantee", "children"), Output("numbers", "children"), Output("kept", "children")),
         *(Output("doing", "children"), Output("progress", "value"), Output("work", "className")),
         *(Output("cancel", "children"), Output("stopped", "children"), Output("shown", "data")),
         Input("tick", "n_intervals"),
@@ -126,14 +128,17 @@ def _connect_state(app: Any, session: Session, worker: Worker) -> None:
         state = [found.number, found.done, 0 if found.look is None else found.look.number]
         if shown == state:
             raise PreventUpdate
-        seen = _seen(session, found, shown[2]) if found.number != shown[0] else [no_update] * 5
+        kept = worker.kept
+        seen = [no_update] * 6
+        if found.number != shown[0]:
+            seen = [*_seen(session, found, kept, shown[2]), compared(session, kept, found)]
         share = found.done / found.count if found.count else 0
         work = "" if found.doing or found.cancelled else "idle"
         button = "Cancel" if found.doing else "Compute again"
         return *seen, _doing(found), str(share), work, button, found.trouble.replace("`", ""), state
 
 
-def _seen(session: Session, found: Computed, looked: int) -> list[object]:
+def _seen(session: Session, found: Computed, kept: Computed | None, looked: int) -> list[object]:
     """Picture, verdict, its key, guarantee and numbers; the picture before it stays until there is another one.
 
     `looked` is the number of the look that is drawn already.
@@ -143,13 +148,13 @@ def _seen(session: Session, found: Computed, looked: int) -> list[object]:
     look, identification = found.look, found.identification
     if look is None or (identification is None and look.number == looked):
         return [no_update, _WAITING if found.doing else "", "", "", no_update]
-    left_out = session.left_out(look.choice)
+    left_out, other = session.left_out(look.choice), None if kept is None else kept.band
     if identification is None:
-        figure = look_figure(look.check, look.band, left_out, look.withheld)
+        figure = look_figure(look.check, look.band, left_out, look.withheld, other)
         key, verdict, guarantee = look_words(look.check, look.band)
         numbers = no_update
     else:
-        figure = live_figure(identification, found.error, found.band, left_out, look.withheld)
+        figure = live_figure(identification, found.error, found.band, left_out, look.withheld, other)
         key, verdict, guarantee = live_words(identification, found.error, found.band)
         numbers = identification.summary()
     figure["layout"] |= {

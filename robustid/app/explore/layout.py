@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.app.explore.quantities import STEPS, Quantity, quantities
@@ -23,6 +24,7 @@ _BRUSH = (
     " left out are frequencies in Hz with commas between them, and LOW:HIGH for all points between two frequencies."
 )
 _ADD = "Where the nominal model misses the data most, measured by their bounds"
+_KEEP = "Its band, error and numbers stay beside those of the choices that follow"
 _PROVED = (
     "Proved: the verdict, the margin, and the band at every frequency, which follows while a mode is dragged. It holds for poles"
     " anywhere in the box that the data left where modes are not moved by hand, and for poles exactly as stated where they are: the"
@@ -38,7 +40,9 @@ def layout(session: Session, title: str) -> Component:
     return html.Div(
         [
             html.Header(html.H1(title)),
-            html.Main([html.Div([_verdict(), _picture(), _numbers()], id="seen"), _fields(session)]),
+            html.Main(
+                [html.Div([_verdict(), html.Div(id="kept"), _picture(), _numbers()], id="seen"), _fields(session)]
+            ),
             dcc.Interval(id="tick", interval=POLL),
             dcc.Store(id="shown", data=[-1, 0, 0]),
             dcc.Store(id="modes", data=len(session.start.hz)),
@@ -101,8 +105,12 @@ def _fields(session: Session) -> Component:
     ]
     parts = [(rest[0], [row(one) for one in rest[1]]), ("Frequency points", points), ("Run file", file)]
     sets = [html.Fieldset([html.Legend(name), *inside]) for name, inside in parts]
+    keep = [
+        html.Button("Keep", id="keep", type="button", title=_KEEP),
+        html.Button("Forget", id="forget", type="button", title="Take what was kept away"),
+    ]
     sets = [
-        html.Div(undo_redo(), className="buttons"),
+        html.Div([*undo_redo(), *keep], className="buttons"),
         *(_mode(k, name, ones, hidden=k >= len(session.start.hz)) for k, (name, ones) in enumerate(modes)),
         html.Div(html.Button("Add a mode", id="add", type="button", title=_ADD), className="buttons"),
         *sets,
@@ -125,6 +133,15 @@ def undo_redo() -> list[Component]:
     from dash import html
 
     return [html.Button(name, id=name.lower(), type="button") for name in ("Undo", "Redo")]
+
+
+def table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], str]]) -> Component:
+    """A table; each row is its cells and its class."""
+    from dash import html
+
+    head = html.Thead(html.Tr([html.Th(one, scope="col") for one in heads]))
+    body = [html.Tr([html.Td(cell) for cell in cells], className=key) for cells, key in rows]
+    return html.Table([head, html.Tbody(body)])
 
 
 def row(one: Quantity) -> Component:

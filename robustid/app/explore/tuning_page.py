@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robustid.app.explore.history import History, connect_history
-from robustid.app.explore.layout import POLL, named, row, undo_redo
+from robustid.app.explore.layout import POLL, named, row, table, undo_redo
 from robustid.app.explore.quantities import Quantity
 from robustid.app.explore.tuning import Tuned, Tuner, Tuning
 from robustid.controllers import Corner, Gains, Kept, OneRoot, Section, TwoRoots
@@ -184,9 +184,9 @@ def _connect_numbers(app: Any, tuner: Tuner) -> None:
 
     @app.callback(Output("trouble", "children"), *[Input(one.name, "value") for one in every])
     def turned(*values: object) -> str:
+        history.note(values)
         try:
             tuner.turn(stated(every, values))
-            history.note(values)
         except RobustIdError as error:
             return said(every, error)
         return ""
@@ -271,13 +271,6 @@ def _seen(tuner: Tuner, found: Tuned) -> list[object]:
 
 def _tables(tuner: Tuner, shares: Mapping[str, tuple[float, float]]) -> list[Component]:
     """Limits with the share that is taken, and worst-case numbers, beside those of the design."""
-    from dash import html
-
-    def table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], str]]) -> Component:
-        head = html.Thead(html.Tr([html.Th(one, scope="col") for one in heads]))
-        body = [html.Tr([html.Td(cell) for cell in cells], className=key) for cells, key in rows]
-        return html.Table([head, html.Tbody(body)])
-
     now, design = tuning_numbers(tuner.look.found), tuning_numbers(tuner.before.found)
     numbers = [((name, value, was), "") for (name, value), (_, was) in zip(now, design, strict=True)]
     rows = [

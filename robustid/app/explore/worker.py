@@ -12,6 +12,7 @@ from robustid.app.explore.session import ByHand, Session
 from robustid.app.run.modes import Box, held_box
 from robustid.core import Real
 from robustid.data import FrequencyResponse
+from robustid.errors import InputError
 from robustid.guarantees import Band, SampleCheck, WorstCaseError, band, check_samples, default_grid, growing_error
 from robustid.identification import Identification, MixedProblem, identify
 
@@ -68,6 +69,7 @@ class Worker(Newest[Computed, ByHand]):
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self.kept: Computed | None = None  # the choice that the newest one is compared with
         super().__init__(Computed())
 
     def ask(self, choice: ByHand) -> None:
@@ -80,6 +82,28 @@ class Worker(Newest[Computed, ByHand]):
         """Stop; what is known stays."""
         if self.found.doing:
             self._replace(None, dataclasses.replace(self.found, doing="", cancelled=True))
+
+    def keep(self) -> None:
+        """Remember the present choice, to be compared with those that follow.
+
+        Raises
+        ------
+        InputError
+            Its margin is not there yet.
+        """
+        with self._asked:
+            if self.found.identification is None:
+                raise InputError("A choice is kept with its margin: wait for it")
+            self._show(self.found)
+
+    def forget(self) -> None:
+        """Forget the choice that was kept."""
+        with self._asked:
+            self._show(None)
+
+    def _show(self, kept: Computed | None) -> None:
+        self.kept = kept
+        self.found = dataclasses.replace(self.found, number=self.found.number + 1)
 
     def _begun(self, found: Computed) -> Computed:
         """The look stays until there is another one."""
