@@ -36,6 +36,7 @@ _FASTER, _FASTEST = (
     30.0,
     300.0,
 )  # times the highest frequency point: where a real pole over decades may lie, and a further one
+_BEYOND = 2.0  # times the highest frequency point: a pole is no mode there, but the slope of what is below
 _TWICE = 2  # a real pole of a process: errors of its place do not matter to first order
 
 
@@ -209,6 +210,12 @@ def suggest_kautz(
             if (slow := slow_poles(frf, fixed_delay)) is not None:
                 return _of_process(fit, slow, repeat)
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
+    if not step and wanted is None and np.any(far := omega > _BEYOND * frf.omega[-1]):
+        edges[far] = np.stack([omega[far], damping[far]], axis=1)[:, :, None]
+        reason += (
+            f"; {np.sum(far)} of them far above the frequency points: what rises or falls towards these has the pole's place as a"
+            " choice, with no interval"
+        )
     if step and np.any(omega < frf.omega[0]):
         reason += (
             "; a mode below the first frequency point may stand for a machine that is free to move: in its place integrators = 2"

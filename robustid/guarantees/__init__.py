@@ -36,7 +36,7 @@ from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
 from robustid.guarantees.power import Judgement, shown
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
-from robustid.guarantees.scope import scope_of
+from robustid.guarantees.scope import in_box, scope_of
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.unstable_plant import UnstablePlant
@@ -118,6 +118,7 @@ __all__ = [
     "frequencies_of",
     "growing_error",
     "has_box",
+    "in_box",
     "interconnection",
     "loop_bounds",
     "magnitude_weight",

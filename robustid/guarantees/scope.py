@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from robustid.core import Real
 from robustid.identification import MixedProblem, common_scope
 
@@ -27,10 +29,17 @@ def pole_words(bands: Sequence[OverPoles]) -> str:
     """Words on the poles of the parametric parts: exact ones are said where any band takes them so; empty without such parts."""
     if any(one.box is None and one.problem.parametric is not None for one in bands):
         return ", poles of the parametric part exactly as stated"
-    counts = sorted({len(one.box[0]) for one in bands if one.box is not None})
+    boxes = [one.box for one in bands if one.box is not None]
+    counts = sorted({in_box(box) for box in boxes})
     if not counts:
         return ""
-    return f", poles of {' or '.join(map(str, counts))} mode{'s' * (counts[-1] > 1)} anywhere in their box"
+    others = ", of others exactly as stated" if any(in_box(box) < len(box[0]) for box in boxes) else ""
+    return f", poles of {' or '.join(map(str, counts))} mode{'s' * (counts[-1] > 1)} anywhere in their box{others}"
+
+
+def in_box(box: tuple[Real, Real]) -> int:
+    """Number of modes whose pole has an interval; that of others is a point."""
+    return int(np.sum(np.any([side[:, 1] > side[:, 0] for side in box], axis=0)))
 
 
 def scope_of(bands: Sequence[OverPoles]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import as_kind, fingerprint
 from robustid.errors import InputError
-from robustid.guarantees import Band, WorstCaseError, norm_of_bounds
+from robustid.guarantees import Band, WorstCaseError, in_box, norm_of_bounds
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
 from robustid.report.charts import ALERT, BAND, FINE, NOMINAL, Chart, Layer, Panel, lighter, named, side_by_side
@@ -62,8 +62,9 @@ def poles_words(band: Band) -> str:
         return "without modes"
     if band.box is None:
         return "with the poles exactly as they stand in the class"
-    count = len(band.box[0])
-    return f"with the pole{'s' * (count > 1)} of {count} mode{'s' * (count > 1)} anywhere in their uncertainty box"
+    count, all_modes = in_box(band.box), len(band.box[0])
+    words = f"with the pole{'s' * (count > 1)} of {count} mode{'s' * (count > 1)} anywhere in their uncertainty box"
+    return words if count == all_modes else f"{words}, of {all_modes - count} exactly as stated"
 
 
 def band_sentence(identification: Posed, band: Band) -> str:

@@ -291,3 +291,18 @@ def test_a_cell_of_two_relaxations_has_real_poles_whatever_modes_beside_a_remain
     real = found.omega[found.damping == 1]
     assert np.abs(np.log(real / 1.0)).min() < 0.05
     assert np.abs(np.log(real * 0.015)).min() < 0.05
+
+
+def test_what_rises_towards_the_highest_points_is_a_choice_without_an_interval():
+    """A loudspeaker: resonance at 60 Hz and the inductance of its coil; no pole of it lies near the points."""
+    omega, rng = 2 * np.pi * np.geomspace(10, 20000, 120), np.random.default_rng(1)
+    s = 1j * omega
+    values = 6 + 4e-4 * s + 30 / (1 + 4 * (s / (120 * np.pi) + 120 * np.pi / s))
+    noise = 0.003 * (rng.standard_normal(120) + 1j * rng.standard_normal(120))
+    found = suggest_kautz(rid.estimate_bound(rid.FrequencyResponse(omega, values * (1 + noise))))
+    far = found.omega > 2 * omega[-1]
+    assert np.sum(far) == np.sum(~far) == 1
+    assert np.all(np.ptp(found.omega_interval, axis=1)[far] == 0)
+    (low, high), *_ = found.omega_interval[~far]
+    assert low < 120 * np.pi < high
+    assert "far above the frequency points" in found.reason
