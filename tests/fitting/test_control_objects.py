@@ -49,5 +49,8 @@ def test_validate_takes_results():
         np.testing.assert_array_equal(found.residuals, expected.residuals)
     discrete = rid.to_continuous(control.sample_system(PLANT, 0.1))
     assert rid.validate(discrete, frf).fit.min() > 0.999
-    with pytest.raises(rid.errors.InputTypeError, match=r"`model` must be a control.StateSpace; got FrequencyResponse"):
+    with pytest.raises(
+        rid.errors.InputTypeError,
+        match=r"`model` must be a control.StateSpace or TransferFunction, .*; got FrequencyResponse",
+    ):
         rid.validate(frf, frf)

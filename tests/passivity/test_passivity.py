@@ -190,7 +190,7 @@ UNSTABLE, WIDE = control.StateSpace(0.5, 1.0, 0.5, 0.0, 0), control.StateSpace(-
         (WIDE, {}, "as many outputs as inputs.*1 outputs and 2 inputs"),
         (first_order(1.0), {"kind": "passive"}, "`kind` must be one of 'bounded real'.*got 'passive'"),
         (first_order(1.0), {"decay": -1.0}, "`decay` must be >= 0"),
-        ([[1.0]], {}, r"control\.StateSpace; got list"),
+        ([[1.0]], {}, r"control\.StateSpace or TransferFunction, .*; got list"),
     ],
 )
 def test_misuse_is_refused_in_a_sentence(model, options, message):

@@ -231,7 +231,7 @@ INTEGRATOR = control.ss([[0.0]], [[1]], [[1]], 0)
 
 
 test_bad_input_is_named = refusals(
-    (lambda: balanced_truncation(control.tf([1], [1, 1])), "control.ss", InputTypeError),
+    (lambda: balanced_truncation([[1.0]]), "`model` must be a control.StateSpace or TransferFunction", InputTypeError),
     (lambda: balanced_truncation(control.ss([[np.nan]], [[1]], [[1]], 0)), "matrix A"),
     (lambda: balanced_truncation(control.StateSpace([[0.5]], [[1]], [[1]], 0, None)), "dt = None"),
     (lambda: balanced_truncation(STABLE, order=2), "at most the order of the model, 1"),

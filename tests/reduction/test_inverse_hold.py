@@ -142,6 +142,7 @@ test_bad_input_is_named = refusals(
     (control.StateSpace([[0.5]], [[1]], [[1]], 0, True), "sample time"),
     (control.StateSpace([[0.5]], [[1]], [[1]], 0, None), "dt = None"),
     (control.StateSpace([[0.5]], [[np.inf]], [[1]], 0, 0.1), "matrix B"),
-    (control.tf([1], [1, 0.5], 0.1), "control.ss", InputTypeError),
+    (control.tf([1], [1, 0.5], 0.1), "negative real axis"),
+    ([[0.5]], "must be a control.StateSpace or TransferFunction", InputTypeError),
     of=to_continuous,
 )
