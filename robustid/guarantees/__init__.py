@@ -9,9 +9,10 @@ from robustid.guarantees.cells import Pieces
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import Sample, consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction
-from robustid.guarantees.coverage import coverage
+from robustid.guarantees.coverage import coverage, on_lines
 from robustid.guarantees.coverage_result import Coverage
 from robustid.guarantees.diameter import Diameter, diameter
+from robustid.guarantees.drift import Drift, drift
 from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.interconnection import interconnection
@@ -41,6 +42,8 @@ from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMa
 from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.unstable_plant import UnstablePlant
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
+from robustid.guarantees.watch import watch
+from robustid.guarantees.watch_result import Place, Sensitivity, Watch, Watched
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
 from robustid.guarantees.weight_structures import (
     StructuredPlant,
@@ -65,6 +68,7 @@ __all__ = [
     "CoprimeFactors",
     "Coverage",
     "Diameter",
+    "Drift",
     "Driver",
     "ErrorSets",
     "Family",
@@ -82,6 +86,7 @@ __all__ = [
     "ParameterIntervals",
     "Peak",
     "Pieces",
+    "Place",
     "PoleCell",
     "Ranked",
     "Refutation",
@@ -90,12 +95,15 @@ __all__ = [
     "RobustStabilityMargin",
     "Sample",
     "SampleCheck",
+    "Sensitivity",
     "StepTube",
     "StructuredPlant",
     "StructuredWeight",
     "UncertaintyWeight",
     "UnstablePlant",
     "ValueSet",
+    "Watch",
+    "Watched",
     "WorstCaseError",
     "WorstCaseOverPoles",
     "as_frequencies",
@@ -113,6 +121,7 @@ __all__ = [
     "coverage",
     "default_grid",
     "diameter",
+    "drift",
     "entry_weights",
     "family",
     "frequencies_of",
@@ -127,6 +136,7 @@ __all__ = [
     "ncf_margin",
     "norm_of_bounds",
     "nu_gap",
+    "on_lines",
     "otherwise_words",
     "output_errors",
     "ranked",
@@ -141,6 +151,7 @@ __all__ = [
     "structured_weights",
     "told_apart_of",
     "uncertainty_weight",
+    "watch",
     "worst_case_error",
     "worst_case_over_poles",
     "worst_of",
