@@ -45,8 +45,9 @@ class Sensitivity(NamedTuple):
 class Watched(NamedTuple):
     """One record of a watch.
 
-    `score`: smallest factor on the band that holds it, `at`: where; `e_value` and `evidence`: of a drift, see `drift`; `drifted`:
-    the alarm; `refuted`: where no plant of the class explains the data of the band and this record, None: nowhere;
+    `score`: smallest factor on the band and its own bound together that holds it, `at`: where; `e_value` and `evidence`: of a
+    drift, see `drift`; `drifted`: the alarm; `refuted`: where no plant of the class explains the data of the band and this
+    record, None: nowhere; `excess`: its distance from the middle of the band there, in half-widths, less its own bound;
     `sensitivity`: with the controller, None without one.
     """
 
@@ -128,15 +129,25 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         names = [*(f"before {k + 1}" for k in range(len(self.usual))), *self.names]
         return coverage(on_lines(self.band, everything), everything, names=names)
 
+    @functools.cached_property
+    def shares(self) -> Real:
+        """Distance from the middle of the band over the sum of its half-width and the record's own bound, (U + R, F, ny, nu)."""
+        found = self.coverage
+        return np.zeros((0, 0, 1, 1)) if found is None else freeze(found.error / (1 + found.noise))
+
+    @functools.cached_property
+    def _scores(self) -> Real:
+        return np.nanmax(self.shares, axis=(1, 2, 3), initial=0.0)
+
     @property
     def scores(self) -> Real:
-        """Smallest factors on the band that hold the records, (R,)."""
-        return np.zeros(0) if self.coverage is None else freeze(self.coverage.scores[len(self.usual) :])
+        """Smallest factors on the band and the bounds of the records, together, that hold these, (R,)."""
+        return freeze(self._scores[len(self.usual) :])
 
     @property
     def usual_scores(self) -> Real:
         """Those of the records from before the watch, (U,)."""
-        return np.zeros(0) if self.coverage is None else freeze(self.coverage.scores[: len(self.usual)])
+        return freeze(self._scores[: len(self.usual)])
 
     @functools.cached_property
     def drift(self) -> Drift:
@@ -150,12 +161,12 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         if found is None:
             return ()
         first = len(self.usual)
-        sizes, proved = (found.error + found.noise)[first:], self._proved_excess
+        shares, proved = self.shares[first:], self._proved_excess
         return tuple(
             Watched(
                 name=name,
                 score=float(self.scores[r]),
-                at=self._place(sizes[r]),
+                at=self._place(shares[r]),
                 e_value=float(self.drift.e_values[r]),
                 evidence=float(self.drift.sums[r]),
                 drifted=bool(self.drift.alarms[r]),
@@ -259,13 +270,14 @@ class Watch(Frozen, Tabular, Drawable, Savable):
             more = f", and {len(self.drifted) - 1} times since" if len(self.drifted) > 1 else ""
             said.append(
                 f"Drifted: alarm at {one.name}{more}; the scores are larger than those of the records before"
-                f" ({one.score:.3g}, at {self.where(one.at)})."
+                f" ({one.score:.3g} of what band and bound leave, at {self.where(one.at)})."
             )
         if said:
             return said
         return [
-            f"No alarm in {len(self.history)} records; the last one lies in the band times {last.score:.3g}"
-            f" ({self.where(last.at)}), evidence {last.evidence:.3g} of the {1 / self.rate:.4g} at which an alarm is given."
+            f"No alarm in {len(self.history)} record{'s' * (len(self.history) > 1)}; the last one uses {100 * last.score:.3g} % of"
+            f" what the band and its own bound leave it ({self.where(last.at)}), evidence {last.evidence:.3g} of the"
+            f" {1 / self.rate:.4g} at which an alarm is given."
         ]
 
     @property

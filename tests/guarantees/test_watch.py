@@ -35,7 +35,9 @@ def response(plant, rng):
 def identified():
     first = response(machine(), np.random.default_rng(99))
     basis = rid.kautz(OMEGA0, ZETA, dt=DT)
-    return rid.identify(rid.MixedProblem(frequency=first, prior=rid.Prior(gain_bound=0.05, decay_rate=1.1), parametric=basis))
+    return rid.identify(
+        rid.MixedProblem(frequency=first, prior=rid.Prior(gain_bound=0.05, decay_rate=1.1), parametric=basis)
+    )
 
 
 @pytest.fixture(scope="module")
