@@ -35,7 +35,8 @@ def watch(
     rate: Annotated[
         float | None,
         typer.Option(
-            "--rate", help="False alarms of a drift in a record, at most, on average. Default 0.002; of a new watch."
+            "--alarm-rate",
+            help="False alarms of a drift in a record, at most, on average. Default 0.002; of a new watch.",
         ),
     ] = None,
     controller: Annotated[
@@ -78,7 +79,9 @@ def watch(
     if begun and output is None:
         raise InputError(f"{source} is no watch yet: name the one that begins with --output NAME", argument="output")
     if not begun and (
-        given := [name for name, one in (("--usual", usual), ("--rate", rate), ("--controller", controller)) if one]
+        given := [
+            name for name, one in (("--usual", usual), ("--alarm-rate", rate), ("--controller", controller)) if one
+        ]
     ):
         raise InputError(f"{given[0]} is for a new watch; {source} has begun, and its rate would no longer hold")
     if not begun and not paths and output is None and report is None:
@@ -86,7 +89,7 @@ def watch(
     target = list(written_files.result_files(source if output is None else output))
     taken = [one for path in [source, *paths, *(usual or [])] for one in written_files.sources(path)]
     written_files.check_outputs([*(target if output is not None else []), report], taken, force)
-    words = words_of(watch, band=str(source), record="the record", usual="--usual")
+    words = words_of(watch, band=str(source), record="the record", usual="--usual", rate="--alarm-rate")
     with in_words(words):
         found: Watch = (
             _begun(console, known, usual or [], rate, controller, (how, records, responses)) if begun else known
