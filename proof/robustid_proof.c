@@ -1,6 +1,6 @@
 /* robustid-proof FILE: check a proof of what finitely many samples say about all systems of a class.
  *
- * The format, and the mathematics of every step, are in docs/proof-format.md; the names here are those of that page.
+ * The format, and the mathematics of every step, are in docs/proof_format.rst; the names here are those of that page.
  * Nothing here is a floating-point number. Every number is a ball m 2^e +- r 2^e of integers; rounding only widens it.
  * Exit status: 0 every statement is proved, 1 one is not, 2 the file cannot be read. Build: cc -O2 -o robustid-proof robustid_proof.c -lgmp
  */

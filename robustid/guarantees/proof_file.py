@@ -1,4 +1,4 @@
-"""A proof as a file that others can check: the question in full, its digest, and the evidence (`docs/proof-format.md`).
+"""A proof as a file that others can check: the question in full, its digest, and the evidence (`docs/proof_format.rst`).
 
 The claims are those of this package, widened by a billionth; the multipliers, in double precision, are dyadic numbers.
 """
@@ -26,11 +26,13 @@ if TYPE_CHECKING:
 VERSION = 1
 _WIDER = 1 + 1e-9  # a stated radius of a parameter over the proved one; claims are widened by ten times as much
 _KEPT, _MOST = 1e9, 4096  # of a bound, what reflection coefficients leave out; how many of them
-_NOT_YET = "`result` has no proof file yet: {}; `robustid verify` without --export checks it (docs/proof-format.md says what is expressed)"
+_NOT_YET = (
+    "`result` has no proof file yet: {}; this package alone checks it (docs/proof_format.rst says what is expressed)"
+)
 
 
-def proof_text(result: Band | Identification | Contradiction) -> str:
-    """Return the proof of a result, in the JSON of `docs/proof-format.md`.
+def proof_text(result: object) -> str:
+    """Return the proof of a result, in the JSON of `docs/proof_format.rst`.
 
     Parameters
     ----------
@@ -51,6 +53,8 @@ def proof_text(result: Band | Identification | Contradiction) -> str:
         return _of_identification(result)
     if isinstance(result, Contradiction):
         return _of_contradiction(result)
+    if not isinstance(result, Band):
+        raise InputError(_NOT_YET.format("only bands of sums and identifications have"))
     if result.box is not None:
         raise InputError(_NOT_YET.format("it is over a pole-uncertainty box"))
     return _of_band(result)
@@ -58,6 +62,7 @@ def proof_text(result: Band | Identification | Contradiction) -> str:
 
 def _of_band(band: Band) -> str:
     """Discs at the frequencies of a band where its sums say something."""
+    _check(band.problem)
     omega, one = np.asarray(band.omega), band.bands[0]
     statements: list[Any] = []
     evidence: list[Any] = []
@@ -65,9 +70,7 @@ def _of_band(band: Band) -> str:
     size = float(np.abs(known.largest).max(initial=0.0))
     for frequency, angle in zip(omega.tolist(), band.problem.plane.angles(omega).tolist(), strict=True):
         points, d = _multipliers(one, angle)
-        (centre,), (radius,) = evaluate(
-            one.samples, one.extraction, np.array([angle]), points[None], d[None]
-        )
+        (centre,), (radius,) = evaluate(one.samples, one.extraction, np.array([angle]), points[None], d[None])
         if not np.isfinite(radius):
             continue
         base = targets_at(one.samples, np.array([angle])).base[0]
@@ -167,7 +170,8 @@ def _check(problem: MixedProblem) -> None:
         "the problem is in continuous time": not isinstance(problem.plane, ZPlane),
         "it has several inputs or outputs": problem.entries.shape != (1, 1),
         "it has records": bool(problem.time),
-        "its class is not the ball of one gain bound": type(problem.prior) is not Prior or not problem.weighting.trivial,
+        "its class is not the ball of one gain bound": type(problem.prior) is not Prior
+        or not problem.weighting.trivial,
         "its parameters have intervals": problem.parameter_bounds is not None,
         "bounds are ellipses, or joint": any(one.tilt is not None or one.joint != "entry" for one in bounds),
         "it has tangential data": any(getattr(one, "weights", None) is not None for one in problem.frequency),
@@ -192,7 +196,10 @@ def _functions(basis: ParametricBasis | None) -> dict[str, Any]:
         return {"A": [], "B": [], "C": [], "D": []}
     A, B, C, D = (np.asarray(one).tolist() for one in basis.matrices)
     columns = {"B": [_dyadic(row[0]) for row in B], "D": [_dyadic(row[0]) for row in D]}
-    return {"A": [[_dyadic(one) for one in row] for row in A], "C": [[_dyadic(one) for one in row] for row in C]} | columns
+    return {
+        "A": [[_dyadic(one) for one in row] for row in A],
+        "C": [[_dyadic(one) for one in row] for row in C],
+    } | columns
 
 
 def _parameters(extraction: Extraction | None) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-_BITS = 1200
+_BITS = 512
 _GRID = 1 << _BITS
 _NUMBER = re.compile(r"(-?\d+)(?:\.(\d+))?(?:e([+-]?\d{1,3}))?|(-?\d+)p([+-]?\d{1,4})")
 
@@ -139,7 +139,11 @@ class Judge:
         units, of = self.question["units"], self.question["class"]
         if (units["frequency"], units["time"]) != ("rad/s", "s"):
             raise Refused("other units")
-        self.K, self.rho, self.T = number(of["gain_bound"]), number(of["decay_rate"]), number(self.question["sample_time"])
+        self.K, self.rho, self.T = (
+            number(of["gain_bound"]),
+            number(of["decay_rate"]),
+            number(self.question["sample_time"]),
+        )
         level = number(self.question["level"])
         if min(self.K, self.T, level) <= 0 or self.rho <= 1:
             raise Refused("no class")
@@ -188,7 +192,9 @@ class Judge:
                 total += own * other * (Disc(1) - nodes[k] * nodes[m].conj).inverse
         return root(max(total.re + total.error, Fraction(0)) / room)
 
-    def sums(self, evidence: Any, target: dict[int, Disc], at: Any = None, wanted: int | None = None) -> tuple[Disc, Fraction, Fraction]:
+    def sums(
+        self, evidence: Any, target: dict[int, Disc], at: Any = None, wanted: int | None = None
+    ) -> tuple[Disc, Fraction, Fraction]:
         """Centre and radius of the functional of all consistent systems, and the part of the radius from parameters."""
         zeta, values = at or (Disc(0), [Disc(0)] * self.M)
         nodes, P = [*self.nodes, zeta, zeta.conj], [*self.P, values, [one.conj for one in values]]
@@ -251,7 +257,9 @@ class Judge:
 
     def support(self, said: Any, evidence: Any) -> bool:
         half = Disc(*(number(one) / 2 for one in said["direction"]))
-        centre, radius, _ = self.sums(evidence, {2 * self.N: half, 2 * self.N + 1: half.conj}, self.place(said["omega"]))
+        centre, radius, _ = self.sums(
+            evidence, {2 * self.N: half, 2 * self.N + 1: half.conj}, self.place(said["omega"])
+        )
         return centre.re + centre.error + radius <= number(said["value"])
 
     def inconsistent(self, said: Any, evidence: Any) -> bool:
@@ -261,7 +269,10 @@ class Judge:
     def consistent(self, said: Any, evidence: Any) -> bool:
         if set(evidence) != {"reflections", "parameters"} or set(said) != {"kind"}:
             raise Refused("other keys")
-        gains, p = [Disc(number(one)) for one in evidence["reflections"]], [number(one) for one in evidence["parameters"]]
+        gains, p = (
+            [Disc(number(one)) for one in evidence["reflections"]],
+            [number(one) for one in evidence["parameters"]],
+        )
         if any(abs(number(one)) >= 1 for one in evidence["reflections"]):
             return False
         for zeta, values, y, bound in zip(self.nodes, self.P, self.y, self.bound, strict=False):
