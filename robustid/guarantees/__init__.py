@@ -25,6 +25,7 @@ from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_o
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_by_loop import MarginsByLoop, margins_by_loop
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
+from robustid.guarantees.loop_placement import limiting_polygons
 from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube
 from robustid.guarantees.loop_values import Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
@@ -130,6 +131,7 @@ __all__ = [
     "has_box",
     "in_box",
     "interconnection",
+    "limiting_polygons",
     "loop_bounds",
     "magnitude_weight",
     "margins_by_loop",
