@@ -138,8 +138,8 @@ def contradiction(_):
     names = "entry omega time measured centre radius bound excess factor points multipliers verify summary"
     lines = {"lines": structure(hz=17.0, time=False), "record": structure(hz=17.0), "box": structure(hz=15.0)}
     box = HZ * np.array([[8.99, 9.01], [14.9, 15.1]]), np.array([[0.099, 0.101], [0.0036, 0.0044]])
-    found = {name: rid.contradiction(one, box=box if name == "box" else None) for name, one in lines.items()}
-    none = rid.contradiction(structure())
+    found = {name: rid.guarantee.contradiction(one, box=box if name == "box" else None) for name, one in lines.items()}
+    none = rid.guarantee.contradiction(structure())
     return {name: None if one is None else of(one, names) for name, one in found.items()} | {"none": none is None}
 
 
@@ -256,7 +256,7 @@ def verified_exactly(_):
     asked = structure(lines=3, samples=3, extra_hz=())
     found = rid.identify(asked)
     box = rid.guarantee.worst_case_over_poles(found, *close_box(), omega=AT[:1], directions=3, cells=1)
-    wrong = rid.contradiction(structure(hz=17.0, lines=3, samples=3))
+    wrong = rid.guarantee.contradiction(structure(hz=17.0, lines=3, samples=3))
     return {
         "band": rid.band(found, omega=AT, knots=12).verify(exact=True),
         "contradiction": wrong.verify(exact=True),

@@ -124,7 +124,7 @@ def saved_and_loaded(folder):
     error = rid.worst_case_error(found, omega=HZ * np.array([5.0]), directions=4)
     band = rid.band(found)
     fit = rid.fit_mfd(noisy(modal_system(), HZ * np.geomspace(4, 1200, 60)), order=6)
-    wrong = rid.contradiction(structure(hz=17.0))
+    wrong = rid.guarantee.contradiction(structure(hz=17.0))
     for name, thing in {"found": found, "error": error, "band": band, "fit": fit, "wrong": wrong}.items():
         thing.save(folder / name)
     again = {name: rid.load(folder / name) for name in ("found", "error", "band", "fit", "wrong")}

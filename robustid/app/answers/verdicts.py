@@ -180,7 +180,7 @@ def contradicted(found: Refutation | Coverage, faults: Iterable[Fault], exit_cod
 
 
 def watched(found: Watch, faults: Iterable[Fault], files: Iterable[Path], exit_code: int) -> Answer:
-    """What a watch says of all its records: the worst alarm so far."""
+    """Records of a watch: the worst alarm so far."""
     status = "refuted" if found.refuted else "drifted" if found.drifted else "quiet"
     return answer(
         "watch",

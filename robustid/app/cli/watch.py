@@ -32,7 +32,7 @@ def watch(
         list[Path] | None,
         typer.Option("--usual", help="Record from before, of the machine as it should be. Repeatable; of a new watch."),
     ] = None,
-    rate: Annotated[
+    alarm_rate: Annotated[
         float | None,
         typer.Option(
             "--alarm-rate",
@@ -80,7 +80,9 @@ def watch(
         raise InputError(f"{source} is no watch yet: name the one that begins with --output NAME", argument="output")
     if not begun and (
         given := [
-            name for name, one in (("--usual", usual), ("--alarm-rate", rate), ("--controller", controller)) if one
+            name
+            for name, one in (("--usual", usual), ("--alarm-rate", alarm_rate), ("--controller", controller))
+            if one
         ]
     ):
         raise InputError(f"{given[0]} is for a new watch; {source} has begun, and its rate would no longer hold")
@@ -92,7 +94,7 @@ def watch(
     words = words_of(watch, band=str(source), record="the record", usual="--usual", rate="--alarm-rate")
     with in_words(words):
         found: Watch = (
-            _begun(console, known, usual or [], rate, controller, (how, records, responses)) if begun else known
+            _begun(console, known, usual or [], alarm_rate, controller, (how, records, responses)) if begun else known
         )
         before, new = len(found.records), list[Any]()
         for path in paths:

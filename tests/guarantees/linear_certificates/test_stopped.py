@@ -123,13 +123,13 @@ def test_a_search_for_contradictions_can_be_watched_and_stopped(ticking):
     values = frf.values.copy()
     values[10, 0] += 0.5
     bad = dataclasses.replace(PROBLEM, frequency=dataclasses.replace(frf, values=values))
-    found = rid.contradiction(bad, progress=lambda *one: told.append(one))
+    found = rid.guarantee.contradiction(bad, progress=lambda *one: told.append(one))
     assert found.entry[0] == 0
     assert [one[1:] for one in told] == [(k, 3) for k in range(4)]
-    assert rid.contradiction(bad, time_limit=0.5) is None
+    assert rid.guarantee.contradiction(bad, time_limit=0.5) is None
 
     def stop(_, done, count):
         if done == 1:
             raise KeyboardInterrupt
 
-    assert rid.contradiction(bad, progress=stop).excess == found.excess
+    assert rid.guarantee.contradiction(bad, progress=stop).excess == found.excess
