@@ -80,7 +80,7 @@ def mode_names(session: Session) -> list[str]:
 
 
 def fields_of(session: Session, every: Sequence[Quantity]) -> list[float | str]:
-    """What the fields state at the start: the number of modes, the quantities, and the lines left out in words."""
+    """The fields as they stand at the start: the number of modes, the quantities, and the lines left out in words."""
     return [len(session.start.hz), *(one.shown for one in every), session.words(session.start.left_out_hz)]
 
 
