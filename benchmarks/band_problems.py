@@ -86,7 +86,7 @@ TIMES = {
 
 def session_of(problem, box, folder):
     """The page of one entry: its lines, its modes with the box of their poles, its class."""
-    from robustid.app.explore.session import Session
+    from robustid.app.explore.views import views
     from robustid.app.run.class_settings import PriorChoice
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.settings import Modes, Withheld
@@ -105,7 +105,7 @@ def session_of(problem, box, folder):
     )
     prior = PriorChoice(gain_bound=problem.prior.gain_bound, decay_rate=problem.prior.decay_rate)
     run = RunFile(frequency=(ResponseSource(file="frf.npz"),), modes=modes, prior=prior, withheld=Withheld(every=0))
-    return Session.of(run, Path(folder), lambda *_: None)
+    return views(run, Path(folder), lambda *_: None)[0].open(lambda *_: None)
 
 
 def measured_entry(name, lines):

@@ -1,13 +1,7 @@
-"""The page that is explored, but for the browser: choices, the thread that computes, the guard of the server, sentences."""
+"""The page that is explored, but for the browser: choices, the thread that computes, pictures and words."""
 
 import dataclasses
-import signal
-import socket
-import subprocess
-import sys
 import threading
-import urllib.error
-import urllib.request
 
 import numpy as np
 import pytest
@@ -17,13 +11,11 @@ from robustid.app.explore.callbacks import write_run_file
 from robustid.app.explore.kept import compared
 from robustid.app.explore.modes import added, most_missed_hz, removed
 from robustid.app.explore.quantities import choice_of, mode_names, quantities
-from robustid.app.explore.session import Session
 from robustid.app.explore.worker import Worker, glance
-from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError
 from robustid.guarantees import growing_error
 from robustid.report import live_figure, live_numbers, live_words, look_figure, look_words
-from support.explored import run_file, served, session, until
+from support.explored import opened, run_file, session, until
 
 pytest.importorskip("dash")
 
@@ -101,7 +93,7 @@ def test_a_choice_is_written_as_a_run_file_that_poses_the_same_problem(explored,
     problem, _ = explored.problem(choice)
     assert [f.omega.size for f in problem.frequency] == [6]
     path = write_run_file(explored, choice, "there/mine.toml")
-    again = Session.of(read_run_file(path), path.parent, lambda *_: None)
+    again = opened(path)
     assert again.start == choice
     assert repr(again.problem(again.start)[0]) == repr(problem)
     assert rid.identify(again.problem(choice)[0]).margin == rid.identify(problem).margin
@@ -122,11 +114,11 @@ def test_modes_that_are_moved_are_those_of_no_fit_and_of_no_box(tmp_path):
     fitted = path.read_text().split("[modes]")[0] + "[fit]\norder = 4\n[prior]" + rest.split("[prior]")[1]
     for text in (whole, fitted):
         path.write_text(text)
-        one = Session.of(read_run_file(path), tmp_path, lambda *_: None)
+        one = opened(path)
         moved = dataclasses.replace(one.start, hz=(9.05, 17.6))
         for choice in (one.start, moved):
             path.write_text(one.stated(choice).text())
-            again = Session.of(read_run_file(path), tmp_path, lambda *_: None)
+            again = opened(path)
             assert repr(again.problem(again.start)) == repr(one.problem(choice))
             assert again.run.modes.hz == choice.hz
 
@@ -162,7 +154,7 @@ def with_box(folder):
     path = run_file(folder)
     boxes = "hz_interval = [[8.9, 9.1], [17.6, 17.7]]\ndamping_interval = [[0.09, 0.11], [0.003, 0.005]]\n"
     path.write_text(path.read_text().replace("[prior]", boxes + "[prior]"))
-    return Session.of(read_run_file(path), folder, lambda *_: None)
+    return opened(path)
 
 
 def test_a_look_proves_a_band_over_the_box_until_a_mode_is_moved(tmp_path):
@@ -318,103 +310,3 @@ def test_the_newest_choice_is_computed_and_can_be_cancelled(explored):
         assert "no response has a frequency point at 12 Hz" in worker.found.trouble
     finally:
         worker.close()
-
-
-def answer(address, **headers):
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-    try:
-        with opener.open(urllib.request.Request(address, headers=headers), timeout=10) as found:
-            return found.status, found.read().decode()
-    except urllib.error.HTTPError as error:
-        return error.code, error.read().decode()
-
-
-def test_only_who_has_the_token_is_answered_and_only_under_the_address(explored):
-    with served(explored) as server:
-        site, token = server.address.split("/?token=")
-        port = site.rsplit(":", 1)[1]
-        cookie = f"robustid-{port}={token}"
-        for path in ("/", "/_dash-layout", "/_dash-update-component", "/assets/page.js"):
-            code, words = answer(site + path)
-            assert code == 403
-            assert words.startswith("This page belongs to whoever started robustid explore")
-        assert answer(f"{site}/?token=guessed")[0] == 403
-        assert answer(f"{site}/", Cookie=cookie)[0] == 200
-        assert answer(f"{site}/", Cookie=cookie, Origin="http://elsewhere.example")[0] == 403
-        code, words = answer(server.address, Host="elsewhere.example")
-        assert (code, f"requests to 127.0.0.1:{port} only" in words) == (403, True)
-        assert answer(server.address)[1].startswith("This page")  # the cookie is for a browser, and this one keeps none
-
-
-def test_what_can_not_be_explored_is_said_in_one_sentence(tmp_path, run, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    ask = run_file(tmp_path).name
-    data = rid.load("frf.csv")
-    rid.save(
-        "matrix.npz",
-        dataclasses.replace(data, values=np.tile(data.values, (1, 2, 2)), bound=0.03, inputs=None, outputs=None),
-    )
-    (tmp_path / "broken.csv").write_text("omega,real\nfour,five\n")
-    (tmp_path / "passive.toml").write_text(
-        '[[frequency]]\nfile = "frf.csv"\n[prior]\npassive = "positive real"\ndecay = 1.0\n'
-    )
-    (tmp_path / "samples.toml").write_text('[[record]]\nfile = "step.csv"\nuse = "samples"\n')
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = str(taken.getsockname()[1])
-        for arguments, sentence in (
-            (["nothing.csv"], "nothing.csv: there is no such file"),
-            (["broken.csv"], "broken.csv"),
-            (["step.csv"], "robustid frf"),
-            (["matrix.npz"], "2 outputs and 2 inputs"),
-            (["matrix.npz", "--entry", "2,0"], "--entry 2,0"),
-            (["passive.toml"], "passive class"),
-            (["samples.toml"], "needs a frequency response"),
-            ([ask, "--dt", "0.01"], "says itself how its data are read"),
-            (["--dt", "0.01"], "without a FILE"),
-            ([ask, "--port", port, "--no-browser"], f"port {port} can't be used"),
-        ):
-            code, _, err = run(["explore", *arguments])
-            assert (code, sentence in " ".join(err.split())) == (2, True), (arguments, err)
-
-
-def test_the_command_says_the_address_and_ends_with_ctrl_c(tmp_path, run, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    run_file(tmp_path)
-    opened = []
-
-    def interrupted(_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))  # there is no browser
-    monkeypatch.setattr("robustid.app.explore.server.Server.serve", interrupted)
-    options = ["--frequency-bound", "0.03", "--dt", "0.01"]
-    for arguments in (["ask.toml"], ["frf.csv", *options]):
-        code, out, _ = run(["explore", *arguments])
-        assert code == 0
-        assert f"the page: {opened[-1]}" in out
-        assert "no browser was found: open that address" in out
-        assert out.endswith("closed\n")
-    with monkeypatch.context() as without:
-        without.setitem(sys.modules, "dash", None)
-        code, _, err = run(["explore", "ask.toml"])
-    assert (code, "pip install 'robustid[explore]'" in " ".join(err.split())) == (2, True)
-
-
-@pytest.mark.slow
-def test_ctrl_c_ends_the_program_while_it_computes(tmp_path):
-    command = [sys.executable, "-m", "robustid", "explore", "--no-browser"]  # the data of the demo
-    with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    ) as program:
-        lines = iter(program.stdout.readline, "")
-        site, token = (
-            next(line for line in lines if "the page: " in line).split("the page: ")[1].strip().split("/?token=")
-        )
-        port = site.rsplit(":", 1)[1]
-        assert answer(f"{site}/", Cookie=f"robustid-{port}={token}")[0] == 200
-        program.send_signal(signal.SIGINT)
-        assert program.stdout.read().endswith("closed\n")
-    assert program.returncode == 0
-    assert (tmp_path / "robustid-demo" / "step.csv").exists()

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import robustid as rid
+from robustid.app.explore.views import View
 from support.browser import CHROMIUM
 from support.explored import served, session, until
 
@@ -33,7 +34,8 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     one = session(tmp_path, hz=7.0)
-    with served(one) as server, Browser(tmp_path / "profile") as browser:
+    views = [View("this plant", lambda _: one), View("another plant", lambda _: one)]
+    with served(one, views) as server, Browser(tmp_path / "profile") as browser:
         browser.open(server.address)
         browser.wait(f"{VERDICT}.startsWith('Inconsistent, margin')")
         browser.wait("document.querySelector('#picture .shapelayer path')")
@@ -49,7 +51,7 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         browser.value("document.querySelector('#redo').click()")
         browser.wait(f"Math.abs({field('hz-0')} - 9) < 0.1")
         browser.wait(f"{VERDICT}.startsWith('Consistent, margin')")
-        worker = server._worker  # the state behind the page
+        worker = server._pages.workers[0]  # the state behind the page
         until(lambda: worker.found.choice.hz[0] > 8 and worker.found.identification is not None)
         browser.write("#damping-1", "-1")
         browser.wait("document.querySelector('#trouble').textContent.startsWith('Mode 2, damping ratio')")
@@ -82,6 +84,7 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         assert browser.value("document.querySelector('#gain-slider').getAttribute('aria-valuetext')") == "0.201851"
         browser.value("document.querySelector('#write').click()")
         browser.wait("document.querySelector('#written').textContent.startsWith('Written: explored.toml')")
+        other_page(browser)
         browser.resize(360, 800)
         browser.wait("document.querySelector('#picture .main-svg').clientWidth < 360")
         assert browser.value("document.documentElement.scrollWidth") <= 360
@@ -91,6 +94,20 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         margin = worker.found.identification.margin
     assert rid.run("explored.toml", "out").identification.margin == margin
     assert Path("out/report.html").exists()
+
+
+def other_page(browser):
+    """Another page is chosen, and what this one stated is there again afterwards."""
+    chosen = "(() => {{ const one = document.querySelector('#views'); one.value = '{}'; {} }})()"
+    change = "one.dispatchEvent(new Event('change', {bubbles: true}))"
+    browser.value(chosen.format("/1/", change))
+    browser.wait("location.pathname === '/1/' && !!document.querySelector('#gain')")
+    browser.wait(f"{VERDICT}.startsWith('Inconsistent, margin')")
+    assert browser.value(field("views")) == "/1/"
+    browser.value(chosen.format("/", change))
+    browser.wait("location.pathname === '/' && !!document.querySelector('#gain')")
+    assert [browser.value(field(name)) for name in ("gain", "left-out")] == ["0.201851", "16"]
+    browser.wait("document.querySelector('#picture .shapelayer path')")
 
 
 def check_names(browser):

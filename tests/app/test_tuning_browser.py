@@ -23,7 +23,7 @@ def test_a_gain_is_dragged_and_the_worst_cases_follow(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     with served(Tuning.of(small_design())) as server, Browser(tmp_path / "profile") as browser:
-        tuner = server._worker  # the state behind the page
+        tuner = server._pages.workers[0]  # the state behind the page
         browser.open(server.address)
         browser.wait(f"{VERDICT}.startsWith('All limits are kept at')")
         browser.wait("document.querySelectorAll('#plane .scatterlayer path').length > 2")

@@ -61,6 +61,12 @@ class Browser:
 
     def call(self, method, **parameters):
         """Send a command, and return its result."""
+        found = self._answered(method, **parameters)
+        assert "error" not in found, found
+        return found["result"]
+
+    def _answered(self, method, **parameters):
+        """Send a command, and return its answer; of one that could not be done, as between two pages, an error."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}
         if self._session is not None:
@@ -69,8 +75,7 @@ class Browser:
         while True:
             found = self._message()
             if found.get("id") == self._count:
-                assert "error" not in found, found
-                return found["result"]
+                return found
             self.events.append((found.get("method", ""), found.get("params", {})))
 
     def _message(self):
@@ -99,9 +104,10 @@ class Browser:
         """The value of an expression as soon as it is true; errors on the way count as false."""
         until, found = time.monotonic() + seconds, None
         while time.monotonic() < until:
-            found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
-            if "exceptionDetails" not in found and found["result"].get("value"):
-                return found["result"]["value"]
+            found = self._answered("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+            result = found.get("result", {"exceptionDetails": found})
+            if "exceptionDetails" not in result and result["result"].get("value"):
+                return result["result"]["value"]
             time.sleep(0.05)
         raise AssertionError(f"never true: {script}; last: {found}")
 

@@ -6,7 +6,7 @@ import time
 
 import robustid as rid
 from robustid.app.explore.server import Server
-from robustid.app.explore.session import Session
+from robustid.app.explore.views import views
 from robustid.app.run.run_file import read_run_file
 
 CLASS = "[modes]\nhz = [{hz}, 17.67]\ndamping = [0.1, 0.004]\n[prior]\ngain_bound = 0.2\ndecay_rate = 1.1\n"
@@ -35,14 +35,27 @@ def run_file(folder, hz=9.0, more=""):
 
 
 def session(folder, hz=9.0, more=""):
-    path = run_file(folder, hz, more)
-    return Session.of(read_run_file(path), folder, lambda *_: None)
+    return opened(run_file(folder, hz, more))
+
+
+def opened(path):
+    """The first page of a run file."""
+    return pages(path)[0].open(quiet)
+
+
+def pages(path):
+    """The pages of a run file."""
+    return views(read_run_file(path), path.parent, quiet)
+
+
+def quiet(*_):
+    """Say nothing."""
 
 
 @contextlib.contextmanager
-def served(one):
-    """Its page, as long as the block lasts."""
-    server = Server(one, "Test plant")
+def served(one, views=()):
+    """Its page, as long as the block lasts, with those beside it."""
+    server = Server(one, "Test plant", views=views)
     thread = threading.Thread(target=server.serve)
     thread.start()
     try:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Static, Verbose, only
+from robustid.app.cli.command_options import Static, Verbose, only, words_of
+from robustid.app.cli.experiment import frf
 from robustid.app.cli.identify import conclude, work_on
 from robustid.app.cli.screen import Next, in_words, say, shown, telling, told
-from robustid.app.run.settings import General
-from robustid.app.run.sources import RecordSource, ResponseSource
+from robustid.app.run.settings import FrequencyPoints, General
+from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,12 +33,16 @@ _SIDES = 6  # of the polygons around the errors of the demo at each frequency
 def explore(
     *,
     file: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Argument(
-            help="A frequency response, a run file, or a saved controller design. Default: the data of the demo."
+            help="A frequency response, time records of one plant, a run file, or a saved controller design. Default: the data of"
+            " the demo."
         ),
     ] = None,
     responses: ResponseSource,
+    records: Annotated[RecordSource, only("fields", "dt", "rate", "axes", "decimal", "initial", "correct")],
+    estimate: Estimate,
+    points: FrequencyPoints,
     general: Annotated[General, only("entry")],
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of this machine. Default: a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
@@ -44,7 +50,8 @@ def explore(
     r"""Change modes, gain bound and lines by hand, on a page where margin, band and verdict follow.
 
     The page is served on this machine, to nobody else, until Ctrl-C; nothing is fetched from a network. Every choice can be written
-    as a run file that gives the same again. One input and one output: of a matrix say which --entry. Needs robustid\[explore].
+    as a run file that gives the same again. Of a matrix every entry has a page, and of a family, which a run file states,
+    every member. Needs robustid\[explore].
 
     Of a controller design: tune it by hand; worst cases over all plants follow, the proof comes when asked, and it is written as a
     model.
@@ -52,69 +59,99 @@ def explore(
     [bold]Example[/bold]: robustid explore frf.csv --frequency-bound 0.03
     """
     from robustid.app.explore.server import serve
-    from robustid.app.explore.session import Session
+    from robustid.app.explore.views import views
     from robustid.app.run.reading import Tables
     from robustid.core import saved_kind
 
-    console = screen.console()
-    if file is not None and saved_kind(file) is not None:
+    console, stated = screen.console(), _Stated(responses, records, estimate, points, general)
+    files = file or []
+    if len(files) == 1 and saved_kind(files[0]) is not None:
         with in_words({"port": "--port"}):
             with telling(console) as progress:
-                tuning = _tuned(file, responses, general, progress)
-            serve(tuning, f"Tuning of {file.name}", port, lambda address: _opened(console, address, browser))
+                tuning = _tuned(files[0], stated, progress)
+            serve(tuning, f"Tuning of {files[0].name}", port, lambda address: _opened(console, address, browser))
         say(console, "closed")
         return
     tables = Tables()
-    run, folder, title = _asked(console, file, responses, general, tables)
-    with in_words({"entry": "--entry", "port": "--port"}):
+    run, folder, title = _asked(console, files, stated, tables)
+    with in_words(words_of(frf, record="FILE") | {"entry": "--entry", "port": "--port"}):
         with shown(console, "choosing what is not stated") as show:
-            session = Session.of(run, folder, told(show), tables)
-        serve(session, title, port, lambda address: _opened(console, address, browser))
+            every = views(run, folder, told(show), tables)
+            session = every[0].open(told(show))
+        serve(session, title, port, lambda address: _opened(console, address, browser), every)
     say(console, "closed")
 
 
-def _asked(
-    console: Terminal, file: Path | None, source: ResponseSource, general: General, tables: Tables
-) -> tuple[RunFile, Path, str]:
-    """The run file of a file, the folder that its names are seen from, and the title of the page."""
+class _Stated(NamedTuple):
+    """Options about data."""
+
+    response: ResponseSource
+    record: RecordSource
+    estimate: Estimate
+    points: FrequencyPoints
+    general: General
+
+    @property
+    def is_empty(self) -> bool:
+        """True if none is given."""
+        return self == (ResponseSource(), RecordSource(), Estimate(), FrequencyPoints(), General())
+
+
+def _asked(console: Terminal, files: list[Path], stated: _Stated, tables: Tables) -> tuple[RunFile, Path, str]:
+    """The run file of files, the folder that its names are seen from, and the title of the page."""
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_file import RunFile, read_run_file
     from robustid.app.run.settings import Withheld
     from robustid.formats import origin
 
-    if file is not None and file.suffix == ".toml":
-        if source != ResponseSource():
-            raise InputError(f"{file} says itself how its data are read: leave the options of frequency responses out")
-        run = read_run_file(file)
-        run = run if general.entry is None else dataclasses.replace(run, entry=general.entry)
-        return run, file.parent, run.title or file.name
-    if file is None:
-        if source != ResponseSource() or general.entry is not None:
-            raise InputError("options of a frequency response are given without a FILE: name it, or leave them out")
+    entry = stated.general.entry
+    if not files:
+        if not stated.is_empty:
+            raise InputError("options of data are given without a FILE: name it, or leave them out")
         folder = _demo(console)
         frequency, record = ResponseSource(file="frequency.csv"), RecordSource(file="step.csv", use="samples")
         return RunFile(frequency=(frequency,), record=(record,)), folder, "robustid demo"
-    if origin(tables.of(file, source.decimal), "frequency", source.fields).kind == "time":
-        raise InputError(
-            f"{file} holds time data: make a response of it with robustid frf, or a run file with robustid new, and explore that"
+    if runs := [one for one in files if one.suffix == ".toml"]:
+        if len(files) > 1:
+            raise InputError(f"{runs[0]} names its data itself: give it alone")
+        if not stated._replace(general=General()).is_empty:
+            raise InputError(f"{runs[0]} says itself how its data are read: leave the options of data out")
+        run = read_run_file(runs[0])
+        return (
+            run if entry is None else dataclasses.replace(run, entry=entry),
+            runs[0].parent,
+            run.title or runs[0].name,
         )
-    # Says what is wrong, in options.
-    Files(paths=[file], source=source, entry=general.entry, bounded=True, tables=tables).read(console)
-    run = RunFile(
-        frequency=(dataclasses.replace(source, file=file.name),),
-        entry=general.entry,
-        withheld=Withheld(every=0),  # all that is shown is used
-    )
-    return run, file.parent, file.name
+    fields, decimal = stated.record.fields, stated.record.decimal
+    kinds = [origin(tables.of(one, decimal), "frequency", stated.response.fields).kind for one in files]
+    named = [os.path.relpath(one, files[0].parent) for one in files]
+    title = ", ".join(one.name for one in files)
+    # All that is shown is used.
+    how: dict[str, Any] = {"entry": entry, "frequency_points": stated.points, "withheld": Withheld(every=0)}
+    if set(kinds) == {"time"} or fields is not None:
+        asked = Files(paths=files, source=stated.record, entry=entry, tables=tables)
+        sources = tuple(dataclasses.replace(stated.record, file=name, use="response") for name in named)
+        run = RunFile(record=sources, estimate=stated.estimate, **how)
+    else:
+        if len(files) > 1:
+            raise InputError(
+                "several files are time records of one plant; several responses stand in a run file, [[frequency]]"
+            )
+        asked = Files(
+            paths=files, source=stated.response, entry=entry, band_hz=stated.points.band_hz, bounded=True, tables=tables
+        )
+        run = RunFile(frequency=(dataclasses.replace(stated.response, file=named[0]),), **how)
+    asked.read(console)  # says what is wrong, in options
+    return run, files[0].parent, title
 
 
-def _tuned(file: Path, source: ResponseSource, general: General, progress: Progress) -> Tuning:
+def _tuned(file: Path, stated: _Stated, progress: Progress) -> Tuning:
     """The design of a file, to be tuned."""
     from robustid.app.explore.tuning import Tuning
     from robustid.app.load_save import load_result
 
-    if source != ResponseSource() or general.entry is not None:
-        raise InputError(f"{file} is a saved result: leave the options of frequency responses out")
+    if not stated.is_empty:
+        raise InputError(f"{file} is a saved result: leave the options of data out")
     return Tuning.of(load_result(file, "controller design", progress=progress))
 
 

@@ -20,12 +20,12 @@ _WAITING = "This choice is being looked at; what is drawn is of the one before."
 _MODE = {"color": "#a8447d", "width": 4, "dash": "dot"}
 
 
-def connect(app: Any, session: Session, worker: Worker) -> None:
-    """Make the page of a Dash application react."""
+def connect(app: Any, session: Session, worker: Worker, history: History) -> None:
+    """Make the page of a Dash application react; `history` begins with what its fields state."""
     _connect_fields(app, session)
     connect_modes(app, session, worker)
     connect_kept(app, worker)
-    _connect_computation(app, session, worker)
+    _connect_computation(app, session, worker, history)
     _connect_state(app, session, worker)
 
 
@@ -62,22 +62,22 @@ def _connect_fields(app: Any, session: Session) -> None:
         return session.words(toggled(before, over)), None
 
 
-def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
+def _connect_computation(app: Any, session: Session, worker: Worker, history: History) -> None:
     """The fields start a computation, a button stops it, another one writes the run file."""
     from dash import Input, Output, State
     from dash.exceptions import PreventUpdate
 
     every = quantities(session)
     fields = [("modes", "data"), *((one.name, "value") for one in every), ("left-out", "value")]
-    start = session.start
-    history = History([len(start.hz), *(one.shown for one in every), session.words(start.left_out_hz)])
     connect_history(app, history, fields)
 
     @app.callback(Output("trouble", "children"), *[Input(*field) for field in fields])
     def chosen(*values: float | str | None) -> str:
         history.note(values)
         try:
-            worker.ask(choice_of(session, every, values))
+            choice = choice_of(session, every, values)
+            session.note(choice)
+            worker.ask(choice)
         except RobustIdError as error:
             return error.said({}, unknown=str)
         return ""
@@ -103,7 +103,8 @@ def _connect_computation(app: Any, session: Session, worker: Worker) -> None:
             path = write_run_file(session, choice_of(session, every, values), name or "")
         except RobustIdError as error:
             return error.said({}, unknown=str)
-        return f"Written: {path}. It gives the same again: robustid run {path}"
+        same = "It gives the same again" if session.shared is None else "All members, and one class that holds theirs"
+        return f"Written: {path}. {same}: robustid run {path}"
 
 
 def _connect_state(app: Any, session: Session, worker: Worker) -> None:
@@ -192,7 +193,7 @@ def write_run_file(session: Session, choice: ByHand, name: str) -> Path:
         raise InputError(f"{path} exists; choose another name")
     if not path.parent.is_dir():
         raise InputError(f"The folder {path.parent} does not exist; choose another one")
-    text = session.stated(choice).moved(session.folder, path.parent).text()
+    text = session.written(choice).moved(session.folder, path.parent).text()
     with atomic_write(path) as file:
         file.write(text)
     return path

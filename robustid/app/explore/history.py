@@ -32,6 +32,11 @@ class History:
         self._clock, self._changed, self._one = clock, -math.inf, threading.Lock()
         self._places: list[int] = []  # of the fields that were changed
 
+    @property
+    def present(self) -> Fields:
+        """The fields as they stand now."""
+        return self._present
+
     def note(self, fields: Sequence[object]) -> None:
         """Note what the fields state now; nothing where that was known."""
         with self._one:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -33,21 +34,37 @@ _PROVED = (
 )
 
 
-def layout(session: Session, title: str) -> Component:
-    """Return the parts of the page: verdict, picture and numbers; fields."""
+def layout(session: Session, title: str, fields: Sequence[Any], views: Sequence[str] = (), place: int = 0) -> Component:
+    """Return the parts of the page: verdict, picture and numbers; fields with what they state, in the order of `fields_of`.
+
+    `views` are the names of the pages that stand beside this one, which is the one at `place`.
+    """
     from dash import dcc, html
 
     return html.Div(
         [
-            html.Header(html.H1(title)),
+            html.Header([html.H1(title), *_views(views, place)]),
             html.Main(
-                [html.Div([_verdict(), html.Div(id="kept"), _picture(), _numbers()], id="seen"), _fields(session)]
+                [
+                    html.Div([_verdict(), html.Div(id="kept"), _picture(), _numbers()], id="seen"),
+                    _fields(session, fields, f"explored-{place + 1}.toml" if place else "explored.toml"),
+                ]
             ),
             dcc.Interval(id="tick", interval=POLL),
             dcc.Store(id="shown", data=[-1, 0, 0]),
-            dcc.Store(id="modes", data=len(session.start.hz)),
+            dcc.Store(id="modes", data=fields[0]),
         ]
     )
+
+
+def _views(names: Sequence[str], place: int) -> list[Component]:
+    """The list from which another page is chosen; nothing where there is one page."""
+    from dash import html
+
+    if len(names) < 2:
+        return []
+    options = [html.Option(name, value=f"/{k}/" if k else "/", selected=k == place) for k, name in enumerate(names)]
+    return [html.Div([html.Label("Shown", htmlFor="views"), html.Select(options, id="views")], className="views")]
 
 
 def _verdict() -> Component:
@@ -88,22 +105,24 @@ def _numbers() -> Component:
     return html.Details([html.Summary("The result in numbers"), html.Pre(id="numbers")])
 
 
-def _fields(session: Session) -> Component:
+def _fields(session: Session, fields: Sequence[Any], name: str) -> Component:
     from dash import dcc, html
 
-    groups = {name: list(ones) for name, ones in itertools.groupby(quantities(session), key=lambda one: one.group)}
+    count, *numbers, words = fields
+    rows = [(one.group, row(one, number)) for one, number in zip(quantities(session), numbers, strict=True)]
+    groups = {name: [one for _, one in ones] for name, ones in itertools.groupby(rows, key=lambda pair: pair[0])}
     *modes, rest = groups.items()
     points = [
         html.Label("Lines left out [Hz]", htmlFor="left-out"),
-        dcc.Input(id="left-out", type="text", debounce=True, value=session.words(session.start.left_out_hz)),
+        dcc.Input(id="left-out", type="text", debounce=True, value=words),
     ]
     file = [
         html.Label("Name of the file", htmlFor="file"),
-        dcc.Input(id="file", type="text", value="explored.toml"),
+        dcc.Input(id="file", type="text", value=name),
         html.Button("Write it", id="write", type="button"),
         html.P(id="written", role="status"),
     ]
-    parts = [(rest[0], [row(one) for one in rest[1]]), ("Frequency points", points), ("Run file", file)]
+    parts = [rest, ("Frequency points", points), ("Run file", file)]
     sets = [html.Fieldset([html.Legend(name), *inside]) for name, inside in parts]
     keep = [
         html.Button("Keep", id="keep", type="button", title=_KEEP),
@@ -111,20 +130,20 @@ def _fields(session: Session) -> Component:
     ]
     sets = [
         html.Div([*undo_redo(), *keep], className="buttons"),
-        *(_mode(k, name, ones, hidden=k >= len(session.start.hz)) for k, (name, ones) in enumerate(modes)),
+        *(_mode(k, name, ones, hidden=k >= count) for k, (name, ones) in enumerate(modes)),
         html.Div(html.Button("Add a mode", id="add", type="button", title=_ADD), className="buttons"),
         *sets,
     ]
     return html.Section(sets, id="fields", **named("Choices"))
 
 
-def _mode(place: int, name: str, ones: list[Quantity], hidden: bool) -> Component:
+def _mode(place: int, name: str, rows: list[Component], hidden: bool) -> Component:
     """Fields of a mode, with a cross that removes it."""
     from dash import html
 
     words = f"Remove {name.lower()}"
     cross = html.Button("×", id=f"remove-{place}", type="button", title=words, className="cross", **named(words))
-    parts = [html.Legend(name), cross, *(row(one) for one in ones)]
+    parts = [html.Legend(name), cross, *rows]
     return html.Fieldset(parts, id=f"mode-{place}", hidden=hidden)
 
 
@@ -144,10 +163,12 @@ def table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], str]]) -> Co
     return html.Table([head, html.Tbody(body)])
 
 
-def row(one: Quantity) -> Component:
-    """A number with its field and its slider."""
+def row(one: Quantity, number: object = None) -> Component:
+    """A number with its field and its slider; `number` is in the field where it is not that of the start."""
     from dash import dcc, html
 
+    if isinstance(number, int | float) and number != one.shown:
+        one = dataclasses.replace(one, value=float(number))
     slider = f"{one.name}-slider"
     parts = [
         html.Label(one.label, htmlFor=one.name),

@@ -43,11 +43,11 @@ class Newest(Generic[Known, Choice]):
         self._thread = threading.Thread(target=self._work, name="explore", daemon=True)
         self._thread.start()
 
-    def close(self) -> None:
-        """End the thread."""
+    def close(self, seconds: float = 1.0) -> None:
+        """End the thread, and wait at most so long for it."""
         self._closed = True
         self._replace(None, self.found)
-        self._thread.join(timeout=1)
+        self._thread.join(timeout=seconds)
 
     def _compute(self, ticket: int, choice: Choice) -> None:
         """Compute a choice, saying what is found."""

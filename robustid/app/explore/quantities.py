@@ -79,8 +79,13 @@ def mode_names(session: Session) -> list[str]:
     return [f"{own}-{k}" for k in range(len(session.start.hz) + _ROOM) for own in ("hz", "damping")]
 
 
+def fields_of(session: Session, every: Sequence[Quantity]) -> list[float | str]:
+    """The fields as they stand at the start: the number of modes, the quantities, and the lines left out in words."""
+    return [len(session.start.hz), *(one.shown for one in every), session.words(session.start.left_out_hz)]
+
+
 def choice_of(session: Session, every: Sequence[Quantity], values: Sequence[float | str | None]) -> ByHand:
-    """The choice that the fields state: the number of modes, the quantities, and the lines left out in words."""
+    """The choice that the fields state, in the order of `fields_of`."""
     count, *numbers, words = values
     modes = range(int(count or 0))
     room = mode_names(session)[2 * len(modes) :]

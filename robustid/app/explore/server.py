@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import hmac
-import json
 import logging
 import os
 import secrets
 import socket
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
-from robustid.app.explore.callbacks import connect
-from robustid.app.explore.layout import layout
-from robustid.app.explore.quantities import Quantity, quantities
+from robustid.app.explore.pages import Pages
 from robustid.app.explore.session import Session
-from robustid.app.explore.tuning import Tuner, Tuning
-from robustid.app.explore.tuning_page import connect_tuning, tuning_layout, tuning_quantities
-from robustid.app.explore.worker import Worker
+from robustid.app.explore.tuning import Tuning
+from robustid.app.explore.views import View
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
-    from dash.development.base_component import Component
-    from flask import Flask, Response
-    from werkzeug.wrappers import Response as WerkzeugResponse
+    from _typeshed.wsgi import StartResponse, WSGIEnvironment
+    from werkzeug import Request, Response
 
 _HOST = "127.0.0.1"
 _STRANGER = (
@@ -37,55 +31,23 @@ _POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline';"
     " img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; form-action 'none'"
 )
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>{%metas%}<meta name="viewport" content="width=device-width, initial-scale=1"><title>{%title%}</title>{%css%}
-<link rel="icon" href="data:,"></head>
-<body>{%app_entry%}<script>window.explored = EXPLORED;</script><footer>{%config%}{%scripts%}{%renderer%}</footer></body>
-</html>"""
-
-
-class _Page(NamedTuple):
-    """Parts of a page that is served: numbers with sliders, its layout, its reactions, and the thread that computes."""
-
-    numbers: list[Quantity]
-    layout: Component
-    connect: Callable[[Any], None]
-    worker: Worker | Tuner
-
-
-def _page_of(session: Session | Tuning, title: str) -> _Page:
-    """The page of a class that is changed by hand, or of a controller that is tuned."""
-    if isinstance(session, Tuning):
-        tuner = Tuner(session)
-        react = functools.partial(connect_tuning, tuner=tuner)
-        return _Page(tuning_quantities(session), tuning_layout(session, title), react, tuner)
-    worker = Worker(session)
-    react = functools.partial(connect, session=session, worker=worker)
-    return _Page(quantities(session), layout(session, title), react, worker)
 
 
 class Server:
     """A page that is served; it begins with `serve` and ends with `close`, from another thread or by Ctrl-C."""
 
-    def __init__(self, session: Session | Tuning, title: str, port: int = 0) -> None:
+    def __init__(self, session: Session | Tuning, title: str, port: int = 0, views: Sequence[View] = ()) -> None:
+        listening = _listening(port)
         try:
-            import dash
             from werkzeug.serving import WSGIRequestHandler, make_server
+
+            self._pages = Pages(session, title, views)
         except ImportError:
+            listening.close()
             raise InputError(
                 "robustid explore needs the package Dash, which is not installed: pip install 'robustid[explore]'"
             ) from None
-        listening = _listening(port)
-        page = _page_of(session, title)
-        self._worker = page.worker
         self._token, self._site = secrets.token_urlsafe(24), f"{_HOST}:{listening.getsockname()[1]}"
-        app = dash.Dash(__name__, title=title, update_title=None, assets_folder="assets", compress=False)  # type: ignore[arg-type]
-        numbers = {one.name: {"low": one.low, "high": one.high, "offset": one.offset} for one in page.numbers}
-        app.index_string = _PAGE.replace("EXPLORED", json.dumps(numbers))
-        app.layout = page.layout
-        page.connect(app)
-        self._guard(app.server)
         logging.getLogger("werkzeug").setLevel(logging.ERROR)  # no line for every request
 
         class Quiet(WSGIRequestHandler):
@@ -95,7 +57,9 @@ class Server:
                 """Say nothing."""
 
         port = listening.getsockname()[1]
-        self._server = make_server(_HOST, port, app.server, threaded=True, request_handler=Quiet, fd=listening.detach())
+        self._server = make_server(
+            _HOST, port, self._answer, threaded=True, request_handler=Quiet, fd=listening.detach()
+        )
         self._server.daemon_threads = True  # type: ignore[attr-defined]
 
     @property
@@ -114,36 +78,35 @@ class Server:
     def end(self) -> None:
         """Give the port and the thread of the computation back."""
         self._server.server_close()
-        self._worker.close()
+        self._pages.close()
 
-    def _guard(self, flask: Flask) -> None:
-        """Refuse requests that are addressed to another name, come from another site, or have no token."""
-        from flask import Response, redirect, request
+    def _answer(self, environ: WSGIEnvironment, start: StartResponse) -> Iterable[bytes]:
+        """Answer a request: it is refused where it is addressed to another name, comes from another site, or has no token."""
+        from werkzeug import Request, Response
+
+        answer = self._refused(Request(environ)) or Response.from_app(self._pages.answer, environ)
+        answer.headers["Content-Security-Policy"] = _POLICY
+        answer.headers["Referrer-Policy"] = "no-referrer"
+        answer.headers["X-Content-Type-Options"] = "nosniff"
+        return answer(environ, start)
+
+    def _refused(self, request: Request) -> Response | None:
+        """The answer to a request that no page is shown to."""
+        from werkzeug import Response
+        from werkzeug.utils import redirect
 
         cookie = f"robustid-{self._site.split(':')[1]}"  # cookies are shared by the ports of a machine
-
-        def refused(words: str) -> Response:
-            return Response(words, 403, mimetype="text/plain")
-
-        @flask.before_request
-        def check() -> Response | WerkzeugResponse | None:
-            # A name that a stranger's server gives this address (DNS rebinding) stands in Host.
-            if request.headers.get("Host") != self._site:
-                return refused(_ELSEWHERE.format(self._site))
-            if request.headers.get("Origin", f"http://{self._site}") != f"http://{self._site}":
-                return refused(_ELSEWHERE.format(self._site))
-            if _equal(request.args.get("token", ""), self._token):
-                answer = redirect("/")
-                answer.set_cookie(cookie, self._token, httponly=True, samesite="Strict")
-                return answer
-            return None if _equal(request.cookies.get(cookie, ""), self._token) else refused(_STRANGER)
-
-        @flask.after_request
-        def private(answer: Response) -> Response:
-            answer.headers["Content-Security-Policy"] = _POLICY
-            answer.headers["Referrer-Policy"] = "no-referrer"
-            answer.headers["X-Content-Type-Options"] = "nosniff"
+        # A name that a stranger's server gives this address (DNS rebinding) stands in Host.
+        hosts = request.headers.get("Host"), request.headers.get("Origin", f"http://{self._site}")
+        if hosts != (self._site, f"http://{self._site}"):
+            return Response(_ELSEWHERE.format(self._site), 403, mimetype="text/plain")
+        if _equal(request.args.get("token", ""), self._token):
+            answer = redirect("/")
+            answer.set_cookie(cookie, self._token, httponly=True, samesite="Strict")
             return answer
+        if _equal(request.cookies.get(cookie, ""), self._token):
+            return None
+        return Response(_STRANGER, 403, mimetype="text/plain")
 
 
 def _equal(given: str, token: str) -> bool:
@@ -166,9 +129,11 @@ def _listening(port: int) -> socket.socket:
     return listening
 
 
-def serve(session: Session | Tuning, title: str, port: int, ready: Callable[[str], None]) -> None:
-    """Serve the page until Ctrl-C; `ready` is told its address."""
-    server = Server(session, title, port)
+def serve(
+    session: Session | Tuning, title: str, port: int, ready: Callable[[str], None], views: Sequence[View] = ()
+) -> None:
+    """Serve the page until Ctrl-C, with those that stand beside it; `ready` is told its address."""
+    server = Server(session, title, port, views)
     with contextlib.suppress(KeyboardInterrupt):  # its usual end
         try:
             ready(server.address)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from robustid.app.run.measurements import Measured, measured, without_points
+from robustid.app.run.measurements import Measured, part_of, without_points
 from robustid.app.run.modes import Box, box_of_modes
 from robustid.app.run.posing import posed
-from robustid.app.run.reading import Tables
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Fit
@@ -24,6 +24,13 @@ from robustid.identification import MixedProblem
 _BY_HAND = "Chosen by hand, in robustid explore."
 _DIGITS = 6  # of a frequency in words, where these tell the points apart
 _RUN = 3  # neighbours that are written as an interval
+
+
+class Shared(NamedTuple):
+    """A run file that several pages write: what is told of the choice of one, and what makes all of it from the run file of one."""
+
+    note: Callable[[RunFile], None]
+    whole: Callable[[RunFile], RunFile]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,36 +48,22 @@ class ByHand:
 class Session(Frozen):
     """Measured data with the frequency points that are left out, a run file with every choice made, and the folder of its files.
 
-    The faults are those of experiments that contradict the others.
+    The faults are those of experiments that contradict the others. `shared` is the run file of a family.
     """
 
     run: RunFile
     data: Measured
     folder: Path
     faults: tuple[Fault, ...] = ()
+    shared: Shared | None = None
 
     @classmethod
-    def of(cls, run: RunFile, folder: Path, progress: Progress, tables: Tables | None = None) -> Session:
-        """Read the data of a run file, and make the choices that it leaves open; of one entry of one plant with a gain bound."""
-        if run.members:
-            raise InputError(
-                "explore shows one plant, not a family: leave [[members]] out, and all data but those of one"
-            )
+    def of(cls, run: RunFile, data: Measured, folder: Path, progress: Progress) -> Session:
+        """Make the choices that a run file leaves open about data that were read; of one entry of one plant with a gain bound."""
         if run.prior.passive is not None:
             raise InputError("explore moves modes and a gain bound, which a passive class has not: leave passive out")
         around, left_out = Surroundings(progress), run.frequency_points.leave_out_hz
-        run, data = measured(run.changed("frequency_points", leave_out_hz=None), folder, around, tables)
-        if not data.responses:
-            raise InputError(
-                "explore needs a frequency response: a [[frequency]], or a [[record]] that is used for one"
-            )
-        first = data.responses[0]
-        if (size := (len(first.outputs), len(first.inputs))) != (1, 1):
-            names = f"{', '.join(map(str, first.outputs))} / {', '.join(map(str, first.inputs))}"
-            raise InputError(
-                f"explore shows one entry of a matrix, and this response has {size[0]} outputs and {size[1]} inputs ({names}):"
-                " give `entry` OUTPUT,INPUT by number or name"
-            )
+        run, data = part_of(run.changed("frequency_points", leave_out_hz=None), data)
         run = run.changed("frequency_points", leave_out_hz=left_out)
         run, problem, _ = posed(run, without_points(data, left_out or ()), around)
         return cls(run, data, folder, problem.faults)
@@ -110,6 +103,16 @@ class Session(Frozen):
             given |= {"source": None, "note": _BY_HAND, "curve": None}
             run = dataclasses.replace(run, prior=dataclasses.replace(run.prior, **given))
         return run.changed("frequency_points", leave_out_hz=choice.left_out_hz or None)
+
+    def note(self, choice: ByHand) -> None:
+        """Note the choice for the run file of a family."""
+        if self.shared is not None:
+            self.shared.note(self.stated(choice))
+
+    def written(self, choice: ByHand) -> RunFile:
+        """The run file that is written of a choice: of a family that of all members."""
+        stated = self.stated(choice)
+        return stated if self.shared is None else self.shared.whole(stated)
 
     def problem(self, choice: ByHand) -> tuple[MixedProblem, list[FrequencyResponse]]:
         """The problem that a choice poses, and what is kept out of it to test the result."""

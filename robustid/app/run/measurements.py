@@ -105,6 +105,13 @@ def measured(
     run: RunFile, folder: Path, around: Surroundings, tables: Tables | None = None
 ) -> tuple[RunFile, Measured]:
     """All data of a run file, read from `folder`, and the run file with what was read and chosen."""
+    return part_of(*all_entries(run, folder, around, tables))
+
+
+def all_entries(
+    run: RunFile, folder: Path, around: Surroundings, tables: Tables | None = None
+) -> tuple[RunFile, Measured]:
+    """The same with every entry and frequency point, delays not taken out."""
     tables = tables or Tables()
     for source in (*run.record, *run.frequency):
         if source.file is not None and not (folder / source.file).is_file():
@@ -121,7 +128,11 @@ def measured(
     if run.controller.is_stated:
         data = data._replace(structure=run.controller.read("[controller] {}".format, folder))
     origins = _origins(records, len(data.responses), len(read))
-    data = data._replace(responses=(*data.responses, *read), origins=origins, loop=loop)
+    return run, data._replace(responses=(*data.responses, *read), origins=origins, loop=loop)
+
+
+def part_of(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
+    """The entry, the band and the points that a run file asks for, of all that was read for it, without the delay."""
     if (entry := run.entry) is not None:
         if any(len(record.inputs) > 1 for record in data.excited):  # the output answers to the other inputs too
             data = data._replace(excited=())

@@ -72,5 +72,7 @@ window.dash_clientside.explore = (() => {
   document.addEventListener("mousemove", () => { if (dragged) setTimeout(follow); }, true);
   ["pointerup", "pointercancel"].forEach((name) => document.addEventListener(name, () => { dragged = null; hold(false); }, true));
 
+  document.addEventListener("change", (event) => { if (event.target.id === "views") location.href = event.target.value; });
+
   return { together };
 })();
