@@ -1,6 +1,7 @@
 """Advice: modes and prior from the data, remedies where the data contradict the class, the next measurement."""
 
 from robustid.advice.causes import SLIGHTLY, Cause
+from robustid.advice.class_changes import missing_integrators
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
@@ -40,6 +41,7 @@ __all__ = [
     "entry_sizes",
     "experiments",
     "improve_kautz",
+    "missing_integrators",
     "possible_rates",
     "prior_weight",
     "response_sizes",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import logging
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -14,11 +15,13 @@ from numpy.typing import NDArray
 from robustid.bases import ParametricBasis, as_basis, kautz
 from robustid.core import Budget, Complex, Plane, Real
 from robustid.data import Fault, FrequencyResponse
-from robustid.errors import InputError
+from robustid.errors import InputError, SizeError
 from robustid.estimation import MISTAKES, correct, response_faults
 from robustid.identification import MixedProblem
 from robustid.identification.formulation import formulate
 from robustid.identification.solver import margin_path
+
+_log = logging.getLogger(__name__)
 
 _DIGITS = 1e-3  # relative gap at which the margin of a trial is taken
 HELPS = 3.0  # a correction that makes the margin so many times smaller is a cause
@@ -282,9 +285,17 @@ def unit_cause(problem: MixedProblem, margin: float, budget: Budget) -> list[Cau
 
 
 def judged_margin(problem: MixedProblem, enough: float, budget: Budget) -> float:
-    """A margin that some system reaches: to 0.1 %, or less exactly where it is surely above `enough`."""
+    """A margin that some system reaches: to 0.1 %, or less exactly where it is surely above `enough`.
+
+    Infinite where none was reached in time, or where no form of the class takes a problem of this size.
+    """
     margin = np.inf
-    for _, margin, gap in margin_path(formulate(problem, accuracy=_DIGITS).data):
+    try:
+        posed = formulate(problem, accuracy=_DIGITS)
+    except SizeError as error:
+        _log.info("a change is not judged (%s)", error)
+        return margin
+    for _, margin, gap in margin_path(posed.data):
         if gap <= _DIGITS * max(margin, 1.0) or margin - 2 * gap > enough or budget.over:
             break
     return float(margin)

@@ -101,10 +101,10 @@ def _more_modes(problem: MixedProblem) -> list[Cause]:
         changes.append(
             Cause(f"a mode is missing, {where}", python, option, posed, Kind.MODE, f"one more pair, {where}")
         )
-    return changes + [_with_integrators(problem, count) for count in _missing_integrators(problem)]
+    return changes + [_with_integrators(problem, count) for count in missing_integrators(problem)]
 
 
-def _missing_integrators(problem: MixedProblem) -> tuple[int, ...]:
+def missing_integrators(problem: MixedProblem) -> tuple[int, ...]:
     """Numbers of poles at z = 1 to try: none where there are some, or the response doesn't rise towards low frequencies."""
     basis = problem.parametric
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]

@@ -205,8 +205,10 @@ def diagnose(
             except InputError as error:  # functions that the samples can't tell apart
                 _log.info("%s: left out (%s)", change.name, error)
             else:
-                if np.isinf(margin):  # no system was reached in time
-                    break
+                if np.isinf(margin):  # no system was reached in time, or the problem is too large
+                    if budget.over:
+                        break
+                    continue
                 tried.append(change._replace(margin=margin))
             waiting.remove(change.name)
             tell(count - len(waiting), count)
@@ -217,8 +219,9 @@ def diagnose(
             tell(count, count)
         unsolved = inconsistent and not any(one.solves for one in causes) and not any(one.solves for one in tried)
         if unsolved and not budget.over and (others := found_modes(problem)) is not None:
-            tried.append(others._replace(margin=judged_margin(others.problem, np.inf, budget)))
-            unsolved = not tried[-1].solves
+            margin = judged_margin(others.problem, np.inf, budget)
+            tried += [others._replace(margin=margin)] if np.isfinite(margin) else []
+            unsolved = margin > 1
         if unsolved:
             causes += unit_cause(problem, identification.margin, budget)
     if search.interrupted:

@@ -18,6 +18,7 @@ from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, 
 
 _REPEATS, _DIFFERS = 0.15, 0.5  # share of a signal's power by which periods may differ; by which something else does
 _SHORTEST = 8  # samples of a period that is looked for
+_DIPS, _ALIKE = 3, 0.1  # places that are looked at; part of what the earlier ones differ by
 _BETTER = 10  # times less, by another period than the one that is stated
 _CLOSELY = 0.01  # share of the power by which periods may differ whose mean is taken out
 _WRONG = 0.3  # share of the input's power by which its periods differ, from which on they are none
@@ -282,12 +283,20 @@ def found_period(record: TimeRecord) -> int | None:
     repeats = np.flatnonzero((apart <= _REPEATS) & (lags >= max(_SHORTEST, different[0])))
     if repeats.size == 0:
         return None
-    # The best lag of the first dip.
-    first = int(repeats[0])
-    dip = first + np.argmax(np.concatenate([apart[first:] > _DIFFERS, [True]]))
-    best = first + int(np.argmin(apart[first : max(dip, first + 1)]))
-    # Of noise in a narrow band only the first cycles are alike.
-    return None if np.any(apart[best::best] > _DIFFERS) else best
+    # The best lag of the first dip; or of the next two, where lines on every second or third bin repeat between two samples.
+    limit = np.inf
+    for _ in range(_DIPS):
+        first = int(repeats[0])
+        dip = first + int(np.argmax(np.concatenate([apart[first:] > _DIFFERS, [True]])))
+        best = first + int(np.argmin(apart[first : max(dip, first + 1)]))
+        # Of noise in a narrow band only the first cycles are alike, and the later ones less than the first.
+        if apart[best] < limit and not np.any(apart[best::best] > _DIFFERS):
+            return best
+        limit = min(limit, _ALIKE * float(apart[best]))
+        repeats = repeats[repeats > max(dip, first)]
+        if repeats.size == 0:
+            break
+    return None
 
 
 def _levels(records: list[TimeRecord]) -> list[Fault]:

@@ -16,6 +16,7 @@ PARTS = {
     **dict.fromkeys(("phase", "phz", "ph", "phi", "arg", "angle", "ang", "theta"), "phase"),
 }
 QUANTITIES = {"z": "Z", "impedance": "Z", "impedanz": "Z", "y": "Y", "admittance": "Y", "s": "S", "h": "H", "g": "G",
+              **dict.fromkeys(("h1", "h2", "hv"), "H"),  # estimates of a response by an analyser of vibration
               "gain": "G",
               "frf": "H", "spl": "SPL"}  # fmt: skip
 AXES = {
@@ -35,6 +36,9 @@ _TOGETHER = re.compile(
     rf"(?P<before>{_WORD})?(?P<quantity>[zyshg])(?P<entry>[dq]{{2}}|[pn]{{2}}|[1-9]{{2}})?(?P<behind>{_WORD})?"
 )
 _TRACE = re.compile(rf"(?P<before>{_WORD})?trc\d*|\d{{1,2}}")
+_POINTS = re.compile(
+    r"\(\s*\d+(r?[xyz][+-]?)?\s*[/,]\s*\d+(r?[xyz][+-]?)?\s*\)", re.I
+)  # response and reference, (12Z+/2Z+)
 _ENTRIES = {a + b for axes in ("dq", "pn") for a in axes for b in axes}  # of rotating axes, of sequences
 _LONGEST, _MOST_NAMED = 200, 4  # characters; names
 # ZPlot names the axes of its plots so.
@@ -86,7 +90,7 @@ def heading(name: str) -> Heading | None:
     if len(name) > _LONGEST:
         return None
     bare = name.strip()
-    base, unit = units.in_brackets(_PROGRAMS.get(bare.lower().replace(" ", ""), bare))
+    base, unit = units.in_brackets(_PROGRAMS.get(bare.lower().replace(" ", ""), _POINTS.sub(" ", bare)))
     if not unit:
         base, unit = units.axis_label(base)
     if unit and _said(unit) is not None and unit.lower() not in ("db", "deg", "s", "h", "g"):  # "S11(REAL)", "Re(Z)"

@@ -35,7 +35,7 @@ from robustid.core import (
     simulate,
 )
 from robustid.data import Fault, FrequencyResponse, TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError, InputTypeError, Remedy
 from robustid.identification.loop_faults import loop_faults
 from robustid.identification.loop_terms import LAWS, controller_output
 from robustid.identification.validation import as_system, describe_poles
@@ -380,7 +380,11 @@ class Loop(Frozen):
                     f"`{name}` has samples, each {dt:g} s, and the loop is in continuous time: give the controller as it runs, in"
                     " discrete time, as by control.c2d"
                 )
-            raise InputError(f"`{name}` must have the sample time of the loop, {self.dt:g} s; got {dt:g} s")
+            got = f"got {dt:g} s" if dt else "it has none. Give it, as "
+            remedy = () if dt else (Remedy({"dt": float(self.dt)}),)
+            raise InputError(
+                f"`{name}` must have the sample time of the loop, {self.dt:g} s; {got}", *remedy, argument="dt"
+            )
 
     def _filtered(self, signals: Real, system: StateMatrices) -> Real:
         """Steady answer to periodic signals."""

@@ -40,7 +40,8 @@ class Truncation(NamedTuple):
 def balanced_from_impulse(response: NDArray[np.float64], tolerance: float) -> Truncation:
     """The smallest balanced truncation of an impulse response (M,), zero from there on, whose error bound meets an absolute
     tolerance: max |G - G_r| <= 2 sum_{k>r} σ_k <= tolerance, σ the singular values of H_ij = g_{1+i+j}. Same truncation as
-    that of `balanced_truncation` for a model with this response, without its state space.
+    that of `balanced_truncation` for a model with this response, without its state space. Of a tolerance below rounding what
+    rounding leaves, as the bound says.
     """
     # The square-root method with factors I and H of the Gramians of a shift register, which has this response. H is symmetric,
     # so that H = V diag(λ) V' balances it: σ = |λ|, A = σ^{-1/2} V' S V σ^{1/2} with S the shift. V'SV is a contraction for any
@@ -62,8 +63,7 @@ def balanced_from_impulse(response: NDArray[np.float64], tolerance: float) -> Tr
     while True:
         values, V, rest = _leading(g, rank)
         least = _ROUNDING * g.size * _EPS * abs(values[0])
-        if tolerance < least:
-            raise InputError(f"`tolerance` must be at least {least:.2g}, for rounding; got {tolerance:g}")
+        tolerance = max(tolerance, least)
         if 2 * rest <= max(_SLACK * tolerance, least):
             break
         rank = 2 * rank if 4 * rank <= g.size else g.size

@@ -8,8 +8,10 @@ import pytest
 
 import robustid as rid
 from robustid.advice import diagnose
+from robustid.advice.causes import judged_margin
+from robustid.core import Budget
 from robustid.data import FaultKind
-from robustid.errors import InputTypeError
+from robustid.errors import InputTypeError, SizeError
 from support.structure import about_structure, structure_problem
 
 FINE = np.linspace(17.2, 18.1, 10)
@@ -107,3 +109,12 @@ def test_a_drift_that_was_removed_is_no_cause():
     assert str(removed) not in [cause.cause for cause in found.causes]
     assert "record 2: noisy" in [cause.cause for cause in found.causes]
     assert "Change to make: ." not in found.summary()
+
+
+def test_a_change_that_no_form_takes_is_not_judged():
+    w = np.logspace(1.8, 3.8, 300)
+    response = rid.FrequencyResponse(w, 1 / (1j * w + 1), bound=1e-6)
+    problem = rid.MixedProblem(frequency=response, prior=rid.Prior(gain_bound=1.0, decay=1e-2))
+    with pytest.raises(SizeError, match="too large for every form"):
+        rid.identify(problem)
+    assert np.isinf(judged_margin(problem, 1.0, Budget(None)))

@@ -1,8 +1,11 @@
-"""From the file of an instrument to the page by one command: a loudspeaker, a grid, a filter."""
+"""From the file of an instrument to the page by one command: loudspeaker, grid, filter, hammer test, bearing, stage."""
 
+import control
 import numpy as np
 import pytest
 
+import robustid as rid
+from robustid.core import StateMatrices, closed_loop, response_at, simulate
 from support import instrument_files as instruments
 
 pytestmark = pytest.mark.slow
@@ -56,3 +59,84 @@ def test_one_command_leads_to_the_page(files, run, undrawn, monkeypatch, name, m
     assert code == 0, errors
     assert read in " ".join(out.split())
     assert shown in (files / "page.html").read_text(encoding="utf-8")
+
+
+def plate():
+    """Accelerances of a free plate under a hammer, by H1 over five hits with an exponential window; and their coherence."""
+    rate, samples, hz = 2048.0, 4096, (214.3, 312.8, 498.1)
+    time, freq = np.arange(samples) / rate, np.fft.rfftfreq(samples, 1 / rate)
+    w, rng = 2j * np.pi * freq, np.random.default_rng(11)
+    shapes = rng.uniform(-1, 1, (3, 3))
+    poles = 2 * np.pi * np.array(hz)
+    parts = w**2 / (w**2 + 0.008 * poles[:, None] * w + poles[:, None] ** 2)
+    G = 0.5 + np.einsum("ki,k,kf->if", shapes, 2 * shapes[:, 1], parts)
+    force, cross, answer = np.zeros(freq.size), np.zeros((3, freq.size), complex), np.zeros((3, freq.size))
+    for _ in range(5):
+        width = 7e-4 * (1 + 0.1 * rng.standard_normal())
+        hit = 300 * np.where((time > 0.01) & (time < 0.01 + width), np.sin(np.pi * (time - 0.01) / width) ** 2, 0)
+        X = np.fft.rfft((hit + 0.02 * rng.standard_normal(samples)) * (time < 0.013))
+        Y = [np.fft.rfft((np.fft.irfft(one * np.fft.rfft(hit), samples) + 0.1 * rng.standard_normal(samples)) * np.exp(-time / 0.6))
+             for one in G]  # fmt: skip
+        force += np.abs(X) ** 2
+        cross += np.array(Y) * X.conj()
+        answer += np.abs(Y) ** 2
+    used = (freq >= 20) & (freq <= 800)
+    return freq[used], (cross / force).T[used], (np.abs(cross) ** 2 / (force * answer)).T[used], G.T[used]
+
+
+def test_a_hammer_test_in_a_universal_file_or_in_columns(files, run, undrawn):
+    hz, values, coherence, _ = plate()
+    (files / "plate.uff").write_bytes(instruments.hammer_test(hz, values, coherence))
+    (files / "plate.csv").write_bytes(instruments.accelerance(hz, values[:, 1] / 9.80665, coherence[:, 1]))
+    for name, unit in (("plate.uff", "m/s^2/N"), ("plate.csv", "g/N")):
+        code, _, errors = run(["identify", "--frequency", name, "-o", name[-3:], "--report", f"{name}.html"])
+        assert code == 0, errors
+        assert unit in (files / f"{name}.html").read_text(encoding="utf-8")
+    found = [rid.load(f"{one}.npz") for one in ("uff", "csv")]
+    assert [one.consistent for one in found] == [True, True]
+    assert found[0].problem.prior.scaling is not None  # of three responses
+
+
+def test_a_magnetic_bearing_is_measured_in_its_loop(files, run, undrawn):
+    dt, s = 1e-4, control.tf("s")
+    rotor = 1e6 * (60 / (2 * s**2 - 2e5) + 12 / (s**2 + 0.008 * 5152 * s + 5152**2)) / (1 + s / 9425)
+    plant = control.c2d(control.ss(rotor), dt)
+    controller = control.c2d(control.ss(0.008 * (1 + 2e-3 * s) / (1 + 1e-4 * s)), dt, method="bilinear")
+    hz = np.logspace(1, np.log10(4000), 201)
+    values = response_at(StateMatrices.of(control.feedback(plant, controller)), np.exp(2j * np.pi * hz * dt))[:, 0, 0]
+    (files / "bearing.csv").write_bytes(instruments.gain_and_phase(hz, measured(values)))
+    rid.save(files / "controller.npz", controller)
+    asked = ["identify", "--frequency", "bearing.csv", "--loop", "controller.npz", "--report", "page.html"]
+    code, _, errors = run(asked)
+    assert (code, "dt=0.0001" in errors) == (2, True)  # it has no sample time, and the loop has one
+    code, out, errors = run([*asked, "--dt", str(dt)])
+    assert code == 0, errors
+    assert "Stable with every consistent plant" in (files / "page.html").read_text(encoding="utf-8")
+    between = np.exp(2j * np.pi * np.linspace(1, 4999, 20000) * dt)  # the mode is narrower than the steps of the sweep
+    true = 1 / (1 + response_at(StateMatrices.of(control.ss(plant * controller)), between))
+    said = float(out.split("sensitivity is at most")[1].split()[0])
+    assert np.abs(true).max() < said < 3  # of zone A, as the machine is
+
+
+def test_a_stage_that_is_free_to_move_is_given_its_integrators(files, run, undrawn):
+    dt, s, rng = 2e-4, control.tf("s"), np.random.default_rng(7)
+    modes = 0.3 / (12 * (s**2 + 31.3 * s + 1954**2)) - 0.6 / (12 * (s**2 + 10.3 * s + 860.8**2))
+    plant, bandwidth = control.c2d(control.ss(1e6 * (1 / (12 * s**2) + modes)), dt), 157.0
+    lead = (1 + 3 * s / bandwidth) / (1 + s / (3 * bandwidth)) / (1 + s / (12 * bandwidth))
+    controller = control.c2d(control.ss(4e-6 * bandwidth**2 * lead), dt, "tustin")
+    spectrum = np.zeros(2501, complex)
+    spectrum[3:2000:3] = np.exp(2j * np.pi * rng.random(666))  # every third line: it repeats between two samples
+    r = np.tile(np.fft.irfft(spectrum, 5000), 8)
+    r *= 20 / r.std()
+    signals = np.column_stack([r, 2e-4 * rng.standard_normal(r.size)])
+    found = simulate(closed_loop(StateMatrices.of(plant), StateMatrices.of(controller)), signals)[0]
+    (files / "stage.csv").write_bytes(instruments.motion_record(dt, r, found[:, 0], found[:, 1].round(4)))
+    fields = {"time": "time [s]", "u": "force [N]", "y": "position [um]", "reference": "excitation [N]"}
+    assert any(fault.size == 5000 for fault in rid.look("stage.csv", fields=fields).faults)
+    named = [part for role in ("u=force", "y=position", "reference=excitation") for part in ("--time-field", role)]
+    assert run(["frf", "stage.csv", *named, "--period", "5000", "-o", "frf.npz"])[0] == 0
+    code, _, errors = run(["identify", "--frequency", "frf.npz", "-o", "model", "--report", "page.html"])
+    assert code == 0, errors
+    model = rid.load("model.npz")
+    assert model.problem.parametric.has_integrator
+    assert "um/N" in (files / "page.html").read_text(encoding="utf-8")

@@ -179,3 +179,13 @@ def test_an_answer_to_one_step_is_told_nothing(name, samples):
     for seed in range(6):
         one = step(recipe, np.random.default_rng([seed, *map(ord, name)]), samples=samples).with_bound(None)
         assert rid.prepare.record_faults(one) == ()
+
+
+def test_an_excitation_on_every_third_line_repeats_between_two_samples_and_its_whole_period_is_found():
+    rng, spectrum = np.random.default_rng(3), np.zeros(251, complex)
+    spectrum[3:200:3] = np.exp(2j * np.pi * rng.random(66))
+    drive = np.tile(np.fft.irfft(spectrum, 500), 6)
+    noisy = drive + 0.05 * drive.std() * rng.standard_normal(drive.size)
+    assert [found_period(rid.TimeRecord(u, u, dt=1.0)) for u in (drive, noisy)] == [500, 500]
+    narrow = scipy.signal.lfilter([1.0], [1, -1.9, 0.98], rng.standard_normal(3000))
+    assert found_period(rid.TimeRecord(narrow, narrow, dt=1.0)) is None

@@ -363,3 +363,46 @@ def diagnostics(stimulus="H1:LSC-DARM1_EXC", subtype=3):
     test = '  <LIGO_LW Name="Test" Type="TestParameter">\n'
     test += f'    <Param Name="StimulusChannel" Type="string">{stimulus}</Param>\n  </LIGO_LW>\n'
     return f'{head}<LIGO_LW Name="Diagnostics Test">\n{test}{results}</LIGO_LW>\n'.encode()
+
+
+def hammer_test(hz, values, coherence):
+    """Accelerances (F, 3) of a vibration analyser, universal file 58 as text: each with its coherence, single precision."""
+    zero, parts = f"{0:5d}{0:5d}{0:5d}", []
+    for k in range(2 * values.shape[1]):
+        column, response = k // 2, k % 2 == 0
+        numbers = values[:, column] if response else coherence[:, column]
+        numbers = np.column_stack([numbers.real, numbers.imag]).ravel() if response else numbers
+        sides = [(12, "Acceleration", "m/s^2"), (13, "Force", "N")] if response else [(0, "NONE", "NONE")] * 2
+        parts += [
+            "    -1",
+            "    58",
+            *(f"{text:<80}" for text in ("Frequency response", "NONE", "26-Nov-26", "NONE", "NONE")),
+        ]
+        parts += [
+            f"{4 if response else 6:5d}{k:10d}{0:5d}{0:10d} {'plate':<10}{column + 1:10d}{3:4d} {'plate':<10}{2:10d}{3:4d}"
+        ]
+        parts += [f"{5 if response else 2:10d}{len(hz):10d}{1:10d}{hz[0]:13.5e}{hz[1] - hz[0]:13.5e}{0.0:13.5e}"]
+        axes = [(18, "Frequency", "Hz"), *sides, (0, "NONE", "NONE")]
+        parts += [f"{kind:10d}{zero} {name:<20} {unit:<20}" for kind, name, unit in axes]
+        parts += ["".join(f"{one:13.5e}" for one in numbers[at : at + 6]) for at in range(0, len(numbers), 6)]
+        parts += ["    -1"]
+    return "\r\n".join([*parts, ""]).encode()
+
+
+def accelerance(hz, values, coherence):
+    """One accelerance of a vibration analyser, in g/N, the points of response and hammer in the names, its coherence beside it."""
+    names = "Frequency [Hz],H1(2Z+/2Z+) Real [g/N],H1(2Z+/2Z+) Imag [g/N],Coherence\r\n"
+    return (names + lines(hz, values.real, values.imag, coherence, separator=",", number="{:.6e}")).encode()
+
+
+def gain_and_phase(hz, values):
+    """A trace of a Bode 100 in dB and degrees."""
+    names = "Frequency (Hz);Trace 1: Gain: Magnitude (dB);Trace 1: Gain: Phase (°)\r\n"
+    return (names + lines(hz, decibels(values), degrees(values), separator=";", number="{:.12g}")).encode()
+
+
+def motion_record(dt, excitation, force, position):
+    """A record of a motion controller in loop: what was added to the force, force and position; semicolons, decimal commas."""
+    names = "time [s];excitation [N];force [N];position [um]\r\n"
+    body = lines(dt * counted(force), excitation, force, position, separator=";", number="{:.7g}", comma=True)
+    return (names + body).encode()

@@ -12,6 +12,7 @@ from robustid.advice import (
     SLIGHTLY,
     PriorSuggestion,
     entry_sizes,
+    missing_integrators,
     possible_rates,
     response_sizes,
     says_something,
@@ -37,6 +38,10 @@ from robustid.identification import Identification, MixedProblem, Prior, any_pri
 DOUBLED = (
     "Each pair is taken twice (repeat = 2, terms k a^k, which absorb small errors of the poles): with single pairs no class that"
     " says much between the samples holds the data."
+)
+FREE = (
+    "integrators = {count}: the response rises towards low frequencies, and beside the modes alone no class that says anything"
+    " holds the data; beside {count} pole{s} at z = 1 one does."
 )
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
 _LARGE = 100.0  # times the largest response: one that holds whatever does not contradict itself
@@ -144,8 +149,12 @@ def with_prior(
     chosen = run.modes
     own = double and chosen.hz and chosen.repeat == 1 and chosen.source is Source.DATA
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
+    single = problem
     problem, found, doubled = _suggested(problem, twice, around, reference)
-    if doubled:
+    free = _with_integrators(run, single, around) if own and not says_something(problem, found) else None
+    if free is not None:
+        run, problem, found = free
+    elif doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
     prior, source, note = found.prior, Source.DATA, PRIOR_NOTE + found.reason
     if reference and not says_something(problem, found):
@@ -226,6 +235,24 @@ def _suggested(
         return problem, found, False
     better = says_something(wider, other) and (not something or 2 * _gain(other) <= _gain(found))
     return (wider, other, True) if better and other.complete else (problem, found, False)
+
+
+def _with_integrators(
+    run: RunFile, problem: MixedProblem, around: Surroundings
+) -> tuple[RunFile, MixedProblem, PriorSuggestion] | None:
+    """The fewest poles at z = 1 beside the modes with which a class says something, as of a machine that is free to move."""
+    for count in missing_integrators(problem):
+        modes = dataclasses.replace(run.modes, integrators=count)
+        wider = dataclasses.replace(problem, parametric=basis_of(modes, problem.dt))
+        try:
+            with around.step("looking for a prior beside integrators", _PRIOR) as limit:
+                found = useful_prior(wider, time_limit=limit, progress=around.told)
+        except InputError:  # functions that the samples can't tell apart
+            continue
+        if found.complete and says_something(wider, found):
+            words = FREE.format(count=count, s="s" * (count > 1))
+            return run.changed("modes", integrators=count, note=f"{run.modes.note}\n{words}"), wider, found
+    return None
 
 
 def _gain(found: PriorSuggestion) -> float:
