@@ -17,10 +17,9 @@ from control_problems import TWO_PI, beams, lags, mirrors, motor_benches, of_nom
 
 import robustid as rid
 from robustid.controllers.plants import Plants
-from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Limits, LowPass, Notch
 from robustid.guarantees import loop_bounds
-from support.design_cases import STRUCTURES, band_of
+from support.design_cases import STRUCTURES, band_of, sizes_of, values_of
 from support.loop_candidates import consistent_members, is_stable
 
 PEAK = 2.0
@@ -31,11 +30,6 @@ VALUES, FREQUENCIES, AT_ONCE = 10_000, 10_000, 100
 ROUNDING = 1e-9
 SOLVED, REFINED = 14, 120.0  # frequencies of polygons, and seconds
 MIRRORS = [(volts, entry) for volts in (0.3, 0.2) for entry in range(3)]
-
-
-def values_of(model, omega):
-    """Response of one input and one output, (F,)."""
-    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0.0))[:, 0, 0]
 
 
 def designed(band, structure, goal="bandwidth"):
@@ -273,17 +267,6 @@ def withheld(arguments):
 # ----------------------------------------------------------------------------------------------------------------- members
 
 
-def four(F, C):
-    """Sizes of the maps of the loop."""
-    S = 1 / np.abs(1 + F * C)
-    return {
-        "sensitivity": S,
-        "complementary_sensitivity": np.abs(F * C) * S,
-        "process_sensitivity": np.abs(F) * S,
-        "control_sensitivity": np.abs(C) * S,
-    }
-
-
 def edges_of(band, omega):
     """A source of values of the polygons at frequencies, (AT_ONCE, F): on their borders, those within the discs too."""
     known, model = band.circle.sets_at(omega), band.problem.plane.values_at(band.model, omega)[:, 0, 0]
@@ -319,7 +302,7 @@ def members(arguments):
             F = centre[:, 0, 0] + radius * np.exp(2j * np.pi * rng.random((AT_ONCE, omega.size)))
             if edge is not None:
                 F = edge(rng)
-            for name, size in four(F, C).items():
+            for name, size in sizes_of(F, C).items():
                 reached[name] = max(reached[name], float(size.max()) / proof.peaks[name].value)
             least = min(least, float(np.abs(F * C)[:, low].min()))
             values += F.size
@@ -328,7 +311,7 @@ def members(arguments):
         for one in systems:
             unstable += not is_stable(one, design.controller)
             F = values_of(one, omega)
-            far = max(far, *(float(size.max()) / proof.peaks[name].value for name, size in four(F, C).items()))
+            far = max(far, *(float(size.max()) / proof.peaks[name].value for name, size in sizes_of(F, C).items()))
             least_here = float(np.abs(F * C)[low].min())
             wrong += least_here < 1 - ROUNDING or far > 1 + ROUNDING or not is_stable(one, design.controller)
         contradicted = sum(part > 1 + ROUNDING for part in reached.values()) + (least < 1 - ROUNDING)

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.controllers.limits import Limits
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, norms
 from robustid.guarantees import ErrorSets
 
 _ABOVE = 5e-3  # 1 that |L| is up to the bandwidth: what the proof on arcs takes
@@ -114,13 +114,6 @@ class Discs(NamedTuple):
         return Discs(*parts)
 
 
-def norms(matrices: Complex | Real) -> Real:
-    """Largest singular values, (N, p, q) to (N,)."""
-    if matrices.shape[1:] == (1, 1):
-        return np.abs(matrices[:, 0, 0])
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
-
-
 class Conditions(NamedTuple):
     """Distance of ``a + (b + v) C`` from a convex polygon at least ``sum_k |Q_k C| + w``, at frequencies, each (N, ...).
 
@@ -154,6 +147,26 @@ class Conditions(NamedTuple):
         if X.shape[1:] == (1, 1):
             return self._from_polygon(X, values)[0] - taken - self.w
         return np.linalg.svd(X, compute_uv=False)[:, -1] - taken - self.w
+
+    def ahead(self, values: Complex, turn: Complex) -> Real:
+        """Distance to the limit of each, measured along given directions (N, p, p): at most `excess`, and that along the best."""
+        if self.inside:
+            return self.excess(values)
+        X, taken = self.at(values)
+        if X.shape[1:] == (1, 1):
+            back, moves = turn[:, 0].conj(), self.moved * values[self.place, 0]
+            farthest = np.real(back * X[:, 0] + back * moves).min(axis=1) - np.real(back * self.corners).max(axis=1)
+            return farthest - taken - self.w
+        turned = turn.conj().swapaxes(1, 2) @ X
+        return np.linalg.eigvalsh((turned + turned.conj().swapaxes(1, 2)) / 2)[:, 0] - taken - self.w
+
+    def of(self, which: NDArray[np.bool_]) -> Conditions:
+        """Some of them."""
+        own = {name: getattr(self, name)[which] for name in ("place", "a", "b", "q", "w")}
+        shapes = {
+            name: value[which] if len(value := getattr(self, name)) > 1 else value for name in ("corners", "moved")
+        }
+        return self._replace(**own, **shapes)
 
     def directions(self, values: Complex) -> Complex:
         """Unit numbers that point from the polygon to where C is; of matrices the unitary factor U of the polar form, (N, p, p)."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs, norms
+from robustid.controllers.conditions import Discs
 from robustid.controllers.limits import Limits, Template
 from robustid.controllers.loop_gain import largest_reciprocal
 from robustid.core import (
@@ -21,6 +21,7 @@ from robustid.core import (
     closed_loop,
     decay_of,
     loop_is_stable,
+    norms,
     points_of,
     poles_of,
     response_at,

@@ -151,8 +151,8 @@ class Program:
         for i, j in np.argwhere(held):
             self.norm(values[:, :, i : i + 1, j : j + 1], np.zeros((len(values), 1, 1), complex), none, none, helper)
 
-    def solved(self) -> Real | None:
-        """The factors where the slack is largest."""
+    def solved(self) -> tuple[Real, float] | None:
+        """The factors where the slack is largest, and the slack."""
         m, place = self.count, 0
         dense, constants, cones, at, columns, values = (list[Any]() for _ in range(6))
         for rows, cone in self.groups:
@@ -173,7 +173,7 @@ class Program:
                 columns.append(np.repeat(index - m - 1, used.size))
                 values.append(((factor / size)[:, None] * rows.unit[used]).ravel())
             place += N * R
-        matrix = scipy.sparse.csc_matrix(-np.concatenate(dense))
+        matrix = _sparse(-np.concatenate(dense))
         if values:
             places = np.concatenate(at), np.concatenate(columns)
             beside = scipy.sparse.csc_matrix((-np.concatenate(values), places), shape=(place, self.size - m - 1))
@@ -182,12 +182,20 @@ class Program:
         settings.verbose = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
         settings.chordal_decomposition_enable = False  # many small cones: parts of them are no gain
-        weight = scipy.sparse.csc_matrix(scipy.sparse.diags([_SMALL] * m + [0.0] * (self.size - m)))
+        one = np.minimum(np.arange(self.size + 1), m)  # a diagonal, of the factors alone
+        weight = scipy.sparse.csc_matrix((np.full(m, _SMALL), np.arange(m), one), shape=(self.size, self.size))
         goal = np.zeros(self.size)
         goal[m] = -1.0
         solver = clarabel.DefaultSolver(weight, goal, matrix, np.concatenate(constants), cones, settings)
-        found = np.asarray(solver.solve().x, dtype=float)[:m]
-        return found if np.all(np.isfinite(found)) else None
+        found = np.asarray(solver.solve().x, dtype=float)[: m + 1]
+        return (found[:m], float(found[m])) if np.all(np.isfinite(found)) else None
+
+
+def _sparse(matrix: Real) -> scipy.sparse.csc_matrix:
+    """The entries that are not zero, by columns."""
+    columns, rows = np.nonzero(matrix.T)
+    starts = np.searchsorted(columns, np.arange(matrix.shape[1] + 1))
+    return scipy.sparse.csc_matrix((matrix[rows, columns], rows, starts), shape=matrix.shape)
 
 
 def _triangle(matrices: Complex) -> Real:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.controllers.conditions import Conditions
 from robustid.controllers.program import Functions, Indices, Program
@@ -26,6 +27,7 @@ _LITTLE = 0.03  # of slack: what a round must gain
 _UNIT = 0.05  # least unit of a slack: that of conditions that are about zero
 _MOST = 1.0  # slack, beyond which nothing is asked for
 _SPARE = 1e-6  # of slack: what rounding of the solver takes
+_EVERY = 5  # conditions, one of which a program begins with
 
 Directions = list[Complex]
 
@@ -78,10 +80,10 @@ def found_for(
 
     `centred`: not the first ones, but those of the largest slack that directions turn to. `go_on`: is called in every round.
     """
-    directions, before, best = start, -math.inf, None
+    directions, before, best, asked = start, -math.inf, None, _spread(question)
     for _ in range(_ROUNDS):
         go_on()
-        factors = _solved(question, directions)
+        factors = _solved(question, directions, asked)
         if factors is None:
             break
         slack = question.slack(factors)
@@ -95,17 +97,49 @@ def found_for(
     return best
 
 
-def _solved(question: Question, directions: Directions) -> Real | None:
-    """The factors of the largest least slack for given directions."""
+def _spread(question: Question) -> list[NDArray[np.bool_]]:
+    """Conditions that a program begins with: every so manieth, and the last."""
+    found = [np.arange(one.place.size) % _EVERY == 0 for one in question.conditions]
+    for one in found:
+        one[-1:] = True
+    return found
+
+
+def _solved(question: Question, directions: Directions, asked: list[NDArray[np.bool_]]) -> Real | None:
+    """The factors of the largest least slack for given directions, by the conditions that limit it.
+
+    Those `asked`, and with them those that are least where a solution leaves others with less slack than its own.
+    """
+    while True:
+        found = _solved_some(question, directions, asked)
+        if found is None:
+            return None
+        factors, slack = found
+        values, more = question.values(factors), False
+        least = slack - _LITTLE * abs(slack) - _SPARE
+        for (one, unit), turn, own in zip(question.with_units(), directions, asked, strict=True):
+            left = one.ahead(values, turn) / unit
+            around = np.pad(left, 1, constant_values=np.inf)
+            new = (left < least) & (left <= around[:-2]) & (left <= around[2:]) & ~own
+            own |= new
+            more = more or bool(new.any())
+        if not more:
+            return factors
+
+
+def _solved_some(
+    question: Question, directions: Directions, asked: list[NDArray[np.bool_]]
+) -> tuple[Real, float] | None:
     m = question.basis.axes.shape[1]
     program = Program(m)
     program.not_negative(np.zeros((1, m)), np.array([-1.0]), np.array([_MOST]))
     if question.linear is not None:
         G, h = question.linear
         program.not_negative(G, -np.maximum(np.abs(h), _UNIT), -h)
-    for one, turn in zip(question.conditions, directions, strict=True):
-        if one.place.size:
-            _ask(program, one, turn, question.basis.at(one.place))
+    for one, turn, own in zip(question.conditions, directions, asked, strict=True):
+        if own.any():
+            some = one.of(own)
+            _ask(program, some, turn[own], question.basis.at(some.place))
     return program.solved()
 
 

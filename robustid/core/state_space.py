@@ -74,6 +74,13 @@ class StateMatrices(NamedTuple):
         return StateMatrices(self.A.T, self.C.T, self.B.T, self.D.T)
 
 
+def norms(matrices: Complex | Real) -> Real:
+    """Largest singular values, (N, p, q) to (N,)."""
+    if matrices.shape[1:] == (1, 1):
+        return np.abs(matrices[:, 0, 0])
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
+
+
 def points_of(omega: Real, dt: float | None) -> Complex:
     """Points s = j omega of frequencies in rad/s, or z = exp(j omega dt) where there is a sample time (not None or 0)."""
     return np.asarray(np.exp(1j * omega * dt) if dt else 1j * omega, dtype=np.complex128)

@@ -23,7 +23,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, norms
 from robustid.guarantees.linear.error_sets import ErrorSets, Held
 from robustid.guarantees.scaling import perron_scaling
 from robustid.guarantees.value_set import norm_of_bounds
@@ -41,7 +41,7 @@ class Balls(NamedTuple):
     @property
     def largest(self) -> Real:
         """Bound of the largest singular value, (N,)."""
-        return _norms(self.centre) + self.radius
+        return norms(self.centre) + self.radius
 
     def or_narrower(self, other: Balls) -> Balls:
         """At every point the one of two with the smaller radius."""
@@ -148,8 +148,8 @@ class LoopValues(NamedTuple):
         if self.shape == (1, 1):
             found = _disc(fixed, left, right, inner, held)
         else:
-            found = Balls(fixed[0], _added(left, right, inner, held.bound) + _norms(fixed[1]))
-        rounding = _ROUNDING * (_norms(found.centre) + np.where(np.isfinite(found.radius), found.radius, 0.0))
+            found = Balls(fixed[0], _added(left, right, inner, held.bound) + norms(fixed[1]))
+        rounding = _ROUNDING * (norms(found.centre) + np.where(np.isfinite(found.radius), found.radius, 0.0))
         return Balls(found.centre, found.radius + rounding)
 
 
@@ -212,7 +212,7 @@ def _by_entries(left: Part, right: Part, inner: Part, bound: Real) -> Real:
 
 
 def _by_norms(left: Part, right: Part, inner: Part, bound: Real) -> Real:
-    outer, last, through = (_norms(values) + _norms(reach) for values, reach in (left, right, inner))
+    outer, last, through = (norms(values) + norms(reach) for values, reach in (left, right, inner))
     return _closed(outer, last, through, norm_of_bounds(bound))
 
 
@@ -222,7 +222,7 @@ def _scaled(left: Part, right: Part, inner: Part, bound: Real) -> Real:
     scaling = perron_scaling(np.where(fed_back, inner[0], _outer(right, left)), bound)
     alpha, beta = np.exp(scaling.rows), np.exp(scaling.columns)
     outer, last, through = (
-        _norms(values) + _norms(reach)
+        norms(values) + norms(reach)
         for values, reach in (
             (left[0] * alpha[:, None, :], left[1] * alpha[:, None, :]),
             (right[0] * beta[:, :, None], right[1] * beta[:, :, None]),
@@ -241,10 +241,6 @@ def _closed(left: Real, right: Real, inner: Real, bound: Real) -> Real:
     """``left bound right / (1 - inner bound)``."""
     room = 1 - inner * bound
     return np.where(room > 0, left * bound * right / np.where(room > 0, room, 1.0), np.inf)
-
-
-def _norms(matrices: Complex | Real) -> Real:
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
 
 
 class Worst(NamedTuple):

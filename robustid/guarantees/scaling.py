@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, norms
 
 _FLOOR = 1e-9  # of the largest entry: channels that don't meet have scalings all the same
 # The largest singular value is the limit of the norms of these powers, each of which is smooth; at the last one, 0.1 % is left.
@@ -41,7 +41,7 @@ class Scaling(NamedTuple):
 
     def gain(self, values: Complex, bound: Real) -> tuple[Real, Real]:
         """Largest singular values of ``diag(beta) M diag(alpha)`` and of ``diag(1/alpha) [b] diag(1/beta)``, (K,)."""
-        return _norms(self.loop(values)), _norms(self.uncertainty(bound))
+        return norms(self.loop(values)), norms(self.uncertainty(bound))
 
     def loop(self, values: Complex | Real) -> Complex | Real:
         """``diag(beta) M diag(alpha)``, (K, nu, ny), of M or of radii around it."""
@@ -56,10 +56,6 @@ class Scaling(NamedTuple):
 def _for_signals(part: Real, size: int) -> Real:
     """One number for every signal from one for each group of them: a group is a single signal, or all."""
     return np.broadcast_to(part, (part.shape[0], size))
-
-
-def _norms(matrices: Complex | Real) -> Real:
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
 
 
 def perron_scaling(values: Complex, bound: Real) -> Scaling:
@@ -116,8 +112,8 @@ def _improved(values: Complex, bound: Real, start: Scaling) -> Scaling:
     _, p, q = bound.shape
     # In units in which the start is 1 and both norms are 1.
     loop, size = start.loop(values), start.uncertainty(bound)
-    loop = loop / np.maximum(_norms(loop), np.finfo(float).tiny)[:, None, None]
-    size = size / _norms(size)[:, None, None]
+    loop = loop / np.maximum(norms(loop), np.finfo(float).tiny)[:, None, None]
+    size = size / norms(size)[:, None, None]
     spread = scipy.linalg.block_diag(_groups(values.shape[1], q), _groups(values.shape[2], p))
     product = _Product(loop, size, spread)
     y = np.zeros((values.shape[0], q + p))

@@ -10,13 +10,9 @@ from robustid.controllers.conditions import Discs, conditions_of
 from robustid.controllers.designing import At, Task
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import basis_of
-from robustid.core import StateMatrices, points_of, response_at
+from robustid.core import StateMatrices, points_of
 from robustid.design import FIR, PID, Bandwidth, Fixed, LeadLag, Limits, LowPass, Notch
-from support.design_cases import DT, PEAK, band_of, reached
-
-
-def values(model, omega):
-    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))[:, 0, 0]
+from support.design_cases import DT, PEAK, band_of, reached, values_of
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.001])
@@ -31,16 +27,16 @@ def test_a_structure_holds_every_numerator_over_its_poles(dt):
     low = control.ss(control.tf([2000.0**2], [1, np.sqrt(2) * 2000.0, 2000.0**2]))
     low = control.c2d(low, dt, "tustin") if dt else low
     top = np.random.default_rng(0).standard_normal(6) * (1.0 if dt else 500.0 ** np.arange(6))
-    true = np.polyval(top, x) / np.polyval(bottom, x) * values(low, omega)
+    true = np.polyval(top, x) / np.polyval(bottom, x) * values_of(low, omega)
     found = basis.response(omega)[:, :, 0, 0]
     weight = 1 / np.abs(true)[:, None]
     both = np.concatenate([(weight * found).real, (weight * found).imag])
     fitted = np.linalg.lstsq(both, np.concatenate([np.real(true / np.abs(true)), np.imag(true / np.abs(true))]))[0]
     assert np.abs(found @ fitted / true - 1).max() < 1e-6
     model = basis.controller(fitted)
-    assert np.abs(values(model, omega) / true - 1).max() < 1e-6
+    assert np.abs(values_of(model, omega) / true - 1).max() < 1e-6
     near = 1e-6  # of the integrator
-    limit = values(model, np.array([near]))[0] * ((np.exp(1j * near * dt) - 1) / dt if dt else 1j * near)
+    limit = values_of(model, np.array([near]))[0] * ((np.exp(1j * near * dt) - 1) / dt if dt else 1j * near)
     assert np.real(limit) == pytest.approx(basis.integral @ fitted, rel=1e-3)
 
 
@@ -99,7 +95,7 @@ def test_the_integral_gain_of_a_first_order_plant():
     """PI with 0.1/(z - 0.9): the largest integral gain for |S| <= 2 within the same discs, over a fine grid of both gains."""
     plant = control.ss(control.tf([0.1], [1, -0.9], DT))
     omega = np.linspace(3.0, 312.0, 70)
-    frf = rid.FrequencyResponse(omega, values(plant, omega), bound=1e-3, dt=DT)
+    frf = rid.FrequencyResponse(omega, values_of(plant, omega), bound=1e-3, dt=DT)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.2, decay_rate=1.08))
     band = rid.band(problem, model=plant)
     found = rid.design_controller(band, PID(), maximise="integral gain")
@@ -124,8 +120,8 @@ def test_a_design_is_proved_as_good_as_search_and_no_member_contradicts_it(seed)
     (proof,) = design.proofs
     assert proof.peaks["sensitivity"].value <= PEAK * 1.001
     omega = np.linspace(0.01, np.pi / DT, 10_000)
-    C = values(design.controller, omega)
-    L = values(plant, omega) * C
+    C = values_of(design.controller, omega)
+    L = values_of(plant, omega) * C
     assert np.abs(control.feedback(plant, design.controller).poles()).max() < 1
     assert np.abs(1 / (1 + L)).max() <= PEAK
     assert np.abs(L[omega <= design.level]).min() >= 1
@@ -166,8 +162,8 @@ def test_a_design_is_proved_and_its_own_plant_keeps_it(first):
     assert proof.peaks["sensitivity"].value <= PEAK * 1.001
     assert proof.margins.gain[1] >= 1.998
     omega = np.linspace(0.01, np.pi / DT, 2000)
-    plant, C = band_of(1)[0], values(design.controller, omega)
-    L = values(plant, omega) * C
+    plant, C = band_of(1)[0], values_of(design.controller, omega)
+    L = values_of(plant, omega) * C
     assert np.abs(control.feedback(plant, design.controller).poles()).max() < 1
     assert np.abs(1 / (1 + L)).max() <= PEAK
     assert np.abs(L / (1 + L))[omega >= 150].max() <= 0.9
@@ -253,7 +249,7 @@ def test_a_limit_that_is_broken_between_frequencies_is_seen(first):
     where = np.array(task.broken(found))
 
     def room(omega):
-        discs, C = plants.discs(omega), values(found.controller, omega)
+        discs, C = plants.discs(omega), values_of(found.controller, omega)
         return np.abs(1 + discs.centre[:, 0, 0] * C) - discs.radius * np.abs(C) - 1 / PEAK
 
     assert where.size

@@ -13,15 +13,10 @@ from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions
 from robustid.controllers.search import Question, found_for
 from robustid.controllers.worst_at import _values
-from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID
 from robustid.guarantees.linear.polygon_discs import hull
-from support.design_cases import DT
+from support.design_cases import DT, sizes_of, values_of
 from support.loop_candidates import consistent_members, is_stable
-
-
-def values(model, omega):
-    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))[:, 0, 0]
 
 
 def polygons(rng, count):
@@ -43,16 +38,6 @@ def inside(rng, corners, count):
     return np.concatenate([edge, corners, middle + (edge - middle) * rng.random(count)], axis=1)
 
 
-def sizes(F, C):
-    S = 1 / np.abs(1 + F * C)
-    return {
-        "sensitivity": S,
-        "complementary_sensitivity": np.abs(F * C) * S,
-        "process_sensitivity": np.abs(F) * S,
-        "control_sensitivity": np.abs(C) * S,
-    }
-
-
 def cases(seed, count):
     """Polygons about random centres, as they are held by discs, and their values."""
     rng = np.random.default_rng([72, seed])
@@ -64,13 +49,13 @@ def cases(seed, count):
 
 
 LIMITS = {
-    "sensitivity_peak": (1.7, lambda F, C: sizes(F, C)["sensitivity"]),
-    "complementary_peak": (1.4, lambda F, C: sizes(F, C)["complementary_sensitivity"]),
-    "control_peak": (1.1, lambda F, C: sizes(F, C)["control_sensitivity"]),
-    "attenuation": (0.8, lambda F, C: sizes(F, C)["sensitivity"]),
-    "roll_off": (0.6, lambda F, C: sizes(F, C)["complementary_sensitivity"]),
-    "tracking": (0.7, lambda F, C: 0.7**2 / sizes(F, C)["complementary_sensitivity"]),
-    "action": (1.1, lambda F, C: sizes(F, C)["control_sensitivity"]),
+    "sensitivity_peak": (1.7, lambda F, C: sizes_of(F, C)["sensitivity"]),
+    "complementary_peak": (1.4, lambda F, C: sizes_of(F, C)["complementary_sensitivity"]),
+    "control_peak": (1.1, lambda F, C: sizes_of(F, C)["control_sensitivity"]),
+    "attenuation": (0.8, lambda F, C: sizes_of(F, C)["sensitivity"]),
+    "roll_off": (0.6, lambda F, C: sizes_of(F, C)["complementary_sensitivity"]),
+    "tracking": (0.7, lambda F, C: 0.7**2 / sizes_of(F, C)["complementary_sensitivity"]),
+    "action": (1.1, lambda F, C: sizes_of(F, C)["control_sensitivity"]),
     "bandwidth": (2.0, lambda F, C: 2.0 * 1.005 / np.abs(F * C)),
 }
 
@@ -129,7 +114,7 @@ def test_a_cone_at_the_corners_is_the_condition_and_wins_over_the_disc():
 def test_worst_cases_over_polygons_hold_and_are_near_the_worst_value():
     rng, held, F = cases(3, 1000)
     C = rng.standard_normal(1000) + 1j * rng.standard_normal(1000)
-    true, found = sizes(F, C[:, None]), {}
+    true, found = sizes_of(F, C[:, None]), {}
     for balls in _values(held.centre[:, 0, 0], C).over(held.errors):
         found = {name: np.minimum(ball.largest, found.get(name, np.inf)) for name, ball in balls.items()}
     for name, bound in found.items():
@@ -150,7 +135,9 @@ def refined():
     """The band of a lag, with polygons, and plants that the data allow."""
     plant = control.ss(control.tf([0.1], [1, -0.9], DT))
     lines = np.linspace(3.0, 312.0, 20)
-    frf = rid.FrequencyResponse(lines, values(plant, lines), bound=0.1 * np.abs(values(plant, lines)) + 0.01, dt=DT)
+    frf = rid.FrequencyResponse(
+        lines, values_of(plant, lines), bound=0.1 * np.abs(values_of(plant, lines)) + 0.01, dt=DT
+    )
     plain = rid.band(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.2, decay_rate=1.08)), model=plant)
     result = rid.identify(plain.problem)
     return (
@@ -166,7 +153,7 @@ def test_polygons_of_a_band_hold_the_plants_that_the_data_allow_and_prove_more_o
     discs = Plants.of(band).discs(omega)
     assert np.sum(discs.around == 0) > 20
     for one in members:
-        assert np.all(discs._replace(centre=discs.centre - values(one, omega)[:, None, None]).least <= 1e-9)
+        assert np.all(discs._replace(centre=discs.centre - values_of(one, omega)[:, None, None]).least <= 1e-9)
     law = control.ss(1.0, 1.0, 0.12, 0.3, DT)
     wide, found = (rid.loop_bounds(one, controller=law) for one in (plain, band))
     assert found.guaranteed
@@ -175,7 +162,7 @@ def test_polygons_of_a_band_hold_the_plants_that_the_data_allow_and_prove_more_o
     fine = np.geomspace(0.1, np.pi / DT, 3000)
     for one in members:
         assert is_stable(one, law)
-        for name, size in sizes(values(one, fine), values(law, fine)).items():
+        for name, size in sizes_of(values_of(one, fine), values_of(law, fine)).items():
             assert size.max() <= found.peaks[name].value
 
 
@@ -188,5 +175,5 @@ def test_a_refined_band_has_a_faster_loop_which_plants_that_the_data_allow_keep(
     fine = np.geomspace(0.1, np.pi / DT, 3000)
     for one in members:
         assert is_stable(one, after.controller)
-        for name, size in sizes(values(one, fine), values(after.controller, fine)).items():
+        for name, size in sizes_of(values_of(one, fine), values_of(after.controller, fine)).items():
             assert size.max() <= after.proofs[0].peaks[name].value

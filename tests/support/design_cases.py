@@ -15,6 +15,22 @@ DT = 0.01
 PEAK = 2.0
 
 
+def values_of(model, omega):
+    """Response of one input and one output, (F,)."""
+    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))[:, 0, 0]
+
+
+def sizes_of(F, C):
+    """Sizes of the maps of the loop of a plant and a controller, by their values."""
+    S = 1 / np.abs(1 + F * C)
+    return {
+        "sensitivity": S,
+        "complementary_sensitivity": np.abs(F * C) * S,
+        "process_sensitivity": np.abs(F) * S,
+        "control_sensitivity": np.abs(C) * S,
+    }
+
+
 @functools.cache
 def band_of(seed):
     """The band of a random plant of one to three poles and up to two samples of delay, known to a few percent at 40 lines."""
@@ -27,7 +43,7 @@ def band_of(seed):
     plant = control.ss(control.zpk(zeros, [*poles, *[0.0] * rng.integers(0, 3)], 1.0, DT))
     plant = plant / plant(1.0).real
     omega = np.linspace(3.0, 310.0, 40)
-    true = response_at(StateMatrices.of(plant), points_of(omega, DT))[:, 0, 0]
+    true = values_of(plant, omega)
     bound = rng.uniform(0.02, 0.05) * np.abs(true) + 0.005
     values = true + bound * rng.uniform(0, 1, 40) * np.exp(2j * np.pi * rng.uniform(size=40))
     rate = 1.04
@@ -45,7 +61,7 @@ def lag_band():
     """The band of 0.1/(z - 0.9), known to 0.01 at 40 lines."""
     plant = control.ss(control.tf([0.1], [1, -0.9], DT))
     omega = np.linspace(3.0, 312.0, 40)
-    values = response_at(StateMatrices.of(plant), points_of(omega, DT))[:, 0, 0]
+    values = values_of(plant, omega)
     frf = rid.FrequencyResponse(omega, values, bound=0.01, dt=DT)
     problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.2, decay_rate=1.08))
     return rid.band(problem, model=plant)

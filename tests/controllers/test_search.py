@@ -1,0 +1,55 @@
+"""Programs for given directions: distances along them, and the few conditions that limit against all of them."""
+
+import numpy as np
+import pytest
+
+from robustid.controllers.designing import At, Task
+from robustid.controllers.goals import Bandwidth
+from robustid.controllers.limits import Limits
+from robustid.controllers.plants import Plants
+from robustid.controllers.search import _solved, _solved_some, _spread
+from support.design_cases import STRUCTURES, band_of, matrix_band_of
+
+LIMITS = Limits(sensitivity_peak=1.8, complementary_peak=1.5, roll_off=((200.0, 300.0, 0.5),))
+CASES = [*((band_of, seed) for seed in range(3)), (matrix_band_of, 0)]
+
+
+def question_of(make, seed):
+    """Conditions of a random problem at a tenth of its axis, and the directions of the loop that is wanted."""
+    task = Task.of([Plants.of(make(seed)[1])], tuple(STRUCTURES[0]), LIMITS, Bandwidth())
+    here = At(task, task.middle)
+    limits = task.asked(0.1 * here.ends[0] ** 0.5 * here.ends[1] ** 0.5)
+    question, discs = here.question(limits)
+    return question, question.directions(next(here._starts(discs, limits, None)))
+
+
+@pytest.mark.parametrize(("make", "seed"), CASES)
+def test_distances_along_directions_are_at_most_those_along_the_best(make, seed):
+    question, wanted = question_of(make, seed)
+    factors, _ = _solved_some(question, wanted, [np.ones(len(one.place), bool) for one in question.conditions])
+    values = question.values(factors)
+    for one, turn in zip(question.conditions, wanted, strict=True):
+        excess, size = one.excess(values), 1 + np.abs(one.excess(values))
+        assert np.all(np.abs(one.ahead(values, one.directions(values)) - excess) <= 1e-9 * size)
+        assert np.all(one.ahead(values, turn) <= excess + 1e-9 * size)
+        half = np.arange(one.place.size) % 2 == 1
+        assert np.array_equal(one.of(half).ahead(values, turn[half]), one.ahead(values, turn)[half])
+
+
+@pytest.mark.parametrize(("make", "seed"), CASES)
+def test_the_conditions_that_limit_give_the_slack_of_all(make, seed):
+    question, turns = question_of(make, seed)
+    every = [np.ones(len(one.place), bool) for one in question.conditions]
+    for _ in range(3):
+        _, most = _solved_some(question, turns, every)
+        asked = _spread(question)
+        factors = _solved(question, turns, asked)
+        values = question.values(factors)
+        reached = min(
+            float(np.min(one.ahead(values, turn) / unit))
+            for (one, unit), turn in zip(question.with_units(), turns, strict=True)
+            if one.place.size
+        )
+        assert reached >= most - 0.03 * abs(most) - 1e-5
+        assert sum(map(np.sum, asked)) < 0.5 * sum(map(np.size, asked))
+        turns = question.directions(values)
