@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Real, as_positive, one_thread, responses
+from robustid.core import Budget, Complex, Interruptible, Real, as_positive, one_thread, responses
 from robustid.guarantees.interconnection_result import Interconnection, InterconnectionStatus
 from robustid.guarantees.loop_errors import are_discs, closing_error, factor_alone, loci, passive_factors
 from robustid.guarantees.loop_sides import Cells, Side, Uncertainty, as_side, check_pair, common_cells, uncertainty_of
@@ -51,7 +51,8 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
         H, from the outputs of the source to its inputs: beside an impedance an *admittance*. A measured load impedance is inverted
         with its bound first, `prepare.inverse_response`, and the admittance identified. It may have other lines than the source.
     time_limit : float, optional
-        Seconds of the search for an unstable pair, where stability is not proved. Default: as a few identifications take.
+        Seconds of the search for an unstable pair, where stability is not proved; Ctrl-C ends it too. Default: as a few
+        identifications take.
 
     Returns
     -------
@@ -91,7 +92,9 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
     sides = as_side("source", source), as_side("load", load)
 
     def searched(edge: Edge, dt: float) -> Pair | None:
-        return unstable_pair(sides, edge, dt, Budget(limit))
+        with Interruptible():  # undecided then
+            return unstable_pair(sides, edge, dt, Budget(limit))
+        return None
 
     return _judged(sides, searched)
 

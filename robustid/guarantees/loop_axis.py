@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Real, StateMatrices, points_of, response_at, responses
+from robustid.core import Budget, Real, StateMatrices, points_of, response_at, responses
 from robustid.errors import InputError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import Image
@@ -81,11 +81,13 @@ class BandAxis:
             return edges
         return np.unique(np.concatenate([edges, self.parted[(self.parted > edges[0]) & (self.parted < edges[-1])]]))
 
-    def largest(self, system: StateMatrices, sizes: Sizes, floors: Real) -> tuple[Real, Real]:
+    def largest(
+        self, system: StateMatrices, sizes: Sizes, floors: Real, budget: Budget | None = None
+    ) -> tuple[Real, Real]:
         """Bounds of sizes that follow from the values of a stable system and the bounds of the band, and frequencies near them.
 
         `sizes`: of pieces and how far the values may be from those in their middles, (N, S). `floors` (S,): smaller ones limit
-        nothing.
+        nothing. Where the time is over arcs stay as they are: what is found holds, and is larger than it need be.
         """
         model, lost, angles, image = self.arcs_of(system)
         reached, count = floors, 0
@@ -99,7 +101,7 @@ class BandAxis:
             count += len(arc)
             limits = np.any(arc > reached * (1 + _TOLERANCE), axis=1) & np.all(np.isfinite(middle), axis=1)
             wide = np.any(pieces.radius > lost, axis=(1, 2))  # narrower ones say no more
-            return limits & wide & (count < _FEW)
+            return limits & wide & (count < _FEW) & (budget is None or not budget.over)
 
         def omega(places: Real) -> Real:
             if image is None:
@@ -153,10 +155,10 @@ class LoopAxis:
     shape: tuple[int, int]
     around: StateMatrices
 
-    def enclosed(self) -> tuple[dict[str, Peak], LoopMargins]:
+    def enclosed(self, budget: Budget | None = None) -> tuple[dict[str, Peak], LoopMargins]:
         """Peaks and margins."""
         floors = np.array([FLOORS.get(name, 0.0) for name in self._names])
-        sizes, omega = BandAxis(self.band).largest(self.around, self._sizes, floors)
+        sizes, omega = BandAxis(self.band).largest(self.around, self._sizes, floors, budget)
         largest = dict(zip(self._names, sizes.tolist(), strict=True))
         where = dict(zip(self._names, omega.tolist(), strict=True))
         return {name: Peak(largest[name], where[name]) for name in MAPS}, margins_of(largest, self.shape)

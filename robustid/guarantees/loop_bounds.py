@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustid.core import (
+    Budget,
     Complex,
     Frozen,
     Real,
@@ -142,9 +143,8 @@ class LoopBounds(Frozen, Drawable, Savable):
         other = None if self.stability is None else self.loop.as_controller(self.controller)
         model = StateMatrices.of(_nominal(self.band))
         around = [self.loop.about(model, controller) for controller in (open_loop, other)]
-        found: list[dict[str, tuple[Complex, Real]]]
-        found = [dict(maps) for maps in _at_frequencies(self.band, around, self.loop, omega)]
-        return found[0]["process_sensitivity"], found[1]
+        plant, maps = _at_frequencies(self.band, around, self.loop, omega)
+        return plant["process_sensitivity"], dict(maps)
 
     def largest_nu_gap(self) -> Peak:
         """Largest `nu_gap` of consistent plants from that of the band's model, on the whole axis; 1 where nothing is known.
@@ -246,6 +246,8 @@ def loop_bounds(
     band: Band,
     loop: Loop | None = None,
     controller: control.StateSpace | control.TransferFunction | control.FRD | FrequencyResponse | None = None,
+    *,
+    time_limit: float | None = None,
 ) -> LoopBounds:
     r"""Worst cases of S, T, PS and CS over every plant that the data allow, with peaks and margins that hold for all of them.
 
@@ -265,6 +267,8 @@ def loop_bounds(
         this is then.
     controller : control.StateSpace, control.TransferFunction, control.FRD or FrequencyResponse, optional
         Another controller. Default: the one that ran. Of a response as `loop_from_data` takes it.
+    time_limit : float, optional
+        Seconds after which arcs are parted no further: peaks and margins hold then too, and are wider.
 
     Returns
     -------
@@ -310,7 +314,7 @@ def loop_bounds(
     >>> found.status.name, bool(1.49 < found.peaks["sensitivity"].value < 1.7)
     ('STABLE', True)
     """
-    as_kind("band", band, Band, "a Band")
+    budget, band = Budget(time_limit), as_kind("band", band, Band, "a Band")
     controller = None if controller is None else controller_model("controller", controller)
     loop = _without_controller(band, controller) if loop is None else as_kind("loop", loop, Loop, "a Loop")
     model = StateMatrices.of(_nominal(band))
@@ -331,7 +335,7 @@ def loop_bounds(
     if decay_of(poles_of(around.A), loop.dt) <= 0:  # the nominal loop is not stable: nothing is bounded
         return _without(band, loop, controller, stability)
     (here,) = _at_frequencies(band, [around], loop, band.omega)
-    peaks, margins = LoopAxis(band, loop.shape, around).enclosed()
+    peaks, margins = LoopAxis(band, loop.shape, around).enclosed(budget)
     return LoopBounds(
         band=band,
         loop=loop,
@@ -367,20 +371,17 @@ def _nominal(band: Band) -> control.StateSpace:
 def _without(band: Band, loop: Loop, controller: object, stability: RobustStabilityMargin | None) -> LoopBounds:
     """Nothing is bounded."""
     none = np.full(band.omega.size, np.inf)
-    peaks = {name: Peak(np.inf, np.nan) for name in MAPS}
-    margins = LoopMargins(0.0, (1.0, 1.0), 0.0, 0.0, 0.0)
     if stability is not None and stability.guaranteed:
         stability = dataclasses.replace(stability, status=MarginStatus.OPEN)
-    given: dict[str, Real] = dict.fromkeys(MAPS, none)
     return LoopBounds(
         band=band,
         loop=loop,
         controller=controller,  # type: ignore[arg-type]
         stability=stability,
         omega=band.omega,
-        **given,
-        peaks=peaks,
-        margins=margins,
+        **dict.fromkeys(MAPS, none),
+        peaks=dict.fromkeys(MAPS, Peak(np.inf, np.nan)),
+        margins=LoopMargins(0.0, (1.0, 1.0), 0.0, 0.0, 0.0),
         refuted_by=None,
     )
 

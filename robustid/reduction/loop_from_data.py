@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import decay_of, one_thread, poles_of, stabilised_by
+from robustid.core import Budget, decay_of, one_thread, poles_of, stabilised_by
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputTypeError
 from robustid.estimation import response_alone
@@ -109,5 +109,5 @@ def with_auxiliary(loop: Loop, frf: FrequencyResponse) -> Loop:
     def margin(residual: control.StateSpace) -> float:
         return float(np.max(np.abs(frf.values - loop.response_of(residual, frf.omega)) / frf.bound.outer_radius))
 
-    found = fitted_plant(loop, frf, margin, _GOOD)
+    found = fitted_plant(loop, frf, margin, _GOOD, Budget())
     return loop if found is None else Loop(loop.controller, found.model, excitation=loop.excitation)

@@ -13,7 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.core import (
+    Budget,
     Frozen,
+    Interruptible,
+    Progress,
     Real,
     Record,
     StateMatrices,
@@ -62,6 +65,8 @@ class PlantReduction(Frozen):
         Largest part of any sample's bound that R misses it by: at most 1, or what the data contradict their class by.
     loop_poles : (n,) complex array
         Of the controller and the model.
+    finished : bool
+        False if the time was over, or Ctrl-C came, before every smaller order was tried.
     """
 
     model: control.StateSpace
@@ -69,6 +74,7 @@ class PlantReduction(Frozen):
     order: int
     margin: float
     loop_poles: np.ndarray
+    finished: bool = True
 
     def __repr__(self) -> str:
         return f"<PlantReduction: order {self.order}, margin {self.margin:.4g}>"
@@ -81,7 +87,12 @@ def plant_of(loop: Loop, residual: control.StateSpace) -> control.StateSpace:
 
 @one_thread()
 def reduce_plant(
-    identification: Identification, loop: Loop, *, residual: control.StateSpace | None = None
+    identification: Identification,
+    loop: Loop,
+    *,
+    residual: control.StateSpace | None = None,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
 ) -> PlantReduction:
     """The smallest model of the plant that the controller stabilises, and whose R keeps every sample within its bound.
 
@@ -96,6 +107,10 @@ def reduce_plant(
         The controller that ran, with its auxiliary plant.
     residual : control.StateSpace, optional
         The model of R to begin with. Default: that of the identification.
+    time_limit : float, optional
+        Seconds after which the smallest one so far is taken; so does Ctrl-C.
+    progress : callable (text, done, count), optional
+        Of the orders that are tried.
 
     Returns
     -------
@@ -131,15 +146,28 @@ def reduce_plant(
         return largest_ratio(identification.problem, model)
 
     responses = [one for one in identification.problem.frequency if isinstance(one, FrequencyResponse)]
-    if not responses:
-        return _truncated(loop, start, margin, limit)
-    found = fitted_plant(loop, responses[0], margin, limit)
-    if found is not None and found.margin <= limit:
-        return found
-    return _below(loop, loop.plant_response(responses[0]), _truncated(loop, start, margin, limit), margin, limit)
+    budget, found = Budget(time_limit, progress, "searching for the smallest plant"), None
+    with Interruptible() as search:
+        if responses:
+            found = fitted_plant(loop, responses[0], margin, limit, budget)
+        if found is None or found.margin > limit:
+            found = None
+            found = _truncated(loop, start, margin, limit, budget)
+            if responses:
+                found = _below(loop, loop.plant_response(responses[0]), found, margin, limit, budget)
+    if found is None:
+        found = _whole(loop, start, margin)
+    return dataclasses.replace(found, finished=not (search.interrupted or budget.over))
 
 
-def _truncated(loop: Loop, start: control.StateSpace, margin: Margin, limit: float) -> PlantReduction:
+def _whole(loop: Loop, start: control.StateSpace, margin: Margin) -> PlantReduction:
+    """The plant of R without the states that cancel."""
+    whole = plant_of(loop, start)
+    poles = poles_of(closed_loop(StateMatrices.of(whole), loop.as_controller(loop.controller)).A)
+    return PlantReduction(whole, start, whole.nstates, margin(start), poles)
+
+
+def _truncated(loop: Loop, start: control.StateSpace, margin: Margin, limit: float, budget: Budget) -> PlantReduction:
     """The smallest truncation of the factors of the plant that is inside."""
     whole = plant_of(loop, start)
     try:
@@ -151,31 +179,41 @@ def _truncated(loop: Loop, start: control.StateSpace, margin: Margin, limit: flo
 
     truncate, nu = balanced_truncations(factors.model(loop.dt)), loop.shape[0]
     for order in range(len(factors.A)):
+        if budget.over:
+            break
+        budget.tell(order, len(factors.A))
         small = StateMatrices.of(truncate(order).model)
         if np.linalg.cond(small.D[:nu]) > 1 / _CANCELS:  # not proper
             continue
         found = _judged(loop, right_quotient(small, nu), margin)
         if found is not None and found.margin <= limit:
             return found
-    poles = poles_of(closed_loop(StateMatrices.of(whole), loop.as_controller(loop.controller)).A)
-    return PlantReduction(whole, start, whole.nstates, margin(start), poles)
+    return _whole(loop, start, margin)
 
 
-def fitted_plant(loop: Loop, frf: FrequencyResponse, margin: Margin, limit: float) -> PlantReduction | None:
+def fitted_plant(
+    loop: Loop, frf: FrequencyResponse, margin: Margin, limit: float, budget: Budget
+) -> PlantReduction | None:
     """The smallest fit of the plant's response that the controller stabilises and that keeps a limit; else the best one.
 
     `frf` is that of R. Fits begin anew, order by order; then at truncations of the best one, below its order.
     """
     own, best = loop.plant_response(frf), None
-    for order in range(1, min(_LARGEST_FIT, own.omega.size // 3) + 1):
-        found = _drawn(loop, own, order, None, margin, limit)
+    most = min(_LARGEST_FIT, own.omega.size // 3)
+    for order in range(1, most + 1):
+        if budget.over:
+            break
+        budget.tell(order - 1, most)
+        found = _drawn(loop, own, order, None, margin, limit, budget)
         best = found if found is not None and (best is None or found.margin < best.margin) else best
         if best is not None and best.margin <= limit:
             break
-    return best if best is None else _below(loop, own, best, margin, limit)
+    return best if best is None else _below(loop, own, best, margin, limit, budget)
 
 
-def _below(loop: Loop, own: FrequencyResponse, best: PlantReduction, margin: Margin, limit: float) -> PlantReduction:
+def _below(
+    loop: Loop, own: FrequencyResponse, best: PlantReduction, margin: Margin, limit: float, budget: Budget
+) -> PlantReduction:
     """A fit of lower order that begins at a truncation of a plant, if one keeps the limit; else the plant."""
     plant = StateMatrices.of(best.model)
     try:
@@ -184,25 +222,41 @@ def _below(loop: Loop, own: FrequencyResponse, best: PlantReduction, margin: Mar
         return best
     truncate, nu = balanced_truncations(factors.model(loop.dt)), loop.shape[0]
     for order in range(1, best.order):
+        if budget.over:
+            break
         small = StateMatrices.of(truncate(order).model)
         if np.linalg.cond(small.D[:nu]) > 1 / _CANCELS:
             continue
-        found = _drawn(loop, own, order, right_quotient(small, nu).model(loop.dt), margin, limit)
+        found = _drawn(loop, own, order, right_quotient(small, nu).model(loop.dt), margin, limit, budget)
         if found is not None and found.margin <= limit:
             return found
     return best
 
 
 def _drawn(
-    loop: Loop, own: FrequencyResponse, order: int, model: control.StateSpace | None, margin: Margin, limit: float
+    loop: Loop,
+    own: FrequencyResponse,
+    order: int,
+    model: control.StateSpace | None,
+    margin: Margin,
+    limit: float,
+    budget: Budget,
 ) -> PlantReduction | None:
     """A fit of the plant's response; near to the limit it is drawn to it by larger weights where it misses most."""
     best: PlantReduction | None = None
     weight: Real = 1 / own.bound.outer_radius
     now, first = weight, model is None
     for turn in range(_ROUNDS):
+        if budget.over:
+            break
         try:
-            how: Record = {"stable": False, "weight": now, "restart": first and turn == 0, "start": model}
+            how: Record = {
+                "time_limit": budget.seconds,
+                "stable": False,
+                "weight": now,
+                "restart": first and turn == 0,
+                "start": model,
+            }
             fit = fit_mfd(own, order=order, **how)
             found = _judged(loop, StateMatrices.of(fit.model), margin)
         except (RobustIdError, np.linalg.LinAlgError):  # too few points for so many states

@@ -1,5 +1,7 @@
 """Controllers and connections from files: saved and loaded, the commands loop, connect and verify, candidates of a run file."""
 
+import importlib
+
 import control
 import numpy as np
 import pytest
@@ -34,6 +36,7 @@ def folder(tmp_path_factory):
     band_of(STABLE, 0.05)[1].save(place / "part")
     for name, model in (("near", NEAR), ("bad", BAD), ("known", 0.5 * GAIN), ("large", -4.2 * GAIN)):
         rid.save(place / f"{name}.npz", model)
+    rid.save(place / "by-response.csv", rid.FrequencyResponse(OMEGA, [BAD(np.exp(1j * DT * w)) for w in OMEGA], dt=DT))
     rid.save(place / "slow.npz", control.ss(0.5, 1.0, 1.0, 0.0, 2 * DT))
     rid.save(place / "wide.npz", control.ss([], [], [], np.eye(2), DT))
     np.savez(place / "nan.npz", A=[[0.5]], B=[[1.0]], C=[[np.nan]], D=[[0.0]], dt=DT)
@@ -132,6 +135,50 @@ def test_the_command_loop_proves_one_controller_and_refutes_the_other(here, caps
     code, out, _ = words(["verify", "two-bad"], capsys, monkeypatch)
     assert code == 0
     assert out.endswith("verified")
+
+
+def test_a_controller_by_its_response_is_the_same_controller(here, capsys, monkeypatch):
+    code, _, _ = words(["loop", ".", "--controller", "by-response.csv", "-o", "response"], capsys, monkeypatch)
+    assert code == 3
+    found = rid.load(here / "response").controller
+    np.testing.assert_allclose(found.D, BAD.D, rtol=1e-6)
+    assert found.nstates == 0
+
+
+def interrupting(monkeypatch, module, name):
+    """Ctrl-C in the next call of a function of a module of guarantees."""
+
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(importlib.import_module(f"robustid.guarantees.{module}"), name, stopped)
+
+
+def test_ctrl_c_keeps_the_controllers_that_were_tried(here, capsys, monkeypatch):
+    asked = ["loop", ".", "--controller", "near.npz", "--controller", "bad.npz", "-o", "stopped"]
+    with monkeypatch.context() as patch:
+        interrupting(patch, "loop_bounds", "unstable_plant")  # of the second
+        code, _, err = words([*asked, "--report", "stopped.html"], capsys, patch)
+    assert code == 130
+    assert "what was found by then is written" in err
+    assert rid.load(here / "stopped-near").guaranteed
+    assert rid.load(here / "stopped-bad").status.name == "UNDECIDED"  # refuted by none as yet
+    assert "Stable with every consistent plant" in (here / "stopped.html").read_text(encoding="utf-8")
+    interrupting(monkeypatch, "loop_bounds", "LoopAxis")  # before there is anything
+    code, _, err = words(["loop", ".", "--controller", "near.npz", "-o", "nothing"], capsys, monkeypatch)
+    assert code == 130
+    assert "interrupted before the results were written" in err
+    assert not (here / "nothing.npz").exists()
+
+
+def test_ctrl_c_leaves_a_pair_undecided(here, capsys, monkeypatch):
+    interrupting(monkeypatch, "interconnection", "unstable_pair")
+    asked = ["connect", "part", "large.npz", "-o", "half", "--report", "half.html"]
+    code, _, err = words(asked, capsys, monkeypatch)
+    assert code == 130
+    assert "what was found by then is written" in err
+    assert rid.load(here / "half").pair is None
+    assert "</html>" in (here / "half.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

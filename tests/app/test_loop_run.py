@@ -79,6 +79,14 @@ def test_the_response_of_the_closed_loop_and_a_controller_in_a_file(folder, caps
     code, out, err = words([*asked, "--report", "page.html"], capsys, monkeypatch)
     assert code == 0, (out, err)
     assert "Stable with every consistent plant" in (folder / "page.html").read_text()
+    kept = rid.load("result-loop")
+    code, out, err = words(["loop", "result", "-v"], capsys, monkeypatch)  # the controller need not be named again
+    assert code == 0, (out, err)
+    assert f"at most {kept.peaks['sensitivity'].value:.4g}" in out
+    omega = np.linspace(20, 3000, 12)
+    other = rid.FrequencyResponse(omega, 0.01 / (1 - 0.2 * np.exp(-1j * omega * DT)), bound=1e-3, dt=DT)
+    rid.identify(rid.MixedProblem(frequency=other, prior=rid.Prior(gain_bound=0.1, decay_rate=1.3))).save("result")
+    refused(words(["loop", "result"], capsys, monkeypatch), "--controller is missing")  # of these the loop is none
 
 
 def test_a_response_with_another_sample_time_than_the_controller_is_refused(folder, capsys, monkeypatch):

@@ -48,6 +48,15 @@ def test_a_peak_is_bound_by_frequencies_with_polygons_in_the_end(measured):
     assert np.all(sizes[:, :4].max(axis=0) <= 1.01 * sizes[solved, :4].max(axis=0))
 
 
+def test_peaks_hold_where_the_time_is_over(measured):
+    loop, _, band, _ = measured
+    whole, ended = rid.loop_bounds(band, loop), rid.loop_bounds(band, loop, time_limit=1e-9)
+    for name, peak in whole.peaks.items():
+        assert peak.value <= ended.peaks[name].value < np.inf
+    assert ended.peaks["sensitivity"].value > whole.peaks["sensitivity"].value
+    assert ended.margins.phase <= whole.margins.phase
+
+
 def test_those_above_all_that_are_solved_come_first_and_no_others():
     sizes = np.array([[3.0, 0.1], [5.0, 0.2], [4.0, -1.0], [1.0, -1.0]])
     assert _binding(sizes, np.array([False, False, False, True]), 2).tolist() == [1, 2, 0]

@@ -57,6 +57,25 @@ def test_without_lines_the_factors_are_truncated():
     assert np.abs(found.model.poles()).max() == pytest.approx(1.1, abs=0.05)
 
 
+def test_where_the_time_is_over_the_plant_keeps_every_bound_all_the_same():
+    case = measured_machine(0, edge=False)
+    result, said = rid.identify(case.problem), []
+    found = rid.reduce_plant(result, case.loop, time_limit=1e-9)
+    check(case, found)
+    assert not found.finished
+    small = rid.reduce_plant(result, case.loop, time_limit=600.0, progress=lambda *one: said.append(one))
+    assert small.finished
+    assert small.order < found.order
+    assert said[0][0] == "searching for the smallest plant"
+
+    def stop(_, done, count):
+        raise KeyboardInterrupt
+
+    ended = rid.reduce_plant(result, case.loop, progress=stop)
+    check(case, ended)
+    assert not ended.finished
+
+
 def test_states_that_cancel_are_dropped():
     case = measured_machine(3)
     found = plant_of(case.loop, control.ss(*case.residual, case.plant.dt))

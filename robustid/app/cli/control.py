@@ -10,7 +10,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Output, Report, Static, Verbose, words_of
-from robustid.app.cli.loops import MeasuredPlant, beside, read_files
+from robustid.app.cli.loops import MeasuredPlant, read_files
 from robustid.app.cli.screen import Next, in_words, telling
 from robustid.app.run.checks import options
 from robustid.app.run.controller_settings import ControllerChoice
@@ -59,7 +59,7 @@ def control(
     flags = {field.name: str(option.flag) for field, option in options(ControllerChoice)}
     if not asked.is_stated:
         raise InputError('--structure is missing: what the drive runs, such as --structure "PID(80)"')
-    files, model = written_files.result_files(output), beside(output, "-controller.npz")
+    files, model = written_files.result_files(output), written_files.beside(output, "-controller.npz")
     read = [file for one in source for file in read_files(one)]
     written_files.check_outputs([*files, model, report], [*read, *map(Path, asked.files)], force)
     words = words_of(control, time_limit="--time-limit", bands="the source", band="the band", loop="the loop")

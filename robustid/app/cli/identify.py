@@ -99,7 +99,8 @@ def identify(
     flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay", "passive": "--passive"}
     prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner", "weight": "--weight"})
     written_files.check_static(report, static)
-    written_files.check_outputs([*written_files.result_files(output), report], paths, force)
+    kept = written_files.result_files(written_files.beside(output, "-loop")) if loop.is_stated else ()
+    written_files.check_outputs([*written_files.result_files(output), *kept, report], paths, force)
     console, entry = screen.console(stderr=as_json, verbose=verbose), general.entry
     asked_lines = Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True)
     asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
@@ -124,7 +125,7 @@ def identify(
     if as_json:
         from robustid.app.answers import verdicts
 
-        files = [*written_files.result_files(output), *([report] if report else [])]
+        files = [*written_files.result_files(output), *kept_loop(work, output), *([report] if report else [])]
         screen.write(verdicts.identified(work, files, code), console)
     raise typer.Exit(code)
 
@@ -255,9 +256,16 @@ def conclude(
     page = None if report is None else render_report(result, title=title, static=static, **work.parts)
     head = first_screen(result, **work.parts)
     result.save(output)
+    if work.looped is not None:
+        work.looped.save(written_files.beside(output, "-loop"))
     written_files.write_page(report, page)
-    written = (*written_files.result_files(output), report)
+    written = (*written_files.result_files(output), *kept_loop(work, output), report)
     screen.conclude(console, head, lambda: everything(work), written=written, undoing=work.undoing, steps=steps)
+
+
+def kept_loop(work: Work, output: Path) -> tuple[Path, ...]:
+    """The files beside an identification that hold what is known of its loop; none where nothing is."""
+    return () if work.looped is None else written_files.result_files(written_files.beside(output, "-loop"))
 
 
 def everything(work: Work) -> list[RenderableType]:

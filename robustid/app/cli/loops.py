@@ -14,7 +14,6 @@ from robustid.app.cli.screen import Next, in_words, telling
 from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
-    import control
     from rich.console import RenderableType
 
     from robustid.app.cli.terminal import Terminal
@@ -30,15 +29,15 @@ def loop(
     source: Annotated[
         Path,
         typer.Argument(
-            help="Folder of a run with \\[loop], or a saved loop; of a plant that was measured in open loop the folder of its run,"
-            " its band or its identification."
+            help="Folder of a run with \\[loop], the result of `identify --loop`, or a saved loop; of a plant that was measured in"
+            " open loop the folder of its run, its band or its identification."
         ),
     ],
     controller: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Controller C of u = r - C y, a model in .npz or .mat with the sample time of the loop. Repeatable. Default: the"
-            " one that ran."
+            help="Controller C of u = r - C y with the sample time of the loop: a model in .npz or .mat, or its frequency response."
+            " Repeatable. Default: the one that ran."
         ),
     ] = None,
     output: Output = Path("tried"),
@@ -59,11 +58,13 @@ def loop(
     that nothing has undone, 1 undecided, 2 misuse, 70 an error of the program, 130 interrupted.
     """
     from robustid.app.run.controllers import read_controllers
+    from robustid.core import Interruptible
+    from robustid.guarantees import LoopBounds, loop_bounds
 
     console, paths = screen.console(stderr=as_json, verbose=verbose), controller or []
     written_files.check_static(report, static)
-    places = {path.stem: beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
-    wanted = [file for one in places.values() for file in (*written_files.result_files(one), beside(one, "-plant.npz"))]
+    places = {path.stem: written_files.beside(output, f"-{path.stem}" if len(paths) > 1 else "") for path in paths}
+    wanted = [file for one in places.values() for file in (*written_files.result_files(one), _plant_file(one))]
     if len(places) < len(paths):
         raise InputError("--controller: two files have the same name; rename one of them")
     written_files.check_outputs([*wanted, report], [*read_files(source), *paths], force)
@@ -73,11 +74,18 @@ def loop(
     with in_words(words), telling(console) as progress:
         progress(f"reading {source}", 0, 0)
         ran = MeasuredPlant.of(source, progress)
-        found, written = {} if paths else {"": ran.tried(None)}, list[Path]()
-        for name, model in read_controllers(paths, "--controller", ran.loop).items():
-            progress(f"trying {name}", 0, 0)
-            found[name] = ran.tried(model)
-            written += _keep_tried(places[name], found[name])
+        models, found, written = (
+            read_controllers(paths, "--controller", ran.loop),
+            dict[str, LoopBounds](),
+            list[Path](),
+        )
+        with Interruptible(lambda: bool(found)):
+            for name, model in models.items() if paths else [("", None)]:
+                progress(f"trying {name or 'the controller that ran'}", 0, 0)
+                found[name] = loop_bounds(ran.band, ran.loop, model)
+                found[name] = found[name].refuted(ran.identification)
+        for name in places:
+            written += _keep_tried(places[name], found[name]) if name in found else []
         if report is not None:
             _draw(found, report, static)
     files = [*written, *([report] if report else [])]
@@ -115,6 +123,8 @@ class MeasuredPlant:
             return cls(thing.band, thing.loop, identified)
         if isinstance(thing, Band):
             return cls(thing, None, identified)
+        if (loop := _loop_of(source, thing)) is not None:
+            return cls(loop.band, loop.loop, thing)
         progress("proving the error at every frequency", 0, 0)
         return cls(band(thing.require(), progress=progress), None, thing)
 
@@ -125,11 +135,17 @@ class MeasuredPlant:
 
         return self.band if self.loop is None else loop_bounds(self.band, self.loop)
 
-    def tried(self, model: control.StateSpace | None) -> LoopBounds:
-        """The bounds of a controller, or of the one that ran; with a plant that refutes it, where one is found."""
-        from robustid.guarantees import loop_bounds
 
-        return loop_bounds(self.band, self.loop, model).refuted(self.identification)
+def _loop_of(source: Path, found: Identification) -> LoopBounds | None:
+    """The loop that `identify --loop` wrote beside an identification; None where there is none, or of other data."""
+    from robustid.app.load_save import load_result
+    from robustid.core import fingerprint, paths
+
+    place = written_files.beside(source, "-loop")
+    if not paths(place)[1].is_file():
+        return None
+    loop = load_result(place, "loop bounds")
+    return loop if fingerprint(loop.band.problem) == fingerprint(found.problem) else None
 
 
 def _place(source: Path, names: tuple[str, ...]) -> Path:
@@ -150,14 +166,8 @@ def read_files(source: Path) -> list[Path]:
     from robustid.core import paths
 
     if not source.is_dir():
-        return written_files.sources(source)
+        return [*written_files.sources(source), *(file.with_stem(f"{file.stem}-loop") for file in paths(source))]
     return [file for name in ("loop", "band", "identification") for file in paths(source / name)]
-
-
-def beside(output: Path, ending: str) -> Path:
-    """NAME with an ending of its own."""
-    base = written_files.result_files(output)[0].with_suffix("")
-    return base.with_name(base.name + ending)
 
 
 def _conclude(console: Terminal, found: dict[str, LoopBounds], written: list[Path]) -> None:
@@ -180,6 +190,10 @@ def _conclude(console: Terminal, found: dict[str, LoopBounds], written: list[Pat
     screen.conclude(console, head, everything, written=written, steps=steps)
 
 
+def _plant_file(place: Path) -> Path:
+    return written_files.beside(place, "-plant.npz")
+
+
 def _keep_tried(place: Path, found: LoopBounds) -> list[Path]:
     """Write the bounds, and the plant that refutes the controller; the files."""
     from robustid.app.load_save import save
@@ -187,7 +201,7 @@ def _keep_tried(place: Path, found: LoopBounds) -> list[Path]:
     found.save(place)
     written = [*written_files.result_files(place)]
     if found.refuted_by is not None:
-        written.append(beside(place, "-plant.npz"))
+        written.append(_plant_file(place))
         save(written[-1], found.refuted_by.plant)
     return written
 
@@ -248,7 +262,10 @@ def connect(
 
     console, region = screen.console(verbose=verbose), _region(keep_out)
     written_files.check_static(report, static)
-    files, pair = written_files.result_files(output), [beside(output, f"-{part}.npz") for part in ("source", "load")]
+    files, pair = (
+        written_files.result_files(output),
+        [written_files.beside(output, f"-{part}.npz") for part in ("source", "load")],
+    )
     written_files.check_outputs([*files, *pair, report], [*read_files(source), *read_files(load)], force)
     words = words_of(connect, time_limit="--time-limit") | {"source": str(source), "load": str(load)}
     with in_words(words), telling(console) as progress:

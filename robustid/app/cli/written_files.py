@@ -76,6 +76,12 @@ def stem(output: Path) -> Path:
     return result_files(output)[0].with_suffix("")
 
 
+def beside(output: Path, ending: str) -> Path:
+    """NAME with an ending of its own."""
+    base = result_files(output)[0].with_suffix("")
+    return base.with_name(base.name + ending)
+
+
 def new_folder(wanted: Path) -> Path:
     """Create the folder, or the next free of its name with -2, -3, …"""
     folder, k = wanted, 1

@@ -5,14 +5,16 @@ from __future__ import annotations
 from robustid.app.run.work import Work
 from robustid.guarantees import LoopBounds, loop_bounds
 
+_SHARE = 0.3  # of the time that is left, for each
+
 
 def tried(work: Work) -> None:
     """The step that tries other controllers: proved for every consistent plant, refuted by one, or neither."""
     if work.looped is None:
         return
     for name, controller in work.controllers.items():
-        work.around.say(f"trying the controller {name}")
-        found = loop_bounds(work.looped.band, work.looped.loop, controller)
+        with work.around.step(f"trying the controller {name}", _SHARE) as limit:
+            found = loop_bounds(work.looped.band, work.looped.loop, controller, time_limit=limit)
         work.tried[name] = found.refuted(work.identification)
 
 

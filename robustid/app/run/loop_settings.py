@@ -39,7 +39,7 @@ class LoopChoice:
 
     candidates: tuple[str, ...] | None = key(
         several(text()),
-        help="Files with other controllers, models, that are tried in the loop of every consistent plant.",
+        help="Files with other controllers, models or their responses, that are tried in the loop of every consistent plant.",
     )
 
     @property

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robustid.app.load_save import load
+from robustid.app.run.controllers import controller_in
 from robustid.app.run.loop_settings import LoopChoice
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.estimation import record_faults, response_alone
 from robustid.identification import Loop
-from robustid.reduction import any_loop, controller_model, with_auxiliary
+from robustid.reduction import any_loop, with_auxiliary
 
 if TYPE_CHECKING:
     import control
@@ -57,17 +58,7 @@ def _controller(choice: LoopChoice, folder: Path, dt: float) -> control.StateSpa
 def _controller_in(name: str, folder: Path, dt: float) -> control.StateSpace:
     """The controller in a file that holds a model, or the response of one."""
     place = "[loop] controller"
-    path = _found(name, folder, place)
-    try:
-        return load(path, kind="model")
-    except InputError:
-        try:
-            frf = load(path, kind="frequency", dt=dt or None)
-        except InputError:
-            frf = None
-        if frf is None:
-            raise
-        return controller_model(place, frf)
+    return controller_in(_found(name, folder, place), dt, place)
 
 
 def _model(name: str, folder: Path, place: str) -> control.StateSpace:

@@ -259,10 +259,13 @@ def in_loop(work: Work) -> None:
     """The plant of a loop, and what holds of the loop for every consistent plant."""
     if work.loop is None:
         return
-    work.around.say("the plant, and what holds of its loop")
-    work.plant = reduce_plant(work.identification, work.loop, residual=work.model)
+    words = "searching for the smallest plant"
+    with work.around.step(words, _ORDER) as limit:
+        how: Record = {"time_limit": limit, "progress": work.around.progress(words)}
+        work.plant = reduce_plant(work.identification, work.loop, residual=work.model, **how)
     if work.band is not None and work.identification.consistent:
-        work.looped = loop_bounds(work.band.with_model(work.model), work.loop)
+        with work.around.step("what holds of its loop", _BAND) as limit:
+            work.looped = loop_bounds(work.band.with_model(work.model), work.loop, time_limit=limit)
 
 
 def refined_band(found: Band, error: WorstCaseError | None, over_poles: WorstCaseOverPoles | None = None) -> Band:
