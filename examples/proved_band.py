@@ -100,7 +100,7 @@ def main(argv=None):
     print(f"   damping ratio: fitted {damping:.5f}, the data leave {low:.5f} to {high:.5f}; true {DAMPING[0]:g}")
 
     other = dataclasses.replace(problem, prior=rid.Prior(gain_bound=0.3, decay_rate=1.15))
-    print(f"   with a gain bound of 0.3: {rid.contradiction(other).summary()}")
+    print(f"   with a gain bound of 0.3: {rid.guarantee.contradiction(other).summary()}")
 
     omega, exact = 2 * np.pi * SHOWN_HZ, response(plant, 2 * np.pi * SHOWN_HZ * DT)
     peak = int(np.argmax(np.abs(exact)))

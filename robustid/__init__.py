@@ -5,7 +5,7 @@ Read and measure:     look, load, save, datasets, FrequencyResponse, TimeRecord,
 Ask:                  kautz, integrators, Prior, MixedProblem, identify, validate, compare; PositiveReal, NegativeImaginary,
                       BoundedReal for passive plants
 Choose:               suggest_kautz, suggest_prior, suggest_next, diagnose; robustid.advise: classes, roll-off, scaling, poles
-What is guaranteed:   band, contradiction, worst_case_error, family, coverage, refute; robustid.guarantee: poles in boxes, tubes,
+What is guaranteed:   band, worst_case_error, family, coverage, refute, watch; robustid.guarantee: poles in boxes, tubes,
                       weights, stability margins
 Plants in a loop:     Loop, loop_bounds, reduce_plant, interconnection; robustid.prepare: loop_response, loop_from_data
 Controllers:          design_controller: of fixed structure, for every plant of a band; robustid.design: PID, Notch, LowPass, Limits

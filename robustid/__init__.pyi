@@ -50,12 +50,12 @@ from .formats import datasets as datasets
 
 # What holds for every consistent system
 from .guarantees import band as band
-from .guarantees import contradiction as contradiction
 from .guarantees import coverage as coverage
 from .guarantees import family as family
 from .guarantees import interconnection as interconnection
 from .guarantees import loop_bounds as loop_bounds
 from .guarantees import refute as refute
+from .guarantees import watch as watch
 from .guarantees import worst_case_error as worst_case_error
 from .identification import BoundedReal as BoundedReal
 from .identification import Identification as Identification

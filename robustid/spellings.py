@@ -45,6 +45,7 @@ _TYPED = {
     "passive.make_passive": "enforce_passivity enforce_passive",
     "validate": "resid goodnessOfFit goodness_of_fit nrmse crossval validate_model",
     "refute": "falsify invalidate",
+    "watch": "monitor health drift track detect_change condition_monitoring",
     "worst_case_error": "bounds wcgain error_bounds model_error hinfnorm",
     "compare": "diff difference same isequal compare_records compare_responses",
     "prepare.multisine": "idinput chirp prbs excitation schroeder",

@@ -9,9 +9,10 @@ from robustid.guarantees.cells import Pieces
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import Sample, consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction
-from robustid.guarantees.coverage import coverage
+from robustid.guarantees.coverage import coverage, on_lines
 from robustid.guarantees.coverage_result import Coverage
 from robustid.guarantees.diameter import Diameter, diameter
+from robustid.guarantees.drift import Drift, drift
 from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
 from robustid.guarantees.interconnection import interconnection
@@ -24,6 +25,7 @@ from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_o
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_by_loop import MarginsByLoop, margins_by_loop
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
+from robustid.guarantees.loop_placement import limiting_polygons
 from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube
 from robustid.guarantees.loop_values import Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
@@ -34,6 +36,7 @@ from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_p
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
 from robustid.guarantees.power import Judgement, shown
+from robustid.guarantees.proof_file import proof_text
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
 from robustid.guarantees.scope import in_box, scope_of
@@ -41,6 +44,8 @@ from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMa
 from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.unstable_plant import UnstablePlant
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds
+from robustid.guarantees.watch import watch
+from robustid.guarantees.watch_result import Place, Sensitivity, Watch, Watched
 from robustid.guarantees.weight import UncertaintyWeight, entry_weights, magnitude_weight, uncertainty_weight
 from robustid.guarantees.weight_structures import (
     StructuredPlant,
@@ -65,6 +70,7 @@ __all__ = [
     "CoprimeFactors",
     "Coverage",
     "Diameter",
+    "Drift",
     "Driver",
     "ErrorSets",
     "Family",
@@ -82,6 +88,7 @@ __all__ = [
     "ParameterIntervals",
     "Peak",
     "Pieces",
+    "Place",
     "PoleCell",
     "Ranked",
     "Refutation",
@@ -90,12 +97,15 @@ __all__ = [
     "RobustStabilityMargin",
     "Sample",
     "SampleCheck",
+    "Sensitivity",
     "StepTube",
     "StructuredPlant",
     "StructuredWeight",
     "UncertaintyWeight",
     "UnstablePlant",
     "ValueSet",
+    "Watch",
+    "Watched",
     "WorstCaseError",
     "WorstCaseOverPoles",
     "as_frequencies",
@@ -113,6 +123,7 @@ __all__ = [
     "coverage",
     "default_grid",
     "diameter",
+    "drift",
     "entry_weights",
     "family",
     "frequencies_of",
@@ -120,6 +131,7 @@ __all__ = [
     "has_box",
     "in_box",
     "interconnection",
+    "limiting_polygons",
     "loop_bounds",
     "magnitude_weight",
     "margins_by_loop",
@@ -127,8 +139,10 @@ __all__ = [
     "ncf_margin",
     "norm_of_bounds",
     "nu_gap",
+    "on_lines",
     "otherwise_words",
     "output_errors",
+    "proof_text",
     "ranked",
     "refute",
     "response_tube",
@@ -141,6 +155,7 @@ __all__ = [
     "structured_weights",
     "told_apart_of",
     "uncertainty_weight",
+    "watch",
     "worst_case_error",
     "worst_case_over_poles",
     "worst_of",

@@ -270,11 +270,11 @@ def contradiction(
     >>> values = 1 / (2 - np.exp(-0.1j * omega))
     >>> prior = rid.Prior(gain_bound=2.0, decay_rate=1.5)
     >>> good = rid.MixedProblem(frequency=rid.FrequencyResponse(omega, values, bound=0.01, dt=0.1), prior=prior)
-    >>> rid.contradiction(good) is None
+    >>> rid.guarantee.contradiction(good) is None
     True
     >>> values[7] += 0.2
     >>> bad = rid.MixedProblem(frequency=rid.FrequencyResponse(omega, values, bound=0.01, dt=0.1), prior=prior)
-    >>> found = rid.contradiction(bad)
+    >>> found = rid.guarantee.contradiction(bad)
     >>> bool(11.6 < found.omega < 11.7), found.excess > 1, found.factor <= rid.identify(bad).margin, found.verify()
     (True, True, True, True)
     """

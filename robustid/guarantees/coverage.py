@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from robustid.core import Real, as_kind, time_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
+from robustid.guarantees.band_result import Band
 from robustid.guarantees.coverage_result import UNITS, Coverage
 from robustid.guarantees.power import shown
 from robustid.guarantees.response_discs import Discs, ResponseDiscs
@@ -78,7 +80,7 @@ def coverage(band: Discs, withheld: Withheld, *, kind: str = "records", names: S
         raise InputError(f"`names` must be one for each of {len(items)} withheld responses; got {len(labels)}")
     for item, name in zip(items, labels, strict=True):
         _check_fits(discs, item, name)
-    found = [_found(discs.omega, item.omega) for item in items]
+    found = [matched(discs.omega, item.omega) for item in items]
     shared = np.any([mask for mask, _ in found], axis=0)
     if not shared.any():
         raise InputError(
@@ -103,6 +105,13 @@ def coverage(band: Discs, withheld: Withheld, *, kind: str = "records", names: S
         kind=kind,
         signals=signals,
     )
+
+
+def on_lines(band: Discs, responses: Sequence[FrequencyResponse]) -> Discs:
+    """The band at the frequencies of responses, where it holds at every frequency; else as it is."""
+    if not isinstance(band, Band) or not responses:
+        return band
+    return dataclasses.replace(band, omega=np.unique(np.concatenate([one.omega for one in responses])))
 
 
 def _false_alarm(items: Sequence[FrequencyResponse]) -> float | None:
@@ -135,7 +144,7 @@ def _check_fits(band: ResponseDiscs, item: FrequencyResponse, name: str) -> None
         )
 
 
-def _found(wanted: Real, have: Real) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+def matched(wanted: Real, have: Real) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
     """Mask of the wanted frequencies that are there, and their places."""
     at = np.clip(np.searchsorted(have, wanted), 1, max(have.size - 1, 1))
     pair = np.stack([at - 1, np.minimum(at, have.size - 1)])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Real, StateMatrices, responses
+from robustid.core import Real, StateMatrices, points_of, response_at, responses
 from robustid.errors import InputError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import Image
@@ -173,6 +173,12 @@ class LoopAxis:
         """Sizes that limit peaks and margins where the values are within their reach, (N, names): the least of all discs."""
         values, errors = LoopValues(pieces.values, reach, self.shape), BandAxis(self.band).errors(pieces)
         return np.minimum.reduce([self._of(balls, top) for balls in values.over(errors)])
+
+    def sizes_at(self, omega: Real) -> Real:
+        """Sizes that limit peaks and margins at frequencies, over the sets of their arcs, (F, names)."""
+        points = points_of(omega, self.band.problem.dt or 0.0)
+        values = LoopValues.at(response_at(self.around, points), self.shape)
+        return np.minimum.reduce([self._of(balls, omega) for balls in values.over(self.band.circle.sets_at(omega))])
 
     def _of(self, balls: Mapping[str, Balls], top: Real) -> Real:
         sensitivity = balls["sensitivity"]

@@ -81,10 +81,12 @@ class OfExactPoles(Programs):
 
     together = _ROUND
 
-    def __init__(self, identification: Identification, model: control.StateSpace) -> None:
+    def __init__(
+        self, identification: Identification, model: control.StateSpace, sides: tuple[int, float] = _SIDES
+    ) -> None:
         super().__init__(identification, model)
         self._consistent = consistent_set(identification)
-        self._directions, rtol = _SIDES
+        self._directions, rtol = sides
         self._gap = gap_of(rtol, self._directions, self.entries.single)
         self._values: dict[float, tuple[ValueSet, ...]] = {}
 

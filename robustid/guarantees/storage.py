@@ -26,6 +26,7 @@ from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
 from robustid.guarantees.value_set import by_frequency
+from robustid.guarantees.watch_result import Watch
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MarginCertificate, MixedProblem
 
@@ -298,3 +299,4 @@ keep(
 keep(Band, "band", words="proved band", evidence=_band, make=_make_band)
 keep(Family, "family", words="family of plants", evidence=_family, make=_make_family)
 keep(Contradiction, "contradiction", evidence=_contradiction, make=_make_contradiction)
+keep(Watch, "watch")

@@ -18,6 +18,7 @@ from robustid.guarantees import (
     LoopBounds,
     RobustStabilityMargin,
     StructuredWeight,
+    Watch,
     WorstCaseError,
     WorstCaseOverPoles,
 )
@@ -44,6 +45,7 @@ from robustid.report.loop_page import loop_page
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
 from robustid.report.stability import stability_summary, stability_verdict, weights_summary
+from robustid.report.watch_page import watch_page
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -61,6 +63,7 @@ Shown = (
     | Interconnection
     | ControllerDesign
     | Comparison
+    | Watch
 )
 
 
@@ -86,12 +89,13 @@ def write_report(
     plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
     the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
     loop with every consistent plant, its factors and gains. Of a Comparison: where two measurements differ by more than noise, and
-    how probable that is by chance. The page works offline and fetches nothing.
+    how probable that is by chance. Of a Watch: its alarms, scores and evidence over the records, and where in frequency they
+    lie. The page works offline and fetches nothing.
 
     Parameters
     ----------
-    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign or
-        Comparison
+    identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign,
+        Comparison or Watch
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -218,6 +222,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Interconnection: (interconnection_page, ("forbidden",)),
     ControllerDesign: (design_page, ("sensitivity",)),
     Comparison: (comparison_page, ()),
+    Watch: (watch_page, ()),
 }
 
 

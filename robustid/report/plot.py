@@ -21,6 +21,7 @@ from robustid.guarantees import (
     ResponseTube,
     RobustStabilityMargin,
     StructuredWeight,
+    Watch,
     WorstCaseError,
     WorstCaseOverPoles,
 )
@@ -35,7 +36,7 @@ from robustid.report.fit_charts import fit_bode, fit_convergence, fit_poles
 from robustid.report.frequency import identified_bode
 from robustid.report.guarantee import guaranteed_bode
 from robustid.report.order_sweep_section import order_chart, stabilisation_chart
-from robustid.report.plot_data import comparison, record
+from robustid.report.plot_data import comparison, history, record
 from robustid.report.plot_loops import design, loop, nyquist, stability
 from robustid.report.pole_box import pole_box_chart
 from robustid.report.poles import pole_chart
@@ -58,6 +59,7 @@ __all__ = [
     "convergence",
     "design",
     "hankel",
+    "history",
     "loop",
     "nyquist",
     "of",
@@ -81,7 +83,7 @@ def of(result: Any, **options: Any) -> Figure:
 
     Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a
     RobustStabilityMargin the `stability`, of an Interconnection the `nyquist`, of LoopBounds the `loop`, of a ControllerDesign the
-    `design`, of a TimeRecord the `record`, of a Comparison the `comparison`, of everything else `bode`.
+    `design`, of a TimeRecord the `record`, of a Comparison the `comparison`, of a Watch the `history`, of everything else `bode`.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def of(result: Any, **options: Any) -> Figure:
     """
     figures: dict[type, Callable[..., Figure]] = {ResponseTube: time_response, RobustStabilityMargin: stability}
     figures |= {OrderSweep: orders, Reduction: orders, Interconnection: nyquist, LoopBounds: loop}
-    figures |= {ControllerDesign: design, TimeRecord: record, Comparison: comparison}
+    figures |= {ControllerDesign: design, TimeRecord: record, Comparison: comparison, Watch: history}
     return next((figure for kind, figure in figures.items() if isinstance(result, kind)), bode)(result, **options)
 
 

@@ -1,14 +1,16 @@
-"""Figures of measurements: records, and two measurements beside each other."""
+"""Figures of measurements: records, two measurements beside each other, and the history of a watch."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from robustid.data import TimeRecord
+from robustid.guarantees import Watch
 from robustid.identification import Comparison
 from robustid.report.comparison_page import comparison_chart
 from robustid.report.drawn import drawn
 from robustid.report.record_charts import record_chart
+from robustid.report.watch_page import history_chart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,3 +48,20 @@ def comparison(result: Comparison, *, ax: Where = None) -> Figure:
     'difference'
     """
     return drawn({Comparison: (comparison_chart, ())}, result, {}, ax)
+
+
+def history(result: Watch, *, ax: Where = None) -> Figure:
+    """Draw the scores of the records of a watch in their order, its alarms, and the evidence of a drift.
+
+    Parameters and errors as for `bode`.
+
+    Examples
+    --------
+    >>> import robustid as rid
+    >>> def record(value):
+    ...     return rid.FrequencyResponse([1.0, 2.0], [1.0, value], bound=0.01)
+    >>> found = rid.watch(record(0.5).with_bound(0.1), usual=[record(0.52), record(0.48)]).update(record(0.55))
+    >>> [axes.get_ylabel() for axes in found.plot().axes]
+    ['score', 'evidence']
+    """
+    return drawn({Watch: (history_chart, ())}, result, {}, ax)

@@ -112,7 +112,7 @@ RECORD = rid.TimeRecord(INPUT, np.convolve(INPUT, 0.8 ** np.arange(200.0))[:200]
 SMOOTH = rid.FrequencyResponse(np.linspace(1, 20, 60), 1 / (100 - np.linspace(1, 20, 60) ** 2 + 1j))
 CALLS = {
     "band": lambda r: rid.band(PROBLEM, knots=60).verify(),
-    "contradiction": lambda r: rid.contradiction(PROBLEM),
+    "contradiction": lambda r: rid.guarantee.contradiction(PROBLEM),
     "diagnose": lambda r: rid.diagnose(r, time_limit=1.0),
     "estimate_bound": lambda r: rid.estimate_bound(SMOOTH),
     "estimate_frf": lambda r: rid.estimate_frf(RECORD, method="local"),

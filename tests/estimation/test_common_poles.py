@@ -48,21 +48,26 @@ def test_covariance_is_that_of_many_draws_of_the_noise():
     assert np.quantile(squares, 0.5) == pytest.approx(np.log(2), rel=0.35)
 
 
-@pytest.mark.parametrize("constants", [None, *(pytest.param(c, marks=pytest.mark.slow) for c in (2.0, 20.0))])
-def test_bounds_of_short_records_hold(constants):
-    """Of 95 %, in 34 of 40 seeds or more: fewer once in 300. The local method alone: 5 of 40 in half a second, 22 of two constants.
+@pytest.mark.parametrize(
+    ("constants", "seeds", "least"),
+    [(None, 10, 7), *(pytest.param(c, 40, 34, marks=pytest.mark.slow) for c in (None, 2.0, 20.0))],
+)
+def test_bounds_of_short_records_hold(constants, seeds, least):
+    """Of 95 %, in 34 of 40 seeds or more, 7 of 10: fewer once in 300 or 1000.
 
-    The intervals of the modes, four deviations on either side, hold in all but three of the 120.
+    The local method alone: 5 of 40 in half a second, 22 of two constants.
+
+    The intervals of the modes, four deviations on either side, hold in all but one in 40.
     """
     held = shown = 0
-    for seed in range(40):
+    for seed in range(seeds):
         plant, record, _ = record_of(seed, constants)
         frf = rid.estimate_frf(record)
         held += bool(np.all(np.abs(frf.values[:, 0, 0] - plant.response(frf.omega)) <= frf.bound[:, 0, 0]))
         for omega, damping in zip(plant.omega, plant.damping, strict=True):
             shown += any(a <= omega <= b and c <= damping <= d for a, b, c, d in frf.modes)
-    assert held >= 34
-    assert shown >= 117
+    assert held >= least
+    assert shown >= 3 * seeds * 0.975
 
 
 def coloured(rng, count, colour):

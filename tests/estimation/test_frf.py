@@ -194,7 +194,7 @@ def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     assert held[1] == 0
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_peak_of_a_lightly_damped_mode_against_welch(seeds):
     """0.5 % damping, 20 s of noise: local within 2 % for all seeds, Hann windows miss it by 7 % in the median."""
     found, smeared = [], []

@@ -115,7 +115,7 @@ def simulate_bounds(seeds, factor, rest_periods, periods, lines=range(1, 31)):
     return np.array(out), bounded.note
 
 
-@pytest.mark.parametrize("seeds", [100, slow(300)])
+@pytest.mark.parametrize("seeds", [40, slow(300)])
 def test_a_line_goes_beyond_as_often_as_the_formula_says(seeds):
     """Factor 1: prod i/(i + 1) = 1/(m + 1), m = 100."""
     ratio, _ = simulate_bounds(seeds, 1.0, 32, 8)
@@ -123,20 +123,23 @@ def test_a_line_goes_beyond_as_often_as_the_formula_says(seeds):
     assert abs(np.sum(ratio > 1) - expected) < 5 * np.sqrt(expected)
 
 
-def test_the_default_factor_holds_on_all_lines_as_often_as_stated():
-    ratio, note = simulate_bounds(200, 1.5, 32, 8)
+@pytest.mark.parametrize(("seeds", "slack"), [(60, 0.03), slow(200, 0.01)])
+def test_the_default_factor_holds_on_all_lines_as_often_as_stated(seeds, slack):
+    """Up to two more than stated in either version."""
+    ratio, note = simulate_bounds(seeds, 1.5, 32, 8)
     stated = float(note.rsplit(" ", 1)[1])
     assert 0.99 < stated < 1
-    assert np.mean(np.all(ratio <= 1, axis=1)) >= stated - 0.01
+    assert np.mean(np.all(ratio <= 1, axis=1)) >= stated - slack
     # and not by being useless: the typical error is a quarter of it
     assert np.median(ratio) > 0.15
 
 
-def test_a_short_rest_does_not_count_on_the_averaging():
-    ratio, note = simulate_bounds(60, 1.5, 2, 8)
+@pytest.mark.parametrize("seeds", [25, slow(60)])
+def test_a_short_rest_does_not_count_on_the_averaging(seeds):
+    ratio, note = simulate_bounds(seeds, 1.5, 2, 8)
     assert "in windows of 2 of the 8 periods" in note
     assert np.all(ratio < 1)
-    longer, _ = simulate_bounds(60, 1.5, 32, 8)
+    longer, _ = simulate_bounds(seeds, 1.5, 32, 8)
     assert 1.6 < np.median(longer) / np.median(ratio) < 2.4  # sqrt(8/2), and the pool of 62 values is smaller
 
 

@@ -141,10 +141,11 @@ def test_an_error_within_the_bound_is_none_and_without_a_bound_the_scatter_decid
     assert fault.kind == "outlier"
 
 
-def test_clean_responses_are_told_of_nothing():
+@pytest.mark.parametrize("seeds", [20, pytest.param(60, marks=pytest.mark.slow)])
+def test_clean_responses_are_told_of_nothing(seeds):
     """Noise that is even or in part of the response, half-widths from a third of the line spacing, few lines and many."""
     told = 0
-    for seed in range(60):
+    for seed in range(seeds):
         rng = np.random.default_rng([seed, 5])
         lines = int(rng.choice([20, 60, 160, 200]))
         frf = response(

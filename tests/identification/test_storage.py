@@ -73,7 +73,7 @@ def test_round_trip_is_exact_and_verified_again(name, tmp_path):
     assert again.verification.checks == result.verification.checks
 
 
-@pytest.mark.parametrize("room", ["", ".data"])
+@pytest.mark.parametrize("room", [pytest.param("", marks=pytest.mark.slow), ".data"])
 def test_a_new_process_saves_what_it_has_made(room, tmp_path):
     """Nothing has been loaded or saved before that would have registered the parts; commands import rooms, not the front door."""
     code = f"""

@@ -5,6 +5,7 @@ convolutions with impulse responses, taken from the values all around the circle
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -46,6 +47,7 @@ def blaschke(zeros, zeta):
     return found
 
 
+@functools.lru_cache(maxsize=32)
 def edge_plant(kind, seed):
     """The same for the same numbers."""
     rng = np.random.default_rng([KINDS.index(kind), seed])
@@ -82,6 +84,13 @@ def edge_plant(kind, seed):
         prior=prior, parametric=basis, symmetric=kind == "symmetric",
     )  # fmt: skip
     return EdgePlant(problem, box if part else None, truth, top, residue)
+
+
+@functools.lru_cache(maxsize=32)
+def edge_band(kind, seed):
+    """The band over the box of such a plant, which several tests are about."""
+    plant = edge_plant(kind, seed)
+    return rid.band(plant.problem, box=plant.box, omega=[1.0])
 
 
 def fraction(function, size):

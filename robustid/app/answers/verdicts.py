@@ -26,6 +26,7 @@ from robustid.guarantees import (
     LoopBounds,
     Refutation,
     RobustStabilityMargin,
+    Watch,
     WorstCaseError,
     WorstCaseOverPoles,
 )
@@ -174,6 +175,21 @@ def contradicted(found: Refutation | Coverage, faults: Iterable[Fault], exit_cod
         samples={"count": count.size, "refuted": int(np.sum(count > 1)), "worst": worst},
         **of_class,
         faults=_faults(faults),
+        summary=found.summary(),
+    )
+
+
+def watched(found: Watch, faults: Iterable[Fault], files: Iterable[Path], exit_code: int) -> Answer:
+    """What a watch says of all its records: the worst alarm so far."""
+    status = "refuted" if found.refuted else "drifted" if found.drifted else "quiet"
+    return answer(
+        "watch",
+        status,
+        found.verdict,
+        exit_code,
+        assumed=[_ASSUMED, "for the rate of a drift: records are exchangeable while nothing changes"],
+        faults=_faults(faults),
+        files=[str(path) for path in files],
         summary=found.summary(),
     )
 

@@ -55,7 +55,7 @@ def compare(
         [*files, report], [*written_files.sources(first), *written_files.sources(second)], force
     )
     console = screen.console(verbose=verbose)
-    things = [_read(console, path, records, responses) for path in (first, second)]
+    things = [measured(console, path, records, responses) for path in (first, second)]
     words = words_of(compare, a=str(first), b=str(second), first=str(first), second=str(second), data="the measurement")
     with in_words(words), step(console, "comparing"):
         found: Any = compared(*things, probability=how.probability, period=how.period)
@@ -81,7 +81,7 @@ def _of_model(found: Validation) -> int:
     return screen.exit_code(Status.INCONSISTENT if found.outside else Status.CONSISTENT, False)
 
 
-def _read(console: Terminal, path: Path, records: RecordSource, responses: ResponseSource) -> Any:
+def measured(console: Terminal, path: Path, records: RecordSource, responses: ResponseSource) -> Any:
     """The saved result, model, response or records of a file, as what it looks like."""
     from robustid.app.cli.measured_files import Files
     from robustid.app.load_save import load, load_result

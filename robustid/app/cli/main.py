@@ -33,6 +33,7 @@ COMMANDS = {  # in the order of the list, with the file of each
     "compare": "compare",
     "verify": "verify",
     "refute": "refute",
+    "watch": "watch",
     "report": "report",
     "export": "files",
     "explore": "explore",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -87,12 +86,8 @@ def refute(
 
 def _covered(band: Any, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> Coverage:
     """New responses against the discs of a band: of one that holds at every frequency at those of the data."""
-    import numpy as np
-
-    from robustid.guarantees import Band, coverage
+    from robustid.guarantees import coverage, on_lines
 
     if samples:
         raise InputError("--time is for an identification; a band is compared with --frequency", argument="time")
-    if isinstance(band, Band):
-        band = dataclasses.replace(band, omega=np.unique(np.concatenate([one.omega for one in lines])))
-    return coverage(band, lines)
+    return coverage(on_lines(band, lines), lines)

@@ -27,7 +27,7 @@ def report(
         Path,
         typer.Argument(
             help="A saved identification or design (NAME, NAME.npz or NAME.json); without further options also a fit, a"
-            " comparison, a loop, a connection or a response."
+            " comparison, a loop, a connection, a watch or a response."
         ),
     ],
     bounds: Annotated[

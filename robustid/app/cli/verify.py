@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen
-from robustid.app.cli.command_options import AsJson
+from robustid.app.cli.command_options import AsJson, Force
 from robustid.app.cli.screen import in_words, say, step, telling
+from robustid.app.cli.written_files import check_outputs
 
 if TYPE_CHECKING:
     from robustid.app.cli.terminal import Terminal
@@ -40,6 +41,20 @@ def verify(
     exact: Annotated[
         bool, typer.Option("--exact", help="In ball arithmetic too, every rounding enclosed: needs robustid\\[exact].")
     ] = False,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            "--export",
+            help="Write the proof here, as JSON that other programs can check (of a band, or an identification).",
+        ),
+    ] = None,
+    independent: Annotated[
+        bool,
+        typer.Option(
+            "--independent", help="By the checker in C too, exact integers only: robustid-proof, which you build once."
+        ),
+    ] = False,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Evaluate every proof in a file again, from its numbers and without a solver.
@@ -47,18 +62,30 @@ def verify(
     Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
     130 interrupted.
     """
+    from robustid.app.independent import checker
     from robustid.app.load_save import load_result
     from robustid.controllers import ControllerDesign
-    from robustid.guarantees import Band, Interconnection, LoopBounds
+    from robustid.core import atomic_write
+    from robustid.guarantees import Band, Interconnection, LoopBounds, proof_text
 
     console, of_loops = screen.console(stderr=as_json), (LoopBounds, Interconnection, ControllerDesign)
-    with in_words({"exact": "--exact"}):
+    with in_words({"exact": "--exact", "independent": "--independent", "result": str(source)}):
+        check_outputs([export], [source], force)
+        if independent:
+            checker()
         with telling(console) as progress:
             result = load_result(source, *_KINDS, progress=progress)
+        proof = proof_text(result) if export is not None or independent else ""
         if isinstance(result, of_loops):
             failed = _loop_failures(console, result, exact)
         else:
             failed = _failures(console, result, exact)
+        if independent:
+            failed += _independent_failures(console, proof)
+    if export is not None:
+        with atomic_write(export) as file:
+            file.write(proof)
+        say(console, f"proof      {export}, for any checker of the format")
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
     assumed = [] if isinstance(result, (Band, *of_loops)) else [_ASSUMED]  # these say their own
     say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", *assumed)
@@ -71,6 +98,22 @@ def verify(
 
         screen.write(verdicts.verified(result, failed, code), console)
     raise typer.Exit(code)
+
+
+def _independent_failures(console: Terminal, proof: str) -> list[str]:
+    """Print what the checker in C says of a proof; the lines of what it does not prove."""
+    from robustid.app.independent import check_independently
+
+    with step(console, "checking in exact integers"):
+        found = check_independently(proof)
+    proved = sum(line.startswith("proved: ") for line in found.lines)
+    wrong = [line for line in found.lines if line.startswith("not proved: ")]
+    say(
+        console,
+        f"{'verified' if found.proved else 'FAILED':<11}independently, in exact integers: {proved} statements are proved",
+    )
+    say(console, f"           of the {found.lines[0]}")
+    return wrong if wrong or found.proved else ["independently"]
 
 
 def _failures(console: Terminal, result: Any, exact: bool) -> list[str]:

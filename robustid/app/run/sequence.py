@@ -31,6 +31,7 @@ from robustid.guarantees import (
     band,
     contradiction,
     default_grid,
+    limiting_polygons,
     loop_bounds,
     worst_case_error,
     worst_case_over_poles,
@@ -83,7 +84,11 @@ def _whole(
         if asked.compute and not nothing_said:
             chosen = run.modes.source is Source.DATA and work.band is not None and work.band.box is not None
             swept: list[Step] = [gridded, bounded, circled, refined]
-            carry_out(work, [*([narrowed] if chosen and not (asked.over_poles or asked.circle) else swept), judged])
+            if chosen and not (asked.over_poles or asked.circle):
+                swept = [narrowed]
+            elif work.loop is not None and asked.at_hz is None and not asked.circle:
+                swept = [limiting, refined]
+            carry_out(work, [*swept, judged])
         if asked.over_poles:
             carry_out(work, [bounded_over_box, refined])
     carry_out(work, [in_loop, tried, designed])
@@ -318,6 +323,20 @@ def bounded(work: Work) -> None:
     with around.step(words, stated=asked.time_limit) as limit:
         how: Record = asked.arguments | counted | {"omega": omega, "known": work.band, "time_limit": limit}
         work.error = worst_case_error(result, model=work.model, **how)
+
+
+def limiting(work: Work) -> None:
+    """The error of R where the discs of its band limit what is said of the loop; the frequencies are kept in the run file."""
+    if work.loop is None or work.band is None:
+        return
+    asked, result, words = work.run.worst_case, work.identification, "bounding R where it limits the loop"
+    with work.around.step(words, stated=asked.time_limit) as limit:
+        how: Record = asked.arguments | work.around.counted(words) | {"time_limit": limit}
+        found = work.band.with_model(work.model)
+        work.error = limiting_polygons(found, work.loop, result, default_grid(result.problem), **how)
+    if work.error is not None:
+        work.run = work.run.changed("worst_case", at_hz=tuple((work.error.omega / (2 * np.pi)).tolist()))
+        work.around.folder.choices(work.run)
 
 
 def circled(work: Work) -> None:

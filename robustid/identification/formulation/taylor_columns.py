@@ -17,6 +17,7 @@ from robustid.data import tilted
 from robustid.identification.formulation.columns import Columns, Design
 
 _TABLE = 2**21  # complex entries of a generated block of frequency points: 32 MiB
+_KEPT = 2**18  # complex entries of a table that is kept: 4 MiB
 _WIDTH = 16  # grid points under the kernel: 14 digits at twofold oversampling
 _SHAPE = 2.3 * _WIDTH
 
@@ -88,15 +89,26 @@ class ShiftColumns(Columns):
         return size if self.tilt is None else size * (1 + np.abs(self.tilt))
 
     def _tables(self) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
-        """Yield blocks of exp(-i theta_k j): products of two short tables, one exponential per 32 entries."""
-        count = self.decay.size
-        coarse, fine = np.arange(0, count, 32), np.arange(min(32, count))
-        rows = max(1, _TABLE // max(count, 1))
+        """Yield blocks of exp(-i theta_k j); the only one of few frequency points is kept."""
+        if self.angles.size * self.decay.size <= _KEPT:
+            if self.angles.size:
+                yield slice(0, self.angles.size), self._table
+            return
+        rows = max(1, _TABLE // self.decay.size)
         for first in range(0, self.angles.size, rows):
             at = slice(first, min(first + rows, self.angles.size))
-            theta = self.angles[at, None]
-            product = np.exp(-1j * theta * coarse)[:, :, None] * np.exp(-1j * theta * fine)[:, None, :]
-            yield at, product.reshape(theta.shape[0], -1)[:, :count]
+            yield at, _exponentials(self.angles[at], self.decay.size)
+
+    @functools.cached_property
+    def _table(self) -> NDArray[np.complex128]:
+        return _exponentials(self.angles, self.decay.size)
+
+
+def _exponentials(angles: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+    """The matrix exp(-i theta_k j): products of two short tables, one exponential per 32 entries."""
+    coarse, fine, theta = np.arange(0, count, 32), np.arange(min(32, count)), angles[:, None]
+    product = np.exp(-1j * theta * coarse)[:, :, None] * np.exp(-1j * theta * fine)[:, None, :]
+    return product.reshape(theta.shape[0], -1)[:, :count]
 
 
 def joined_shifts(decay: NDArray[np.float64], lines: Sequence[ShiftColumns], real: Sequence[Columns]) -> ShiftColumns:

@@ -19,14 +19,14 @@ SEEDS = seeds(1, 40)
 def test_data_of_a_plant_at_the_edge_are_never_contradicted(kind, seed):
     """Gain exactly K, errors exactly at their bounds, poles in a corner of their box."""
     plant = edge_plant(kind, seed)
-    assert rid.contradiction(plant.problem, box=plant.box) is None
+    assert rid.guarantee.contradiction(plant.problem, box=plant.box) is None
 
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("seed", [0, 2, *(slow(seed) for seed in range(3, 30))])
 def test_its_factor_is_never_above_the_margin(case, seed):
     problem = random_problem(seed, case, 16, noise=(1.5, 3, 6)[seed % 3])
-    found, margin = rid.contradiction(problem), rid.identify(problem).margin
+    found, margin = rid.guarantee.contradiction(problem), rid.identify(problem).margin
     if found is None:
         assert margin < 1.2
     else:
@@ -65,7 +65,7 @@ def test_what_is_wrong_is_found_for_most_kinds_of_samples(change, seed, kinds):
         problem = change(plant.problem, np.random.default_rng(seed))
         margin = rid.identify(problem).margin
         for box in (None, plant.box) if plant.box is not None else (None,):
-            found = rid.contradiction(problem, box=box)
+            found = rid.guarantee.contradiction(problem, box=box)
             if found is None:
                 missed += box is None and margin > 1.1
                 continue
@@ -79,7 +79,7 @@ def test_what_is_wrong_is_found_for_most_kinds_of_samples(change, seed, kinds):
 def test_the_sum_of_the_samples_is_larger_than_what_the_class_allows_by_a_slow_judge():
     """No formula of the library: norms on a grid of the circle as seen from the base, for a class without parametric part."""
     problem = small_gain(dataclasses.replace(edge_plant("discrete", 1).problem, parametric=None), None)
-    found, points = rid.contradiction(problem), problem.frequency[0]
+    found, points = rid.guarantee.contradiction(problem), problem.frequency[0]
     lines, d, gain, rho = points.omega.size, found.multipliers, problem.prior.gain_bound, problem.prior.decay_rate
     number = found.points % lines
     conjugate = found.points >= lines
@@ -101,7 +101,7 @@ def test_the_sum_of_the_samples_is_larger_than_what_the_class_allows_by_a_slow_j
 @pytest.mark.parametrize("kind", ["discrete", "continuous", "record", "symmetric"])
 def test_its_proof_holds_in_ball_arithmetic(kind):
     pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
-    found = rid.contradiction(wrong_sign(edge_plant(kind, 0).problem, np.random.default_rng(1)))
+    found = rid.guarantee.contradiction(wrong_sign(edge_plant(kind, 0).problem, np.random.default_rng(1)))
     assert found.verify(exact=True)
     forged = dataclasses.replace(found, multipliers=0.5 * found.multipliers + 0.5)
     assert not forged.verify()
@@ -113,7 +113,7 @@ def test_a_sample_of_a_record_is_named():
     y = np.convolve(u, 0.5 ** np.arange(1, 21))[:20]
     y[11] += 2.0
     record = rid.TimeRecord(u, y, dt=0.1, bound=0.01)
-    found = rid.contradiction(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
+    found = rid.guarantee.contradiction(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5)))
     assert found.omega is None
     assert found.time == pytest.approx(1.1)
     assert found.measured == y[11]
@@ -124,7 +124,7 @@ def test_a_sample_of_a_record_is_named():
 @pytest.mark.parametrize("kind", ["discrete", IN_TIME[0], "symmetric"])
 def test_saved_and_loaded_it_is_the_same(tmp_path, kind):
     plant = edge_plant(kind, 1)
-    found = rid.contradiction(wrong_sign(plant.problem, np.random.default_rng(1)), box=plant.box)
+    found = rid.guarantee.contradiction(wrong_sign(plant.problem, np.random.default_rng(1)), box=plant.box)
     found.save(tmp_path / "found.zip")
     again = rid.load(tmp_path / "found.zip")
     assert again.verify()
@@ -137,6 +137,6 @@ def test_bad_input():
         prior=rid.PositiveReal(decay_rate=1.5),
     )
     with pytest.raises(rid.InputError, match=r"`problem` is of a .* class, which has no gain bound"):
-        rid.contradiction(passive)
+        rid.guarantee.contradiction(passive)
     with pytest.raises(InputTypeError, match="`problem` must be a MixedProblem"):
-        rid.contradiction(3.0)
+        rid.guarantee.contradiction(3.0)

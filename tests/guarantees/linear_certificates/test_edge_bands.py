@@ -9,7 +9,7 @@ import pytest
 import robustid as rid
 from robustid.core import StateMatrices
 from support.cases import seeds
-from support.edge_bands import KINDS, edge_plant
+from support.edge_bands import KINDS, edge_band, edge_plant
 
 MOST = 0.11  # half of a box, relatively, up to which these samples always tell an amplitude
 
@@ -21,8 +21,7 @@ def half_of(box):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", seeds(1, 50))
 def test_a_plant_at_the_edge_is_inside_at_every_frequency(kind, seed):
-    plant = edge_plant(kind, seed)
-    band = rid.band(plant.problem, box=plant.box, omega=[1.0])
+    plant, band = edge_plant(kind, seed), edge_band(kind, seed)
     omega = plant.frequencies(np.random.default_rng(seed), 100)
     (centre, radius), truth = band.at(omega), plant.truth(omega)
     assert np.all(np.abs(truth - centre) <= radius)
@@ -112,8 +111,7 @@ def with_proof(one, **fields):
 def test_whatever_the_multipliers_are_the_discs_that_they_give_hold(forgery, seed):
     """A band states nothing that it does not evaluate: no change of its numbers takes a plant out of it."""
     for kind in ("record", "continuous") if seed else ("record",):
-        plant = edge_plant(kind, seed)
-        band = rid.band(plant.problem, box=plant.box, omega=[1.0])
+        plant, band = edge_plant(kind, seed), edge_band(kind, seed)
         assert np.all(np.isfinite(band.radius)) or half_of(plant.box) > MOST
         rng = np.random.default_rng(seed)
         for _ in range(10 if "multiplier" in forgery else 1):

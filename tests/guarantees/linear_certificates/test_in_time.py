@@ -9,7 +9,7 @@ from robustid.guarantees.linear.functions import fixed_functions
 from robustid.guarantees.linear.in_time import sample_targets
 from robustid.guarantees.linear.samples import samples_of
 from support.cases import seeds
-from support.edge_bands import DT, KINDS, SIZE, edge_plant
+from support.edge_bands import DT, KINDS, SIZE, edge_band, edge_plant
 from support.problems import in_units, random_experiment
 from support.refusals import refused
 
@@ -29,8 +29,7 @@ def impulse_of(plant):
 @pytest.mark.parametrize("kind", SAMPLED)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_responses_of_a_plant_at_the_edge_are_inside(kind, seed):
-    plant = edge_plant(kind, seed)
-    band = rid.band(plant.problem, box=plant.box, omega=[1.0])
+    plant, band = edge_plant(kind, seed), edge_band(kind, seed)
     pulse, count = impulse_of(plant), 30 if seed else 12
     step = np.cumsum(pulse, axis=0)
     for (centre, radius), truth in [(band.impulse_response(count), pulse), (band.step_response(count), step)]:

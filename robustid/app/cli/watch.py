@@ -1,0 +1,159 @@
+"""robustid watch: a machine's records, one after the other, against the band that was proved for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from robustid.app.cli import screen, written_files
+from robustid.app.cli.command_options import AsJson, Force, Report, Static, Verbose, only, words_of
+from robustid.app.cli.compare import measured
+from robustid.app.cli.screen import in_words, step
+from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
+from robustid.errors import InputError, Status
+
+if TYPE_CHECKING:
+    from robustid.app.cli.screen import Terminal
+    from robustid.data import FrequencyResponse
+    from robustid.guarantees import Watch
+
+
+def watch(
+    *,
+    source: Annotated[
+        Path, typer.Argument(help="A watch, which goes on; or the saved band, bounds or family with which one begins.")
+    ],
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[RECORD]...", help="New records or responses, in their order.")
+    ] = None,
+    usual: Annotated[
+        list[Path] | None,
+        typer.Option("--usual", help="Record from before, of the machine as it should be. Repeatable; of a new watch."),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--alarm-rate",
+            help="False alarms of a drift in a record, at most, on average. Default 0.002; of a new watch.",
+        ),
+    ] = None,
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            "--controller", help="Model of the controller, u = -C y: is its proved peak of S kept? Of a new watch."
+        ),
+    ] = None,
+    how: Annotated[Estimate, only("period")],
+    records: Annotated[RecordSource, only("fields", "dt", "rate", "axes", "decimal", "initial", "correct")],
+    responses: Annotated[ResponseSource, only("fields", "unit", "bound", "correct")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Save the watch as NAME.npz and NAME.json. Default: where it came from."),
+    ] = None,
+    report: Report = None,
+    static: Static = False,
+    force: Force = False,
+    verbose: Verbose = False,
+    as_json: AsJson = False,
+) -> None:
+    """Watch a machine: hold every new record against its band; alarms are a proof of contradiction, or a drift at a stated rate.
+
+    [bold]Example[/bold]: robustid watch result-bounds-band --usual monday.npz --usual tuesday.npz -o stage
+
+    [bold]Example[/bold]: robustid watch stage wednesday.npz --report stage.html
+
+    Exit codes: 0 no alarm by these records, 3 one of them is refuted or gives the alarm of a drift (a finding), 4 either, but of
+    data with a fault that nothing has undone, 2 misuse, 70 an error of the program, 130 interrupted.
+    """
+    from robustid.app.answers import verdicts
+    from robustid.estimation import all_faults
+    from robustid.guarantees import Watch
+    from robustid.report import first_screen, write_report
+
+    written_files.check_static(report, static)
+    console, paths = screen.console(stderr=as_json, verbose=verbose), files or []
+    known = _known(source)
+    begun = not isinstance(known, Watch)
+    if begun and output is None:
+        raise InputError(f"{source} is no watch yet: name the one that begins with --output NAME", argument="output")
+    if not begun and (
+        given := [
+            name for name, one in (("--usual", usual), ("--alarm-rate", rate), ("--controller", controller)) if one
+        ]
+    ):
+        raise InputError(f"{given[0]} is for a new watch; {source} has begun, and its rate would no longer hold")
+    if not begun and not paths and output is None and report is None:
+        raise InputError("nothing to do: give new records, or --report FILE.html", argument="files")
+    target = list(written_files.result_files(source if output is None else output))
+    taken = [one for path in [source, *paths, *(usual or [])] for one in written_files.sources(path)]
+    written_files.check_outputs([*(target if output is not None else []), report], taken, force)
+    words = words_of(watch, band=str(source), record="the record", usual="--usual", rate="--alarm-rate")
+    with in_words(words):
+        found: Watch = (
+            _begun(console, known, usual or [], rate, controller, (how, records, responses)) if begun else known
+        )
+        before, new = len(found.records), list[Any]()
+        for path in paths:
+            new.append(_response(console, path, how, records, responses))
+            with step(console, f"watching {path}"):
+                found = found.update(new[-1], str(path))
+    if begun or paths or output is not None:
+        found.save(target[0])
+    if report is not None:
+        write_report(found, report, title=source.stem if output is None else output.stem, static=static)
+    alarm = any(one.drifted or one.refuted is not None for one in found.history[before:])
+    faults = [fault for frf in new for fault in all_faults(frf)]
+    open_faults = any(not fault.undone for fault in faults)
+    code = screen.exit_code(Status.INCONSISTENT if alarm else Status.CONSISTENT, open_faults)
+    if as_json:
+        screen.write(verdicts.watched(found, faults, [*target, *([] if report is None else [report])], code), console)
+    else:
+        screen.conclude(console, first_screen(found), lambda: [found.summary()], written=[*target, report])
+    raise typer.Exit(code)
+
+
+def _known(source: Path) -> Any:
+    """The watch, or the band that one is to begin with."""
+    from robustid.app.load_save import load_result
+    from robustid.core import saved_kind
+
+    if saved_kind(source) == "identification":
+        raise InputError(
+            f"{source} is an identification, a watch stands on its band: robustid bounds {source} -o {source}-bounds writes it,"
+            f" robustid watch {source}-bounds-band begins",
+            argument="source",
+        )
+    return load_result(source, "watch", "band", "worst-case error", "band over poles", "family")
+
+
+def _begun(
+    console: Terminal,
+    band: Any,
+    usual: list[Path],
+    rate: float | None,
+    controller: Path | None,
+    how: tuple[Estimate, RecordSource, ResponseSource],
+) -> Watch:
+    from robustid.app.load_save import load
+    from robustid.guarantees import watch as watched
+
+    before = [_response(console, path, *how) for path in usual]
+    model: Any = None if controller is None else load(controller, kind="model")
+    with step(console, "beginning the watch"):
+        return watched(band, usual=before, rate=rate, controller=model)
+
+
+def _response(
+    console: Terminal, path: Path, how: Estimate, records: RecordSource, responses: ResponseSource
+) -> FrequencyResponse:
+    """The response of a file; of one with records the estimate of all of them."""
+    from robustid.data import FrequencyResponse
+    from robustid.estimation import estimate_frf
+
+    found = measured(console, path, records, responses)
+    if isinstance(found, FrequencyResponse):
+        return found
+    with step(console, f"estimating the response of {path}"):
+        return estimate_frf(found, period=how.period)

@@ -1,0 +1,57 @@
+"""The checker of proofs in C (`proof/robustid_proof.c`), another program with numbers of its own, asked from here."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from robustid.errors import InputError
+
+_NAME, _PLACE = "robustid-proof", "ROBUSTID_PROOF"
+
+
+class Finding(NamedTuple):
+    """Answer of the checker: all statements proved or not, and its lines."""
+
+    proved: bool
+    lines: tuple[str, ...]
+
+
+def checker() -> str:
+    """Return the path of the checker: what ROBUSTID_PROOF names, or `robustid-proof` of the PATH.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    named = os.environ.get(_PLACE)
+    found = shutil.which(named or _NAME)
+    if found is None:
+        where = f"{_PLACE} names {named}, which is no program" if named else f"{_NAME} is not on the PATH"
+        raise InputError(
+            f"`independent` needs the checker of proofs, and {where}; build it from the sources with"
+            f" cc -O2 -o {_NAME} proof/robustid_proof.c -lgmp (Debian: gcc, libgmp-dev), and put it"
+            f" on the PATH or name it in {_PLACE}"
+        )
+    return found
+
+
+def check_independently(text: str) -> Finding:
+    """Ask the checker about a proof; InputError where there is none, or it can't read the proof."""
+    program = checker()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "proof.json"
+        path.write_text(text, encoding="ascii")
+        done = subprocess.run([program, str(path)], capture_output=True, text=True, check=False)
+    lines = tuple(done.stdout.splitlines())
+    if done.returncode not in (0, 1) or not lines:
+        said = lines[-1] if lines else f"exit status {done.returncode}"
+        raise InputError(
+            f"`independent`: {program} did not read the proof ({said}); is it of the same version as this package?"
+        )
+    return Finding(done.returncode == 0, lines)

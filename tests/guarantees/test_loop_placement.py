@@ -1,0 +1,55 @@
+"""Polygons of R only where they limit the loop: as tight as polygons at all frequencies."""
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.core import StateMatrices
+from robustid.guarantees import limiting_polygons
+from robustid.guarantees.loop_axis import LoopAxis
+from robustid.guarantees.loop_placement import _binding
+
+DT = 0.01
+PLANT = control.ss([[1.1, 0.3], [0.0, 0.4]], [[0.2], [1.0]], [[1.0, 0.5]], 0.0, DT)  # unstable
+
+
+@pytest.fixture(scope="module")
+def measured():
+    loop = rid.Loop(control.ss([], [], [], 0.5, DT))
+    R, omega = loop.residual_of(PLANT), np.linspace(5.0, 310.0, 16)
+    values = np.array([R(np.exp(1j * DT * w)) for w in omega])
+    frf = rid.FrequencyResponse(omega, values, bound=0.05 * np.abs(values).max(), dt=DT)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=12.0, decay_rate=1.3)))
+    model = rid.balanced_truncation(result.model, order=2).model
+    band = rid.band(result, model=model, omega=omega, knots=48)
+    return loop, result, band, limiting_polygons(band, loop, result, omega, directions=8, rtol=0.1)
+
+
+@pytest.mark.slow
+def test_peaks_and_margins_are_those_of_polygons_at_every_frequency(measured):
+    loop, result, band, found = measured
+    assert 0 < found.omega.size < band.omega.size
+    whole = rid.worst_case_error(result, model=band.model, omega=band.omega, directions=8, rtol=0.1)
+    few, every = (rid.loop_bounds(band.with_polygons(one), loop) for one in (found, whole))
+    plain = rid.loop_bounds(band, loop)
+    for name, peak in every.peaks.items():
+        assert few.peaks[name].value <= 1.01 * peak.value
+        assert few.peaks[name].value < plain.peaks[name].value
+    assert few.margins.modulus >= 0.99 * every.margins.modulus
+    assert few.margins.phase >= 0.98 * every.margins.phase
+
+
+def test_a_peak_is_bound_by_frequencies_with_polygons_in_the_end(measured):
+    loop, _, band, found = measured
+    around = loop.about(StateMatrices.of(band.model), None)
+    sizes = LoopAxis(band.with_polygons(found), loop.shape, around).sizes_at(band.omega)
+    solved = np.isin(band.omega, found.omega)
+    assert np.all(sizes[:, :4].max(axis=0) <= 1.01 * sizes[solved, :4].max(axis=0))
+
+
+def test_those_above_all_that_are_solved_come_first_and_no_others():
+    sizes = np.array([[3.0, 0.1], [5.0, 0.2], [4.0, -1.0], [1.0, -1.0]])
+    assert _binding(sizes, np.array([False, False, False, True]), 2).tolist() == [1, 2, 0]
+    assert _binding(sizes, np.array([True, True, False, False]), 2).size == 0
+    assert _binding(np.full((3, 1), -1.0), np.zeros(3, bool), 2).size == 0

@@ -1,0 +1,259 @@
+"""Proofs as files: the checker in C accepts those of this package, and nothing that exact fractions do not confirm."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.errors import InputError
+from robustid.guarantees import proof_text
+from support.proof_judge import Disc, Judge, judged, number, turn
+from support.proofs import SANITIZED, SOURCE, asked, band_of, built, mutated, problem, resealed, sealed
+
+SCHEMA = json.loads((SOURCE.parents[1] / "docs" / "proof_format.schema.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("checker"))
+
+
+@pytest.fixture(scope="module")
+def sanitized(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("sanitized"), *SANITIZED)
+
+
+def proofs_of(seed: int) -> list[str]:
+    """A band, a system, and a contradiction."""
+    return [band_of(seed)[1], proof_text(rid.identify(problem(seed))), proof_text(rid.identify(problem(seed, off=3.0)))]
+
+
+def parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    whole = json.loads(text)
+    return whole["question"], whole["evidence"]
+
+
+def support_of(text: str, u: complex) -> str:
+    """The proof of Re(u F) at the first disc of a proof, with the same multipliers, half of each for its conjugate."""
+    question, evidence = parts(text)
+    disc, sums, lines = question["statements"][0], evidence["statements"][0], len(question["data"])
+    d = {k: complex(float(number(a)), float(number(b))) for k, a, b in sums["multipliers"]}
+    both: dict[int, complex] = {}
+    for k, one in d.items():
+        for place, part in ((k, u * one / 2), ((k + lines) % (2 * lines), (u * one).conjugate() / 2)):
+            both[place] = both.get(place, 0) + part
+    rows = [[k, repr(one.real), repr(one.imag)] for k, one in both.items()]
+    centre = complex(*map(float, disc["centre"]))
+    value = (u * centre).real + abs(u) * float(disc["radius"]) * (1 + 1e-7)
+    statement = {
+        "kind": "support",
+        "omega": disc["omega"],
+        "direction": [repr(u.real), repr(u.imag)],
+        "value": repr(value),
+    }
+    question["statements"], evidence["statements"] = [statement], [{**sums, "base": ["0", "0"], "multipliers": rows}]
+    return sealed(question, evidence)
+
+
+def bare(value: str, factors: list[Any]) -> str:
+    """The claim Re F <= value at a frequency, of a class with K = 3 and rho = 1.25, from no sample."""
+    question = {
+        "class": {"gain_bound": "3", "decay_rate": "1.25", "functions": {"A": [], "B": [], "C": [], "D": []}},
+        "sample_time": "0.5",
+        "units": {"frequency": "rad/s", "time": "s", "response": "m/N"},
+        "level": "1",
+        "data": [["1", "0", "0", "1"]],
+        "statements": [{"kind": "support", "omega": "2", "direction": ["1", "0"], "value": value}],
+    }
+    sums = {"base": ["0", "0"], "factors": factors, "multipliers": []}
+    return sealed(question, {"parameters": {"centre": [], "radius": [], "combinations": []}, "statements": [sums]})
+
+
+def factors_of_values() -> list[Any]:
+    """Of Re phi(zeta) = (phi(zeta) + phi(zeta*))/2: f = k(., zeta)/2, g = f/|f|^2/2, and so for zeta*."""
+    square = 1 / (1 - 1.25**-2)
+    return [{"f": [[node, "0.5", "0"]], "g": [[node, repr(1 / square), "0"]]} for node in (2, 3)]
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("seed", [2, 3])
+def test_proofs_of_this_package_are_proved_by_the_checker_and_by_the_judge(program, tmp_path, seed):
+    for text in proofs_of(seed):
+        status, said = asked(program, text, tmp_path)
+        assert status == 0, said
+        assert Judge(text).proved()
+
+
+@pytest.mark.quick
+def test_the_schema_knows_every_proof_and_no_strange_number():
+    schema = pytest.importorskip("jsonschema")
+    for text in [*proofs_of(1), bare("4", factors_of_values())]:
+        schema.validate(json.loads(text), SCHEMA)
+    with pytest.raises(schema.ValidationError):
+        schema.validate(json.loads(bare("NaN", [])), SCHEMA)
+
+
+@pytest.mark.quick
+def test_a_claim_is_hardly_wider_than_that_of_the_band(program, tmp_path):
+    found, text = band_of(1)
+    stated = np.array([float(one["radius"]) for one in parts(text)[0]["statements"]])
+    assert np.all(stated <= found.radius.ravel() * (1 + 1e-7))
+    assert np.all(stated >= found.radius.ravel())
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("u", [1 + 0j, 0.6 - 0.8j, -2j])
+def test_a_support_follows_from_the_sums_of_a_disc_on_both_halves_of_the_circle(program, tmp_path, u):
+    # The residual cost is then seen from the centre, which is a wider measure: the value needs the room it takes.
+    text = support_of(band_of(3)[1], u)
+    assert (asked(program, text, tmp_path)[0] == 0) == judged(text)
+    question, evidence = parts(text)
+    question["statements"][0]["value"] = repr(float(question["statements"][0]["value"]) + 1e6 * abs(u))
+    wide = sealed(question, evidence)
+    assert asked(program, wide, tmp_path)[0] == 0
+    assert judged(wide)
+
+
+@pytest.mark.quick
+def test_without_samples_the_class_says_its_gain_bound_and_nothing_less(program, tmp_path):
+    assert asked(program, bare("3.000000000001", factors_of_values()), tmp_path)[0] == 0
+    assert asked(program, bare("2.999999999", factors_of_values()), tmp_path)[0] == 1
+    # Without factors the norm of H2 takes their place: K/(1 - rho^-2)^(1/2) at most.
+    root = 3 / float(np.sqrt(1 - 1.25**-2))
+    assert asked(program, bare(repr(root), []), tmp_path)[0] == 0
+    assert not judged(bare("2.999999999", factors_of_values()))
+
+
+@pytest.mark.quick
+def test_a_frequency_is_placed_to_more_digits_than_a_double_has():
+    # exp(-j): cos 1 and sin 1 to 30 digits.
+    e = turn(Fraction(1))
+    assert abs(e.re - Fraction("0.540302305868139717400936607443")) < Fraction(1, 10**29)
+    assert abs(e.im + Fraction("0.841470984807896506652502321630")) < Fraction(1, 10**29)
+    assert (e * e.conj - Disc(1)).most < Fraction(1, 10**100)
+
+
+@pytest.mark.quick
+def test_another_question_with_the_old_digest_is_not_proved(program, tmp_path):
+    text = band_of(1)[1]
+    changed = text.replace('"sample_time": "', '"sample_time": "1', 1)
+    assert changed != text
+    status, said = asked(program, changed, tmp_path)
+    assert status == 1
+    assert "digest" in said
+    assert asked(program, resealed(changed), tmp_path)[0] in (1, 2)
+
+
+@pytest.mark.quick
+def test_an_edge_claim_is_refused_as_soon_as_it_is_smaller(program, tmp_path):
+    question, evidence = parts(band_of(1)[1])
+    for one in question["statements"]:
+        one["radius"] = repr(float(one["radius"]) * (1 - 1e-6))
+    text = sealed(question, evidence)
+    assert asked(program, text, tmp_path)[0] == 1
+    assert not judged(text)
+
+
+HOSTILE: dict[str, Any] = {
+    "empty": "",
+    "a list": "[]",
+    "nested": "[" * 100000,
+    "closed": "[" * 15 + "]" * 15,
+    "bytes": b"\xff\xfe{}",
+    "zero byte": b"{\x00}",
+    "a key twice": lambda text: text.replace('"version": 1', '"version": 1, "version": 1'),
+    "another key": lambda text: text.replace('"version": 1', '"version": 1, "more": "1"'),
+    "a number that is none": lambda text: text.replace('"sample_time": "', '"sample_time": "NaN'),
+    "infinity": lambda text: text.replace('"level": "1"', '"level": "Infinity"'),
+    "a huge exponent": lambda text: text.replace('"level": "1"', '"level": "1p99999"'),
+    "a huge number": lambda text: text.replace('"level": "1"', f'"level": "1{"0" * 500}"'),
+    "no string": lambda text: text.replace('"level": "1"', '"level": 1.5'),
+    "an escape": lambda text: text.replace('"that of', '"\\u0041'),
+    "something after": lambda text: text + "{}",
+    "in Hz": lambda text: text.replace("rad/s", "Hz"),
+    "a later version": lambda text: text.replace('"version": 1', '"version": 2'),
+    "another kind": lambda text: text.replace('"disc"', '"arc"'),
+    "an index too large": lambda text: text.replace('"multipliers": [[', '"multipliers": [[9999'),
+}  # fmt: skip
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_files_are_not_readable(sanitized, tmp_path, name):
+    text = HOSTILE[name]
+    text = resealed(str(text(band_of(1)[1]))) if callable(text) else text
+    status, said = asked(sanitized, text, tmp_path)
+    assert status == 2, said
+    assert "not readable" in said
+
+
+def _survives(program: Path, texts: list[str], seed: int, count: int, folder: Path) -> int:
+    """How many of the mutants are accepted; each of them must be true by the judge."""
+    rng, accepted = random.Random(seed), 0
+    for _ in range(count):
+        text = mutated(rng.choice(texts), rng)
+        status, said = asked(program, text, folder)
+        assert status in (0, 1, 2), (said, text)
+        if status == 0:
+            accepted += 1
+            assert judged(text), text
+    return accepted
+
+
+@pytest.mark.quick
+def test_no_mutant_is_accepted_that_is_not_true(program, sanitized, tmp_path):
+    texts = [*proofs_of(1), bare("3.000000000001", factors_of_values())]
+    assert 0 < _survives(program, texts, 1, 200, tmp_path) < 100
+    _survives(sanitized, texts, 2, 40, tmp_path)
+
+
+@pytest.mark.quick
+def test_what_is_not_expressed_is_refused_with_its_reason():
+    posed = problem(1)
+    assert posed.parametric is not None
+    continuous = rid.FrequencyResponse(np.linspace(1, 9, 9), 1 / (1 + 1j * np.linspace(1, 9, 9)), bound=0.1)
+    found = rid.band(rid.MixedProblem(frequency=continuous, prior=rid.Prior(gain_bound=2.0, decay=0.5)), omega=[2.0])
+    with pytest.raises(InputError, match="continuous time"):
+        proof_text(found)
+    with pytest.raises(InputError, match="only bands"):
+        proof_text(posed)
+
+
+@pytest.mark.quick
+def test_the_checker_stays_short_and_without_floating_point():
+    text = SOURCE.read_text()
+    assert len(text.splitlines()) <= 700
+    assert not {"double", "float", "mpf_", "math.h", "strtod"} & set(
+        text.replace("floating-point", "").replace("(", " ").split()
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(200))
+def test_proofs_of_two_hundred_problems_are_proved(program, tmp_path, seed):
+    for text in proofs_of(seed):
+        status, said = asked(program, text, tmp_path)
+        assert status == 0, said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_no_mutant_of_many_is_accepted_that_is_not_true(program, tmp_path, seed):
+    _survives(program, [*proofs_of(seed), bare("3.000000000001", factors_of_values())], seed, 500, tmp_path)
+
+
+@pytest.mark.slow
+def test_a_band_of_a_hundred_frequencies_takes_seconds(program, tmp_path):
+    text = band_of(1, lines=50, frequencies=100)[1]
+    start = time.perf_counter()
+    status, said = asked(program, text, tmp_path)
+    assert status == 0, said
+    assert time.perf_counter() - start < 10

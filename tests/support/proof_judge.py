@@ -1,0 +1,318 @@
+"""A judge of proof files in exact fractions: complex discs with rational middles; no code of the package nor of the kernel in C."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+_BITS = 512
+_GRID = 1 << _BITS
+_NUMBER = re.compile(r"(-?\d+)(?:\.(\d+))?(?:e([+-]?\d{1,3}))?|(-?\d+)p([+-]?\d{1,4})")
+
+
+class Refused(Exception):
+    """The file is no proof: it says why."""
+
+
+def number(text: Any) -> Fraction:
+    """The number in a string."""
+    found = _NUMBER.fullmatch(text) if isinstance(text, str) else None
+    if found is None:
+        raise Refused(f"no number: {text!r}")
+    whole, part, exponent, mantissa, power = found.groups()
+    if mantissa is not None:
+        return Fraction(int(mantissa)) * Fraction(2) ** int(power)
+    part = part or ""
+    return Fraction(int(whole + part)) * Fraction(10) ** (int(exponent or 0) - len(part))
+
+
+def _up(value: Fraction) -> int:
+    return -(-value.numerator * _GRID // value.denominator)
+
+
+class Disc:
+    """All complex numbers within `error` of re + j im: integers, in units of the grid."""
+
+    def __init__(self, re: Fraction | int, im: Fraction | int = 0) -> None:
+        one, two = Fraction(re) * _GRID, Fraction(im) * _GRID
+        self.a, self.b = one.numerator // one.denominator, two.numerator // two.denominator
+        self.e = 0 if (self.a, self.b) == (one, two) else 2
+
+    @classmethod
+    def of(cls, a: int, b: int, e: int) -> Disc:
+        found = cls.__new__(cls)
+        found.a, found.b, found.e = a, b, e
+        return found
+
+    def __add__(self, other: Disc) -> Disc:
+        return Disc.of(self.a + other.a, self.b + other.b, self.e + other.e)
+
+    def __neg__(self) -> Disc:
+        return Disc.of(-self.a, -self.b, self.e)
+
+    def __sub__(self, other: Disc) -> Disc:
+        return self + -other
+
+    def __mul__(self, other: Disc) -> Disc:
+        error = (abs(self.a) + abs(self.b)) * other.e + (abs(other.a) + abs(other.b)) * self.e + self.e * other.e
+        a, b = self.a * other.a - self.b * other.b, self.a * other.b + self.b * other.a
+        return Disc.of(a >> _BITS, b >> _BITS, (error >> _BITS) + 3)
+
+    @property
+    def re(self) -> Fraction:
+        return Fraction(self.a, _GRID)
+
+    @property
+    def im(self) -> Fraction:
+        return Fraction(self.b, _GRID)
+
+    @property
+    def error(self) -> Fraction:
+        return Fraction(self.e, _GRID)
+
+    @property
+    def conj(self) -> Disc:
+        return Disc.of(self.a, -self.b, self.e)
+
+    @property
+    def size(self) -> Fraction:
+        """Above the modulus of the middle, by less than two units."""
+        return Fraction(math.isqrt(self.a**2 + self.b**2) + 1, _GRID) if self.b else abs(self.re)
+
+    @property
+    def most(self) -> Fraction:
+        """Above the modulus of all of its numbers."""
+        return self.size + self.error
+
+    @property
+    def inverse(self) -> Disc:
+        square = self.a**2 + self.b**2
+        least = math.isqrt(square) - self.e
+        if least <= 0:
+            raise Refused("a division by what may be 0")
+        scale = _GRID**2
+        return Disc.of(self.a * scale // square, -self.b * scale // square, self.e * scale // (least * least) + 3)
+
+
+def root(square: Fraction) -> Fraction:
+    """Above the root."""
+    return Fraction(math.isqrt(math.ceil(square * _GRID**2)) + 1, _GRID)
+
+
+def turn(x: Fraction) -> Disc:
+    """exp(-j x) by the series of x/1024, squared ten times."""
+    small, total, term = x / 1024, Disc(0), Disc(1)
+    for k in range(1, 140):
+        total += term
+        term = term * Disc(0, -small / k)
+    value = Disc.of(total.a + term.a, total.b + term.b, total.e + _up(2 * term.most))
+    for _ in range(10):
+        value = value * value
+    return value
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if len({key for key, _ in pairs}) < len(pairs):
+        raise Refused("a key stands twice")
+    return dict(pairs)
+
+
+class Judge:
+    """One file."""
+
+    def __init__(self, text: str) -> None:
+        whole = json.loads(text, object_pairs_hook=_unique)
+        start = re.search(r'"question"\s*:\s*', text)
+        if start is None:
+            raise Refused("no question")
+        end = json.JSONDecoder().raw_decode(text, start.end())[1]
+        if hashlib.sha256(text[start.end() : end].encode()).hexdigest() != whole["digest"]:
+            raise Refused("another digest")
+        if (whole["format"], whole["version"]) != ("robustid-proof", 1):
+            raise Refused("another format")
+        self.question, self.evidence = whole["question"], whole["evidence"]
+        units, of = self.question["units"], self.question["class"]
+        if (units["frequency"], units["time"]) != ("rad/s", "s"):
+            raise Refused("other units")
+        self.K, self.rho, self.T = (
+            number(of["gain_bound"]),
+            number(of["decay_rate"]),
+            number(self.question["sample_time"]),
+        )
+        level = number(self.question["level"])
+        if min(self.K, self.T, level) <= 0 or self.rho <= 1:
+            raise Refused("no class")
+        self.matrices = {name: of["functions"][name] for name in "ABCD"}
+        self.omega = [row[0] for row in self.question["data"]]
+        self.y = [Disc(number(row[1]), number(row[2])) for row in self.question["data"]]
+        self.bound = [number(row[3]) * level for row in self.question["data"]]
+        if min(self.bound) <= 0:
+            raise Refused("a bound that is not positive")
+        self.N, self.M = len(self.y), len(self.matrices["D"])
+        placed = [self.place(one) for one in self.omega]
+        self.nodes = [zeta for zeta, _ in placed] + [zeta.conj for zeta, _ in placed]
+        self.P = [values for _, values in placed] + [[one.conj for one in values] for _, values in placed]
+        self.about: list[Fraction] = []
+        self.within: list[Fraction] = []
+
+    def place(self, omega: str) -> tuple[Disc, list[Disc]]:
+        """Zeta and the values of the functions."""
+        x = number(omega) * self.T
+        if not 0 <= x <= 4:
+            raise Refused("a frequency out of range")
+        e = turn(x)
+        A, B, C, D = (self.matrices[name] for name in "ABCD")
+        size = len(B)
+        rows = [
+            [(e.conj if a == b else Disc(0)) - Disc(number(A[a][b])) for b in range(size)] + [Disc(number(B[a]))]
+            for a in range(size)
+        ]
+        state = solve(rows)
+        values = [Disc(number(d)) for d in D]
+        for i, row in enumerate(C):
+            for a in range(size):
+                values[i] += Disc(number(row[a])) * state[a]
+        return e * Disc(1 / self.rho), values
+
+    def norm(self, terms: dict[int, Disc], nodes: list[Disc], base: Disc) -> Fraction:
+        """Above the norm of sum c_k phi(zeta_k) in H2 of the measure of the base."""
+        total = Disc(0)
+        room = 1 - root(base.re**2 + base.im**2) ** 2 if base.im else 1 - base.re**2
+        if room <= 0:
+            raise Refused("a base outside of the disc")
+        for k, c in terms.items():
+            for m, d in terms.items():
+                own = c * (Disc(1) - base.conj * nodes[k])
+                other = (d * (Disc(1) - base.conj * nodes[m])).conj
+                total += own * other * (Disc(1) - nodes[k] * nodes[m].conj).inverse
+        return root(max(total.re + total.error, Fraction(0)) / room)
+
+    def sums(
+        self, evidence: Any, target: dict[int, Disc], at: Any = None, wanted: int | None = None
+    ) -> tuple[Disc, Fraction, Fraction]:
+        """Centre and radius of the functional of all consistent systems, and the part of the radius from parameters."""
+        zeta, values = at or (Disc(0), [Disc(0)] * self.M)
+        nodes, P = [*self.nodes, zeta, zeta.conj], [*self.P, values, [one.conj for one in values]]
+        if set(evidence) != {"base", "factors", "multipliers"}:
+            raise Refused("other keys")
+        rest = dict(target)
+        missed = [Disc(-1 if i == wanted else 0) for i in range(self.M)]
+        for k, t in target.items():
+            missed = [m - t * p for m, p in zip(missed, P[k], strict=True)]
+        centre, radius = Disc(0), Fraction(0)
+        for k, a, b in evidence["multipliers"]:
+            d = Disc(number(a), number(b))
+            if not 0 <= k < 2 * self.N:
+                raise Refused("an index out of range")
+            own = k % self.N
+            centre += d * (self.y[own] if k < self.N else self.y[own].conj)
+            radius += d.most * self.bound[own]
+            rest[k] = rest.get(k, Disc(0)) - d
+            missed = [m + d * p for m, p in zip(missed, P[k], strict=True)]
+        cost = Fraction(0)
+        for one in evidence["factors"]:
+            f, g = ({k: Disc(number(a), number(b)) for k, a, b in one[name]} for name in "fg")
+            if len(f) != len(one["f"]) or len(g) != len(one["g"]):
+                raise Refused("the judge takes every node once")
+            cost += self.norm({k: a.conj for k, a in f.items()}, nodes, Disc(0)) * self.norm(
+                {k: a.conj for k, a in g.items()}, nodes, Disc(0)
+            )
+            for k, a in f.items():
+                value = Disc(0)
+                for m, b in g.items():
+                    value += b * (Disc(1) - nodes[k] * nodes[m].conj).inverse
+                rest[k] = rest.get(k, Disc(0)) - a.conj * value
+        base = Disc(*(number(one) for one in evidence["base"]))
+        radius += self.K * (cost + self.norm(rest, nodes, base))
+        if self.M and not self.within:
+            raise Refused("nothing is said of the parameters")
+        parametric = Fraction(0)
+        for m, q, u in zip(missed, self.about, self.within, strict=True):
+            centre -= m * Disc(q)
+            parametric += m.most * u
+        return centre, radius + parametric, parametric
+
+    def parameters(self) -> None:
+        """The discs of the parameters."""
+        said = self.evidence["parameters"]
+        if self.M and not any(said.values()):
+            return
+        self.about, self.within = [number(one) for one in said["centre"]], [number(one) for one in said["radius"]]
+        if not len(self.about) == len(self.within) == len(said["combinations"]) == self.M:
+            raise Refused("not a disc for every parameter")
+        for i, evidence in enumerate(said["combinations"]):
+            centre, radius, parametric = self.sums(evidence, {}, wanted=i)
+            apart = abs(centre.re - self.about[i]) + centre.error
+            if not (self.within[i] > 0 and apart + radius <= self.within[i] and parametric < self.within[i]):
+                raise Refused("a parameter")
+
+    def disc(self, said: Any, evidence: Any) -> bool:
+        centre, radius, _ = self.sums(evidence, {2 * self.N: Disc(1)}, self.place(said["omega"]))
+        return (centre - Disc(*map(number, said["centre"]))).most + radius <= number(said["radius"])
+
+    def support(self, said: Any, evidence: Any) -> bool:
+        half = Disc(*(number(one) / 2 for one in said["direction"]))
+        centre, radius, _ = self.sums(
+            evidence, {2 * self.N: half, 2 * self.N + 1: half.conj}, self.place(said["omega"])
+        )
+        return centre.re + centre.error + radius <= number(said["value"])
+
+    def inconsistent(self, said: Any, evidence: Any) -> bool:
+        centre, radius, _ = self.sums(evidence, {})
+        return radius < centre.size - centre.error - Fraction(2, _GRID)
+
+    def consistent(self, said: Any, evidence: Any) -> bool:
+        if set(evidence) != {"reflections", "parameters"} or set(said) != {"kind"}:
+            raise Refused("other keys")
+        gains, p = (
+            [Disc(number(one)) for one in evidence["reflections"]],
+            [number(one) for one in evidence["parameters"]],
+        )
+        if any(abs(number(one)) >= 1 for one in evidence["reflections"]):
+            return False
+        for zeta, values, y, bound in zip(self.nodes, self.P, self.y, self.bound, strict=False):
+            w = Disc(0)
+            for g in reversed(gains):
+                w = (g + zeta * w) * (Disc(1) + g * zeta * w).inverse
+            rest = y - Disc(self.K) * w
+            for q, one in zip(p, values, strict=True):
+                rest -= Disc(q) * one
+            if rest.most > bound:
+                return False
+        return True
+
+    def proved(self) -> bool:
+        """Say whether all statements are proved."""
+        self.parameters()
+        kinds: dict[str, Callable[[Any, Any], bool]] = {
+            name: getattr(self, name) for name in ("disc", "support", "inconsistent", "consistent")
+        }
+        pairs = list(zip(self.question["statements"], self.evidence["statements"], strict=True))
+        return bool(pairs) and all(kinds[said["kind"]](said, evidence) for said, evidence in pairs)
+
+
+def solve(rows: list[list[Disc]]) -> list[Disc]:
+    """The solution of the system [A b]."""
+    size = len(rows)
+    for p in range(size):
+        best = max(range(p, size), key=lambda a: rows[a][p].size)
+        rows[p], rows[best] = rows[best], rows[p]
+        inverse = rows[p][p].inverse
+        rows[p] = [one * inverse for one in rows[p]]
+        for a in range(size):
+            if a != p:
+                rows[a] = [one - rows[a][p] * pivot for one, pivot in zip(rows[a], rows[p], strict=True)]
+    return [row[-1] for row in rows]
+
+
+def judged(text: str) -> bool:
+    """Whether a file is a proof, in exact fractions."""
+    try:
+        return Judge(text).proved()
+    except (Refused, ValueError, KeyError, TypeError, IndexError, AttributeError):
+        return False
