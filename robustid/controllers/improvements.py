@@ -13,6 +13,7 @@ import numpy as np
 from robustid.controllers.designing import At, Found, Task, TimeIsOver
 from robustid.controllers.plants import Plants
 from robustid.core import Budget, Interruptible, Real, StateMatrices, points_of, response_at
+from robustid.guarantees import Band
 
 _ACTIVE = 0.05  # of the unit of a condition: less slack makes it one that limits
 _ABOUT = 1.25  # ratio of frequencies about one that limits
@@ -38,6 +39,8 @@ class Improvement(NamedTuple):
         What the goal reaches.
     ratio : float
         This to what it reaches as it is, by the same search.
+    point : float
+        Of bounds in a range the frequency point of the data, in rad/s, that adds most to them where they limit; nan of others.
     """
 
     of: str
@@ -46,6 +49,7 @@ class Improvement(NamedTuple):
     high: float
     level: float
     ratio: float
+    point: float = math.nan
 
     @property
     def sentence(self) -> str:
@@ -56,6 +60,8 @@ class Improvement(NamedTuple):
             what = f"all bounds times {self.factor:.3g}"
         else:
             what = f"bounds times {self.factor:.3g} from {self.low / (2 * math.pi):.4g} to {self.high / (2 * math.pi):.4g} Hz"
+            if math.isfinite(self.point):
+                what += f", most from the point at {self.point / (2 * math.pi):.4g} Hz"
         return f"{what}: {100 * (self.ratio - 1):.3g} % more"
 
 
@@ -63,20 +69,20 @@ def improvements(task: Task, found: Found, factor: float, budget: Budget) -> tup
     """Effects of all changes, the largest first; as many as there is time for."""
     task.with_frequencies([omega for one in zip(task.plants, task.grids, strict=True) for omega in _widest(*one)])
     rows: list[Improvement] = []
-    changes: list[tuple[str, float, float, float, Task]] = []
-    for low, high in [*_ranges(task, found), (0.0, math.inf)]:
+    changes: list[tuple[str, float, float, float, float, Task]] = []
+    for low, high, point in [*_ranges(task, found), (0.0, math.inf, math.nan)]:
         changed = dataclasses.replace(task, smaller=partial(_smaller, low=low, high=high, factor=factor))
         changed.with_frequencies(_about(task, low, high))
-        changes.append((BOUNDS, factor, low, high, changed))
+        changes.append((BOUNDS, factor, low, high, point, changed))
     for name in task.limits.stated:
         wider = dataclasses.replace(task, limits=task.limits.relaxed(_WIDER, name))
-        changes.append((name, _WIDER, math.nan, math.nan, wider))
+        changes.append((name, _WIDER, math.nan, math.nan, math.nan, wider))
     with Interruptible(lambda: bool(rows)):
         try:
             before = max(_reached(dataclasses.replace(task, budget=budget), found), found.level)
-            for of, part, low, high, changed in changes:
+            for of, part, low, high, point, changed in changes:
                 level = max(_reached(dataclasses.replace(changed, budget=budget), found), found.level)
-                rows.append(Improvement(of, part, low, high, level, level / before))
+                rows.append(Improvement(of, part, low, high, level, level / before, point))
         except TimeIsOver:
             pass
     return tuple(sorted(rows, key=lambda row: -row.ratio))
@@ -112,15 +118,28 @@ def _reached(task: Task, found: Found) -> float:
     return 0.0
 
 
-def _ranges(task: Task, found: Found) -> Iterator[tuple[float, float]]:
-    """Ranges about the frequencies that limit, in rad/s."""
-    question, discs = At(task, found.at).question(task.asked(found.level))
+def heaviest_point(band: Band, omega: float) -> float:
+    """Frequency in rad/s of the point of the data that adds most to the radii of the discs at a frequency; nan where none does."""
+    plane = band.problem.plane
+    every = [one.shares(float(plane.angles(np.array([omega]))[0])) for one in band.bands]
+    angles, place = np.unique(np.concatenate([found for found, _ in every]), return_inverse=True)
+    added = np.zeros(angles.size)
+    np.add.at(added, place, np.concatenate([share for _, share in every]))
+    return float(plane.omega(angles[[np.argmax(added)]])[0]) if added.any() else math.nan
+
+
+def _ranges(task: Task, found: Found) -> Iterator[tuple[float, float, float]]:
+    """Ranges about the frequencies that limit, and the points of the data that bear most at the first of each, in rad/s."""
+    here = At(task, found.at)
+    owners = [*here.owners, *range(len(task.plants))]
+    question, discs = here.question(task.asked(found.level))
     C = response_at(StateMatrices.of(found.controller), points_of(discs.omega, task.dt))
     slack = np.full(discs.omega.size, np.inf)
     for one, unit in question.with_units():
         np.minimum.at(slack, one.place, one.excess(C) / unit)
     order = np.argsort(slack)
-    active = discs.omega[order[slack[order] <= max(_ACTIVE, slack[order[0]])]]
+    limiting = order[slack[order] <= max(_ACTIVE, slack[order[0]])]
+    active = discs.omega[limiting]
     ranges: list[list[float]] = []
     for omega in np.sort(active):
         low, high = omega / _ABOUT, min(omega * _ABOUT, discs.omega.max())
@@ -130,4 +149,7 @@ def _ranges(task: Task, found: Found) -> Iterator[tuple[float, float]]:
             ranges.append([low, high])
     first = [next(k for k, (low, high) in enumerate(ranges) if low <= omega <= high) for omega in active]
     for k in list(dict.fromkeys(first))[:_RANGES]:
-        yield float(ranges[k][0]), float(ranges[k][1])
+        place = int(limiting[first.index(k)])
+        band: Band = task.plants[owners[place]].band
+        point = heaviest_point(band, float(discs.omega[place]))
+        yield float(ranges[k][0]), float(ranges[k][1]), point

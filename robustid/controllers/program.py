@@ -194,7 +194,7 @@ class Program:
 def _sparse(matrix: Real) -> scipy.sparse.csc_matrix:
     """The entries that are not zero, by columns."""
     columns, rows = np.nonzero(matrix.T)
-    starts = np.searchsorted(columns, np.arange(matrix.shape[1] + 1))
+    starts: Indices = np.searchsorted(columns, np.arange(int(matrix.shape[1]) + 1))
     return scipy.sparse.csc_matrix((matrix[rows, columns], rows, starts), shape=matrix.shape)
 
 

@@ -17,7 +17,7 @@ from robustid.report.words import HZ, number
 _WORTH = 1.01  # of what a goal reaches, from which on an improvement is one
 _WORDS = (
     "Each is a search from this controller on, with one change, at frequencies: it is not proved, and tells where better data or"
-    " a wider limit help most."
+    " a wider limit help most. Of a range the point of the data is named whose bound adds most to what is known where it limits."
 )
 
 
@@ -31,8 +31,16 @@ def as_improvements(value: object) -> tuple[Improvement, ...]:
 
 def improvements_section(design: ControllerDesign, rows: Sequence[Improvement]) -> list[Block]:
     """Build the section of what would help."""
-    cells = [[_change(row), _where(row), _points(design, row), _more(row), design.goal.told(row.level)] for row in rows]
-    heads = Column("change"), Column("where"), *of_numbers("frequency points there", "more"), Column(design.goal.name)
+    cells = [
+        [_change(row), _where(row), _points(design, row), _most(row), _more(row), design.goal.told(row.level)]
+        for row in rows
+    ]
+    heads = (
+        Column("change"),
+        Column("where"),
+        *of_numbers("frequency points there", "most, Hz", "more"),
+        Column(design.goal.name),
+    )
     return [Heading("What would help"), Text(_WORDS, "soft"), Table(heads, cells)]
 
 
@@ -43,8 +51,9 @@ def where_to_measure(design: ControllerDesign, rows: Sequence[Improvement]) -> s
         return ""
     best = max(ranges, key=lambda row: row.ratio)
     count = _points(design, best)
+    most = f", above all the one at {_most(best)} Hz" if _most(best) else ""
     return (
-        f"Measure better {_where(best)} first, {count} frequency point{'s' * (count != '1')}: bounds times"
+        f"Measure better {_where(best)} first, {count} frequency point{'s' * (count != '1')}{most}: bounds times"
         f" {number(best.factor)} there bring {_more(best)} {design.goal.name}."
     )
 
@@ -65,6 +74,11 @@ def _where(row: Improvement) -> str:
 
 def _more(row: Improvement) -> str:
     return f"+{number(max(100 * (row.ratio - 1), 0.0), 3)} %"
+
+
+def _most(row: Improvement) -> str:
+    """Frequency in Hz of the point of the data that bears most."""
+    return number(row.point / HZ, 4) if math.isfinite(row.point) else ""
 
 
 def _points(design: ControllerDesign, row: Improvement) -> str:

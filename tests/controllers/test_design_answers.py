@@ -265,6 +265,9 @@ def test_improvements_are_what_a_design_with_smaller_bounds_or_wider_limits_reac
         assert 0.99 * least <= row.level <= 1.01 * most
         assert row.level / found.level == pytest.approx(row.ratio, rel=0.02)
         assert row.of.replace("_", " ") in row.sentence
+        in_a_range = row.of == "bounds" and np.isfinite(row.high)
+        assert np.isfinite(row.point) == ("most from the point" in row.sentence) == in_a_range
+        assert not in_a_range or np.abs(band.problem.frequency[0].omega / row.point - 1).min() < 1e-9
     assert max(row.ratio for row in rows) > 1.02
     assert rid.design_controller(band, P, limits=Limits(attenuation=[(1.0, 20.0, 0.01)])).improvements() == ()
     with pytest.raises(rid.InputError, match="below 1; got 2"):

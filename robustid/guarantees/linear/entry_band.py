@@ -106,6 +106,19 @@ class EntryBand(Frozen):
         angles = self.angles[arcs] + part * (self.angles[arcs + 1] - self.angles[arcs])
         return mixed(self.samples, self.extraction, angles, part, self.of_knots(arcs), self.of_knots(arcs + 1))
 
+    def shares(self, angle: float) -> tuple[Real, Real]:
+        """Angles of the points that the disc at an angle rests on, and what each adds to its radius: ``|d_k|`` times its bound.
+
+        Both of a conjugate pair count as one.
+        """
+        after = int(np.clip(np.searchsorted(self.angles, angle), 1, self.angles.size - 1))
+        knot = after - int(angle - self.angles[after - 1] < self.angles[after] - angle)
+        points, d = self.points[knot], self.multipliers[knot, : self.points.shape[1]]
+        found, place = np.unique(np.abs(self.samples.angles[points]), return_inverse=True)
+        added = np.zeros(found.size)
+        np.add.at(added, place, np.abs(d) * self.samples.bound[points])
+        return found, added
+
     def of_knots(self, knots: NDArray[np.intp]) -> tuple[NDArray[np.intp], Complex]:
         """Points and multipliers of knots."""
         return self.points[knots], self.multipliers[knots].astype(complex)
