@@ -27,6 +27,7 @@ _LITTLE = 0.03  # of slack: what a round must gain
 _UNIT = 0.05  # least unit of a slack: that of conditions that are about zero
 _MOST = 1.0  # slack, beyond which nothing is asked for
 _SPARE = 1e-6  # of slack: what rounding of the solver takes
+_NEAR = 3e-3  # of slack: how far below a program's the other conditions may be, a tenth of what a round must gain
 _EVERY = 5  # conditions, one of which a program begins with
 
 Directions = list[Complex]
@@ -116,7 +117,7 @@ def _solved(question: Question, directions: Directions, asked: list[NDArray[np.b
             return None
         factors, slack = found
         values, more = question.values(factors), False
-        least = slack - _LITTLE * abs(slack) - _SPARE
+        least = slack - _NEAR * abs(slack) - _SPARE
         for (one, unit), turn, own in zip(question.with_units(), directions, asked, strict=True):
             left = one.ahead(values, turn) / unit
             around = np.pad(left, 1, constant_values=np.inf)

@@ -146,7 +146,7 @@ class Watch(Frozen, Tabular, Drawable, Savable):
 
     @property
     def usual_scores(self) -> Real:
-        """Those of the records from before the watch, (U,)."""
+        """Scores of the records from before the watch, (U,)."""
         return freeze(self._scores[: len(self.usual)])
 
     @functools.cached_property
@@ -253,7 +253,7 @@ class Watch(Frozen, Tabular, Drawable, Savable):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What the records say: the alarms, the controller, and what the rate means."""
+        """Sentences on the records: the alarms, the controller, and what the rate means."""
         return (*self._alarm_words, *self._controller_words, self._rate_words)
 
     @property
