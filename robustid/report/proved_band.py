@@ -198,7 +198,10 @@ def _poles(band: Band) -> str:
     """Words on the poles, for a legend."""
     if band.problem.parametric is None:
         return ""
-    return ", poles as stated" if band.box is None else ", poles anywhere in their box"
+    if band.box is None:
+        return ", poles as stated"
+    free, modes = in_box(band.box), len(band.box[0])
+    return ", poles anywhere in their box" if free == modes else f", poles of {free} of {modes} modes anywhere in their box"
 
 
 def centre_chart(band: Band) -> Chart:

@@ -10,7 +10,7 @@ import robustid as rid
 from robustid.app.run.findings import band_words
 from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import render_report, stands_on
-from robustid.report.proved_band import band_chart
+from robustid.report.proved_band import band_chart, centre_chart
 from support.edge_bands import edge_plant
 from support.report_pages import Page, identified, named
 
@@ -114,3 +114,17 @@ def test_a_band_draws_itself_about_its_centre_or_its_model(kind):
     model = control.ss([], [], [], np.zeros(plant.problem.entries.shape), plant.problem.dt or 0)
     again = found.with_model(model).plot()
     assert "model, order 0" in {text.get_text() for text in again.legends[0].get_texts()}
+
+
+def test_a_legend_says_how_many_poles_have_a_box():
+    """A pole whose interval is a point is taken as exact, and is none of those that may lie anywhere."""
+    omega, modes = np.linspace(20.0, 200.0, 30), rid.kautz([60.0, 120.0], [0.02, 0.03], dt=0.01)
+    frf = rid.FrequencyResponse(omega, modes.response(0.01 * omega) @ [0.05, 0.02, 0.03, 0.01], bound=0.03, dt=0.01)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.1, decay_rate=1.05), parametric=modes)
+    for second, said in (
+        ([120.0, 120.0], "poles of 1 of 2 modes anywhere in their box"),
+        ([119.0, 121.0], "poles anywhere in their box"),
+    ):
+        box = np.array([[59.0, 61.0], second]), np.array([[0.02, 0.02], [0.03, 0.03]])
+        names = [layer.name for panel in centre_chart(rid.band(problem, box=box)).panels for layer in panel.layers]
+        assert f"proved band, {said}" in names
