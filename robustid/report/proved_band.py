@@ -201,7 +201,11 @@ def _poles(band: Band) -> str:
     if band.box is None:
         return ", poles as stated"
     free, modes = in_box(band.box), len(band.box[0])
-    return ", poles anywhere in their box" if free == modes else f", poles of {free} of {modes} modes anywhere in their box"
+    return (
+        ", poles anywhere in their box"
+        if free == modes
+        else f", poles of {free} of {modes} modes anywhere in their box"
+    )
 
 
 def centre_chart(band: Band) -> Chart:
