@@ -12,10 +12,12 @@ from robustid.core import Complex, Frozen, Real, Savable, StateMatrices, Tabular
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.figures import Drawable
+from robustid.guarantees.band_result import Band
 from robustid.guarantees.coverage import coverage, matched, on_lines
 from robustid.guarantees.coverage_result import Coverage
 from robustid.guarantees.drift import Drift, drift, fewest_to_alarm
 from robustid.guarantees.response_discs import Discs, ResponseDiscs
+from robustid.guarantees.scope import scope_of
 from robustid.guarantees.value_set import norm_of_bounds
 
 SURE = 1 - 1e-6  # probability with which the bound of a record holds that refutes
@@ -263,8 +265,8 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         last, said = self.history[-1], list[str]()
         for one in self.refuted[:1]:
             said.append(
-                f"Refuted by {one.name} at {self.where(one.refuted)}: no plant of the class explains the data of the band and"
-                f" this record; it lies {one.excess:.3g} half-widths from the middle of the band, its own bound deducted."
+                f"Refuted by {one.name} at {self.where(one.refuted)}: {self._no_plant}; it lies {one.excess:.3g}"
+                " half-widths from the middle of the band, its own bound deducted."
             )
         for one in self.drifted[:1]:
             more = f", and {len(self.drifted) - 1} times since" if len(self.drifted) > 1 else ""
@@ -279,6 +281,14 @@ class Watch(Frozen, Tabular, Drawable, Savable):
             f" what the band and its own bound leave it ({self.where(last.at)}), evidence {last.evidence:.3g} of the"
             f" {1 / self.rate:.4g} at which an alarm is given."
         ]
+
+    @property
+    def _no_plant(self) -> str:
+        """Words on what a record that is refuted shows, and what that rests on."""
+        if isinstance(self.band, FrequencyResponse):
+            return "no plant keeps both the bound of the band and that of this record"
+        scope = scope_of([self.band]) if isinstance(self.band, Band) else ""
+        return f"no plant of the class explains the data of the band and this record{scope}"
 
     @property
     def _controller_words(self) -> list[str]:

@@ -76,44 +76,52 @@ def watch(
     console, paths = screen.console(stderr=as_json, verbose=verbose), files or []
     known = _known(source)
     begun = not isinstance(known, Watch)
-    if begun and output is None:
-        raise InputError(f"{source} is no watch yet: name the one that begins with --output NAME", argument="output")
-    if not begun and (
-        given := [
-            name
-            for name, one in (("--usual", usual), ("--alarm-rate", alarm_rate), ("--controller", controller))
-            if one
-        ]
-    ):
-        raise InputError(f"{given[0]} is for a new watch; {source} has begun, and its rate would no longer hold")
-    if not begun and not paths and output is None and report is None:
-        raise InputError("nothing to do: give new records, or --report FILE.html", argument="files")
+    stated = {"--usual": usual or None, "--alarm-rate": alarm_rate, "--controller": controller}
+    _check(
+        source,
+        begun,
+        output,
+        [name for name, one in stated.items() if one is not None],
+        bool(paths or output or report),
+    )
     target = list(written_files.result_files(source if output is None else output))
     taken = [one for path in [source, *paths, *(usual or [])] for one in written_files.sources(path)]
     written_files.check_outputs([*(target if output is not None else []), report], taken, force)
     words = words_of(watch, band=str(source), record="the record", usual="--usual", rate="--alarm-rate")
+    new: list[FrequencyResponse] = []
     with in_words(words):
-        found: Watch = (
-            _begun(console, known, usual or [], alarm_rate, controller, (how, records, responses)) if begun else known
-        )
-        before, new = len(found.records), list[Any]()
+        reading = how, records, responses
+        found: Watch = _begun(console, known, usual or [], alarm_rate, controller, reading) if begun else known
+        before = len(found.records)
+        if begun or output is not None:
+            found.save(target[0])
         for path in paths:
-            new.append(_response(console, path, how, records, responses))
+            new.append(_response(console, path, *reading))
             with step(console, f"watching {path}"):
                 found = found.update(new[-1], str(path))
-    if begun or paths or output is not None:
-        found.save(target[0])
+                found.save(target[0])  # at once: what comes after may be interrupted
     if report is not None:
         write_report(found, report, title=source.stem if output is None else output.stem, static=static)
     alarm = any(one.drifted or one.refuted is not None for one in found.history[before:])
     faults = [fault for frf in new for fault in all_faults(frf)]
-    open_faults = any(not fault.undone for fault in faults)
-    code = screen.exit_code(Status.INCONSISTENT if alarm else Status.CONSISTENT, open_faults)
+    code = screen.exit_code(
+        Status.INCONSISTENT if alarm else Status.CONSISTENT, any(not fault.undone for fault in faults)
+    )
     if as_json:
         screen.write(verdicts.watched(found, faults, [*target, *([] if report is None else [report])], code), console)
     else:
         screen.conclude(console, first_screen(found), lambda: [found.summary()], written=[*target, report])
     raise typer.Exit(code)
+
+
+def _check(source: Path, begun: bool, output: Path | None, of_new: list[str], asked: bool) -> None:
+    """Refuse what a watch that begins lacks, and what one that goes on does not take."""
+    if begun and output is None:
+        raise InputError(f"{source} is no watch yet: name the one that begins with --output NAME", argument="output")
+    if not begun and of_new:
+        raise InputError(f"{of_new[0]} is for a new watch; {source} has begun, and its rate would no longer hold")
+    if not begun and not asked:
+        raise InputError("nothing to do: give new records, or --report FILE.html", argument="files")
 
 
 def _known(source: Path) -> Any:
