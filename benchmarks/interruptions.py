@@ -24,16 +24,16 @@ from band_problems import mirror_response, motor_halves
 import robustid as rid
 
 MOMENTS = (
-    0.3,
     1.0,
     0.4,
     0.7,
+    0.9,
 )  # first: seconds, while libraries are imported; then shares of the time of the whole command
 LONGEST = 25.0  # seconds of a command, which is interrupted then
 CASES = {  # each is long by what it is given; {data}: the measurements
     "demo": "demo",
     "look": "look {data}/beam_ring/asymexc_1.mat response.npz large.npz {data}/fsm_cubespec/y_300mV_train.npy",
-    "identify": "identify --frequency mirror.npz --entry 1,1 --report page.html",
+    "identify": "identify --frequency mirror.npz --entry 1,1 --report page.html -o found",
     "new": "new response.npz records.npz -o new.toml",
     "run": "run bench.toml -o bench",
     "excite": "excite --band 1:4000 --dt 1e-4 --period 40000 --inputs 3 --realisations 6",
@@ -47,9 +47,9 @@ CASES = {  # each is long by what it is given; {data}: the measurements
     "compare": "compare records.npz records2.npz --period 20000 -o compared",
     "verify": "verify bounded --exact",
     "refute": "refute result --frequency halves.npz",
-    "watch": "watch band halves.npz halves.npz halves.npz halves.npz -o watched",
+    "watch": "watch band halves.npz response.npz -o watched",
     "report": "report result --sensitivity -o page.html",
-    "export": "export large.npz -o large.zpk",
+    "export": "export large.npz -o large.json",
     "loop": "loop result --controller gain.npz",
     "connect": "connect band gain.npz --time-limit 60",
     "control": 'control band --structure "PID(80), Notch(30..40)" --peak 2',
@@ -172,8 +172,10 @@ def measured(name, files, place):
     length = time.monotonic() - whole.began
     last = None if ended else whole.interrupted()
     code = whole.process.returncode
+    more = "" if ended else " and more"
     print(
-        f"{name:15} {length:5.1f} s{'' if ended else ' and more'}, exit code {code}; longest silence {silence:4.1f} s after: {line[:70]}"
+        f"{name:15} {length:5.1f} s{more}, exit code {code}; longest silence {silence:4.1f} s after: {line[:60]}",
+        flush=True,
     )
     rows = [] if last is None else [(*last, whole)]
     for k, share in enumerate(MOMENTS):
@@ -185,11 +187,8 @@ def measured(name, files, place):
     for at, word, end, spent, code, left, program in rows:
         tail = " | ".join(line for when, line in program.lines if when >= at - 0.01)[:110]
         held = "held" if word <= 0.5 and code in (130, 0) and not left else "NOT HELD"
-        print(
-            f"  Ctrl-C at {at:4.1f} s: word {word:.2f} s, end {end:.2f} s, processor {spent:.2f} s, exit code {code}, processes left"
-            f" {left}, {held}; made {', '.join(program.made[:6]) or 'nothing'}; {tail}",
-            flush=True,
-        )
+        words = f"word {word:.2f} s, end {end:.2f} s, processor {spent:.2f} s, exit code {code}, processes left {left}, {held}"
+        print(f"  Ctrl-C at {at:4.1f} s: {words}; made {', '.join(program.made[:6]) or 'nothing'}; {tail}", flush=True)
     return silence, rows
 
 

@@ -36,8 +36,8 @@ def test_a_listener_hears_of_ctrl_c_that_a_loop_keeps_back():
 def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files, run, monkeypatch):
     told = screen.told
 
-    def stopping(*options, **others):
-        own = told(*options, **others)
+    def stopping(*options):
+        own = told(*options)
 
         def progress(text, done, count):
             own(text, done, count)

@@ -149,7 +149,7 @@ class _Bounds:
 
     def keep_bounded(self, work: Work) -> None:
         """Keep the bounds at the frequencies, and what they say of the controllers."""
-        from robustid.app.answers.verdicts import circle_words
+        from robustid.app.answers.parts import circle_words
 
         if (error := work.error) is None:
             return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Report, Static, Verbose, only, words_of
+from robustid.app.cli.command_options import AsJson, Force, Report, Static, Verbose, only, words_of
 from robustid.app.cli.screen import in_words, say, step
 from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError, Status
@@ -35,6 +35,7 @@ def compare(
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare two measurements: where they differ by more than their noise, and how probable that is by chance.
 
@@ -54,7 +55,7 @@ def compare(
     written_files.check_outputs(
         [*files, report], [*written_files.sources(first), *written_files.sources(second)], force
     )
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     things = [measured(console, path, records, responses) for path in (first, second)]
     words = words_of(compare, a=str(first), b=str(second), first=str(first), second=str(second), data="the measurement")
     with in_words(words), step(console, "comparing"):
@@ -64,15 +65,25 @@ def compare(
         if output is not None or report is not None:
             flag = "--output" if output is not None else "--report"
             raise InputError(f"{flag} is for two measurements; of a model robustid report and robustid verify say more")
+        if as_json:
+            from robustid.app.answers import verdicts
+
+            screen.write(verdicts.held_against(found, _of_model(found)), console)
         raise typer.Exit(_of_model(found))
     if output is not None:
         found.save(output)
     if report is not None:
         write_report(found, report, title=f"{first.stem} and {second.stem}", static=static)
-    screen.conclude(console, first_screen(found), lambda: [found.summary()], written=[*files, report])
+    head = first_screen(found)
+    screen.conclude(console, head, lambda: [found.summary()], written=[*files, report])
     status = Status.INCONSISTENT if found.differ else Status.CONSISTENT
     open_faults = [fault for frf in (found.first, found.second) for fault in frf.faults if not fault.undone]
-    raise typer.Exit(screen.exit_code(status, bool(open_faults)))
+    code = screen.exit_code(status, bool(open_faults))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.compared(found, head, code, [*files, report]), console)
+    raise typer.Exit(code)
 
 
 def _of_model(found: Validation) -> int:

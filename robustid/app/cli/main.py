@@ -74,8 +74,8 @@ class Commands(TyperGroup):
         if name is None or command is None:
             return name, command, rest
         if name not in _LASTING:
-            Step.usual = f"robustid {name}"
-            tell("", shown=False, stderr="--json" in rest)
+            Step.usual, Step.stderr = f"robustid {name}", "--json" in rest
+            tell("", shown=False)
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
         alone.command(name, cls=Explained)(opened(_command(name)))
         return name, typer.main.get_command(alone), rest

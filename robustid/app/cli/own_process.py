@@ -15,7 +15,9 @@ from typing import Any, NoReturn
 
 from robustid.app.cli.steps import INTERRUPTED, SILENCE, Step, send
 
-_PATIENCE = 0.35  # seconds, and of processor time, after Ctrl-C in which a command answers; one compiled call may take minutes
+_PATIENCE = (
+    0.35  # seconds, and of processor time, after Ctrl-C in which a command answers; one compiled call may take minutes
+)
 _AT_MOST = 2.0  # seconds, where it gets no processor
 _NOT_YET = "Ctrl-C: ending, with what was found so far; Ctrl-C again ends at once"
 _HEARD = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGINT
@@ -67,6 +69,10 @@ def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
+def _taken(*_: object) -> None:
+    """Leave a signal to the loop that reads its number."""
+
+
 def _end_with(life: int) -> None:
     """End when the process that watches has ended."""
     os.read(life, 1)
@@ -87,7 +93,7 @@ class _Watch:
         os.set_blocking(wake, False)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD):
             if signal.getsignal(number) is not signal.SIG_IGN:  # as in the background of a shell
-                signal.signal(number, lambda *_: None)
+                signal.signal(number, _taken)
         signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
 
     def until_it_ends(self) -> NoReturn:
@@ -121,7 +127,7 @@ class _Watch:
         got = os.read(self._of_steps, 1 << 16)
         *lines, self._rest = (self._rest + got).split(b"\n")
         for message in map(json.loads, lines):
-            if "heard" in message:
+            if message.get("heard"):
                 self._heard = True
                 continue
             if message["text"] != self._step["text"]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import FLAGS, Static, Verbose
+from robustid.app.cli.command_options import FLAGS, AsJson, Static, Verbose
 from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.checks import options
 from robustid.app.run.settings import PARTS
@@ -65,6 +65,7 @@ def run(
     keys: Annotated[
         bool, typer.Option("--keys", callback=_show_keys, is_eager=True, help="List every key of a run file, and exit.")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     r"""Everything that a run file says: records, response, bounds, class, proof, small model, its error, report.
 
@@ -111,7 +112,7 @@ def run(
     from robustid.errors import Status
 
     folder = output or Path(config.stem)
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     found_again = f"what is finished is in {folder}: the same command with --resume goes on from there"
     interrupted = resumable(console, found_again, (folder / RUN_FILE).exists)
     with interrupted, in_words(_WORDS), telling(console) as progress:
@@ -140,7 +141,13 @@ def run(
         steps=_next(folder) if good else None,
     )
     faulty = any(one.problem.open_faults for one in identifications)
-    raise typer.Exit(screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty))
+    code = screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty)
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        said = "refuted" if result.contradicted else status.name.lower()
+        screen.write(verdicts.ran(result, said, code, written), console)
+    raise typer.Exit(code)
 
 
 def _next(folder: Path) -> list[Next | str] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -14,6 +15,7 @@ from robustid.errors import InputError, InputTypeError, SolverError, Status
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+    from rich.status import Status as RichStatus
 
     from robustid.app.cli.terminal import Terminal
     from robustid.core import Progress
@@ -190,19 +192,23 @@ class _Line(NamedTuple):
         self.show(words)
 
 
+def _replace(status: RichStatus, words: str) -> None:
+    from robustid.app.cli.terminal import Lasting
+
+    status.update(Lasting(words))
+
+
 @contextlib.contextmanager
 def _line(out: Terminal) -> Generator[_Line]:
     """A line that changes at a terminal, with the seconds of its step; elsewhere one line for every change."""
-    from robustid.app.cli.terminal import Lasting
-
     try:
         if _OTHERS:
             yield _Line(_OTHERS[-1], True)
         elif out.is_terminal:
             with out.status("") as status:
-                yield _Line(lambda words: status.update(Lasting(words, out.stderr)), True)
+                yield _Line(functools.partial(_replace, status), True)
         else:
-            yield _Line(lambda words: _log(out, words), False)
+            yield _Line(functools.partial(_log, out), False)
     finally:
         tell("", shown=False)
 
@@ -219,7 +225,7 @@ def shown(out: Terminal, text: str) -> Generator[Callable[[str], None]]:
     """Show a line that changes at a terminal; elsewhere one line for every change."""
     with _line(out) as show:
         show(text if show.changes else f"{text} …")
-        tell(text, stderr=out.stderr)
+        tell(text)
         yield show
 
 
@@ -227,10 +233,10 @@ def shown(out: Terminal, text: str) -> Generator[Callable[[str], None]]:
 def telling(out: Terminal) -> Generator[Progress]:
     """Show the steps of a command as they begin; receiver of their words and their progress."""
     with _line(out) as show:
-        yield told(show, "" if show.changes else " …", stderr=out.stderr)
+        yield told(show, "" if show.changes else " …")
 
 
-def told(show: Callable[[str], None], ending: str = "", *, stderr: bool = False) -> Progress:
+def told(show: Callable[[str], None], ending: str = "") -> Progress:
     """One line for every step, and at most ten for what is counted."""
     from robustid.core import Pace
 
@@ -239,12 +245,12 @@ def told(show: Callable[[str], None], ending: str = "", *, stderr: bool = False)
     def progress(text: str, done: int, count: int) -> None:
         if not count:
             show(text + ending)
-            tell(text, stderr=stderr)
+            tell(text)
             return
         pace = paces.setdefault(text, Pace(done))
         if shown := pace.seconds > _WORTH_SAYING and pace.another_tenth(done, count):
             show(pace.line(text, done, count))
-        tell(text, done, count, shown=shown, stderr=stderr)
+        tell(text, done, count, shown=shown)
 
     return progress
 

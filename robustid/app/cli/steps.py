@@ -18,11 +18,11 @@ class Step:
     """The step of this process, which the other one is told."""
 
     to: int | None = None  # pipe to the process that watches
-    usual = ""  # between two steps: the command
+    usual, stderr = "", False  # between two steps the command; where lines on it go
     text, began, told = "", 0.0, 0.0
 
 
-def tell(text: str, done: int = 0, count: int = 0, *, shown: bool = True, stderr: bool = False) -> None:
+def tell(text: str, done: int = 0, count: int = 0, *, shown: bool = True) -> None:
     """Tell how far a step is, and whether a line was shown for it; no text: it has ended."""
     now, text = time.monotonic(), text or Step.usual
     if text == Step.text and not shown and now - Step.told < _OFTEN:
@@ -33,7 +33,7 @@ def tell(text: str, done: int = 0, count: int = 0, *, shown: bool = True, stderr
     if Step.to is not None:
         progress = sys.modules.get("robustid.core.progress")  # nothing is kept before it is there
         kept = progress is not None and progress.something_is_kept()
-        send({"text": text, "done": done, "count": count, "shown": shown, "stderr": stderr, "kept": kept})
+        send({"text": text, "done": done, "count": count, "shown": shown, "stderr": Step.stderr, "kept": kept})
 
 
 def seconds() -> int:

@@ -17,11 +17,11 @@ _PASTE = "  "  # lines that begin so are pasted elsewhere: no line break comes i
 class Lasting:
     """Words of a step that are drawn with its seconds, at every turn of the spinner beside them; the drawing is told."""
 
-    def __init__(self, words: str, stderr: bool) -> None:
-        self._words, self._stderr = words, stderr
+    def __init__(self, words: str) -> None:
+        self._words = words
 
     def __rich__(self) -> Text:
-        tell(Step.text, stderr=self._stderr)
+        tell(Step.text)
         return Text(lasting(self._words))
 
 
