@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,17 +15,26 @@ import numpy as np
 from robustid.core import Complex, Real, ZPlane
 from robustid.errors import InputError, Status
 from robustid.guarantees.band_result import Band
+from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.contradictions import Contradiction, contradiction
-from robustid.guarantees.linear.amplitudes import Extraction, base_of
+from robustid.guarantees.linear.amplitudes import Extraction, base_of, extract
 from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.entry_band import EntryBand, evaluate
+from robustid.guarantees.linear.functions import functions_of
+from robustid.guarantees.linear.samples import samples_of, seen_in
+from robustid.guarantees.proof_factors import Kernels, real_node
+from robustid.guarantees.value_set import ValueSet
+from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MixedProblem, Prior
+from robustid.identification.formulation import ExactFormulation, Formulation
 
 if TYPE_CHECKING:
     from robustid.bases import ParametricBasis
 
 VERSION = 1
 _WIDER = 1 + 1e-9  # a stated radius of a parameter over the proved one; claims are widened by ten times as much
+_ROOM = 1e-9  # of the gain bound, and of the value: what a support by multipliers in double precision is widened by
+_DROPPED = 1e-12  # singular values of multipliers, relative, that are left out: they cost their part of the residual
 _KEPT, _MOST = 1e9, 4096  # of a bound, what reflection coefficients leave out; how many of them
 _NOT_YET = (
     "`result` has no proof file yet: {}; this package alone checks it (docs/proof_format.rst says what is expressed)"
@@ -53,8 +63,10 @@ def proof_text(result: object) -> str:
         return _of_identification(result)
     if isinstance(result, Contradiction):
         return _of_contradiction(result)
+    if isinstance(result, WorstCaseError):
+        return _of_polygons(result)
     if not isinstance(result, Band):
-        raise InputError(_NOT_YET.format("only bands of sums and identifications have"))
+        raise InputError(_NOT_YET.format("only bands, polygons and identifications have"))
     if result.box is not None:
         raise InputError(_NOT_YET.format("it is over a pole-uncertainty box"))
     return _of_band(result)
@@ -100,14 +112,96 @@ def _of_contradiction(found: Contradiction) -> str:
     return _file(found.problem, found.extraction, [{"kind": "inconsistent"}], [evidence])
 
 
+def _of_polygons(found: WorstCaseError) -> str:
+    """Supports of the values at every frequency, by multipliers of the matrix inequality."""
+    _check(found.problem)
+    statements: list[Any] = []
+    evidence: list[Any] = []
+    for one in found.values:
+        for statement, sums in _supports(found.consistent_set, one):
+            statements.append(statement)
+            evidence.append(sums)
+    return _file(found.problem, _extraction(found.problem), statements, evidence)
+
+
+def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Statement and evidence of every side of a polygon."""
+    posed = consistent.posed_at(one.omega)
+    kernels, nodes = _kernels(posed, (one.omega,))
+    for angle, support, proof in zip(one.directions.tolist(), one.support.tolist(), one.certificates, strict=True):
+        value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound)
+        turn = complex(np.exp(-1j * angle))
+        yield (
+            {"kind": "support", "omega": repr(one.omega), "direction": _decimal(turn), "value": repr(value)},
+            _with_factors(posed, kernels, nodes, proof.samples, (proof.left, proof.right)),
+        )
+
+
+def _of_margin(result: Identification) -> str:
+    """Multipliers of the samples and of the matrix inequality that refute the class."""
+    posed, proof = result.formulation, result.certificate
+    kernels, nodes = _kernels(posed, ())
+    A = posed.sarason.pair.A
+    left, size, right = np.linalg.svd(A @ proof.ball @ A.T - proof.ball)
+    few = size > _DROPPED * size.max(initial=0.0)
+    factors = left[:, few] * np.sqrt(size[few]), right[few].T * np.sqrt(size[few])
+    evidence = _with_factors(posed, kernels, nodes, proof.samples, factors)
+    return _file(result.problem, _extraction(result.problem), [{"kind": "inconsistent"}], [evidence])
+
+
+def _extraction(problem: MixedProblem) -> Extraction:
+    return extract(samples_of(problem, functions_of(problem, None), (0, 0), seen_in(problem)))
+
+
+def _kernels(posed: Formulation, further: tuple[float, ...]) -> tuple[Kernels, list[int]]:
+    """The functions of the coefficients of the exact form, and the nodes of the file in the order of theirs."""
+    if not isinstance(posed, ExactFormulation):
+        raise InputError(
+            _NOT_YET.format(f"its semidefinite certificates are in the {posed.name} form, not the exact one")
+        )
+    problem = posed.problem
+    omega = np.array([float(row[0]) for row in _data(problem)])
+    lines = [int(np.argmin(np.abs(problem.plane.angles(omega) - angle))) for angle in problem.angles]
+    count, order = omega.size, [*lines[0::2], *lines[1::2]]
+    # A node at the frequency of the statement stands at the head of the cascade where no line is there.
+    head = list(further[: len(posed.first)])
+    nodes: list[int] = []
+    turns = [*head, *omega[order].tolist()]
+    for turn, node, conjugate in zip(
+        turns,
+        [*(2 * count for _ in head), *order],
+        [*(2 * count + 1 for _ in head), *(count + k for k in order)],
+        strict=True,
+    ):
+        nodes += [node] if real_node(turn * problem.dt) else [conjugate, node]
+    return Kernels([(turn, problem.dt) for turn in turns], problem.prior.decay_rate), nodes
+
+
+def _with_factors(
+    posed: Formulation, kernels: Kernels, nodes: list[int], samples: Complex, factors: tuple[Real, Real]
+) -> dict[str, Any]:
+    """Sums of Re<l, F> with l in units of the bounds, half of it for the conjugates, and of the pairs left right' of Y."""
+    bound = np.array([float(row[3]) for row in _data(posed.problem)])
+    d = samples.conj() / (2 * bound)
+    rows = [[k, *_pair(one)] for k, one in enumerate(np.concatenate([d, d.conj()]).tolist()) if one]
+    gain = posed.problem.prior.gain_bound
+    pairs = [
+        {name: _terms(nodes, kernels.of(vector)) for name, vector in (("f", right / gain), ("g", left))}
+        for left, right in zip(*(one.T for one in factors), strict=True)
+    ]
+    return {"base": ["0", "0"], "factors": pairs, "multipliers": rows}
+
+
+def _terms(nodes: list[int], values: list[list[str]]) -> list[Any]:
+    return [[node, *value] for node, value in zip(nodes, values, strict=True)]
+
+
 def _of_identification(result: Identification) -> str:
     """The values of a system at the samples, or sums that refute the class."""
     _check(result.problem)
     if result.status is Status.INCONSISTENT:
         found = contradiction(result.problem)
-        if found is None:
-            raise InputError(_NOT_YET.format("sums do not refute the class, which its semidefinite certificate does"))
-        return _of_contradiction(found)
+        return _of_margin(result) if found is None else _of_contradiction(found)
     if result.status is not Status.CONSISTENT:
         raise InputError(_NOT_YET.format("it is undecided"))
     gains = _reflections(result)

@@ -14,7 +14,7 @@ import pytest
 
 import robustid as rid
 from robustid.errors import InputError
-from robustid.guarantees import proof_text
+from robustid.guarantees import contradiction, proof_text
 from support.proof_judge import Disc, Judge, judged, number, turn
 from support.proofs import SANITIZED, SOURCE, asked, band_of, built, mutated, problem, resealed, sealed
 
@@ -139,6 +139,36 @@ def test_a_frequency_is_placed_to_more_digits_than_a_double_has():
     assert abs(e.re - Fraction("0.540302305868139717400936607443")) < Fraction(1, 10**29)
     assert abs(e.im + Fraction("0.841470984807896506652502321630")) < Fraction(1, 10**29)
     assert (e * e.conj - Disc(1)).most < Fraction(1, 10**100)
+
+
+def polygons_of(seed: int, lines: int, directions: int) -> str:
+    """Supports by multipliers of the matrix inequality, at a line and beside one."""
+    found = rid.identify(problem(seed, lines))
+    omega = found.problem.frequency[0].omega
+    return proof_text(rid.worst_case_error(found, omega=[omega[1], 1.01 * omega[2]], directions=directions))
+
+
+@pytest.mark.quick
+def test_supports_by_the_matrix_inequality_are_proved_and_hardly_larger(program, tmp_path):
+    text = polygons_of(1, 4, 3)
+    assert asked(program, text, tmp_path)[0] == 0
+    assert judged(text)
+    question, evidence = parts(text)
+    for one in question["statements"]:  # a certificate proves its value, and nothing below
+        one["value"] = repr(float(one["value"]) - 1e-5 * float(question["class"]["gain_bound"]))
+    assert asked(program, sealed(question, evidence), tmp_path)[0] == 1
+
+
+@pytest.mark.quick
+def test_what_only_the_matrix_inequality_refutes_is_refuted(program, tmp_path):
+    posed = problem(1, off=0.407)
+    assert contradiction(posed) is None
+    text = proof_text(rid.identify(posed))
+    assert asked(program, text, tmp_path)[0] == 0
+    assert judged(text)
+    question, evidence = parts(text)
+    evidence["statements"][0]["factors"] = []
+    assert asked(program, sealed(question, evidence), tmp_path)[0] == 1
 
 
 @pytest.mark.quick
