@@ -2,32 +2,76 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
+from robustid.bases import InputNormalPair
 from robustid.core import Real
+from robustid.guarantees.proof_question import dyadic, lines_of
 from robustid.identification import ball_arithmetic
+from robustid.identification.formulation import ExactFormulation, Formulation
 
 _BITS = 640  # of the arithmetic: coefficients along kernels of close nodes are large, and cancel
 _LEFT = 110  # bits after the point that are written
+MOST_POWERS = 4096  # Taylor coefficients that a file may use
+_NOTHING = 1e-17
 _Number = Any  # of the library of balls
+InKernels = Callable[[Real], list[list[Any]]]
 
 
-class Kernels:
-    r"""Coefficients along the kernels 1/(1 - zeta w*) of the functions c (I - zeta A)^-1 v of a cascade with the nodes w.
+def in_kernels(posed: Formulation, further: tuple[float, ...]) -> InKernels:
+    """Return what writes functions of the coordinates of a form as terms [k, re, im] of a proof file, its nodes at 0 to 2N + 1.
 
-    Every section of the cascade is the all-pass function of a node and its conjugate, or of a real node; `turns` are angles
-    omega T, exact doubles and their products, in the order of the cascade.
+    `further`: frequencies at which the form has nodes of its own, if no line is there.
+    """
+    problem = posed.problem
+    omega = [float(row[0]) for row in lines_of(problem)]
+    count = len(omega)
+    if not isinstance(posed, ExactFormulation):
+        return _Powers(posed.sarason.pair, 2 * count + 2)
+    order = [int(np.argmin(np.abs(problem.plane.angles(np.array(omega)) - angle))) for angle in problem.angles]
+    # A node at the frequency of the statement stands at the head of the cascade where no line is there.
+    turns = [(one, 2 * count, 2 * count + 1) for one in further[: len(posed.first)]]
+    lines = [(omega[k], k, count + k) for k in order]
+    delays, half = [None] * posed.determined, posed.determined // 2
+    cascade = [*turns, *lines[0::2], *delays[:half], *lines[1::2], *delays[half:]]
+    return _Kernels(cascade, problem.dt, problem.prior.decay_rate, 2 * count + 2)
+
+
+class _Powers:
+    """Functions by their Taylor coefficients: those of a shift exactly, others until their poles leave nothing."""
+
+    def __init__(self, pair: InputNormalPair, first: int) -> None:
+        depth = float(np.abs(np.linalg.eigvals(pair.A)).max(initial=0.0)) if np.any(np.tril(pair.A)) else 0.0
+        count = pair.order if depth == 0 else pair.order + int(np.log(_NOTHING) / np.log(depth))
+        self._rows, self._first = pair.taylor(min(count, MOST_POWERS + 1)), first
+
+    def __call__(self, vector: Real) -> list[list[Any]]:
+        return [[self._first + s, dyadic(one), "0"] for s, one in enumerate((self._rows @ vector).tolist()) if one]
+
+
+class _Kernels:
+    r"""Coefficients of the functions c (I - zeta A)^-1 v of a cascade along the kernels 1/(1 - zeta w*) of its nodes, and powers.
+
+    Every section is the all-pass function of a node and its conjugate, of a real node, or a delay (None).
     """
 
-    def __init__(self, turns: Sequence[tuple[float, float]], rate: float) -> None:
+    def __init__(self, cascade: list[tuple[float, int, int] | None], dt: float, rate: float, first: int) -> None:
         with ball_arithmetic(_BITS) as flint:
             radius = 1 / flint.arb(rate)
-            self._sections = [_Section(flint, omega, dt, radius) for omega, dt in turns]
-            self._rows = [list(self._row(flint, number)) for number in range(len(self._sections))]
+            self._sections = [_Section(flint, None if one is None else one[0], dt, radius) for one in cascade]
+            self._nodes: list[int] = []
+            self._rows: list[list[_Number]] = []
+            for number, one in enumerate(cascade):
+                if one is None:
+                    continue
+                omega, node, conjugate = one
+                self._nodes += [node] if real_node(omega * dt) else [conjugate, node]
+                self._rows += list(self._row(flint, number))
+            self._count, self._first = sum(one is None for one in cascade), first
+            self._powers = self._polynomials(flint) if self._count else []
 
     def _row(self, flint: Any, number: int) -> Iterator[list[_Number]]:
         """Of each node of a section, what the functions of the unit vectors before and in it have along its kernel."""
@@ -44,16 +88,42 @@ class Kernels:
                 through *= earlier.all_pass(at)
             yield row
 
-    def of(self, vector: Real) -> list[list[str]]:
-        """Real and imaginary part of every coefficient of a vector, as dyadic numbers, a row for each node, in their order."""
+    def _polynomials(self, flint: Any) -> list[list[_Number]]:
+        """Coefficients 0 to T - 1 of every unit vector's function, less those of what it has along the kernels."""
+        sections = self._sections
+        size = sum(len(one.nodes) for one in sections)
+        found: list[list[_Number]] = [[flint.acb(0)] * size for _ in range(self._count)]
+        start = 0
+        for number, own in enumerate(sections):
+            for k in range(len(own.nodes)):
+                state = [[flint.arb(0)] * len(one.nodes) for one in sections]
+                state[number][k] = flint.arb(1)
+                for s in range(self._count):
+                    push = flint.arb(0)
+                    for at in range(number, len(sections)):
+                        state[at], push = sections[at].step(state[at], push)
+                    found[s][start + k] = flint.acb(push)
+            start += len(own.nodes)
+        poles = [pole for one in sections for pole in one.nodes if pole != 0]
+        for row, pole in zip(self._rows, poles, strict=True):
+            power = flint.acb(1)
+            for s in range(self._count):
+                found[s] = [
+                    one - power * value for one, value in zip(found[s], row + [0] * (size - len(row)), strict=True)
+                ]
+                power *= pole
+        return found
+
+    def __call__(self, vector: Real) -> list[list[Any]]:
         numbers = vector.tolist()
         with ball_arithmetic(_BITS) as flint:
-            found: list[list[str]] = []
-            for row in itertools.chain.from_iterable(self._rows):
+            found: list[list[Any]] = []
+            places = [*self._nodes, *range(self._first, self._first + self._count)]
+            for place, row in zip(places, [*self._rows, *self._powers], strict=True):
                 total = flint.acb(0)
                 for value, one in zip(row, numbers[: len(row)], strict=True):
                     total += value * one
-                found.append([_dyadic(flint, total.real), _dyadic(flint, total.imag)])
+                found.append([place, _rounded(flint, total.real), _rounded(flint, total.imag)])
             return found
 
 
@@ -63,16 +133,16 @@ def real_node(turn: float) -> bool:
 
 
 class _Section:
-    """The all-pass function with the zeros radius exp(-+j turn), one where they are real, in the coordinates of `line_section`."""
+    """The all-pass function with the zeros radius exp(-+j omega T), one where they are real or 0, as `line_section` has it."""
 
-    def __init__(self, flint: Any, omega: float, dt: float, radius: _Number) -> None:
-        turn = flint.arb(omega) * flint.arb(dt)
-        if real_node(omega * dt):
-            node = radius if omega == 0 else -radius
-            root = (1 - radius * radius).sqrt()
+    def __init__(self, flint: Any, omega: float | None, dt: float, radius: _Number) -> None:
+        if omega is None or real_node(omega * dt):
+            node = flint.arb(0) if omega is None else radius if omega == 0 else -radius
+            root = (1 - node * node).sqrt()
             self.nodes = [flint.acb(node)]
             self._a, self._b, self._c, self._d = [[node]], [root], [root], -node
             return
+        turn = flint.arb(omega) * flint.arb(dt)
         self.nodes = [radius * flint.acb(turn.cos(), sign * turn.sin()) for sign in (-1, 1)]
         k = -2 * radius * turn.cos() / (1 + radius * radius), radius * radius
         s = [((1 - one) * (1 + one)).sqrt() for one in k]
@@ -109,12 +179,21 @@ class _Section:
         at = 1 / self.nodes[which]
         return at * sum(one * b for one, b in zip(self.along(which), self._b, strict=True))
 
+    def step(self, state: list[_Number], push: _Number) -> tuple[list[_Number], _Number]:
+        """The next state, and the output now."""
+
+        def inner(row: list[_Number]) -> _Number:
+            return sum(a * x for a, x in zip(row, state, strict=True))
+
+        after = [inner(row) + b * push for row, b in zip(self._a, self._b, strict=True)]
+        return after, inner(self._c) + self._d * push
+
     def all_pass(self, zeta: _Number) -> _Number:
         """Return d + c zeta (I - zeta a)^-1 b."""
         return self._d + zeta * sum(one * b for one, b in zip(self.states(zeta), self._b, strict=True))
 
 
-def _dyadic(flint: Any, value: _Number) -> str:
+def _rounded(flint: Any, value: _Number) -> str:
     """The middle of a ball, rounded to so many bits after the point."""
     scaled = (value.mid() * flint.arb(2) ** _LEFT + flint.arb("0.5")).floor()
     return f"{int(scaled.unique_fmpz())}p-{_LEFT}"

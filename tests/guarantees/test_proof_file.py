@@ -32,8 +32,17 @@ def sanitized(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def proofs_of(seed: int) -> list[str]:
-    """A band, a system, and a contradiction."""
-    return [band_of(seed)[1], proof_text(rid.identify(problem(seed))), proof_text(rid.identify(problem(seed, off=3.0)))]
+    """A band, a system, a contradiction, and all three of a problem with a record."""
+    found: list[str] = []
+    for posed, bad in ((problem(seed), problem(seed, off=3.0)), (with_record(seed), with_record(seed, off=3.0))):
+        omega = posed.frequency[0].omega
+        band = rid.band(posed, omega=np.linspace(omega[0], omega[-1], 4)[1:-1])
+        found += [proof_text(band), proof_text(rid.identify(posed)), proof_text(rid.identify(bad))]
+    return found
+
+
+def with_record(seed: int, off: float = 0.0) -> rid.MixedProblem:
+    return problem(seed, 4, off=off, samples=10)
 
 
 def parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -71,10 +80,13 @@ def bare(value: str, factors: list[Any]) -> str:
         "units": {"frequency": "rad/s", "time": "s", "response": "m/N"},
         "level": "1",
         "data": [["1", "0", "0", "1"]],
+        "records": [],
         "statements": [{"kind": "support", "omega": "2", "direction": ["1", "0"], "value": value}],
     }
     sums = {"base": ["0", "0"], "factors": factors, "multipliers": []}
-    return sealed(question, {"parameters": {"centre": [], "radius": [], "combinations": []}, "statements": [sums]})
+    return sealed(
+        question, {"powers": 0, "parameters": {"centre": [], "radius": [], "combinations": []}, "statements": [sums]}
+    )
 
 
 def factors_of_values() -> list[Any]:
@@ -157,6 +169,18 @@ def test_supports_by_the_matrix_inequality_are_proved_and_hardly_larger(program,
     for one in question["statements"]:  # a certificate proves its value, and nothing below
         one["value"] = repr(float(one["value"]) - 1e-5 * float(question["class"]["gain_bound"]))
     assert asked(program, sealed(question, evidence), tmp_path)[0] == 1
+
+
+@pytest.mark.quick
+def test_supports_of_problems_with_records_and_in_other_forms_are_proved(program, tmp_path):
+    found = rid.identify(with_record(1))
+    text = proof_text(rid.worst_case_error(found, omega=1.05 * found.problem.frequency[0].omega[:1], directions=3))
+    assert asked(program, text, tmp_path)[0] == 0
+    assert any(k >= 2 * 4 + 2 for k, *_ in parts(text)[1]["statements"][0]["factors"][0]["f"])
+    for form in ("taylor", "sections"):
+        found = rid.identify(problem(2, 4), form=form)
+        text = proof_text(rid.worst_case_error(found, omega=found.problem.frequency[0].omega[:1], directions=3))
+        assert asked(program, text, tmp_path)[0] == 0, form
 
 
 @pytest.mark.quick
