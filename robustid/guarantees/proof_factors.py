@@ -74,7 +74,7 @@ class _Kernels:
             self._powers = self._polynomials(flint) if self._count else []
 
     def _row(self, flint: Any, number: int) -> Iterator[list[_Number]]:
-        """Of each node of a section, what the functions of the unit vectors before and in it have along its kernel."""
+        """Return for each node of a section what the functions of the unit vectors up to it have along its kernel."""
         own = self._sections[number]
         for which, pole in enumerate(own.nodes):
             at = 1 / pole
