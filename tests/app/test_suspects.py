@@ -11,6 +11,7 @@ from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.errors import InputError
 from robustid.report.identification_page import identification_page, identification_summary
 from robustid.report.live import live_words
+from support.run_files import keep_whole
 from support.suspect_data import KINDS, UNDONE, chosen, chosen_of_structure, records, responses, structure
 
 TOLD = 0.02  # of clean data
@@ -79,7 +80,9 @@ def test_records_that_agree_against_as_many_responses_are_named_together():
 
 @pytest.fixture(scope="module")
 def whole():
-    return rid.identify_reduced([*structure(0, "sign")[0], *structure(0, "sign")[1]], worst_case=False)
+    with pytest.MonkeyPatch.context() as patch:
+        keep_whole(patch)
+        return rid.identify_reduced([*structure(0, "sign")[0], *structure(0, "sign")[1]], worst_case=False)
 
 
 def test_the_whole_is_no_model_and_says_why_once(whole):

@@ -241,7 +241,7 @@ def test_an_estimate_is_made_again_of_corrected_records_or_its_points_are_left_o
 
 def test_without_a_command_the_correction_is_offered_as_python_takes_it():
     frf, one = faulty("sign")
-    problem = rid.MixedProblem(frequency=frf, time=one, prior=rid.Prior(gain_bound=20.0, decay_rate=1.05))
+    problem = rid.MixedProblem(frequency=frf, time=one, prior=rid.Prior(gain_bound=20.0, decay_rate=1.3))
     assert 'rid.prepare.correct(record, "negate")' in rid.identify(problem, accuracy=0.5)._repr_html_().replace(
         "&#34;", '"'
     )
