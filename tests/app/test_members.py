@@ -143,7 +143,9 @@ def moved(tmp_path, points=9, **sections):
     return path, place
 
 
-@pytest.mark.parametrize("modes", [{}, {"hz": [1.28], "damping": [0.03], "delay": 1}])
+@pytest.mark.parametrize(
+    "modes", [{}, pytest.param({"hz": [1.28], "damping": [0.03], "delay": 1}, marks=pytest.mark.slow)]
+)
 def test_every_member_has_its_own_poles_and_their_box(tmp_path, modes):
     """As the family that is made by hand with the boxes that the effective run file states; the true poles lie inside."""
     path, place = moved(tmp_path, modes=modes, prior={"gain_bound": 0.3, "decay_rate": 1.5})
