@@ -9,7 +9,7 @@ from PIL import Image
 
 import robustid as rid
 from support import command_line
-from support.run_files import keep_whole
+from support.run_files import keep_whole, only_identify
 
 
 @pytest.fixture
@@ -44,6 +44,12 @@ def folder(tmp_path, monkeypatch):
 def unreduced(monkeypatch):
     """For tests of other steps: see `keep_whole`."""
     keep_whole(monkeypatch)
+
+
+@pytest.fixture
+def unproved(monkeypatch):
+    """For tests of what is read: see `only_identify`."""
+    only_identify(monkeypatch)
 
 
 @pytest.fixture

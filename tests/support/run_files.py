@@ -21,6 +21,12 @@ def ask(folder, *parts, name="ask.toml"):
     return folder / name
 
 
+def only_identify(monkeypatch):
+    """No step beside the identification: no band, no diagnosis, nothing that data with faults are held against."""
+    for step in "proved", "proved_if_wider", "diagnosed", "refined", "seen_between", "without_doubtful", "_refuted":
+        monkeypatch.setattr(sequence, step, lambda *_: None)
+
+
 def keep_whole(monkeypatch):
     """The identified model in place of a search for a smaller one, compared with no fits."""
 
