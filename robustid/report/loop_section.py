@@ -147,7 +147,7 @@ def peaks_table(bounds: LoopBounds) -> Table:
         for name, words in _NAMES.items()
         if np.isfinite(known[name].value)
     ]
-    heads = Column("map of the loop"), *of_numbers("largest, for every consistent plant", "near [Hz]")
+    heads = Column("map of the loop"), *of_numbers("largest with any plant", "near [Hz]")
     return Table(heads, rows, empty=f"No peak is bounded: {bounds.unbounded}.")
 
 
@@ -187,17 +187,17 @@ def single_loops(bounds: LoopBounds) -> list[Block]:
     """Margins at one output or input of the plant at a time, of a matrix whose controller is proved."""
     if bounds.loop.shape == (1, 1) or not bounds.guaranteed or bounds.unbounded:
         return []
-    found = margins_by_loop(bounds)
+    found, problem = margins_by_loop(bounds), bounds.band.problem
     rows = [
         [
-            f"{name} {k}",
+            signal.name,
             f"{at_most(one.gain[0])} to {at_least(one.gain[1])}",
             at_least(float(np.degrees(one.phase))),
             at_least(one.delay),
             at_least(one.modulus),
         ]
-        for name, margins in zip(("output", "input"), found, strict=True)
-        for k, one in enumerate(margins)
+        for signals, margins in zip((problem.outputs, problem.inputs), found, strict=True)
+        for signal, one in zip(signals, margins, strict=True)
     ]
     heads = Column("opened at"), Column("gain"), *of_numbers("phase [°]", "delay [s]", "modulus")
     words = "A change in one loop alone, the others as they are; those above hold for changes in all of them at once."
