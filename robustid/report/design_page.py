@@ -279,9 +279,9 @@ def _entries(design: ControllerDesign, controller: control.StateSpace) -> Iterat
     charts = model_charts(controller, "controller")
     for (i, j), chart in zip(np.ndindex(controller.noutputs, controller.ninputs), charts, strict=True):
         if np.nanmax(chart.panels[0].layers[0].y) > 0:
-            first, names = chart.panels[0], f"From {outputs[j].name} to {inputs[i].name}"
-            size = dataclasses.replace(first.y, label=f"size{unit_label(inputs[i].unit, outputs[j].unit)}")
-            first = dataclasses.replace(first, title=names, y=size)
+            first, y, u = chart.panels[0], outputs[int(j)], inputs[int(i)]
+            size = dataclasses.replace(first.y, label=f"size{unit_label(u.unit, y.unit)}")
+            first = dataclasses.replace(first, title=f"From {y.name} to {u.name}", y=size)
             yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
 
 
