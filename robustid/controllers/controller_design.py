@@ -86,8 +86,8 @@ class ControllerDesign(Frozen, Drawable, Savable):
 
     @property
     def limited_by(self) -> tuple[str, float] | None:
-        """Limit of which the largest share is taken, and where, in rad/s."""
-        shares = self.asked_shares
+        """Limit of which the largest share is taken, and where, in rad/s; the goal, which reaches its level, is none."""
+        shares = self._without_goal
         if not shares:
             return None
         name = max(shares, key=lambda one: shares[one][0])
@@ -96,8 +96,11 @@ class ControllerDesign(Frozen, Drawable, Savable):
     @property
     def asked_shares(self) -> dict[str, tuple[float, float]]:
         """The shares, where no controller was found less that of the least level of the goal, for which nobody asked."""
-        if self.status is not DesignStatus.NONE:
-            return self.shares
+        return self._without_goal if self.status is DesignStatus.NONE else self.shares
+
+    @property
+    def _without_goal(self) -> dict[str, tuple[float, float]]:
+        """The shares of limits that somebody asked for; all where there are none."""
         own = set(self.goal.asked(Limits(sensitivity_peak=None), max(self.level, _LEVEL)).stated)
         unasked = {SHARES[name] for name in own.difference(self.limits.stated)}
         return {name: share for name, share in self.shares.items() if name not in unasked} or self.shares
@@ -106,7 +109,8 @@ class ControllerDesign(Frozen, Drawable, Savable):
     def scope(self) -> str:
         """Words that follow a claim: for how many bands, on what they take their poles to be, and on their data."""
         count = len(self.proofs)
-        several = f", for the plants of all {count} bands" if count > 1 else ""
+        every = "both" if count == 2 else f"all {count}"
+        several = f", for the plants of {every} bands" if count > 1 else ""
         return several + scope_of([one.band for one in self.proofs])
 
     def obstacle(self) -> Obstacle | None:

@@ -90,7 +90,7 @@ def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch):
         "controller, band 2",
     ):
         assert words in page
-    assert "at every frequency, for the plants of all 2 bands" in found.summary()
+    assert "at every frequency, for the plants of both bands" in found.summary()
 
     def refuse(*_, **__):
         raise AssertionError("it was designed before")

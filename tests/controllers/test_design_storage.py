@@ -138,7 +138,7 @@ def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
     for bands, said in (
         (found[:1], words[0]),
         (found[1:], words[1]),
-        (found, ", for the plants of all 2 bands" + words[0]),
+        (found, ", for the plants of both bands" + words[0]),
     ):
         loops = tuple(Plants.of(one).loop for one in bands)
         design = design_again(tuple(bands), loops, GAIN, (PID(integral=False),), Limits(), Bandwidth(), 1e-3, ())

@@ -162,7 +162,7 @@ def test_converters(run, monkeypatch, undrawn, seconds):
 
 @pytest.mark.slow
 def test_levitation(run, undrawn):
-    printed = run(load("levitation"), [])
+    printed = run(load("levitation"), ["loop.png"])
     rows = [line for line in printed.splitlines() if "the true loop is" in line]
     assert len(rows) == 5
     for row in rows:  # what is proved is true, and what is refused is not safe
