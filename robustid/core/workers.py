@@ -184,7 +184,7 @@ class Workers:
     def _next(
         self, fresh: Iterator[Item], again: deque[tuple[Item, int]], running: dict[Future[Result], tuple[Item, int]]
     ) -> Iterator[tuple[Item, int]]:
-        """Those that have room: fresh ones, then those that failed."""
+        """Items that there is room for: fresh ones, then those that failed."""
         while len(running) < self._most and (self._apart or not any(failures for _, failures in running.values())):
             for item in itertools.islice(fresh, 1):
                 yield item, 0
