@@ -60,6 +60,8 @@ class ControllerDesign(Frozen, Drawable, Savable):
         Of every band: worst cases and margins on the whole axis.
     shares : dict of str to (float, float)
         Largest share of every limit that any consistent plant takes on the whole axis, and the frequency near it in rad/s.
+    by_band : tuple of dict
+        The same shares with the plants of each band alone.
     searched : tuple of float
         Numbers of the structure that were searched, in its order.
     bounds : float or None
@@ -80,6 +82,7 @@ class ControllerDesign(Frozen, Drawable, Savable):
     searched: tuple[float, ...]
     bounds: float | None = None
     finished: bool = True
+    by_band: tuple[dict[str, tuple[float, float]], ...] = ()
 
     def __post_init__(self) -> None:
         self._set(finished=as_flag("finished", self.finished))
@@ -92,6 +95,18 @@ class ControllerDesign(Frozen, Drawable, Savable):
             return None
         name = max(shares, key=lambda one: shares[one][0])
         return name, shares[name][1]
+
+    @property
+    def limiting_bands(self) -> tuple[tuple[int, str, float], ...]:
+        """Every band by its number from 0, with the limit of which its plants take most, and that share; the largest first.
+
+        Limits of which every band takes the same, such as a gain of the controller, tell none from the others and are left out.
+        """
+        names = [name for name in self.asked_shares if len({one[name][0] for one in self.by_band if name in one}) > 1]
+        if not names:
+            return ()
+        found = [(k, *max(((name, one[name][0]) for name in names), key=_second)) for k, one in enumerate(self.by_band)]
+        return tuple(sorted(found, key=lambda entry: -entry[2]))
 
     @property
     def asked_shares(self) -> dict[str, tuple[float, float]]:
@@ -200,6 +215,10 @@ class ControllerDesign(Frozen, Drawable, Savable):
         if self.bounds:
             return ["bounds     half as large: the limits could be kept"]
         return ["bounds     half as large are not enough; for the models themselves the limits could be kept"]
+
+
+def _second(pair: tuple[str, float]) -> float:
+    return pair[1]
 
 
 def _near(omega: float) -> str:
@@ -325,6 +344,7 @@ def _design(
         structure=task.structure,
         proofs=proof.proofs,
         shares=proof.shares,
+        by_band=proof.by_band,
         searched=tuple(found.at),
         bounds=bounds,
         finished=finished,
