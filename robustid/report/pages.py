@@ -14,6 +14,7 @@ from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
 from robustid.guarantees import (
     Family,
+    Fleet,
     Interconnection,
     LoopBounds,
     RobustStabilityMargin,
@@ -32,6 +33,7 @@ from robustid.report.family_page import family_page
 from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
 from robustid.report.fit_view import FitView
+from robustid.report.fleet_page import fleet_page
 from robustid.report.identification_page import (
     identification_head,
     identification_page,
@@ -64,6 +66,7 @@ Shown = (
     | ControllerDesign
     | Comparison
     | Watch
+    | Fleet
 )
 
 
@@ -90,12 +93,13 @@ def write_report(
     the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
     loop with every consistent plant, its factors and gains. Of a Comparison: where two measurements differ by more than noise, and
     how probable that is by chance. Of a Watch: its alarms, scores and evidence over the records, and where in frequency they
-    lie. The page works offline and fetches nothing.
+    lie. Of a Fleet: verdicts, worst cases and outliers of many machines, and who waits for data. The page works offline and fetches
+    nothing.
 
     Parameters
     ----------
     identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign,
-        Comparison or Watch
+        Comparison, Watch or Fleet
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -223,6 +227,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     ControllerDesign: (design_page, ("sensitivity",)),
     Comparison: (comparison_page, ()),
     Watch: (watch_page, ()),
+    Fleet: (fleet_page, ()),
 }
 
 
