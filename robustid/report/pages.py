@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Unpack, cast
 
+from robustid.advice import CommonModes
 from robustid.controllers import ControllerDesign
 from robustid.core import Unfinished, as_flag, as_kind, atomic_write
 from robustid.data import FrequencyResponse, TimeRecord
@@ -44,6 +45,7 @@ from robustid.report.interconnection_page import interconnection_page
 from robustid.report.loop_page import loop_page
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
+from robustid.report.setups_page import setups_page
 from robustid.report.stability import stability_summary, stability_verdict, weights_summary
 from robustid.report.watch_page import watch_page
 
@@ -63,6 +65,7 @@ Shown = (
     | Interconnection
     | ControllerDesign
     | Comparison
+    | CommonModes
     | Watch
 )
 
@@ -89,13 +92,13 @@ def write_report(
     plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
     the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
     loop with every consistent plant, its factors and gains. Of a Comparison: where two measurements differ by more than noise, and
-    how probable that is by chance. Of a Watch: its alarms, scores and evidence over the records, and where in frequency they
-    lie. The page works offline and fetches nothing.
+    how probable that is by chance. Of CommonModes: the modes of several setups, and which contradict each other. Of a Watch: its
+    alarms, scores and evidence over the records, where in frequency they lie, and which mode moved. The page works offline.
 
     Parameters
     ----------
     identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign,
-        Comparison or Watch
+        Comparison, CommonModes or Watch
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -222,6 +225,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Interconnection: (interconnection_page, ("forbidden",)),
     ControllerDesign: (design_page, ("sensitivity",)),
     Comparison: (comparison_page, ()),
+    CommonModes: (setups_page, ()),
     Watch: (watch_page, ()),
 }
 
