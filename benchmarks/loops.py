@@ -1,24 +1,29 @@
 """Plants in a loop at full size: truths at the edge of the class of R from their records, and controllers around the limit.
 
 Run: OPENBLAS_NUM_THREADS=1 python benchmarks/loops.py truths 100, and: controllers 200 100 (ten of a machine; consistent plants of
-each machine). Processor time; a line a machine as it is done. `truths` judges the bands of P, S, T, PS and CS at 10^4
-frequencies, and beside them what the same record says without the controller (the response from u to y, in a class of stable
-plants). `controllers` tries every verdict on the true plant, on consistent plants and on the plant that is shown.
+each machine), and: bounds 800 (machines). Processor time; a line a machine as it is done. `truths` judges the bands of P, S, T, PS
+and CS at 10^4 frequencies, and beside them what the same record says without the controller (the response from u to y, in a class
+of stable plants). `bounds` counts how often bounds of lines fail that come from periods. `controllers` tries every verdict on the
+true plant, on consistent plants and on the plant that is shown.
 """
 
+import dataclasses
 import logging
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.loop_truths import judged, recorded, unstable_poles
+import robustid as rid
+from support.line_variances import PLACES, chance, of_loop
+from support.loop_truths import judged, outside, recorded, response_of, unstable_poles
 
 FREQUENCIES = 10_001
 EACH = 10  # controllers of a machine
+PERIODS = (2, 4, 10)  # of the records whose bounds are counted
 KINDS = {0: "periodic, little noise", 1: "random, much noise"}
 
 
@@ -92,10 +97,40 @@ def controllers(count, plants):
     print(f"{(time.process_time() - spent) / 60:.1f} minutes of processor time")
 
 
+def bounds(count):
+    """How often bounds of the lines of periodic records fail, of R and of the response from u to y, by the number of periods.
+
+    In simulated records, and exactly, given drawn scatter of lines whose variances are known.
+    """
+    from scipy.stats import beta
+
+    failed, chances, spent = Counter(), defaultdict(list), time.process_time()
+    for seed in range(600, 600 + count):
+        case, record, how = recorded(seed, periodic=True)
+        for periods in PERIODS:
+            kept = slice(-periods * how["period"], None)
+            one = dataclasses.replace(record, u=record.u[kept], y=record.y[kept], reference=record.reference[kept])
+            responses = rid.prepare.loop_response(one, case.loop, **how), rid.estimate_frf(one, **how)
+            for (name, lines), frf, true in zip(
+                of_loop(seed).items(), responses, (case.residual, case.plant), strict=True
+            ):
+                failed[name, periods] += outside(frf, response_of(true, frf.omega)) > 0
+                rng = np.random.default_rng([seed, periods])
+                chances[name, periods] += [chance(*lines, PLACES, periods, rng) for _ in range(5)]
+    for (name, periods), times in sorted(failed.items()):
+        low, high = beta.ppf([0.025, 0.975], [times or 1e-9, times + 1], [count - times + 1, count - times])
+        exact = np.reshape(chances[name, periods], (count, -1)).mean(axis=1)
+        print(
+            f"{name:6s} {periods:2d} periods: a line outside in {times} of {count}, {times / count:.1%} ({low:.1%} to {high:.1%});"
+            f" of drawn scatter {exact.mean():.2%} +- {1.96 * exact.std() / np.sqrt(count):.2%}"
+        )
+    print(f"{(time.process_time() - spent) / 60:.1f} minutes of processor time")
+
+
 def main():
     logging.disable(logging.WARNING)
     what, *counts = sys.argv[1:]
-    {"truths": truths, "controllers": controllers}[what](*map(int, counts))
+    {"truths": truths, "controllers": controllers, "bounds": bounds}[what](*map(int, counts))
 
 
 if __name__ == "__main__":

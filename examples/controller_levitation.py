@@ -84,7 +84,8 @@ def main(argv=None):
     size = np.abs(control.feedback(plant, design.controller).poles()).max()
     print(f"The largest pole of the true loop is {size:.4f} in size. Zero is what is left of a steady load now.")
     figure_of(plant, loops).savefig(out / "controller.png", dpi=110)
-    print(f"Picture: {out}")
+    rid.write_report(design, out / "controller.html")
+    print(f"Picture and page: {out}")
     return design
 
 

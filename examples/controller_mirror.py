@@ -93,7 +93,8 @@ def main(argv=None):
     hz, measured = peaks(design.controller)
     print(f"\n3. Withheld records: largest |S| {measured.max():.3f} at {hz.size} lines, proved at most {PEAK:g}")
     figure_of(design, hz, measured).savefig(out / "controller.png", dpi=110)
-    print(f"\nPicture: {out}")
+    rid.write_report(design, out / "controller.html")
+    print(f"\nPicture and page: {out}")
     return design
 
 

@@ -110,8 +110,9 @@ def main(argv=None):
         f" {np.mean(X - size >= 1 / peak):.1%} of the lines and certainly above it at {np.mean(X + size < 1 / peak):.1%}."
     )
     figure_of(design, withheld).savefig(out / "controller.png", dpi=110)
+    rid.write_report(design, out / "controller.html")
     rid.save(out / "design_controller.npz", design.controller)
-    print(f"\nPicture and controller: {out}")
+    print(f"\nPicture, page and controller: {out}")
     return design
 
 

@@ -158,7 +158,8 @@ def main(argv=None):
             f"   position {position:5g}: {size:12.4f} {np.abs(1 / (1 + L)).max():13.3f} {crossing:10.1f} Hz   {known}"
         )
     figure_of(loops, design).savefig(out / "controller.png", dpi=110)
-    print(f"\nPicture: {out}")
+    rid.write_report(design, out / "controller.html")
+    print(f"\nPicture and page: {out}")
     return design
 
 

@@ -116,7 +116,8 @@ def main(argv=None):
         "\nsweep, which is noise and what a smooth model does not describe."
     )
     found.plot().savefig(out / "loci.png", dpi=110)
-    print(f"\nPicture: {out}")
+    rid.write_report(found, out / "connection.html")
+    print(f"\nPicture and page: {out}")
 
 
 if __name__ == "__main__":

@@ -68,7 +68,7 @@ def phase_margin(response, omega, law):
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=None, help="folder for the page; default: a temporary one")
+    parser.add_argument("--out", type=Path, default=None, help="folder for picture and page; default: a temporary one")
     out = parser.parse_args(argv).out or Path(tempfile.mkdtemp())
     out.mkdir(parents=True, exist_ok=True)
     plant = machine()
@@ -117,7 +117,8 @@ def main(argv=None):
         loop=bounds,
         plant=small,
     )
-    print(f"page: {out / 'levitation.html'}")
+    bounds.plot().savefig(out / "loop.png", dpi=110)
+    print(f"Picture and page: {out}")
 
 
 if __name__ == "__main__":

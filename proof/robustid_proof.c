@@ -1,8 +1,9 @@
 /* robustid-proof FILE: check a proof of what finitely many samples say about all systems of a class.
  *
  * The format, and the mathematics of every step, are in docs/proof_format.rst; the names here are those of that page.
- * Nothing here is a floating-point number. Every number is a ball m 2^e +- r 2^e of integers; rounding only widens it.
- * Exit status: 0 every statement is proved, 1 one is not, 2 the file cannot be read. Build: cc -O2 -o robustid-proof robustid_proof.c -lgmp
+ * Nothing here is a floating-point number. Every number is a disc of the complex plane, an integer middle and an integer radius in
+ * units of 2^-P; rounding only widens it. Exit status: 0 every statement is proved, 1 one is not, 2 the file cannot be read.
+ * Build: cc -O2 -o robustid-proof robustid_proof.c -lgmp
  */
 #include <gmp.h>
 #include <stdint.h>
@@ -11,7 +12,7 @@
 #include <string.h>
 
 /* What a file may ask for. */
-enum { DEPTH = 16, TEXT = 400, DIGITS = 400, DYADIC = 4000, DECIMAL = 400, RANGE = 40000, CACHED = 200 };
+enum { DEPTH = 16, TEXT = 400, DIGITS = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200 };
 enum { SAMPLES = 20000, FUNCTIONS = 64, TERMS = 4096, LARGEST = 64 << 20 };
 static void unreadable(const char *why, const char *what) {
     printf("not readable: %s%s%s\n", why, *what ? ": " : "", what);
@@ -23,148 +24,104 @@ static void *room(size_t count, size_t size) {
     return found;
 }
 
-/* ---- Balls. `lost` is set where a result has no bound: a division by what may be 0, or numbers out of range. ---- */
-typedef struct { mpz_t m, r; long e; } ball;
-typedef struct { ball re, im; } cball;
-static unsigned long precision = 256;
+/* ---- Numbers. `lost` is set where a result has no bound: a division by what may be 0, or numbers out of range. ---- */
+typedef struct { mpz_t re, im, r; } num;
+static unsigned long P = 320;
 static int lost;
 static mpz_t T1, T2, T3;
-static ball B1, B2, B3, B4;
-static cball C1, C2;
-static void ball_init(ball *x) { mpz_init(x->m); mpz_init(x->r); x->e = 0; }
-static void cball_init(cball *x) { ball_init(&x->re); ball_init(&x->im); }
-/* Variables that functions keep, made once. */
-#define HELD(type, x) static type x; do { static int made_; if (!made_) { type##_init(&x); made_ = 1; } } while (0)
-static cball *c_array(size_t count) {
-    cball *found = room(count, sizeof *found);
-    for (size_t k = 0; k < count; k++) cball_init(found + k);
+static num ONE, NONE;
+static num *array(size_t count) {
+    num *found = room(count, sizeof *found);
+    for (size_t k = 0; k < count; k++) mpz_inits(found[k].re, found[k].im, found[k].r, NULL);
     return found;
 }
-static ball *b_array(size_t count) {
-    ball *found = room(count, sizeof *found);
-    for (size_t k = 0; k < count; k++) ball_init(found + k);
-    return found;
-}
-static void c_free(cball *x, size_t count) {
-    for (size_t k = 0; k < count; k++) mpz_clears(x[k].re.m, x[k].re.r, x[k].im.m, x[k].im.r, NULL);
+static void release(num *x, size_t count) {
+    for (size_t k = 0; k < count; k++) mpz_clears(x[k].re, x[k].im, x[k].r, NULL);
     free(x);
 }
-static void b_set(ball *z, const ball *x) { mpz_set(z->m, x->m); mpz_set(z->r, x->r); z->e = x->e; }
-static void b_integer(ball *z, long value) { mpz_set_si(z->m, value); mpz_set_ui(z->r, 0); z->e = 0; }
-static int b_zero(const ball *x) { return !mpz_sgn(x->m) && !mpz_sgn(x->r); }
-static void b_round(ball *x) {
-    size_t bits = mpz_sizeinbase(x->m, 2), wide = mpz_sizeinbase(x->r, 2);
-    if (wide > bits) bits = wide;
-    if (bits > precision) {
-        unsigned long s = bits - precision;
-        int exact = mpz_divisible_2exp_p(x->m, s);
-        mpz_fdiv_q_2exp(x->m, x->m, s); mpz_cdiv_q_2exp(x->r, x->r, s);
-        if (!exact) mpz_add_ui(x->r, x->r, 1);
-        x->e += (long)s;
+/* Variables that a function keeps, made once. */
+#define HELD(x) static num x; static int x##_; if (!x##_) { mpz_inits(x.re, x.im, x.r, NULL); x##_ = 1; }
+static void set(num *z, const num *x) { mpz_set(z->re, x->re); mpz_set(z->im, x->im); mpz_set(z->r, x->r); }
+static void integer(num *z, long value) { mpz_set_si(z->re, value); mpz_mul_2exp(z->re, z->re, P); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); }
+static int zero(const num *x) { return !mpz_sgn(x->re) && !mpz_sgn(x->im) && !mpz_sgn(x->r); }
+static void mirrored(num *z, const num *x) { if (z != x) set(z, x); mpz_neg(z->im, z->im); }
+static void add(num *z, const num *x, const num *y) { mpz_add(z->re, x->re, y->re); mpz_add(z->im, x->im, y->im); mpz_add(z->r, x->r, y->r); }
+static void sub(num *z, const num *x, const num *y) { mpz_sub(z->re, x->re, y->re); mpz_sub(z->im, x->im, y->im); mpz_add(z->r, x->r, y->r); }
+
+/* To a sum in units of 2^-2P: x y, or x y* where `turned`. The error of a product is at most |x| r_y + (|y| + r_y) r_x. */
+static void accumulate(num *sum, const num *x, const num *y, int turned) {
+    mpz_addmul(sum->re, x->re, y->re); mpz_addmul(sum->im, x->im, y->re);
+    (turned ? mpz_addmul : mpz_submul)(sum->re, x->im, y->im); (turned ? mpz_submul : mpz_addmul)(sum->im, x->re, y->im);
+    if (mpz_sgn(y->r)) {
+        mpz_abs(T1, x->re); mpz_addmul(sum->r, T1, y->r);
+        mpz_abs(T1, x->im); mpz_addmul(sum->r, T1, y->r);
     }
-    if (b_zero(x)) x->e = 0;
-    if (x->e > RANGE || x->e < -RANGE) { lost = 1; b_integer(x, 0); }
+    if (mpz_sgn(x->r)) {
+        mpz_abs(T1, y->re); mpz_abs(T2, y->im); mpz_add(T1, T1, T2); mpz_add(T1, T1, y->r);
+        mpz_addmul(sum->r, T1, x->r);
+    }
 }
-static void b_add(ball *z, const ball *x, const ball *y) {
-    if (b_zero(x)) { if (z != y) b_set(z, y); return; }
-    if (b_zero(y)) { if (z != x) b_set(z, x); return; }
-    const ball *high = x->e >= y->e ? x : y, *low = high == x ? y : x;
-    unsigned long s = (unsigned long)(high->e - low->e);
-    long e = low->e;
-    mpz_mul_2exp(T1, high->m, s); mpz_add(T1, T1, low->m);
-    mpz_mul_2exp(T2, high->r, s); mpz_add(T2, T2, low->r);
-    mpz_swap(z->m, T1); mpz_swap(z->r, T2); z->e = e;
-    b_round(z);
+static void settle(num *z, num *sum) { /* the sum in units of 2^-P; it begins anew */
+    mpz_fdiv_q_2exp(z->re, sum->re, P); mpz_fdiv_q_2exp(z->im, sum->im, P); mpz_cdiv_q_2exp(z->r, sum->r, P);
+    int exact = mpz_divisible_2exp_p(sum->re, P) && mpz_divisible_2exp_p(sum->im, P);
+    if (!exact) mpz_add_ui(z->r, z->r, 2);
+    if (mpz_sizeinbase(z->re, 2) > LARGE || mpz_sizeinbase(z->im, 2) > LARGE || mpz_sizeinbase(z->r, 2) > LARGE) { lost = 1; integer(z, 0); }
+    integer(sum, 0);
 }
-static void b_neg(ball *z, const ball *x) { if (z != x) b_set(z, x); mpz_neg(z->m, z->m); }
-static void b_sub(ball *z, const ball *x, const ball *y) { b_neg(&B4, y); b_add(z, x, &B4); }
-static void b_mul(ball *z, const ball *x, const ball *y) {
-    mpz_mul(T2, x->r, y->r);
-    mpz_abs(T3, x->m); mpz_addmul(T2, T3, y->r);
-    mpz_abs(T3, y->m); mpz_addmul(T2, T3, x->r);
-    mpz_mul(T1, x->m, y->m);
-    mpz_swap(z->m, T1); mpz_swap(z->r, T2); z->e = x->e + y->e;
-    b_round(z);
+static void times(num *z, const num *x, const num *y, int turned) { HELD(sum); accumulate(&sum, x, y, turned); settle(z, &sum); }
+static void mul(num *z, const num *x, const num *y) { times(z, x, y, 0); }
+static void over(num *z, const num *x, unsigned long k) { /* by a positive integer */
+    mpz_fdiv_q_ui(z->re, x->re, k); mpz_fdiv_q_ui(z->im, x->im, k); mpz_cdiv_q_ui(z->r, x->r, k); mpz_add_ui(z->r, z->r, 2);
 }
 
-/* |x/y - m_x/m_y| <= (r_x |m_y| + |m_x| r_y)/(|m_y| (|m_y| - r_y)). */
-static void b_div(ball *z, const ball *x, const ball *y) {
-    if (mpz_cmpabs(y->m, y->r) <= 0) { lost = 1; b_integer(z, 0); return; }
-    unsigned long s = precision + 2 + mpz_sizeinbase(y->m, 2);
-    long e = x->e - y->e - (long)s;
-    mpz_abs(T1, y->m); mpz_abs(T2, x->m);
-    mpz_mul(T3, x->r, T1); mpz_addmul(T3, T2, y->r); mpz_mul_2exp(T3, T3, s);
-    mpz_sub(T2, T1, y->r); mpz_mul(T2, T2, T1); mpz_cdiv_q(T3, T3, T2);
-    mpz_mul_2exp(T1, x->m, s);
-    if (!mpz_divisible_p(T1, y->m)) mpz_add_ui(T3, T3, 1);
-    mpz_fdiv_q(T1, T1, y->m);
-    mpz_swap(z->m, T1); mpz_swap(z->r, T3); z->e = e;
-    b_round(z);
+/* |1/x - 1/y| <= r/(|y| (|y| - r)) for |x - y| <= r. */
+static void divide(num *z, const num *x, const num *y) {
+    HELD(by);
+    mpz_mul(T1, y->re, y->re); mpz_addmul(T1, y->im, y->im);
+    mpz_sqrt(T2, T1); mpz_sub(T2, T2, y->r);
+    if (mpz_sgn(T2) <= 0) { lost = 1; integer(z, 0); return; }
+    mpz_mul_2exp(T3, y->r, 2 * P); mpz_mul(T2, T2, T2); mpz_cdiv_q(by.r, T3, T2);
+    mpz_mul_2exp(T3, y->re, 2 * P); mpz_fdiv_q(by.re, T3, T1);
+    mpz_mul_2exp(T3, y->im, 2 * P); mpz_fdiv_q(by.im, T3, T1); mpz_neg(by.im, by.im);
+    mpz_add_ui(by.r, by.r, 2);
+    mul(z, x, &by);
 }
-static void b_above(ball *z, const ball *x) { /* an exact number that is not below x */
-    if (z != x) b_set(z, x);
-    mpz_add(z->m, z->m, z->r); mpz_set_ui(z->r, 0);
-}
-static void b_root_above(ball *z, const ball *x) { /* an exact number that is not below the root of x; 0 of negative ones */
-    b_above(z, x);
-    if (mpz_sgn(z->m) <= 0) { b_integer(z, 0); return; }
-    unsigned long s = 2 * precision + ((z->e % 2) != 0);
-    mpz_mul_2exp(z->m, z->m, s);
-    mpz_sqrt(z->m, z->m); mpz_add_ui(z->m, z->m, 1);
-    z->e = (z->e - (long)s) / 2;
-    b_round(z); b_above(z, z);
-}
-static int b_not_negative(const ball *x) { return !lost && mpz_cmp(x->m, x->r) >= 0; }
-static int b_positive(const ball *x) { return !lost && mpz_cmp(x->m, x->r) > 0; }
-static int b_at_most(const ball *x, const ball *y) { b_sub(&B3, y, x); return b_not_negative(&B3); }
-static int b_less(const ball *x, const ball *y) { b_sub(&B3, y, x); return b_positive(&B3); }
-static void c_set(cball *z, const cball *x) { b_set(&z->re, &x->re); b_set(&z->im, &x->im); }
-static void c_conj(cball *z, const cball *x) { if (z != x) c_set(z, x); mpz_neg(z->im.m, z->im.m); }
-static void c_integer(cball *z, long value) { b_integer(&z->re, value); b_integer(&z->im, 0); }
-static void c_add(cball *z, const cball *x, const cball *y) { b_add(&z->re, &x->re, &y->re); b_add(&z->im, &x->im, &y->im); }
-static void c_sub(cball *z, const cball *x, const cball *y) { b_sub(&z->re, &x->re, &y->re); b_sub(&z->im, &x->im, &y->im); }
-static void c_mul(cball *z, const cball *x, const cball *y) {
-    b_mul(&B1, &x->re, &y->re); b_mul(&B2, &x->im, &y->im); b_sub(&C1.re, &B1, &B2);
-    b_mul(&B1, &x->re, &y->im); b_mul(&B2, &x->im, &y->re); b_add(&C1.im, &B1, &B2);
-    c_set(z, &C1);
-}
-static void c_scale(cball *z, const cball *x, const ball *y) { b_mul(&z->re, &x->re, y); b_mul(&z->im, &x->im, y); }
-static void c_mul_conj(cball *z, const cball *x, const cball *y) { c_conj(&C2, y); c_mul(z, x, &C2); }
-static void c_square(ball *z, const cball *x) { b_mul(&B1, &x->re, &x->re); b_mul(&B2, &x->im, &x->im); b_add(z, &B1, &B2); }
-static void c_div(cball *z, const cball *x, const cball *y) {
-    HELD(ball, size);
-    c_square(&size, y); c_mul_conj(z, x, y);
-    b_div(&z->re, &z->re, &size); b_div(&z->im, &z->im, &size);
-}
-static void c_abs_above(ball *z, const cball *x) {
-    int real = b_zero(&x->im);
-    if (!real && !b_zero(&x->re)) { c_square(z, x); b_root_above(z, z); return; }
-    b_set(z, real ? &x->re : &x->im); /* exactly */
-    mpz_abs(z->m, z->m);
-    b_above(z, z);
-}
-static void accumulate(cball *z, const cball *x, const cball *y) { HELD(cball, one); c_mul(&one, x, y); c_add(z, z, &one); }
-static void accumulate_conj(cball *z, const cball *x, const cball *y) { HELD(cball, one); c_mul_conj(&one, x, y); c_add(z, z, &one); }
 
-/* exp(-j x), |x| <= 4. From the term n >= 8 on every term is at most half the one before, so that those left out are together at
+/* Real numbers, from here on: the real parts, within the radius. `above` and `root` give exact ones. */
+static void exactly(num *z) { mpz_add(z->re, z->re, z->r); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); }
+static void above(num *z, const num *x) { /* not below |x| */
+    if (z != x) set(z, x);
+    if (mpz_sgn(z->im)) {
+        mpz_mul(T1, z->re, z->re); mpz_addmul(T1, z->im, z->im);
+        mpz_sqrt(z->re, T1); mpz_add_ui(z->re, z->re, 1);
+    }
+    mpz_abs(z->re, z->re); exactly(z);
+}
+static void root(num *z, const num *x) { /* not below the root of x; 0 of negative ones */
+    if (z != x) set(z, x);
+    exactly(z);
+    if (mpz_sgn(z->re) <= 0) { integer(z, 0); return; }
+    mpz_mul_2exp(z->re, z->re, P); mpz_sqrt(z->re, z->re); mpz_add_ui(z->re, z->re, 1);
+}
+static int at_most(const num *x, const num *y) { HELD(d); sub(&d, y, x); return !lost && mpz_cmp(d.re, d.r) >= 0; }
+static int less(const num *x, const num *y) { HELD(d); sub(&d, y, x); return !lost && mpz_cmp(d.re, d.r) > 0; }
+static int positive(const num *x) { return !lost && mpz_cmp(x->re, x->r) > 0; }
+
+/* exp(-j x), 0 <= x <= 4. From the term n >= 8 on every term is at most half the one before, so that those left out are together at
  * most the last one that was added. */
-static void c_turn(cball *z, const ball *x) {
-    HELD(ball, size); HELD(ball, n); HELD(cball, term); HELD(cball, by);
-    b_integer(&n, 4);
-    b_set(&size, x); mpz_abs(size.m, size.m);
-    if (!b_at_most(&size, &n)) { lost = 1; c_integer(z, 0); return; }
-    c_integer(&by, 0); b_neg(&by.im, x);
-    c_integer(&term, 1); c_integer(z, 1);
-    for (long k = 1; ; k++) {
-        c_mul(&term, &term, &by); b_integer(&n, k);
-        b_div(&term.re, &term.re, &n); b_div(&term.im, &term.im, &n);
-        c_add(z, z, &term); c_abs_above(&size, &term);
-        if (lost || (k >= 8 && (b_zero(&size) || (long)mpz_sizeinbase(size.m, 2) + size.e < -(long)precision))) break;
+static void turn(num *z, const num *x) {
+    HELD(limit); HELD(term); HELD(by); HELD(size);
+    integer(&limit, 4);
+    if (!at_most(x, &limit)) { lost = 1; integer(z, 0); return; }
+    integer(&by, 0); mpz_neg(by.im, x->re); mpz_set(by.r, x->r);
+    integer(&term, 1); integer(z, 1);
+    for (unsigned long k = 1; ; k++) {
+        mul(&term, &term, &by); over(&term, &term, k);
+        add(z, z, &term); above(&size, &term);
+        if (k >= 8 && (mpz_sizeinbase(size.re, 2) < 16 || lost)) break;
     }
-    mpz_swap(size.r, size.m); mpz_set_ui(size.m, 0);
-    b_add(&z->re, &z->re, &size); b_add(&z->im, &z->im, &size);
+    mpz_add(z->r, z->r, size.re);
 }
-
 /* ---- Text: JSON in printable ASCII, without escapes; objects with exactly the keys that are expected. ---- */
 typedef struct node { char kind; const char *start, *end; const char *key; size_t key_size; size_t count; struct node *child, *next; } node;
 static const char *at, *stop;
@@ -250,8 +207,9 @@ static size_t index_below(const node *one, size_t limit) {
     return found;
 }
 
+
 /* "-12.5e-3" or "-123p-60" (an integer times a power of two). */
-static void number(ball *z, const node *one) {
+static void number(num *z, const node *one) {
     static const char *bad = "there must be a number in a string, as \"-1.5e-3\" or \"-123p-60\"";
     if (one->kind != 's') unreadable(bad, "");
     char digits[DIGITS + 2]; size_t count = 0; long exponent = 0, shift = 0;
@@ -263,9 +221,8 @@ static void number(ball *z, const node *one) {
         if (count >= DIGITS) unreadable("a number with too many digits", "");
         digits[count++] = *s; seen = 1; shift += point;
     }
-    if (!seen) unreadable(bad, "");
     int dyadic = s < end && *s == 'p';
-    if (dyadic && point) unreadable(bad, "");
+    if (!seen || (dyadic && point)) unreadable(bad, "");
     if (s < end && (dyadic || *s == 'e')) {
         int minus = ++s < end && *s == '-';
         if (s < end && (*s == '-' || *s == '+')) s++;
@@ -275,299 +232,313 @@ static void number(ball *z, const node *one) {
         if (minus) exponent = -exponent;
     }
     if (s != end) unreadable(bad, "");
-    digits[count] = 0;
-    b_integer(z, 0); mpz_set_str(z->m, digits, 10);
-    if (negative) mpz_neg(z->m, z->m);
-    if (dyadic) { z->e = exponent; b_round(z); return; }
-    HELD(ball, ten); exponent -= shift;
-    b_integer(&ten, 0);
-    mpz_ui_pow_ui(ten.m, 10, (unsigned long)labs(exponent));
-    if (exponent >= 0) { mpz_mul(z->m, z->m, ten.m); b_round(z); return; }
-    b_div(z, z, &ten);
+    digits[count] = 0; exponent -= shift;
+    integer(z, 0); mpz_set_str(z->re, digits, 10);
+    mpz_ui_pow_ui(T1, dyadic ? 2 : 10, (unsigned long)labs(exponent));
+    mpz_mul_2exp(z->re, z->re, P);
+    if (exponent >= 0) mpz_mul(z->re, z->re, T1);
+    else { mpz_set_ui(z->r, !mpz_divisible_p(z->re, T1)); mpz_fdiv_q(z->re, z->re, T1); }
+    if (negative) mpz_neg(z->re, z->re);
 }
-static void positive(ball *z, const node *one, const char *what) {
+static void above_zero(num *z, const node *one, const char *what) {
     number(z, one);
-    if (mpz_cmp(z->m, z->r) <= 0) unreadable("a number that must be positive", what);
+    if (!positive(z)) unreadable("a number that must be positive", what);
 }
-static void pair(cball *z, node *one) {
-    node *child = list_of(one, 2, "a complex number [re, im]");
-    number(&z->re, child); number(&z->im, child->next);
+static void complex(num *z, const node *re) { /* and the next value, the imaginary part */
+    HELD(im);
+    number(z, re); number(&im, re->next);
+    mpz_set(z->im, im.re); mpz_add(z->r, z->r, im.r);
 }
-static void numbers(ball *z, node *one, size_t count, const char *what) {
+static void pair(num *z, node *one) { complex(z, list_of(one, 2, "a complex number [re, im]")); }
+static void numbers(num *z, node *one, size_t count, const char *what) {
     for (one = list_of(one, count, what); one; one = one->next) number(z++, one);
 }
-/* One (re, im) a row with an index first: [[k, re, im], ...]. */
-static size_t terms(node *one, size_t limit, size_t **index, cball **values) {
-    size_t count = 0, total = one->count;
-    node *row = list(one, "rows [k, re, im]");
-    if (total > TERMS) unreadable("more rows [k, re, im] than version 1 allows", "");
-    *index = room(total, sizeof **index); *values = c_array(total);
-    for (; row; row = row->next, count++) {
-        node *child = list_of(row, 3, "a row [k, re, im]");
-        (*index)[count] = index_below(child, limit);
-        number(&(*values)[count].re, child->next); number(&(*values)[count].im, child->next->next);
-    }
-    return total;
+/* A row [k, re, im]: the index, and the number. */
+static size_t term(num *z, node *row, size_t limit) {
+    complex(z, list_of(row, 3, "a row [k, re, im]")->next);
+    return index_below(row->child, limit);
+}
+static node *terms(node *one) {
+    if (one->count > TERMS) unreadable("more rows [k, re, im] than version 1 allows", "");
+    return list(one, "rows [k, re, im]");
 }
 
-/* ---- The question. Nodes 0..N-1 are those of the samples, N..2N-1 their conjugates, 2N and 2N+1 those of a statement. ---- */
-static size_t N, M, S; /* samples, parametric functions, states of these */
-static ball K, rho, sample_time, *bounds, *about, *within;
-static cball *samples, *zeta, *functions, *cauchy; /* functions: M a node */
+/* ---- Vectors: of functionals sum c_k phi(zeta_k) + sum c_s phi_s, and of functions sum c_k/(1 - zeta zeta_k*) + sum c_s zeta^s. Nodes
+ * 0..N-1 are those of the lines, N..2N-1 their conjugates, 2N and 2N+1 those of a statement; then come `powers` coefficients. ---- */
+static size_t N, M, S, R, nodes, powers; /* lines, parametric functions, states of these, samples of records */
+static num K, rho, sample_time, *zeta, *cauchy;
 static char *known;
+static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*) */
+    HELD(one);
+    num *z = cauchy ? cauchy + k * nodes + l : &one;
+    if (cauchy && known[k * nodes + l]) return z;
+    times(z, &zeta[k], &zeta[l], 1);
+    sub(z, &ONE, z); divide(z, &ONE, z);
+    if (cauchy) { mirrored(cauchy + l * nodes + k, z); known[k * nodes + l] = known[l * nodes + k] = 1; }
+    return z;
+}
+static size_t length(const num *c) { size_t top = powers; while (top && zero(c + nodes + top - 1)) top--; return top; }
+
+/* The values at the nodes, and the first coefficients, of a function: where the function itself or `also` is not zero. */
+static void values(num *out, const num *in, const num *also) {
+    HELD(sum); HELD(one);
+    size_t many = 0, *of = room(nodes, sizeof *of), own = length(in), top = length(also) > own ? length(also) : own;
+    for (size_t l = 0; l < nodes; l++) if (!zero(in + l)) of[many++] = l;
+    for (size_t k = 0; k < nodes; k++) {
+        if (zero(in + k) && zero(also + k)) continue;
+        for (size_t l = 0; l < many; l++) accumulate(&sum, kernel(k, of[l]), in + of[l], 0);
+        settle(out + k, &sum);
+        integer(&one, 0);
+        for (size_t s = own; s-- > 0;) { mul(&one, &one, &zeta[k]); add(&one, &one, in + nodes + s); }
+        add(out + k, out + k, &one);
+    }
+    for (size_t s = 0; s < top; s++) set(out + nodes + s, in + nodes + s);
+    for (size_t l = 0; top && l < many; l++) {
+        set(&one, in + of[l]);
+        for (size_t s = 0; s < top; s++) { add(out + nodes + s, out + nodes + s, &one); times(&one, &one, &zeta[of[l]], 1); }
+    }
+    free(of);
+}
+static void size_of(num *z, const num *f, const num *at) { /* above the norm of a function, from its values: sum f_k* f(zeta_k) + ... */
+    HELD(sum);
+    for (size_t k = 0; k < nodes + powers; k++) if (!zero(f + k)) accumulate(&sum, at + k, f + k, 1);
+    settle(z, &sum); root(z, z);
+}
+
+/* Above the norm of a functional in H2 of the harmonic measure seen from `base`, |base| < 1: that of its representer, the functional
+ * being taken of (1 - base* zeta) phi, over (1 - |base|^2)^(1/2). */
+static void norm(num *z, const num *c, const num *base) {
+    HELD(one); HELD(scale);
+    num *f = array(nodes + powers), *at = array(nodes + powers);
+    for (size_t k = 0; k < nodes + powers; k++) {
+        if (k < nodes) { times(&one, &zeta[k], base, 1); mul(&one, &one, c + k); }
+        else times(&one, k + 1 < nodes + powers ? c + k + 1 : &NONE, base, 1);
+        sub(f + k, c + k, &one); mirrored(f + k, f + k);
+    }
+    values(at, f, f); size_of(z, f, at);
+    times(&scale, base, base, 1); sub(&scale, &ONE, &scale);
+    if (!positive(&scale)) { lost = 1; return; }
+    divide(&scale, &ONE, &scale); root(&scale, &scale); mul(z, z, &scale); exactly(z);
+    release(f, nodes + powers); release(at, nodes + powers);
+}
+
+/* Takes from a functional what (f, g) is, <phi g, f>, and adds to `cost` what that costs: |f| |g|. */
+static void factor(num *cost, num *c, node *evidence) {
+    HELD(size); HELD(one);
+    node *side[2], *row;
+    num *v[2], *at[2];
+    size_t all = nodes + powers, top;
+    FIELDS(evidence, side, "f", "g");
+    for (int k = 0; k < 2; k++) {
+        v[k] = array(all); at[k] = array(all);
+        for (row = terms(side[k]); row; row = row->next) { size_t l = term(&one, row, all); add(v[k] + l, v[k] + l, &one); }
+    }
+    values(at[0], v[0], v[0]); values(at[1], v[1], v[0]);
+    size_of(&size, v[0], at[0]); size_of(&one, v[1], at[1]); mul(&size, &size, &one);
+    add(cost, cost, &size);
+    top = length(v[0]);
+    for (size_t k = 0; k < nodes; k++) if (!zero(v[0] + k)) { times(&one, at[1] + k, v[0] + k, 1); sub(c + k, c + k, &one); }
+    for (size_t s = 0; s < top; s++) for (size_t m = 0; m <= s; m++) { /* <phi g, zeta^s> = sum g_m phi_(s-m) */
+        times(&one, at[1] + nodes + m, v[0] + nodes + s, 1); sub(c + nodes + s - m, c + nodes + s - m, &one);
+    }
+    for (int k = 0; k < 2; k++) { release(v[k], all); release(at[k], all); }
+}
+
+/* ---- The question: lines and their conjugates, then samples of records. ---- */
+static num *samples, *bounds, *functions, *about, *within, *decay; /* functions: M a node, and the responses at samples of records */
+static struct { num *u; size_t t; } *record;
 static int unknown; /* nothing is proved of the parameters */
-static ball *A, *B, *C, *D;
+static num *A, *B, *C, *D;
+
+/* (z - A)^-1 by elimination; the pivot with the largest middle. */
+static void resolvent(num *inverse, const num *z) {
+    HELD(best); HELD(other); HELD(pivot);
+    size_t wide = 2 * S;
+    num *m = array(S * wide), *low, *high;
+    for (size_t a = 0; a < S; a++) {
+        for (size_t b = 0; b < S; b++) sub(m + a * wide + b, m + a * wide + b, A + a * S + b);
+        add(m + a * wide + a, m + a * wide + a, z); integer(m + a * wide + S + a, 1);
+    }
+    for (size_t p = 0; p < S; p++) {
+        size_t row = p;
+        above(&best, m + p * wide + p);
+        for (size_t a = p + 1; a < S; a++) {
+            above(&other, m + a * wide + p);
+            if (mpz_cmp(other.re, best.re) > 0) { row = a; set(&best, &other); }
+        }
+        for (size_t b = 0; row != p && b < wide; b++) { num swap = m[p * wide + b]; m[p * wide + b] = m[row * wide + b]; m[row * wide + b] = swap; }
+        low = m + p * wide; set(&pivot, low + p);
+        for (size_t b = 0; b < wide; b++) if (!zero(low + b)) divide(low + b, low + b, &pivot);
+        for (size_t a = 0; a < S; a++) {
+            if (a == p || zero(m + a * wide + p)) continue;
+            high = m + a * wide; set(&pivot, high + p);
+            for (size_t b = 0; b < wide; b++) { mul(&other, &pivot, low + b); sub(high + b, high + b, &other); }
+        }
+    }
+    for (size_t a = 0; a < S; a++) for (size_t b = 0; b < S; b++) set(inverse + a * S + b, m + a * wide + S + b);
+    release(m, S * wide);
+}
+static void apply(num *out, const num *matrix, const num *in, size_t rows, size_t count) {
+    HELD(sum);
+    for (size_t a = 0; a < rows; a++) {
+        for (size_t b = 0; b < count; b++) accumulate(&sum, matrix + a * count + b, in + b, 0);
+        settle(out + a, &sum);
+    }
+}
 
 /* zeta and the values C (z - A)^-1 B + D of the functions at exp(j omega T), for node k and its conjugate. */
 static void place(size_t k, size_t conjugate, const node *omega) {
-    HELD(ball, x); HELD(ball, size); HELD(ball, other); HELD(cball, z); HELD(cball, unit);
-    number(&x, omega); b_mul(&x, &x, &sample_time);
-    if (mpz_cmp(x.m, x.r) < 0 && !(b_zero(&x))) unreadable("a frequency that is negative", "");
+    HELD(x); HELD(z);
+    number(&x, omega); mul(&x, &x, &sample_time);
+    if (mpz_sgn(x.re) < 0) unreadable("a frequency that is negative", "");
     int before = lost;
     lost = 0;
-    c_turn(&z, &x);
+    turn(&z, &x);
     if (lost) unreadable("a frequency that is far above half the sample rate", "");
     lost = before;
-    b_div(&zeta[k].re, &z.re, &rho); b_div(&zeta[k].im, &z.im, &rho);
-    c_conj(&zeta[conjugate], &zeta[k]);
-    c_conj(&z, &z); /* exp(+j omega T) */
-    cball *left = c_array(S * (S + 1)), *row = functions + k * M;
-    size_t wide = S + 1;
-    for (size_t a = 0; a < S; a++) {
-        for (size_t b = 0; b < S; b++) {
-            c_integer(&left[a * wide + b], 0); b_neg(&left[a * wide + b].re, &A[a * S + b]);
-            if (a == b) c_add(&left[a * wide + b], &left[a * wide + b], &z);
-        }
-        c_integer(&left[a * wide + S], 0); b_set(&left[a * wide + S].re, &B[a]);
-    }
-    for (size_t p = 0; p < S; p++) { /* Gauss-Jordan; the pivot with the largest middle */
-        size_t best = p;
-        c_square(&size, &left[p * wide + p]);
-        for (size_t a = p + 1; a < S; a++) {
-            c_square(&other, &left[a * wide + p]);
-            if (b_less(&size, &other)) { best = a; b_set(&size, &other); }
-        }
-        for (size_t b = 0; best != p && b < wide; b++) {
-            cball swap = left[p * wide + b]; left[p * wide + b] = left[best * wide + b]; left[best * wide + b] = swap;
-        }
-        for (size_t b = wide; b-- > p;) c_div(&left[p * wide + b], &left[p * wide + b], &left[p * wide + p]);
-        for (size_t a = 0; a < S; a++) if (a != p)
-            for (size_t b = wide; b-- > p;) {
-                c_mul(&unit, &left[a * wide + p], &left[p * wide + b]);
-                c_sub(&left[a * wide + b], &left[a * wide + b], &unit);
-            }
-    }
-    for (size_t i = 0; i < M; i++) {
-        c_integer(&row[i], 0); b_set(&row[i].re, &D[i]);
-        for (size_t a = 0; a < S; a++) { c_scale(&unit, &left[a * wide + S], &C[i * S + a]); c_add(&row[i], &row[i], &unit); }
-        c_conj(&functions[conjugate * M + i], &row[i]);
-    }
-    c_free(left, S * wide);
-}
-
-/* 1/(1 - zeta_k conj(zeta_l)). */
-static void szego(cball *z, size_t k, size_t l) {
-    HELD(cball, one);
-    cball *kept = cauchy && k < 2 * N && l < 2 * N ? cauchy + k * 2 * N + l : NULL;
-    if (kept && known[k * 2 * N + l]) { c_set(z, kept); return; }
-    c_mul_conj(&one, &zeta[k], &zeta[l]);
-    c_integer(z, 1); c_sub(&one, z, &one); c_div(z, z, &one);
-    if (kept) {
-        c_set(kept, z); c_conj(cauchy + l * 2 * N + k, z);
-        known[k * 2 * N + l] = known[l * 2 * N + k] = 1;
-    }
+    divide(&zeta[k], &z, &rho); mirrored(&zeta[conjugate], &zeta[k]);
+    mirrored(&z, &z); /* exp(+j omega T) */
+    num *inverse = array(S * S), *state = array(S);
+    resolvent(inverse, &z); apply(state, inverse, B, S, S); apply(functions + k * M, C, state, M, S);
+    for (size_t i = 0; i < M; i++) { add(functions + k * M + i, functions + k * M + i, D + i); mirrored(functions + conjugate * M + i, functions + k * M + i); }
+    release(inverse, S * S); release(state, S);
+    for (size_t l = 0; cauchy && l < nodes; l++)
+        known[k * nodes + l] = known[l * nodes + k] = known[conjugate * nodes + l] = known[l * nodes + conjugate] = 0;
 }
 
 /* ---- The sums. ---- */
 
-/* Above the norm of the functional sum c_k phi(zeta at node_k) in H2 of the harmonic measure seen from `base`, |base| < 1: the root of
- * sum t_k t_l* / (1 - zeta_k zeta_l*) / (1 - |base|^2), t = c (1 - base* zeta). */
-static void norm_above(ball *z, size_t count, const size_t *node_of, const cball *c, const cball *base) {
-    HELD(cball, one); HELD(cball, unit); HELD(cball, row); HELD(cball, total); HELD(ball, scale);
-    cball *t = c_array(count);
-    c_integer(&unit, 1); c_integer(&total, 0);
-    for (size_t k = 0; k < count; k++) {
-        c_mul_conj(&one, &zeta[node_of[k]], base); c_sub(&one, &unit, &one);
-        c_mul(&t[k], &c[k], &one); c_integer(&row, 0);
-        for (size_t l = 0; l < k; l++) {
-            szego(&one, node_of[k], node_of[l]);
-            accumulate_conj(&row, &one, &t[l]);
-        }
-        c_add(&row, &row, &row);
-        szego(&one, node_of[k], node_of[k]);
-        accumulate_conj(&row, &one, &t[k]);
-        accumulate(&total, &row, &t[k]);
-    }
-    c_square(&scale, base); b_sub(&scale, &unit.re, &scale);
-    if (!b_positive(&scale)) lost = 1;
-    b_div(&scale, &total.re, &scale);
-    b_root_above(z, &scale);
-    c_free(t, count);
-}
-
-/* Takes from the functional, which stands for all 2N + 2 nodes, what (f, g) is: conj(f_k) g(zeta_k), g = sum g_l /(1 - zeta zeta_l*),
- * and adds to `total` what that costs: |f| |g|. */
-static void factor(ball *total, cball *c, node *evidence) {
-    node *side[2];
-    size_t count[2], *node_of[2];
-    cball *v[2];
-    HELD(ball, size); HELD(ball, product); HELD(cball, zero); HELD(cball, one); HELD(cball, sum);
-    FIELDS(evidence, side, "f", "g");
-    b_integer(&product, 1);
-    for (int k = 0; k < 2; k++) {
-        count[k] = terms(side[k], 2 * N + 2, &node_of[k], &v[k]);
-        for (size_t l = 0; l < count[k]; l++) c_conj(&v[k][l], &v[k][l]);
-        norm_above(&size, count[k], node_of[k], v[k], &zero);
-        b_mul(&product, &product, &size);
-    }
-    b_add(total, total, &product);
-    for (size_t k = 0; k < count[0]; k++) {
-        c_integer(&sum, 0);
-        for (size_t l = 0; l < count[1]; l++) {
-            szego(&one, node_of[0][k], node_of[1][l]);
-            accumulate_conj(&sum, &one, &v[1][l]);
-        }
-        c_mul(&sum, &sum, &v[0][k]); c_sub(&c[node_of[0][k]], &c[node_of[0][k]], &sum);
-    }
-    for (int k = 0; k < 2; k++) { c_free(v[k], count[k]); free(node_of[k]); }
-}
-
 /* The disc that holds a functional of every consistent system: target_0 F(2N) + target_1 F(2N + 1) + sum wanted_i p_i. The part of
  * the radius that the distances of the parameters from `about` make is in `parametric`, too. */
-static void sums(cball *centre, ball *radius, ball *parametric, node *evidence, const cball target[2], const ball *wanted) {
-    node *part[3];
-    size_t *index, all = 2 * N + 2, used = 0, *node_of = room(all, sizeof *node_of);
-    cball *d, *c = c_array(all), *missed = c_array(M);
-    HELD(cball, base); HELD(cball, one); HELD(ball, size); HELD(ball, cost);
+static void sums(num *centre, num *radius, num *parametric, node *evidence, const num target[2], const num *wanted) {
+    HELD(base); HELD(d); HELD(one); HELD(size); HELD(cost);
+    node *part[3], *row;
+    num *c = array(nodes + powers), *missed = array(M);
     FIELDS(evidence, part, "base", "factors", "multipliers");
     pair(&base, part[0]);
-    size_t count = terms(part[2], 2 * N, &index, &d);
-    c_integer(centre, 0); b_integer(radius, 0); b_integer(parametric, 0); b_integer(&cost, 0);
-    for (int k = 0; k < 2; k++) c_set(&c[2 * N + (size_t)k], &target[k]);
-    for (size_t i = 0; i < M; i++) { /* missed = sum d_k P_i(z_k) - its target */
-        b_neg(&missed[i].re, &wanted[i]);
-        for (size_t k = 0; k < 2; k++) {
-            if (b_zero(&target[k].re) && b_zero(&target[k].im)) continue;
-            c_mul(&one, &target[k], &functions[(2 * N + k) * M + i]);
-            c_sub(&missed[i], &missed[i], &one);
-        }
+    integer(centre, 0); integer(radius, 0); integer(parametric, 0); integer(&cost, 0);
+    for (size_t i = 0; i < M; i++) { /* missed = sum d_k P_i(k) - its target */
+        sub(missed + i, missed + i, wanted + i);
+        for (size_t k = 0; k < 2; k++) if (!zero(target + k)) { mul(&one, target + k, functions + (2 * N + k) * M + i); sub(missed + i, missed + i, &one); }
     }
-    for (size_t k = 0; k < count; k++) {
-        size_t own = index[k] % N;
-        c_set(&one, &samples[own]);
-        if (index[k] >= N) c_conj(&one, &one);
-        accumulate(centre, &one, &d[k]);
-        c_abs_above(&size, &d[k]); b_mul(&size, &size, &bounds[own]);
-        b_add(radius, radius, &size); c_sub(&c[index[k]], &c[index[k]], &d[k]);
-        for (size_t i = 0; i < M; i++) accumulate(&missed[i], &d[k], &functions[index[k] * M + i]);
+    for (size_t k = 0; k < 2; k++) set(c + 2 * N + k, target + k);
+    for (row = terms(part[2]); row; row = row->next) {
+        size_t k = term(&d, row, 2 * N + R), own = k < 2 * N ? k % N : k - N, at = k < 2 * N ? k : k + 2;
+        times(&one, &d, samples + own, k >= N && k < 2 * N); /* the conjugate sample: F* at the conjugate node */
+        add(centre, centre, &one);
+        above(&size, &d); mul(&size, &size, bounds + own); add(radius, radius, &size);
+        if (k < 2 * N) sub(c + k, c + k, &d);
+        for (size_t s = 0; k >= 2 * N && s <= record[k - 2 * N].t; s++) {
+            mul(&one, record[k - 2 * N].u + record[k - 2 * N].t - s, decay + s); mul(&one, &one, &d);
+            sub(c + nodes + s, c + nodes + s, &one);
+        }
+        for (size_t i = 0; i < M; i++) { mul(&one, &d, functions + at * M + i); add(missed + i, missed + i, &one); }
     }
     if (M && unknown) lost = 1;
     for (size_t i = 0; i < M; i++) {
-        c_scale(&one, &missed[i], &about[i]); c_sub(centre, centre, &one);
-        c_abs_above(&size, &missed[i]); b_mul(&size, &size, &within[i]);
-        b_add(parametric, parametric, &size);
+        mul(&one, missed + i, about + i); sub(centre, centre, &one);
+        above(&size, missed + i); mul(&size, &size, within + i); add(parametric, parametric, &size);
     }
-    for (node *row = list(part[1], "factors"); row; row = row->next) factor(&cost, c, row);
-    for (size_t k = 0; k < all; k++)
-        if (!(b_zero(&c[k].re) && b_zero(&c[k].im))) { c_set(&c[used], &c[k]); node_of[used++] = k; }
-    norm_above(&size, used, node_of, c, &base);
-    b_add(&cost, &cost, &size); b_mul(&cost, &cost, &K);
-    b_add(radius, radius, &cost); b_add(radius, radius, parametric);
-    free(node_of); free(index); c_free(d, count); c_free(c, all); c_free(missed, M);
+    for (row = list(part[1], "factors"); row; row = row->next) factor(&cost, c, row);
+    norm(&size, c, &base);
+    add(&cost, &cost, &size); mul(&cost, &cost, &K);
+    add(radius, radius, &cost); add(radius, radius, parametric); exactly(radius); exactly(parametric);
+    release(c, nodes + powers); release(missed, M);
 }
 
 /* Discs of the parameters: u <= b + E u with u the distances of the parameters of a system from `about`. Where E u < u and
  * b + E u <= u for the stated u, the spectral radius of E is below 1, and no system is farther. */
 static int parameters_proved(node *evidence) {
+    HELD(centre); HELD(radius); HELD(parametric);
     node *part[3], *row;
-    cball *target = c_array(2);
-    ball *wanted = b_array(M);
-    HELD(cball, centre); HELD(ball, radius); HELD(ball, parametric);
+    num *target = array(2), *wanted = array(M);
     int proved = 1;
     FIELDS(evidence, part, "centre", "radius", "combinations");
     unknown = M && !list(part[0], "centres") && !list(part[1], "radii") && !list(part[2], "combinations");
     if (unknown) return 1;
-    numbers(about, part[0], M, "centres of the parameters");
-    numbers(within, part[1], M, "radii of the parameters");
+    numbers(about, part[0], M, "centres of the parameters"); numbers(within, part[1], M, "radii of the parameters");
     row = list_of(part[2], M, "combinations of the parameters");
     for (size_t i = 0; i < M; i++, row = row->next) {
-        b_integer(&wanted[i], 1);
+        integer(wanted + i, 1);
         sums(&centre, &radius, &parametric, row, target, wanted);
-        b_integer(&wanted[i], 0);
-        b_sub(&centre.re, &centre.re, &about[i]); /* parameters are real */
-        mpz_abs(centre.re.m, centre.re.m);
-        b_add(&radius, &radius, &centre.re);
-        if (!b_positive(&within[i]) || !b_at_most(&radius, &within[i]) || !b_less(&parametric, &within[i])) proved = 0;
+        integer(wanted + i, 0);
+        sub(&centre, &centre, about + i); /* parameters are real */
+        mpz_set_ui(centre.im, 0); above(&centre, &centre); add(&radius, &radius, &centre);
+        if (!positive(within + i) || !at_most(&radius, within + i) || !less(&parametric, within + i)) proved = 0;
     }
     return proved;
 }
 
 /* ---- The statements. ---- */
-static void words(const node *one) { fwrite(one->start, 1, (size_t)(one->end - one->start), stdout); }
+static void words(const node *one, const char *after) { fwrite(one->start, 1, (size_t)(one->end - one->start), stdout); fputs(after, stdout); }
 /* kind d: |F - centre| <= radius; s: Re(direction F) <= value; i: no system, since the disc of the functional 0 does not hold 0. */
 static int by_sums(char kind, node *claim, node *evidence) {
+    HELD(centre); HELD(stated); HELD(radius); HELD(parametric); HELD(limit);
     node *part[4];
-    cball *target = c_array(2);
-    ball *wanted = b_array(M);
-    HELD(cball, centre); HELD(cball, stated); HELD(ball, radius); HELD(ball, parametric); HELD(ball, limit); HELD(ball, half);
+    num *target = array(2), *wanted = array(M);
     if (kind == 'i') {
         FIELDS(claim, part, "kind");
         sums(&centre, &radius, &parametric, evidence, target, wanted);
-        b_mul(&radius, &radius, &radius); c_square(&limit, &centre);
-        int none = b_less(&radius, &limit);
+        mul(&radius, &radius, &radius); times(&limit, &centre, &centre, 1);
+        int none = less(&radius, &limit);
         puts(none ? "proved: no system of the class keeps every sample within its bound" : "not proved: no system is consistent");
         return none;
     }
     if (kind == 's') FIELDS(claim, part, "kind", "omega", "direction", "value");
     else FIELDS(claim, part, "kind", "omega", "centre", "radius");
     place(2 * N, 2 * N + 1, part[1]);
-    pair(&stated, part[2]);
-    number(&limit, part[3]);
-    b_integer(&half, 1); half.e = -1;
-    if (kind == 's') c_scale(target, &stated, &half); /* Re(u F) = (u F + u* F*)/2 */
-    else c_integer(target, 1);
-    if (kind == 's') c_conj(target + 1, target);
+    pair(&stated, part[2]); number(&limit, part[3]);
+    integer(target, 1);
+    if (kind == 's') { over(target, &stated, 2); mirrored(target + 1, target); } /* Re(u F) = (u F + u* F*)/2 */
     sums(&centre, &radius, &parametric, evidence, target, wanted);
-    if (kind == 's') b_set(&half, &centre.re); /* the functional is real */
-    else { c_sub(&centre, &centre, &stated); c_abs_above(&half, &centre); }
-    b_add(&radius, &radius, &half);
-    int proved = b_at_most(&radius, &limit);
+    if (kind == 'd') { sub(&centre, &centre, &stated); above(&centre, &centre); } /* else the functional is real */
+    exactly(&centre); add(&radius, &radius, &centre);
+    int proved = at_most(&radius, &limit);
     printf("%s%s", proved ? "proved: " : "not proved: ", kind == 's' ? "Re((" : "|F - (");
-    words(part[2]->child); printf(" + "); words(part[2]->child->next);
-    printf(kind == 's' ? " j) F) <= " : " j)| <= "); words(part[3]);
-    printf(" at "); words(part[1]); printf(" rad/s, for every consistent system\n");
+    words(part[2]->child, " + "); words(part[2]->child->next, kind == 's' ? " j) F) <= " : " j)| <= ");
+    words(part[3], " at "); words(part[1], " rad/s, for every consistent system\n");
     return proved;
 }
 
 /* A system: phi from its reflection coefficients g_k, |g_k| < 1, and parameters. w_L = 0, w_k = (g_k + zeta w_k+1)/(1 + g_k zeta w_k+1)
- * maps functions of norm at most 1 to such functions, whatever the g_k: phi = w_0. */
+ * maps functions of norm at most 1 to such functions, whatever the g_k: phi = w_0 = b/a, polynomials whose coefficients are known. */
 static int consistent(node *claim, node *evidence) {
+    HELD(one); HELD(turned); HELD(below); HELD(sum);
     node *part[2];
-    ball *p = b_array(M);
-    HELD(cball, one); HELD(cball, turned); HELD(cball, below); HELD(ball, size); HELD(ball, limit);
+    num *p = array(M), *a = array(powers), *b = array(powers), *g;
     int proved = 1;
     FIELDS(claim, part, "kind");
     FIELDS(evidence, part, "reflections", "parameters");
     size_t count = part[0]->count;
-    ball *g = b_array(count);
-    b_integer(&limit, 1);
-    numbers(g, part[0], count, "reflection coefficients");
-    numbers(p, part[1], M, "parameters");
-    for (size_t k = 0; k < count; k++) {
-        b_set(&size, &g[k]); mpz_abs(size.m, size.m);
-        if (!b_less(&size, &limit)) proved = 0;
-    }
-    for (size_t k = 0; proved && k < N; k++) {
-        c_integer(&one, 0);
-        for (size_t l = count; l-- > 0;) {
-            c_mul(&turned, &one, &zeta[k]); c_scale(&below, &turned, &g[l]);
-            b_add(&below.re, &below.re, &limit); b_add(&turned.re, &turned.re, &g[l]);
-            c_div(&one, &turned, &below);
+    g = array(count);
+    numbers(g, part[0], count, "reflection coefficients"); numbers(p, part[1], M, "parameters");
+    for (size_t k = 0; k < count; k++) { above(&one, g + k); proved &= less(&one, &ONE); }
+    if (powers) integer(a, 1);
+    for (size_t k = count; proved && k-- > 0;)
+        for (size_t s = powers; s-- > 0;) {
+            integer(&one, 0);
+            if (s) set(&one, b + s - 1);
+            mul(b + s, g + k, a + s); mul(&below, g + k, &one);
+            add(b + s, b + s, &one); add(a + s, a + s, &below);
         }
-        c_scale(&one, &one, &K);
-        for (size_t i = 0; i < M; i++) { c_scale(&turned, &functions[k * M + i], &p[i]); c_add(&one, &one, &turned); }
-        c_sub(&one, &samples[k], &one); c_abs_above(&size, &one);
-        if (!b_at_most(&size, &bounds[k])) proved = 0;
+    for (size_t s = 0; s < powers; s++) /* b becomes the coefficients of phi; a begins with 1 */
+        for (size_t m = 1; m <= s; m++) { mul(&one, a + m, b + s - m); sub(b + s, b + s, &one); }
+    for (size_t k = 0; proved && k < N + R; k++) {
+        integer(&one, 0);
+        for (size_t l = count; k < N && l-- > 0;) {
+            mul(&turned, &one, &zeta[k]); mul(&below, &turned, g + l);
+            add(&below, &below, &ONE); add(&turned, &turned, g + l);
+            divide(&one, &turned, &below);
+        }
+        for (size_t s = 0; k >= N && s <= record[k - N].t; s++) {
+            mul(&turned, b + s, decay + s); mul(&turned, &turned, record[k - N].u + record[k - N].t - s);
+            add(&one, &one, &turned);
+        }
+        mul(&one, &one, &K);
+        for (size_t i = 0; i < M; i++) accumulate(&sum, functions + (k < N ? k : k + N + 2) * M + i, p + i, 0);
+        settle(&turned, &sum); add(&one, &one, &turned);
+        sub(&one, samples + k, &one); above(&one, &one);
+        proved &= at_most(&one, bounds + k);
     }
     puts(proved ? "proved: a system of the class keeps every sample within its bound" : "not proved: a system is consistent");
     return proved;
@@ -612,80 +583,109 @@ static void sha256(const unsigned char *text, size_t size, char hex[65]) {
 static void read_class(node *one) {
     node *part[3], *matrix[4], *row;
     FIELDS(one, part, "gain_bound", "decay_rate", "functions");
-    positive(&K, part[0], "gain_bound");
-    positive(&rho, part[1], "decay_rate");
-    HELD(ball, unit);
-    b_integer(&unit, 1);
-    if (!b_less(&unit, &rho)) unreadable("a decay rate that is not above 1", "");
+    above_zero(&K, part[0], "gain_bound"); above_zero(&rho, part[1], "decay_rate");
+    if (!less(&ONE, &rho)) unreadable("a decay rate that is not above 1", "");
     FIELDS(part[2], matrix, "A", "B", "C", "D");
     S = matrix[0]->count; M = matrix[2]->count;
     if (S > FUNCTIONS || M > FUNCTIONS) unreadable("more parametric functions than version 1 allows", "");
-    A = b_array(S * S); B = b_array(S); C = b_array(M * S); D = b_array(M);
+    A = array(S * S); B = array(S); C = array(M * S); D = array(M);
     row = list(matrix[0], "A");
     for (size_t a = 0; a < S; a++, row = row->next) numbers(A + a * S, row, S, "a row of A");
     row = list(matrix[2], "C");
     for (size_t i = 0; i < M; i++, row = row->next) numbers(C + i * S, row, S, "a row of C");
-    numbers(B, matrix[1], S, "B");
-    numbers(D, matrix[3], M, "D");
-    about = b_array(M); within = b_array(M);
+    numbers(B, matrix[1], S, "B"); numbers(D, matrix[3], M, "D");
+    about = array(M); within = array(M);
 }
-static void read_question(node *part[6]) {
-    node *unit[3], *row = list(part[4], "data");
-    HELD(ball, level);
+/* Samples [t, y, bound] of the response to the input u_0, u_1, ..., from rest; and those of the parametric functions. */
+static size_t read_record(node *one, size_t first, const num *level) {
+    HELD(response);
+    node *part[2], *row;
+    FIELDS(one, part, "input", "samples");
+    size_t count = part[0]->count, *at = room(count, sizeof *at);
+    if (count > TERMS) unreadable("a longer record than version 1 allows", "");
+    num *u = array(count), *state = array(S), *next = array(S), *out = array(M * (count + 1));
+    numbers(u, part[0], count, "inputs");
+    for (size_t t = 0; t < count; t++) {
+        apply(out + t * M, C, state, M, S); apply(next, A, state, S, S);
+        for (size_t i = 0; i < M; i++) { mul(&response, D + i, u + t); add(out + t * M + i, out + t * M + i, &response); }
+        for (size_t a = 0; a < S; a++) { mul(&response, B + a, u + t); add(state + a, next + a, &response); }
+    }
+    for (row = list(part[1], "samples"); row; row = row->next, first++) {
+        node *child = list_of(row, 3, "a sample [t, y, bound]");
+        size_t t = index_below(child, count);
+        record[first].u = u; record[first].t = t;
+        number(samples + N + first, child->next);
+        above_zero(bounds + N + first, child->next->next, "bound of a sample"); mul(bounds + N + first, bounds + N + first, level);
+        for (size_t i = 0; i < M; i++) set(functions + (2 * N + 2 + first) * M + i, out + t * M + i);
+    }
+    return first;
+}
+static void read_question(node *part[7]) {
+    HELD(level);
+    node *unit[3], *two[2], *row = list(part[4], "data"), *one;
+    size_t first = 0;
     FIELDS(part[2], unit, "frequency", "time", "response");
     if (!is(unit[0], "rad/s") || !is(unit[1], "s")) unreadable("the units of frequency and time must be rad/s and s", "");
     if (unit[2]->kind != 's') unreadable("the unit of the response must be a string", "");
-    positive(&sample_time, part[1], "sample_time");
-    positive(&level, part[3], "level");
+    above_zero(&sample_time, part[1], "sample_time"); above_zero(&level, part[3], "level");
     N = part[4]->count;
-    if (!N || N > SAMPLES) unreadable("no data, or more samples than version 1 allows", "");
-    read_class(part[0]);
-    samples = c_array(N); bounds = b_array(N); zeta = c_array(2 * N + 2); functions = c_array((2 * N + 2) * M);
-    if (N <= CACHED) { cauchy = c_array(4 * N * N); known = room(4 * N * N, 1); }
-    for (size_t k = 0; k < N; k++, row = row->next) {
-        node *child = list_of(row, 4, "a sample [omega, re, im, bound]");
-        place(k, N + k, child);
-        number(&samples[k].re, child->next); number(&samples[k].im, child->next->next);
-        positive(&bounds[k], child->next->next->next, "bound of a sample");
-        b_mul(&bounds[k], &bounds[k], &level);
+    for (one = list(part[5], "records"); one; one = one->next) {
+        FIELDS(one, two, "input", "samples");
+        if (two[0]->count > powers) powers = two[0]->count;
+        R += two[1]->count;
     }
+    if (!(N + R) || N > SAMPLES || R > SAMPLES) unreadable("no data, or more samples than version 1 allows", "");
+    if (powers > TERMS) unreadable("more coefficients than version 1 allows", "");
+    nodes = 2 * N + 2;
+    read_class(part[0]);
+    samples = array(N + R); bounds = array(N + R); zeta = array(nodes); functions = array((nodes + R) * M); decay = array(powers);
+    record = room(R, sizeof *record);
+    if (N <= CACHED) { cauchy = array(nodes * nodes); known = room(nodes * nodes, 1); }
+    for (size_t s = 0; s < powers; s++) { if (s) divide(decay + s, decay + s - 1, &rho); else integer(decay, 1); }
+    for (size_t k = 0; k < N; k++, row = row->next) {
+        node *child = list_of(row, 4, "a line [omega, re, im, bound]");
+        place(k, N + k, child);
+        complex(samples + k, child->next);
+        above_zero(bounds + k, child->next->next->next, "bound of a sample"); mul(bounds + k, bounds + k, &level);
+    }
+    for (one = part[5]->child; one; one = one->next) first = read_record(one, first, &level);
 }
 int main(int count, char **words_of) {
-    node *part[5], *asked[6], *proof[2], *claim, *evidence;
+    node *part[5], *asked[7], *proof[3], *claim, *evidence;
     FILE *file = count == 2 ? fopen(words_of[1], "rb") : NULL;
     char hex[65];
     if (!file) unreadable(count == 2 ? "cannot open" : "usage: robustid-proof FILE", count == 2 ? words_of[1] : "");
-    long length = fseek(file, 0, SEEK_END) ? -1 : ftell(file);
-    if (length < 0 || length > LARGEST || fseek(file, 0, SEEK_SET)) unreadable("no file of at most 64 MiB", words_of[1]);
-    char *text = room((size_t)length, 1);
-    size_t size = fread(text, 1, (size_t)length, file);
+    long size = fseek(file, 0, SEEK_END) ? -1 : ftell(file);
+    if (size < 0 || size > LARGEST || fseek(file, 0, SEEK_SET)) unreadable("no file of at most 64 MiB", words_of[1]);
+    char *text = room((size_t)size, 1);
+    at = text; stop = text + fread(text, 1, (size_t)size, file);
     fclose(file);
-    ball *made[] = {&B1, &B2, &B3, &B4, &C1.re, &C1.im, &C2.re, &C2.im, &K, &rho, &sample_time};
-    mpz_inits(T1, T2, T3, NULL);
-    for (size_t k = 0; k < sizeof made / sizeof *made; k++) ball_init(made[k]);
-    at = text; stop = text + size;
     node *whole = value(0);
     blank();
     if (at != stop) unreadable("something follows after the proof", "");
     FIELDS(whole, part, "format", "version", "digest", "question", "evidence");
-    if (!is(part[0], "robustid-proof") || part[1]->kind != 'i' || index_below(part[1], 1000) != 1) unreadable("this is not version 1 of robustid-proof", "");
-    FIELDS(part[3], asked, "class", "sample_time", "units", "level", "data", "statements");
-    FIELDS(part[4], proof, "parameters", "statements");
+    if (!is(part[0], "robustid-proof") || index_below(part[1], 1000) != 1) unreadable("this is not version 1 of robustid-proof", "");
+    FIELDS(part[3], asked, "class", "sample_time", "units", "level", "data", "records", "statements");
+    FIELDS(part[4], proof, "powers", "parameters", "statements");
     sha256((const unsigned char *)part[3]->start, (size_t)(part[3]->end - part[3]->start), hex);
     if (!is(part[2], hex)) { printf("not proved: the digest is not that of the question, %s\n", hex); return 1; }
-    claim = list(asked[5], "statements");
-    evidence = list_of(proof[1], asked[5]->count, "evidence of every statement");
+    claim = list(asked[6], "statements");
+    evidence = list_of(proof[2], asked[6]->count, "evidence of every statement");
     if (!claim) unreadable("there are no statements", "");
+    powers = index_below(proof[0], TERMS + 1);
     for (node *one = evidence; one; one = one->next) { /* two bits for every step of the recursion of a system */
         node *gains = one->kind == 'o' ? find(one, "reflections") : NULL;
         if (gains && gains->count > TERMS) unreadable("more reflection coefficients than version 1 allows", "");
-        if (gains && precision < 256 + 2 * gains->count) precision = 256 + 2 * gains->count;
+        if (gains && P < 320 + 2 * gains->count) P = 320 + 2 * gains->count;
     }
+    num *made[] = {&ONE, &NONE, &K, &rho, &sample_time};
+    mpz_inits(T1, T2, T3, NULL);
+    for (size_t k = 0; k < sizeof made / sizeof *made; k++) mpz_inits(made[k]->re, made[k]->im, made[k]->r, NULL);
+    integer(&ONE, 1);
     read_question(asked);
-    int sound, proved = 1;
-    printf("question %s: %zu samples, %zu parametric functions, bounds times ", hex, N, M); words(asked[3]); putchar('\n');
-    sound = parameters_proved(proof[0]) && !lost;
-    if (!sound) { puts("not proved: what the evidence says of the parameters, on which all statements stand"); return 1; }
+    int proved = 1;
+    printf("question %s: %zu lines, %zu samples of records, %zu parametric functions, bounds times ", hex, N, R, M); words(asked[3], "\n");
+    if (!parameters_proved(proof[1]) || lost) { puts("not proved: what the evidence says of the parameters, on which all statements stand"); return 1; }
     for (; claim; claim = claim->next, evidence = evidence->next) {
         node *kind = claim->kind == 'o' ? find(claim, "kind") : NULL;
         if (!kind) unreadable("a statement without a kind", "");

@@ -1,3 +1,4 @@
+import gc
 import os
 import pathlib
 import sys
@@ -10,6 +11,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Recorded numbers are compared: processors with wider instructions sum in another order, in kernels of their own.
 os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
 sys.path.insert(0, str(pathlib.Path(__file__).parent))  # `support`, also where a test runs alone
+
+
+gc.disable()  # while tests are collected: all that is made stays
+
+
+def pytest_collection_finish():
+    """Collections of garbage don't go through the collected tests each time."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items):

@@ -267,7 +267,7 @@ class CommonModes(Frozen, Tabular, Savable):
         return "\n".join([*lines, *(f"assumed    {one}" for one in self.assumed)])
 
     def mode_words(self, mode: int) -> str:
-        """What all setups leave of a mode, or which two contradict each other."""
+        """Words for the part of a mode that all setups leave, or for the two that contradict each other."""
         mine = [one for one in self.disagreements if one.mode == mode]
         if mine:
             return "; ".join(disagreement_words(one) for one in mine)

@@ -60,6 +60,8 @@ class ControllerDesign(Frozen, Drawable, Savable):
         Of every band: worst cases and margins on the whole axis.
     shares : dict of str to (float, float)
         Largest share of every limit that any consistent plant takes on the whole axis, and the frequency near it in rad/s.
+    by_band : tuple of dict
+        The same shares with the plants of each band alone.
     searched : tuple of float
         Numbers of the structure that were searched, in its order.
     bounds : float or None
@@ -80,24 +82,40 @@ class ControllerDesign(Frozen, Drawable, Savable):
     searched: tuple[float, ...]
     bounds: float | None = None
     finished: bool = True
+    by_band: tuple[dict[str, tuple[float, float]], ...] = ()
 
     def __post_init__(self) -> None:
         self._set(finished=as_flag("finished", self.finished))
 
     @property
     def limited_by(self) -> tuple[str, float] | None:
-        """Limit of which the largest share is taken, and where, in rad/s."""
-        shares = self.asked_shares
+        """Limit of which the largest share is taken, and where, in rad/s; the goal, which reaches its level, is none."""
+        shares = self._without_goal
         if not shares:
             return None
         name = max(shares, key=lambda one: shares[one][0])
         return name, shares[name][1]
 
     @property
+    def limiting_bands(self) -> tuple[tuple[int, str, float], ...]:
+        """Every band by its number from 0, with the limit of which its plants take most, and that share; the largest first.
+
+        Limits of which every band takes the same, such as a gain of the controller, tell none from the others and are left out.
+        """
+        names = [name for name in self.asked_shares if len({one[name][0] for one in self.by_band if name in one}) > 1]
+        if not names:
+            return ()
+        found = [(k, *max(((name, one[name][0]) for name in names), key=_second)) for k, one in enumerate(self.by_band)]
+        return tuple(sorted(found, key=lambda entry: -entry[2]))
+
+    @property
     def asked_shares(self) -> dict[str, tuple[float, float]]:
         """The shares, where no controller was found less that of the least level of the goal, for which nobody asked."""
-        if self.status is not DesignStatus.NONE:
-            return self.shares
+        return self._without_goal if self.status is DesignStatus.NONE else self.shares
+
+    @property
+    def _without_goal(self) -> dict[str, tuple[float, float]]:
+        """The shares of limits that somebody asked for; all where there are none."""
         own = set(self.goal.asked(Limits(sensitivity_peak=None), max(self.level, _LEVEL)).stated)
         unasked = {SHARES[name] for name in own.difference(self.limits.stated)}
         return {name: share for name, share in self.shares.items() if name not in unasked} or self.shares
@@ -106,7 +124,8 @@ class ControllerDesign(Frozen, Drawable, Savable):
     def scope(self) -> str:
         """Words that follow a claim: for how many bands, on what they take their poles to be, and on their data."""
         count = len(self.proofs)
-        several = f", for the plants of all {count} bands" if count > 1 else ""
+        every = "both" if count == 2 else f"all {count}"
+        several = f", for the plants of {every} bands" if count > 1 else ""
         return several + scope_of([one.band for one in self.proofs])
 
     def obstacle(self) -> Obstacle | None:
@@ -196,6 +215,10 @@ class ControllerDesign(Frozen, Drawable, Savable):
         if self.bounds:
             return ["bounds     half as large: the limits could be kept"]
         return ["bounds     half as large are not enough; for the models themselves the limits could be kept"]
+
+
+def _second(pair: tuple[str, float]) -> float:
+    return pair[1]
 
 
 def _near(omega: float) -> str:
@@ -321,6 +344,7 @@ def _design(
         structure=task.structure,
         proofs=proof.proofs,
         shares=proof.shares,
+        by_band=proof.by_band,
         searched=tuple(found.at),
         bounds=bounds,
         finished=finished,

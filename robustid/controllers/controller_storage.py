@@ -77,6 +77,7 @@ def design_again(
         controller=model,
         proofs=proof.proofs,
         shares=proof.shares,
+        by_band=proof.by_band,
         **asked,
     )
 

@@ -36,10 +36,11 @@ SHARES = {
 
 
 class Proof(NamedTuple):
-    """Worst cases of a controller with the plants of every band, and what it takes of every limit."""
+    """Worst cases of a controller with the plants of every band, and what it takes of every limit: with all, and with each band."""
 
     proofs: tuple[LoopBounds, ...]
     shares: dict[str, tuple[float, float]]
+    by_band: tuple[dict[str, tuple[float, float]], ...]
 
     @property
     def kept(self) -> bool:
@@ -64,7 +65,9 @@ def proof_of(
         told.tell(3 * k + 2, count)
         found.append(Taken(proofs[-1].peaks, proofs[-1].margins, one.shares(controller, limits)))
         told.tell(3 * k + 3, count)
-    return Proof(tuple(proofs), shares_of(limits, found, StateMatrices.of(controller), plants[0].dt))
+    states, dt = StateMatrices.of(controller), plants[0].dt
+    by_band = tuple(shares_of(limits, [one], states, dt) for one in found)
+    return Proof(tuple(proofs), shares_of(limits, found, states, dt), by_band)
 
 
 class Taken(NamedTuple):

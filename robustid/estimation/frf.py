@@ -91,9 +91,10 @@ def estimate_frf(
     differs between realisations; where that is no more than the scatter over periods explains, both are taken together. Of
     experiments that drive the inputs alike, all nu of a block count, ``nu (B - 1)`` degrees of freedom at a line.
 
-    With fewer than 10, neighbouring lines share their variance: around every line its logarithm is linear in that of the response
-    and in the frequency. Degrees of freedom are those of that fit, less where neighbouring lines vary together, or all lines do
-    from record to record. The variance of the next record is ``S (1 + 1/B)`` less that of the noise.
+    With fewer than 10, neighbouring lines share their variance: its logarithm, linear in that of the response and in the frequency,
+    is fitted to the lines around every one. The mean of this and the line's own, by their degrees of freedom, is taken; a fit has
+    fewer of them as lines scatter about it beyond chance, vary together, or all do from record to record (`smyth2004`). The
+    variance of the next record is ``S (1 + 1/B)`` less that of the noise.
 
     Local. In a short record the lines of a window reach beyond a resonance, or to two, and no function of low order fits there. So
     G and T of all lines first, by common poles, as many as shorten the description of the spectra; windows are about what these

@@ -24,6 +24,7 @@ _ROUNDS, _LARGEST = 12, 20.0  # of Fisher's scoring, and of a residual in it
 _TOGETHER = 5  # neighbouring pairs of lines over which the phase of a correlation is taken as constant
 _DISTORTED = 4.0  # standard deviations by which a variance must exceed noise
 _GROUPS = 16  # of lines, in each of which distortion is looked for
+_NONE = 1e-9  # degrees of freedom of what nothing is known of
 _UNLIKE = 0.01  # probability with which any line of equal variance is taken for one of its own
 
 
@@ -33,6 +34,7 @@ class Pool(NamedTuple):
     matrix: np.ndarray  # (F, q, q)
     dof: Real  # (F,)
     lines: int  # most lines that were pooled; 1: none
+    together: float = 1.0  # lines that vary as one, in the mean
 
 
 class Neighbours(NamedTuple):
@@ -40,6 +42,12 @@ class Neighbours(NamedTuple):
 
     index: np.ndarray  # type: ignore[assignment] # (F, n)
     near: np.ndarray  # (F, n) bool: near enough to count
+
+    @property
+    def others(self) -> Neighbours:
+        """The lines around every one but itself, unless it is alone."""
+        other = self.near & (self.index != np.arange(len(self.index))[:, None])
+        return self._replace(near=np.where(other.any(axis=1, keepdims=True), other, self.near))
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Mean over the near neighbours of values (F, ...)."""
@@ -57,25 +65,28 @@ def neighbours(index: np.ndarray, count: int) -> Neighbours:
 
 
 def pool(matrix: np.ndarray, dof: float, size: np.ndarray, index: np.ndarray, residuals: np.ndarray | None) -> Pool:
-    """Variances of q signals averaged over neighbouring spectral lines where few residuals (`dof`) would leave them hardly known.
+    """Variances of q signals shared by neighbouring spectral lines where few residuals (`dof`) would leave them hardly known.
 
-    Around every line the logarithm of the variance is taken as linear in that of the response, `size` (F, q), and in the frequency
-    (`_Smooth`). A line whose own variance is larger than that by more than chance keeps its own.
+    From the lines around each one, itself left out, the logarithm of its variance is predicted as linear in that of the response,
+    `size` (F, q), and in the frequency (`_Smooth`). The variance is the mean of its own and the predicted one, by their degrees of
+    freedom; those of the prediction are what the fit leaves, and what lines scatter about theirs beyond chance (`smyth2004`).
     """
-    # The degrees of freedom are what that fit leaves, few where a line stands out. Lines that vary together, as the residuals
-    # (F, c, q) show, are worth fewer: n of them n/(1 + 2 sum_l (1 - l/n) r_l^2), r_l the correlation of lines l apart.
+    # Lines that vary together, as the residuals (F, c, q) show, are worth fewer: n of them n/(1 + 2 sum_l (1 - l/n) r_l^2), r_l the
+    # correlation of lines l apart.
     own = np.maximum(np.einsum("fii->fi", matrix).real, 0)
     count = min(index.size, _MOST, math.ceil(_WANTED / dof)) if dof < _ENOUGH else 1
     around = neighbours(index, count)
     used = around.near.sum(axis=1)
     if used.max() == 1:
         return Pool(matrix, np.full(index.size, float(dof)), 1)
-    fit = _Smooth(own, size, index, around, dof)
-    variance = fit.variance
+    fit = _Smooth(own, size, index, around.others, dof)
+    predicted, known = fit.variance, np.where(used[:, None] > 1, fit.degrees(own), 0.0)
+    known = np.where(_unlike(own, predicted, dof, known), 0.0, known)
+    variance = (dof * own + known * predicted) / (dof + known)
     worth = np.ones(index.size) if residuals is None else _together(residuals, variance, dof, count)
-    degrees = np.maximum(fit.degrees(np.minimum(worth, used)), dof)
-    variance = _guarded(own, variance, dof, degrees)
-    return Pool(_shaped(matrix, variance, around), degrees, int(used.max()))
+    together = np.minimum(worth, used)
+    degrees = np.maximum((dof + known).mean(axis=1) / together, dof)
+    return Pool(_shaped(matrix, variance, around), degrees, int(used.max()), float(together.mean()))
 
 
 class _Smooth:
@@ -125,10 +136,23 @@ class _Smooth:
         """At every line, (F, q)."""
         return np.exp(self.log[..., 0]) * self.top
 
-    def degrees(self, worth: Real) -> Real:
-        """Degrees of freedom of the variance of every line, (F,), where `worth` lines count as one."""
-        information = self.gram / worth[:, None, None, None] + np.diag([0.0, *_FREE])
-        return 1 / np.asarray(np.linalg.inv(information), dtype=float)[..., 0, 0].mean(axis=1)
+    def degrees(self, own: Real) -> Real:
+        """Degrees of freedom of the predicted variance of every line, (F, q), itself left out, from how lines scatter about theirs.
+
+        With v the variance of the fitted logarithm, t that of the lines about a smooth one, and psi' the trigamma function, the
+        square of ``log(own/predicted)`` is ``psi'(dof) + v + t (1 + dof v)`` in the mean; ``psi'(degrees) = v + t (1 + dof v)``.
+        """
+        from scipy.special import polygamma, psi
+
+        fitted = np.asarray(np.linalg.inv(self.gram + np.diag([_NONE, *_FREE])), dtype=float)[..., 0, 0]
+        least = np.finfo(float).eps ** 2
+        away = np.log(np.maximum(own / self.top, least)) - self.log[..., 0] - psi(self.dof) + np.log(self.dof)
+        share = 1 + self.dof * fitted
+        beyond: Real = (away**2 - polygamma(1, self.dof) - fitted) / share
+        rough = max(float(beyond.mean()), 0.0)
+        spread = fitted + rough * share
+        # psi'(n) = 1/n + 1/(2 n^2) to a tenth for n above .7, and below that less is claimed.
+        return (1 + np.sqrt(1 + 2 * spread)) / (2 * spread)
 
 
 def _together(residuals: np.ndarray, variance: Real, dof: float, count: int) -> Real:
@@ -158,12 +182,11 @@ def _running(values: np.ndarray, width: int) -> np.ndarray:
     return total[high] - total[low]
 
 
-def _guarded(own: Real, pooled: Real, dof: float, degrees: Real) -> Real:
-    """The pooled variance; the own one where it is larger by more than chance allows on any line."""
+def _unlike(own: Real, predicted: Real, dof: float, known: Real) -> np.ndarray:
+    """Lines whose own variance is larger than the predicted one by more than chance allows on any line."""
     from scipy.special import fdtri
 
-    limit = fdtri(2 * dof, 2 * degrees, 1 - _UNLIKE / own.size)[:, None]
-    return np.where(own > limit * pooled, own, pooled)
+    return own > fdtri(2 * dof, 2 * np.maximum(known, _NONE), 1 - _UNLIKE / own.size) * predicted
 
 
 def _shaped(matrix: np.ndarray, variance: Real, around: Neighbours) -> np.ndarray:

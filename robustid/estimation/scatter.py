@@ -163,9 +163,8 @@ def _common(residuals: np.ndarray, shared: Pool, dof: float) -> float:
     white = np.abs(residuals) ** 2 / np.where(variance > 0, variance, 1)[:, None]
     power = white.mean(axis=(0, 2))
     power = power / power.mean() if power.mean() > 0 else np.ones(power.size)
-    worth = np.mean(dof * shared.lines / shared.dof)  # how many lines count as one
     spare = dof - 1
-    chance = min(worth, len(white)) / (len(white) * residuals.shape[2])
+    chance = min(shared.together, len(white)) / (len(white) * residuals.shape[2])
     seen = max(power.var(ddof=1) - chance, 0) * (dof / spare) ** 2 if spare > 0 else 0.0
     return (_BEFORE * _COMMON + spare * seen) / (_BEFORE + spare)
 

@@ -15,6 +15,7 @@ from robustid.guarantees.diameter import Diameter, diameter
 from robustid.guarantees.drift import Drift, drift
 from robustid.guarantees.family import family, frequencies_of
 from robustid.guarantees.family_result import Driver, Family
+from robustid.guarantees.fleet import QUANTITIES, Fleet, FleetRow, FleetState, Outlier, fleet_of
 from robustid.guarantees.interconnection import interconnection
 from robustid.guarantees.interconnection_result import Interconnection, InterconnectionStatus
 from robustid.guarantees.linear.error_sets import ErrorSets
@@ -60,6 +61,7 @@ from robustid.guarantees.worst_case_result import WorstCaseError
 __all__ = [
     "LEAST",
     "MOST",
+    "QUANTITIES",
     "STEPS",
     "Balls",
     "Band",
@@ -74,6 +76,9 @@ __all__ = [
     "Driver",
     "ErrorSets",
     "Family",
+    "Fleet",
+    "FleetRow",
+    "FleetState",
     "Interconnection",
     "InterconnectionStatus",
     "Judgement",
@@ -85,6 +90,7 @@ __all__ = [
     "MarginStatus",
     "MarginsByLoop",
     "Member",
+    "Outlier",
     "ParameterIntervals",
     "Peak",
     "Pieces",
@@ -126,6 +132,7 @@ __all__ = [
     "drift",
     "entry_weights",
     "family",
+    "fleet_of",
     "frequencies_of",
     "growing_error",
     "has_box",

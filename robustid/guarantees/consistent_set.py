@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.bases import solve_stein
-from robustid.core import Complex, Frozen, Real
+from robustid.core import Budget, Complex, Frozen, Real
 from robustid.errors import InconsistentDataError
 from robustid.guarantees.extremes import Extreme, PartSet, largest, part_set
 from robustid.identification import (
@@ -90,16 +90,18 @@ class ConsistentSet(Frozen):
         found = largest(self.data, self._supports, self.center, self.level, functional, gap, near, early)
         return found if self.contains(found.x, found.p) else dataclasses.replace(found, attained=-np.inf)
 
-    def member(self, functional: Functional, gap: float) -> tuple[Real, Real] | None:
+    def member(self, functional: Functional, gap: float, budget: Budget | None = None) -> tuple[Real, Real] | None:
         """Coefficients and parameters of a system whose value is about that near to the largest one; nothing is proved.
 
-        None where the set is too thin for a verified one.
+        None where the set is too thin for a verified one. Where the time is over it is the farthest so far.
         """
         inside, best, last = functional(self.center.x, self.center.p), None, 0.0
         for point, value, estimate, _ in self._supports.path((np.array(functional.x), np.array(functional.p))):
             best, last, gained = point, value - inside, value - inside - last
             # Near the end values grow less than their estimated gap: each step takes most of it.
             if estimate <= gap * last or (estimate <= last and gained <= gap * last):
+                break
+            if budget is not None and budget.over:
                 break
         return (best.x, best.p) if best is not None and self.contains(best.x, best.p) else None
 

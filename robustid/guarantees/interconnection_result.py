@@ -194,6 +194,6 @@ class Interconnection(Frozen, Drawable, Savable):
                 found.append(f"{name}: {there}; knowing this side better does not do alone")
             else:
                 found.append(
-                    f"{name}: {there}; {factor:.3g} times that, in all entries, does with the other side as it is"
+                    f"{name}: {there}; {factor:.3g} times that, in all entries, is enough with the other side as it is"
                 )
         return tuple(found)

@@ -107,9 +107,8 @@ class LoopBounds(Frozen, Drawable, Savable):
     @property
     def status(self) -> LoopStatus:
         """Proved stable, refuted by a plant, or neither; the first too of the controller that ran, which stabilises all."""
-        if self.guaranteed:
-            return LoopStatus.STABLE
-        return LoopStatus.UNDECIDED if self.refuted_by is None else LoopStatus.UNSTABLE
+        otherwise = LoopStatus.UNDECIDED if self.refuted_by is None else LoopStatus.UNSTABLE
+        return LoopStatus.STABLE if self.guaranteed else otherwise
 
     @property
     def in_open_loop(self) -> bool:
@@ -153,37 +152,38 @@ class LoopBounds(Frozen, Drawable, Savable):
         """
         return farthest_plant(self.band, self.loop, _nominal(self.band))
 
-    def unstable_plant(self, identification: Identification | None = None) -> UnstablePlant | None:
+    def unstable_plant(
+        self, identification: Identification | None = None, *, time_limit: float | None = None
+    ) -> UnstablePlant | None:
         """A plant that the data allow and that the controller does not stabilise, as a model; None where none was found.
 
         Parameters
         ----------
         identification : Identification, optional
             Of the problem of the band, where one is at hand. Default: `identify` of it.
+        time_limit : float, optional
+            Seconds after which no further plant is looked for.
         """
+        budget = Budget(time_limit)
         if self.guaranteed or self.stability is None:
             return None
-        thing = identify(self.band.problem) if identification is None else identification
+        thing = identification or identify(self.band.problem, time_limit=budget.seconds)
+        if not thing.consistent:
+            return None
         edges, margins = self.stability.edges, self.stability.margins
         worst = np.argsort(margins)
         middle = (edges[:-1] + np.where(np.isfinite(edges[1:]), edges[1:], edges[:-1])) / 2
         frequencies = np.concatenate([[self.stability.frequency], middle[worst]])
-        return unstable_plant(thing, self.loop, self.loop.as_controller(self.controller), frequencies)
+        return unstable_plant(thing, self.loop, self.loop.as_controller(self.controller), frequencies, budget)
 
-    def refuted(self, identification: Identification | None = None) -> LoopBounds:
+    def refuted(self, identification: Identification | None = None, *, time_limit: float | None = None) -> LoopBounds:
         """Return the same with the plant of `unstable_plant`; itself where none is found, or none can be."""
-        found = self.unstable_plant(identification)
+        found = self.unstable_plant(identification, time_limit=time_limit)
         return self if found is None else dataclasses.replace(self, refuted_by=found)
 
     def __repr__(self) -> str:
         said = "the controller that ran" if self.stability is None else self.status.name.lower()
         return f"<LoopBounds: {said}, peak of S {self.peaks['sensitivity'].value:.4g}>"
-
-    @property
-    def _verdict(self) -> str:
-        if self.stability is None:
-            return "the controller that ran stabilises every consistent plant"
-        return self.status.value
 
     @property
     def unbounded(self) -> str:
@@ -199,7 +199,8 @@ class LoopBounds(Frozen, Drawable, Savable):
 
     def summary(self) -> str:
         """The result in plain text."""
-        lines = [f"loop       {self._verdict}{scope_of([self.band])}"]
+        ran = "the controller that ran stabilises every consistent plant"
+        lines = [f"loop       {ran if self.stability is None else self.status.value}{scope_of([self.band])}"]
         if (found := self.refuted_by) is not None:
             lines.append(
                 f"refuted    by a plant of order {found.plant.nstates}, whose closed loop has a {found.pole_words}"
@@ -210,11 +211,9 @@ class LoopBounds(Frozen, Drawable, Savable):
         lines += self._peak_lines
         low, high = self.margins.gain
         who = "this controller" if self.stability is None else "the one stated"
-        ran = f", and that {who} ran: u = {self.loop.law}"
-        lines.append(
-            "assumed    the class of "
-            + ("the plant and the bounds of its samples" if self.in_open_loop else f"R, the bounds of its samples{ran}")
-        )
+        of_loop = f"R, the bounds of its samples, and that {who} ran: u = {self.loop.law}"
+        of = "the plant and the bounds of its samples" if self.in_open_loop else of_loop
+        lines.append(f"assumed    the class of {of}")
         if self.unbounded:
             return "\n".join(lines)
         lines[-1:-1] = [

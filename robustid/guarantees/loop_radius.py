@@ -8,6 +8,9 @@ With normalised factors :math:`G_0 = [D_0; N_0]` of the model :math:`P(R_0)`, th
           m = - W^{-1} G_0^* M_2, \qquad \delta_\nu = \sup_\omega \sin\theta ,
 
 since the way there, :math:`R_0 + t \Delta`, is continuous, so that the winding number stays where all sines are below 1.
+
+Of one input and one output with :math:`a = \tilde G_0 M_2 W^{-1}` the changes that stay within a tangent t,
+:math:`|a \Delta| \le t\, |1 - m \Delta|`, are a disc where :math:`t |m| < |a|`: a polygon is in it if its corners are.
 """
 
 from __future__ import annotations
@@ -20,7 +23,9 @@ import scipy.linalg
 from robustid.core import Complex, Real, StateMatrices, series
 from robustid.guarantees.loop_axis import BandAxis, Peak
 from robustid.guarantees.loop_distance import graph_complement, graph_factors
-from robustid.guarantees.loop_values import Part, image_of
+from robustid.guarantees.loop_values import Part, image_of, image_over
+
+_ONE = 1 + 1e-9
 
 if TYPE_CHECKING:
     import control
@@ -49,11 +54,32 @@ def farthest_plant(band: Band, loop: Loop, model: control.StateSpace) -> Peak:
     def sizes(pieces: Pieces, reach: Real, *_: Real) -> Real:
         complement, graph, second, inverse = _taken(pieces.values, reach, parts)
         outer, inner = _product(complement, second), _product(inverse, _product(_adjoint(graph), second))
-        tangent = image_of(outer, inverse, (-inner[0], inner[1]), axis.bounds(pieces)).largest
-        return _sine(tangent)[:, None]
+        errors, inner = axis.errors(pieces), (-inner[0], inner[1])
+        tangent = np.fmin(
+            image_of(outer, inverse, inner, errors.bound).largest, image_over(outer, inverse, inner, errors).largest
+        )
+        return _sine(np.fmin(tangent, _at_corners(outer, inverse, inner, errors.corners)))[:, None]
 
     value, omega = axis.largest(whole, sizes, np.zeros(1))
     return Peak(float(value[0]), float(omega[0]))
+
+
+def _at_corners(left: Part, right: Part, inner: Part, corners: Complex) -> Real:
+    """Largest size of ``left Delta (1 - inner Delta)^-1 right`` over polygons (N, M) of one entry; infinite where it isn't known.
+
+    All values within their radii: each has its disc, that of the largest size at a corner.
+    """
+    if not corners.shape[1]:
+        return np.full(len(corners), np.inf)
+    across, off = (one[:, 0, 0] for one in _product(left, right))
+    m, reach = (one[:, 0, 0] for one in inner)
+    size = np.abs(corners)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        room = np.abs(1 - m[:, None] * corners) - reach[:, None] * size
+        parts = np.where(room > 0, (np.abs(across) + off)[:, None] * size / room, np.inf)
+        found = parts.max(axis=1) * _ONE
+        convex = found * (np.abs(m) + reach) < np.abs(across) - off
+    return np.where(convex, found, np.inf)
 
 
 def _beside(blocks: list[Real]) -> Real:

@@ -219,7 +219,8 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     size = programs.together if plain[0].size <= _MANY else _MOST
     while count < _MOST:
         room = min(size, _MOST - count)
-        gain = (found.at(candidates)[1] / _estimated(plain, tried, added, candidates)).max(axis=(1, 2))
+        with np.errstate(invalid="ignore", divide="ignore"):  # nothing is gained where nothing is known, or all is
+            gain = (found.at(candidates)[1] / _estimated(plain, tried, added, candidates)).max(axis=(1, 2))
         if count:
             chosen = _apart(np.where(np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN), gain, 0), room)
         else:

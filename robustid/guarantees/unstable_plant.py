@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Real, StateMatrices, closed_loop, decay_of, poles_of, response_at
+from robustid.core import Budget, Complex, Frozen, Real, StateMatrices, closed_loop, decay_of, poles_of, response_at
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
 from robustid.guarantees.value_set import along
 from robustid.identification import Identification, Loop, MixedProblem, describe_poles, largest_ratio, nominal_model
@@ -64,24 +64,28 @@ class UnstablePlant(Frozen):
 
 
 def unstable_plant(
-    identification: Identification, loop: Loop, controller: StateMatrices, frequencies: Real
+    identification: Identification, loop: Loop, controller: StateMatrices, frequencies: Real, budget: Budget
 ) -> UnstablePlant | None:
     """A consistent plant whose loop with the controller is not stable; None where none was found, which proves nothing.
 
-    At each frequency the consistent R that goes farthest towards a singular loop is tried.
+    The model, and at each frequency, while there is time, the consistent R that goes farthest towards a singular loop are tried.
     """
     nominal, problem = identification.model, identification.problem
     if (found := judged_plant(problem, loop, controller, nominal, np.nan)) is not None:
         return found
+    if budget.over:
+        return None
     every, around = consistent_set(identification), loop.about(StateMatrices.of(nominal), controller)
     nu, ny = loop.shape
     for omega in _apart(frequencies):
+        if budget.over:
+            return None
         point = np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega
         inner = response_at(around, np.array([point]))[0, nu + ny :, nu : nu + ny]  # x of e: I - inner E singular
         left, _, right = np.linalg.svd(inner)
         # E = v u* / sigma makes it singular.
         towards = np.outer(right[0].conj(), left[:, 0].conj())
-        residual = _farthest(every.with_node(float(omega)), float(omega), towards)
+        residual = _farthest(every.with_node(float(omega)), float(omega), towards, budget)
         if residual is None:
             continue
         if (found := judged_plant(problem, loop, controller, residual, float(omega))) is not None:
@@ -98,14 +102,14 @@ def _apart(frequencies: Real) -> list[float]:
     return kept[:_TRIED]
 
 
-def _farthest(every: ConsistentSet, omega: float, towards: Complex) -> control.StateSpace | None:
+def _farthest(every: ConsistentSet, omega: float, towards: Complex, budget: Budget) -> control.StateSpace | None:
     """A consistent R that goes about as far as any along a matrix (ny, nu): Re <towards, R> is largest."""
     x, p, tail = 0.0, 0.0, 0.0
     for entry in np.ndindex(*towards.shape):
         one = every.value_weights(omega, (entry[0], entry[1]))
         weight = np.conj(towards[entry])
         x, p, tail = x + weight * one[0], p + weight * one[1], tail + abs(weight) * one[2]
-    point = every.member(along(0.0, np.asarray(x), np.asarray(p), float(tail)), _GAP)
+    point = every.member(along(0.0, np.asarray(x), np.asarray(p), float(tail)), _GAP, budget)
     if point is None:
         return None
     none = np.zeros(0)

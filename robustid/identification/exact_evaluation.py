@@ -86,10 +86,10 @@ def _sizes(samples: Numbers, rows: Rows) -> list[Any]:
 
 
 @contextlib.contextmanager
-def ball_arithmetic() -> Generator[Any]:
-    """The library FLINT, with as many bits as products of doubles take."""
+def ball_arithmetic(bits: int = _BITS) -> Generator[Any]:
+    """The library FLINT, with as many bits as products of doubles take, or with so many."""
     flint = _flint()
-    with flint.ctx.workprec(_BITS):
+    with flint.ctx.workprec(bits):
         yield flint
 
 

@@ -32,12 +32,11 @@ from robustid.core import (
     response_at,
     right_quotient,
     series,
-    simulate,
 )
 from robustid.data import Fault, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, Remedy
 from robustid.identification.loop_faults import loop_faults
-from robustid.identification.loop_terms import LAWS, controller_output
+from robustid.identification.loop_terms import LAWS, answer, controller_output
 from robustid.identification.validation import as_system, describe_poles
 
 if TYPE_CHECKING:
@@ -221,13 +220,10 @@ class Loop(Frozen):
         state. With a `period`, in samples, each by itself: no noise goes on into the next, as estimates of scatter assume.
         """
         signals = self._signals(record)
-        if period is not None and 0 < period < len(signals) and len(signals) % period == 0:
-            parts = np.split(signals, len(signals) // period)
-            found = np.concatenate([self._filtered(one, self.back) for one in parts])
-        elif record.initial == "periodic":
-            found = self._filtered(signals, self.back)
-        else:
-            found = simulate(self.back, signals)[0]
+        alone = period is not None and 0 < period < len(signals) and len(signals) % period == 0
+        parts = np.split(signals, len(signals) // period) if period and alone else [signals]
+        periodic = alone or record.initial == "periodic"
+        found = np.concatenate([answer(self.back, one, periodic=periodic) for one in parts])
         nu, _ = self.shape
         return dataclasses.replace(
             record, u=found[:, :nu], y=found[:, nu:], bound=None, reference=None, past_input_bound=None
@@ -248,8 +244,7 @@ class Loop(Frozen):
         both = StateMatrices(
             A, np.hstack([B, -sign * B[:, columns]]), C[:nu], np.hstack([D[:nu], -sign * D[:nu, columns]])
         )
-        driven = np.hstack([signals, reference])
-        return self._filtered(driven, both) if record.initial == "periodic" else simulate(both, driven)[0]
+        return answer(both, np.hstack([signals, reference]), periodic=record.initial == "periodic")
 
     def faults(self, record: TimeRecord) -> tuple[Fault, ...]:
         """Mistake about the controller, or about the signals of a record, for which the loop's equation does not hold.
@@ -385,13 +380,6 @@ class Loop(Frozen):
             raise InputError(
                 f"`{name}` must have the sample time of the loop, {self.dt:g} s; {got}", *remedy, argument="dt"
             )
-
-    def _filtered(self, signals: Real, system: StateMatrices) -> Real:
-        """Steady answer to periodic signals."""
-        lines = np.fft.rfft(signals, axis=0)
-        points = np.exp(2j * np.pi * np.arange(len(lines)) / len(signals))
-        answers = response_at(system, points) @ lines[:, :, None]
-        return np.asarray(np.fft.irfft(answers[:, :, 0], len(signals), axis=0), dtype=float)
 
 
 def _widened(system: StateMatrices, inputs: Real, direct: Real, *, rows: tuple[int, int]) -> StateMatrices:

@@ -111,6 +111,16 @@ class Observer(NamedTuple):
         return found[:, :, 0], found[:, :, 1:]
 
 
+def answer(system: StateMatrices, signals: Real, *, periodic: bool) -> Real:
+    """Answer in periodic steady state or from zero initial conditions, (T, outputs)."""
+    if not periodic:
+        return simulate(system, signals)[0]
+    lines = np.fft.rfft(signals, axis=0)
+    points = np.exp(2j * np.pi * np.arange(len(lines)) / len(signals))
+    answers = response_at(system, points) @ lines[:, :, None]
+    return np.asarray(np.fft.irfft(answers[:, :, 0], len(signals), axis=0), dtype=float)
+
+
 def separately(system: StateMatrices, signals: Real, *, periodic: bool) -> list[Real]:
     """Answers to each of the inputs alone, in periodic steady state or from zero initial conditions."""
     A, B, C, D = system

@@ -68,6 +68,12 @@ def problem_warnings(problem: MixedProblem) -> list[Text]:
     return [Text(sentence, "warning") for sentence in further_faults(problem.data_faults)]
 
 
+def shown_faults(problems: Sequence[MixedProblem]) -> list[Verdict | Text]:
+    """The verdict on faults of the data of several problems, and warnings of the others, each fault once."""
+    faults = list({str(fault): fault for problem in problems for fault in problem.data_faults}.values())
+    return [*fault_verdict(faults), *(Text(sentence, "warning") for sentence in further_faults(faults))]
+
+
 def placed(frf: FrequencyResponse) -> list[PlacedFault]:
     """Faults of a response alone, as those of a problem are placed."""
     return [PlacedFault(fault, "frequency", 0) for fault in faults_of_response(frf)]

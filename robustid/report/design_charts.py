@@ -14,6 +14,7 @@ from robustid.guarantees import Balls, LoopBounds
 from robustid.report.charts import ALERT, BAND, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
 from robustid.report.curves import half_angle, phase_curves, span_of
 from robustid.report.loci import open_loop_chart, open_loop_of
+from robustid.report.loop_section import map_units
 from robustid.report.magnitude_phase import MagnitudePhase, Ranged, phase_axis
 from robustid.report.value_sets import TURN, plane_layer
 from robustid.report.words import HZ, number
@@ -22,6 +23,7 @@ _POINTS, _DISCS = 700, 250  # frequencies of curves, and of discs in the plane
 _BELOW = 10.0  # times the lowest frequency that is asked about: where the axis begins
 _DEEP = 1e-5  # of the largest value: what is lower is not drawn
 _ARC = 41  # points of an arc
+_LOW = 1e-4  # of an open loop: what is lower decides nothing
 _THIN = 0.6  # of a curve with many fine ripples
 _NEAR = ((-2.0, 0.4), (-1.5, 0.9))  # real and imaginary parts of what is near -1
 MAPS = {
@@ -43,7 +45,7 @@ def design_chart(design: ControllerDesign) -> Chart:
     """Largest S, T, P S and C S with any consistent plant over frequency, each with its limits."""
     omega, limits = _frequencies(proofs_of(design)), asked_of(design)
     maps = [one.at(omega) for one in design.proofs]
-    axis, panels = frequency_axis(omega), list[Panel]()
+    axis, panels, units = frequency_axis(omega), list[Panel](), map_units(design.proofs[0])
     for name, (letters, _) in MAPS.items():
         balls = [Balls(*one[name]) for one in maps]
         curves = [curve(LARGEST, omega, np.max([one.largest for one in balls], axis=0), NOMINAL)]
@@ -53,7 +55,7 @@ def design_chart(design: ControllerDesign) -> Chart:
         y = np.concatenate([curves[0].y, *(layer.y for layer in bounds)])
         y = y[np.isfinite(y)]
         span = span_of(np.maximum(y, _DEEP * y.max(initial=0.0)), 1.3) if y.size else None
-        label = Axis(f"{'largest ' * (len(curves) == 1)}|{letters}|", log=True, range=span)
+        label = Axis(f"{'largest ' * (len(curves) == 1)}|{letters}|{units[name] or ' [–]'}", log=True, range=span)
         panels.append(Panel(letters, axis, label, [*curves, *bounds]))
     return Chart("design", panels, linked=True)
 
@@ -109,7 +111,8 @@ def open_loop_bode(design: ControllerDesign) -> Chart:
     omega, drawn = _frequencies(proofs), MagnitudePhase()
     x, found = omega / HZ, [open_loop_of(one, omega) for one in proofs]
     sizes = [np.abs(centre) for centre, _ in found]
-    floor, top = 0.3 * min(map(np.min, sizes)), 3.0 * max(map(np.max, sizes))
+    top = 3.0 * max(map(np.max, sizes))
+    floor = max(0.3 * min(map(np.min, sizes)), _LOW * min(top, 1.0))
     phases, (low, high) = phase_curves([centre for centre, _ in found])
     for (centre, radius), size, phase in zip(found, sizes, phases, strict=True):
         known = np.isfinite(radius)
@@ -131,8 +134,9 @@ def open_loop_bode(design: ControllerDesign) -> Chart:
     if (end := asked_of(design).bandwidth) is not None:
         ends = np.array([float(omega[0]), end]) / HZ
         drawn.add("bandwidth: at least 1 with every plant", ends, np.ones(2), colour=ALERT, dash="dash")
-    y = Axis("magnitude", log=True, range=(floor, top))
-    return drawn.chart("open-loop-bode", frequency_axis(omega), y, phase_axis((low, high)), "Open loop, P C")
+    y = Axis("|P C| [–]", log=True, range=(floor, top))
+    turn = phase_axis((low, high), "phase of P C [°]")
+    return drawn.chart("open-loop-bode", frequency_axis(omega), y, turn, "Open loop, P C")
 
 
 def nyquist_charts(design: ControllerDesign) -> list[Chart]:
@@ -148,7 +152,7 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
             if len(proofs) > 1:
                 whole = dataclasses.replace(whole, title=f"{whole.title}, band {k}")
             x, y = (dataclasses.replace(axis, range=span) for axis, span in zip((whole.x, whole.y), _NEAR, strict=True))
-            near = dataclasses.replace(whole, title="The same, near -1", x=x, y=y)
+            near = dataclasses.replace(whole, title="The same, near −1", x=x, y=y)
             charts.append(dataclasses.replace(chart, panels=[whole, near], columns=2))
     return charts
 

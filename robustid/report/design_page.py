@@ -15,10 +15,11 @@ from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
+from robustid.report.data_faults import shown_faults
 from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode
 from robustid.report.design_improvements import as_improvements, improvements_section, where_to_measure
 from robustid.report.design_steps import steps_section
-from robustid.report.design_structure import signal_names, structure_rows
+from robustid.report.design_structure import structure_rows
 from robustid.report.document import (
     Block,
     Code,
@@ -41,7 +42,7 @@ from robustid.report.loop_page import NOT_IN_LOOP, loop_stands_on
 from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
-from robustid.report.words import HZ, at_most, number
+from robustid.report.words import HZ, at_most, number, unit_label
 from robustid.report.words import title as heading
 
 if TYPE_CHECKING:
@@ -62,12 +63,12 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
     improved = () if given is None else as_improvements(given)
     if title is None and design.proofs:
         problem = design.proofs[0].band.problem
-        title = heading("Controller", problem.outputs, problem.inputs)
+        title = heading("Controller", problem.inputs, problem.outputs)
     body = design_blocks(design)
     curves = next((block.chart for block in body if isinstance(block, Drawing)), None)
     return Document(
         title or "Controller",
-        head=[design_verdict(design)],
+        head=[*shown_faults([one.band.problem for one in design.proofs]), design_verdict(design)],
         body=[
             *body,
             *(improvements_section(design, improved) if improved else []),
@@ -139,6 +140,7 @@ def design_verdict(design: ControllerDesign) -> Verdict:
         return Verdict(key, word, words, id="design-verdict")
     reached = f"{design.goal.name} {design.goal.told(design.level)}"
     if design.status is DesignStatus.PROVED:
+        key = "weak" if any(one.band.problem.open_faults for one in design.proofs) else key
         words = f"Every consistent plant keeps all limits with this controller, at every frequency{design.scope}: {reached}."
         return Verdict(key, word, words, id="design-verdict")
     if not all(one.guaranteed for one in design.proofs):
@@ -177,7 +179,7 @@ def _words(design: ControllerDesign) -> str:
     if (limit := design.limited_by) is None:
         return ""
     share = design.shares[limit[0]][0]
-    taken = f"{at_most(100 * share, 4)} % of it are taken by some consistent plant"
+    taken = f"some consistent plant takes {at_most(100 * share, 4)} % of it"
     return f"What limits it is the {limit[0]}{_near(limit[1])}: {taken}."
 
 
@@ -266,18 +268,28 @@ def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     found: list[Block] = [Facts([*structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
-        return [*found, Drawing(model_chart(design.controller, "controller"))]
-    return [*found, Grid(list(_entries(design, design.controller)), 2, small=False)]
+        return [*found, Drawing(_with_units(model_chart(design.controller, "controller"), design))]
+    return [*found, Grid(list(_entries(design, design.controller)), design.controller.ninputs)]
 
 
 def _entries(design: ControllerDesign, controller: control.StateSpace) -> Iterator[Chart]:
     """Charts of the entries of a matrix that are not zero."""
-    inputs, outputs = signal_names(design)
+    problem = design.proofs[0].band.problem
+    inputs, outputs = problem.inputs, problem.outputs
     charts = model_charts(controller, "controller")
     for (i, j), chart in zip(np.ndindex(controller.noutputs, controller.ninputs), charts, strict=True):
         if np.nanmax(chart.panels[0].layers[0].y) > 0:
-            first = dataclasses.replace(chart.panels[0], title=f"From {outputs[j]} to {inputs[i]}")
+            first, y, u = chart.panels[0], outputs[int(j)], inputs[int(i)]
+            size = dataclasses.replace(first.y, label=f"size{unit_label(u.unit, y.unit)}")
+            first = dataclasses.replace(first, title=f"From {y.name} to {u.name}", y=size)
             yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
+
+
+def _with_units(chart: Chart, design: ControllerDesign) -> Chart:
+    """The controller with its signals in the label of the magnitude, from the output of the plant to the input."""
+    problem, (size, phase) = design.proofs[0].band.problem, chart.panels
+    axis = dataclasses.replace(size.y, label=f"{problem.inputs[0]} / {problem.outputs[0]}")
+    return dataclasses.replace(chart, panels=(dataclasses.replace(size, y=axis), phase))
 
 
 def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from robustid.controllers import ControllerDesign
-from robustid.core import Real, StateMatrices, closed_loop, decay_of, poles_of, simulate
+from robustid.core import Real, Signal, StateMatrices, closed_loop, decay_of, poles_of, simulate
 from robustid.errors import InputError
 from robustid.guarantees import STEPS, LoopBounds, StepTube, settled, step_tube
 from robustid.identification import as_system
@@ -17,6 +17,7 @@ from robustid.report.design_charts import proofs_of
 from robustid.report.document import Block, Drawing, Facts, Heading, Text
 from robustid.report.words import at_most
 
+_NARROWER = "rid.guarantee.step_tube(proof, identification=result)"
 _SAMPLES = 2000  # of a step in continuous time
 _SETTLED = 5.0  # time constants of the slowest pole
 _PERIODS = 40.0  # of the fastest pole, at most
@@ -28,14 +29,16 @@ def steps_section(design: ControllerDesign) -> list[Block]:
     reason = next((why for _, why in found if why), "")
     words = "With the plant of the model of the band, in the range of every consistent plant, which is proved at every sample:"
     words += " phases of errors at different frequencies count as independent, so that single plants come to about half of it."
+    words += f" It follows from the discs of the band. {_NARROWER} bounds it in the class of the plant too, and keeps the narrower"
+    words += " of both at every sample, above all where the response has settled."
     if reason:
         words = f"With the plant of the model of the band alone: no range of other plants is proved, since {reason}."
-    rows = [(f"Band {k}" * (len(found) > 1), tubes) for k, (tubes, _) in enumerate(found, start=1) if tubes]
-    facts = [(f"{own}{', ' * bool(own)}{name}", text) for own, tubes in rows for name, text in _tube_rows(tubes)]
+    rows = [(f", band {k}" * (len(found) > 1), tubes) for k, (tubes, _) in enumerate(found, start=1) if tubes]
+    facts = [(f"{name}{own}", text) for own, tubes in rows for name, text in _tube_rows(tubes)]
     drawn = Drawing(step_chart(design, [tubes for tubes, _ in found]))
     return [
         Heading("Steps of the loop", guarantee=not reason),
-        Text(words, "soft"),
+        Text(words, "soft", code=() if reason else (_NARROWER,)),
         *([Facts(facts)] if facts else []),
         drawn,
     ]
@@ -43,11 +46,22 @@ def steps_section(design: ControllerDesign) -> list[Block]:
 
 def _tube_rows(tubes: Sequence[StepTube]) -> list[tuple[str, str]]:
     """Numbers that no consistent plant exceeds."""
-    over, load = (at_most(tube.overshoot) for tube in tubes)
+    step, load = tubes
+    output, input_ = (signals[0] for signals in _signals(step.bounds))
+    size = f"{at_most(load.overshoot)} {output.unit}".rstrip()
     return [
-        ("Overshoot", f"at most {over} beyond a set point of 1, with every consistent plant"),
-        ("After a load", f"at most {load} at the output for a step of 1 at the input, with every consistent plant"),
+        ("Overshoot", f"at most {at_most(100 * step.overshoot)} % of the set point, with every consistent plant"),
+        ("After a load", f"{output.name} at most {size}, {_stepped(input_)} at the input, with every consistent plant"),
     ]
+
+
+def _signals(bounds: LoopBounds) -> tuple[Sequence[Signal], Sequence[Signal]]:
+    """Outputs and inputs of the plant."""
+    return bounds.band.problem.outputs, bounds.band.problem.inputs
+
+
+def _stepped(signal: Signal) -> str:
+    return f"step of {' '.join(('1', signal.unit)).rstrip()}"
 
 
 def step_chart(design: ControllerDesign, tubes: Sequence[Sequence[StepTube]] | None = None) -> Chart:
@@ -63,12 +77,15 @@ def step_chart(design: ControllerDesign, tubes: Sequence[Sequence[StepTube]] | N
         t, answers = _steps(one)
         for layers, tube in zip(panels[::2], known[k], strict=False):
             name, low, high = f"range of every consistent plant{own}", tube.lower, tube.upper
-            layers.append(Layer(name, tube.times, tube.nominal, BAND, low=low, high=high, fill=True))
+            shade = colours[k % len(colours)] if k else BAND
+            layers.append(Layer(name, tube.times, tube.nominal, shade, low=low, high=high, fill=True))
         for layers, y in zip(panels, answers, strict=True):
             layers.append(Layer(f"plant of the model{own}", t, y, colours[k % len(colours)], dash="solid"))
     time = Axis("time [s]")
     titles = "Step of the set point", "The same: what the controller gives", "Step of a disturbance at the input"
-    labels = "output", "input", "output,\nof the disturbance"
+    output, input_ = (signals[0] for signals in _signals(design.proofs[0]))
+    first, second = f"after a {_stepped(output)}", f"after a {_stepped(input_)}"
+    labels = f"{output},\n{first}", f"{input_},\n{first}", f"{output},\n{second}"
     drawn = [
         Panel(title, time, Axis(label), layers) for title, label, layers in zip(titles, labels, panels, strict=True)
     ]

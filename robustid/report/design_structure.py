@@ -39,7 +39,7 @@ def _matrix(matrix: Real) -> str:
     return "; ".join(", ".join(map(number, row)) for row in matrix.tolist())
 
 
-def signal_names(design: ControllerDesign) -> tuple[list[str], list[str]]:
+def _signal_names(design: ControllerDesign) -> tuple[list[str], list[str]]:
     """Names of the inputs and outputs of the plant; of a design without proofs their numbers."""
     if design.proofs:
         problem = design.proofs[0].band.problem
@@ -50,7 +50,7 @@ def signal_names(design: ControllerDesign) -> tuple[list[str], list[str]]:
 
 def _ends(design: ControllerDesign) -> tuple[list[str], list[str]]:
     """Names of what the loops of a structure stand between: axes, where constant matrices are around them."""
-    (inputs, outputs), structure = signal_names(design), design.structure
+    (inputs, outputs), structure = _signal_names(design), design.structure
     if isinstance(structure, Matrix):
         if structure.actuators is not None:
             inputs = [f"axis {k + 1}" for k in range(len(structure.rows))]

@@ -24,6 +24,14 @@ if TYPE_CHECKING:
     from markupsafe import Markup
     from matplotlib.figure import Figure as Picture
 
+_SIGNS = {
+    "circle": "M10.6 5a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0-6.8 0z",
+    "diamond": "M14 .9l4.1 4.1l-4.1 4.1l-4.1-4.1z",
+    "square": "M11 2h6v6h-6z",
+    "triangle-up": "M14 1.2l4 7.2h-8z",
+    "x": "M11 2l6 6M17 2l-6 6",
+    "line-ew": "M10.5 5h7",
+}  # of markers in legends, in a field of 28 x 10
 _COLUMNS = 4  # of small figures on a wide screen
 _COLOURS = {"consistent": "0,158,115", "inconsistent": "213,94,0", "failed": "120,120,120"}  # of heads
 _OTHER = "230,159,0"
@@ -88,7 +96,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for function in (kind_of, words, legend_of, layers_of, columns_of):
+    for function in (kind_of, words, legend_of, layers_of, columns_of, sign_of):
         environment.globals[function.__name__] = function  # pyright: ignore[reportUnknownMemberType] - values of any kind
     return environment
 
@@ -109,6 +117,11 @@ def legend_of(grid: Grid) -> list[Layer]:
 def layers_of(chart: Chart) -> list[Layer]:
     """One layer of each name of a chart."""
     return legend_of(Grid([chart], 1))
+
+
+def sign_of(marker: str) -> str:
+    """The marker of a legend as the path of a drawing."""
+    return _SIGNS.get(marker.removesuffix("-open"), _SIGNS["circle"])
 
 
 def columns_of(grid: Grid) -> int:

@@ -70,10 +70,10 @@ def identification_page(identification: Identification, title: str | None, parts
     """Build the page of an identification, with what is guaranteed of it."""
     withheld, findings = parts.get("withheld"), parts.get("findings", ())
     reduction, diagnosis = parts.get("reduction"), parts.get("diagnosis")
+    looped = loop_section(identification, parts.get("loop"), parts.get("plant"), parts.get("candidates"))
+    design = [] if (designed := parts.get("design")) is None else design_section(designed)
     shown = further_models(reduction, parts.get("models"))
-    body = [
-        *findings_section(findings),
-        *([Heading("What would help"), Code(diagnosis.summary())] if diagnosis is not None else []),
+    own = [
         *withheld_section(withheld),
         Heading("Consistency margin"),
         Facts([("Proven interval", margin_interval(identification))]),
@@ -93,9 +93,22 @@ def identification_page(identification: Identification, title: str | None, parts
         Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
         checks_table(identification.verification.checks),
         *_parameters_section(identification),
+    ]
+    body = [
+        *findings_section(findings),
+        *([Heading("What would help"), Code(diagnosis.summary())] if diagnosis is not None else []),
+        *not_guaranteed([*design, *looped], withheld),
+        *(map(_of_residual, own) if looped else own),
         *run_file_section(parts.get("run_file")),
     ]
     return dataclasses.replace(identification_head(identification, title, parts), body=body)
+
+
+def _of_residual(block: Block) -> Block:
+    """Say in the heading of a section that it is about R, the stable system that is identified of a plant in a loop."""
+    if isinstance(block, Heading) and block.level == 2:
+        return dataclasses.replace(block, text=f"R: {block.text[0].lower()}{block.text[1:]}")
+    return block
 
 
 def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
@@ -116,8 +129,7 @@ def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
         found += tube_section(identification, tube)
     if (sensitivity := parts.get("sensitivity")) is not None:
         found += sensitivity_section(identification, sensitivity)
-    found = [*loop_section(identification, parts.get("loop"), parts.get("plant"), parts.get("candidates")), *found]
-    return found if (design := parts.get("design")) is None else [*design_section(design), *found]
+    return found
 
 
 def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from robustid.guarantees import Band, Interconnection, InterconnectionStatus
 from robustid.identification import describe_poles
-from robustid.report.charts import ALERT, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, first_panel
+from robustid.report.charts import ALERT, FINE, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, first_panel
 from robustid.report.curves import span_of
 from robustid.report.document import (
     Block,
@@ -189,7 +191,7 @@ def margin_chart(result: Interconnection) -> Chart:
     hz = np.clip(np.repeat(result.edges, 2)[1:-1] / HZ, low, high)
     sizes = np.repeat(np.clip(result.margins, 1e-3, _TALL), 2)
     passive = np.repeat(result.passive, 2)
-    layers = [Layer("small gain", hz, np.where(passive, np.nan, sizes), NOMINAL, dash="solid")]
+    layers = [Layer("small gain", hz, np.where(passive, np.nan, sizes), NOMINAL, dash="solid", size=FINE)]
     if result.passive.any():
         layers.append(Layer("passivity of both sides", hz, np.where(passive, sizes, np.nan), FURTHER[0], dash="solid"))
     layers.append(Layer("needed", np.array([low, high]), np.ones(2), ALERT, dash="dot"))
@@ -232,7 +234,7 @@ def _sides(result: Interconnection) -> list[tuple[str, str]]:
     for name, side in (("Source", result.source), ("Load", result.load)):
         problem = getattr(side, "problem", None)
         if isinstance(side, Band) and problem is not None:
-            at = f"{number(float(side.omega.min()) / HZ, 4)} to {number(float(side.omega.max()) / HZ, 4)} Hz"
+            at = f"{number(float(side.omega.min()) / HZ, 4)} to {number(float(side.omega.max()) / HZ, 5)} Hz"
             rows.append((name, f"A band from {problem.samples} samples, {at}, about a model of order {side.order}."))
         elif problem is not None:
             rows.append((name, f"A worst-case error from {problem.samples} samples."))
@@ -248,6 +250,5 @@ def _proofs(result: Interconnection) -> list[Block]:
     if not bands:
         return []
     words = "The sums of the bands were evaluated again for this page, without a solver."
-    return [
-        proved(all(one.certified for one in bands), words, "The proofs do not give what is stated.", "certificates")
-    ]
+    found = proved(all(one.certified for one in bands), words, "The proofs do not give what is stated.", "certificates")
+    return [dataclasses.replace(found, word="Bands proved") if found.key == "consistent" else found]

@@ -11,12 +11,12 @@ import numpy as np
 from robustid.errors import InputError
 from robustid.guarantees import LoopBounds, margins_by_loop
 from robustid.identification import describe_poles
-from robustid.report.charts import ALERT, BAND, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
+from robustid.report.charts import ALERT, BAND, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
 from robustid.report.data_faults import steps_with_faults
 from robustid.report.document import Block, Column, Drawing, Facts, Glance, Heading, Table, Text, Verdict, of_numbers
-from robustid.report.identified import scope
+from robustid.report.identified import scope, sigma_unit, siso, transfer
 from robustid.report.proved_band import poles_words
-from robustid.report.words import HZ, at_least, at_most, number
+from robustid.report.words import HZ, at_least, at_most, matrix_unit_label, number
 
 if TYPE_CHECKING:
     from robustid.identification import Identification
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 _POINTS = 1500
 _NAMES = {
     "sensitivity": "S, from a disturbance at the output to the output",
-    "complementary_sensitivity": "T = I - S",
+    "complementary_sensitivity": "T = I − S, from the set point to the output",
     "process_sensitivity": "P S, from a disturbance at the input to the output",
     "control_sensitivity": "C S, from a disturbance at the output to the input",
 }
+_ZERO = 1e-2  # of the lowest frequency of a band: a peak that is found below is at 0
 
 
 def loop_section(
@@ -45,7 +46,7 @@ def loop_section(
         raise InputError("`loop` must be about the identification reported; take loop_bounds(band, loop) of its band")
     intro = "The identification is that of the stable system R of a loop: every plant that the controller stabilises is P(R), and R"
     intro += " is seen in open loop, by a signal without noise. R is what the auxiliary plant leaves: parts of its response, in"
-    intro += " the sections on R, say nothing of parts of the plant's."
+    intro += " the sections whose titles begin with R, say nothing of parts of the plant's."
     found: list[Block] = [Heading("The plant and its loop", guarantee=True), Text(intro)]
     if plant is not None:
         found.append(Facts(_plant_rows(plant)))
@@ -86,9 +87,9 @@ def loop_numbers(bounds: LoopBounds) -> list[tuple[str, str]]:
     low, high = bounds.margins.gain
     return [
         ("peak of S, every consistent plant", f"≤ {at_most(bounds.peaks['sensitivity'].value, 3)}"),
-        ("gain", f"{at_most(low, 3)} … {at_least(high, 3)}"),
-        ("phase", f"≥ {at_least(float(np.degrees(bounds.margins.phase)), 3)}°"),
-        ("delay", f"≥ {at_least(bounds.margins.delay, 3)} s"),
+        ("gain margin", f"{at_most(low, 3)} … {at_least(high, 3)}"),
+        ("phase margin", f"≥ {at_least(float(np.degrees(bounds.margins.phase)), 3)}°"),
+        ("delay margin", f"≥ {at_least(bounds.margins.delay, 3)} s"),
     ]
 
 
@@ -130,18 +131,31 @@ def loop_verdict(bounds: LoopBounds) -> Verdict:
     words += "." if bounds.unbounded else f"; the sensitivity is at most {at_most(peak.value)} with any of them."
     if bounds.unbounded:
         words += f" Of the maps of the loop {bounds.unbounded}."
-    return Verdict("consistent", "Stable with every consistent plant", words, numbers, id="loop-verdict")
+    key = "weak" if bounds.band.problem.open_faults else "consistent"
+    return Verdict(key, "Stable with every consistent plant", words, numbers, id="loop-verdict")
 
 
 def peaks_table(bounds: LoopBounds) -> Table:
     """Peaks of the maps of the loop on the whole axis."""
+    known, units_of, lowest = bounds.peaks, map_units(bounds), bounds.omega[bounds.omega > 0].min()
     rows = [
-        [words, at_most(bounds.peaks[name].value), number(bounds.peaks[name].omega / HZ, 5)]
+        [
+            words,
+            f"{at_most(known[name].value)} {units_of[name].strip(' []')}".rstrip(),
+            number(known[name].omega / HZ if known[name].omega > _ZERO * lowest else 0.0, 5),
+        ]
         for name, words in _NAMES.items()
-        if np.isfinite(bounds.peaks[name].value)
+        if np.isfinite(known[name].value)
     ]
-    heads = Column("map of the loop"), *of_numbers("largest, for every consistent plant", "near [Hz]")
+    heads = Column("map of the loop"), *of_numbers("largest with any plant", "near [Hz]")
     return Table(heads, rows, empty=f"No peak is bounded: {bounds.unbounded}.")
+
+
+def map_units(bounds: LoopBounds) -> dict[str, str]:
+    """Units of the maps of the loop, in brackets after a space."""
+    outputs, inputs = bounds.band.problem.outputs, bounds.band.problem.inputs
+    plant, controller = matrix_unit_label(outputs, inputs), matrix_unit_label(inputs, outputs)
+    return {**dict.fromkeys(_NAMES, ""), "process_sensitivity": plant, "control_sensitivity": controller}
 
 
 def loop_rows(bounds: LoopBounds) -> list[tuple[str, str]]:
@@ -173,17 +187,17 @@ def single_loops(bounds: LoopBounds) -> list[Block]:
     """Margins at one output or input of the plant at a time, of a matrix whose controller is proved."""
     if bounds.loop.shape == (1, 1) or not bounds.guaranteed or bounds.unbounded:
         return []
-    found = margins_by_loop(bounds)
+    found, problem = margins_by_loop(bounds), bounds.band.problem
     rows = [
         [
-            f"{name} {k}",
+            signal.name,
             f"{at_most(one.gain[0])} to {at_least(one.gain[1])}",
             at_least(float(np.degrees(one.phase))),
             at_least(one.delay),
             at_least(one.modulus),
         ]
-        for name, margins in zip(("output", "input"), found, strict=True)
-        for k, one in enumerate(margins)
+        for signals, margins in zip((problem.outputs, problem.inputs), found, strict=True)
+        for signal, one in zip(signals, margins, strict=True)
     ]
     heads = Column("opened at"), Column("gain"), *of_numbers("phase [°]", "delay [s]", "modulus")
     words = "A change in one loop alone, the others as they are; those above hold for changes in all of them at once."
@@ -220,7 +234,7 @@ def candidates_table(candidates: Mapping[str, LoopBounds]) -> Table:
             [name, word, at_most(peak, 3), f"{at_most(low, 3)} to {at_least(high, 3)}", at_least(phase, 3), one.zone]
         )
     heads = Column("controller"), Column("verdict")
-    return Table([*heads, *of_numbers("peak of S", "gain", "phase [°]"), Column("zone")], rows)
+    return Table([*heads, *of_numbers("peak of S", "gain margin", "phase margin [°]"), Column("zone")], rows)
 
 
 def candidates_section(candidates: Mapping[str, LoopBounds] | None, level: int = 3) -> list[Block]:
@@ -249,17 +263,25 @@ def loop_chart(bounds: LoopBounds, plant: PlantReduction | None = None) -> Chart
     area = Layer("range of every consistent plant", x, np.clip(size, *ends), BAND, low=ends[0], high=ends[1], fill=True)
     line = Layer("centre" if plant is None else f"model, order {plant.order}", x, about, NOMINAL, dash="solid")
     curves = [
-        Layer(name, x, _drawn(*maps[of]), colour, dash="solid")
-        for name, of, colour in (("S", "sensitivity", ALERT), ("T", "complementary_sensitivity", NOMINAL))
+        Layer(name, x, _drawn(*maps[of]), colour, dash=dash)
+        for name, of, colour, dash in (
+            ("S", "sensitivity", ALERT, "solid"),
+            ("T", "complementary_sensitivity", FURTHER[0], "dash"),
+        )
     ]
     drawn = np.concatenate([one.y for one in curves])
     known = drawn[np.isfinite(drawn) & (drawn > 0)]
     span = (max(1e-3 * known.max(), known.min() / 1.5), 1.5 * known.max()) if known.size else None
-    panels = [Panel("Plant", axis, Axis("magnitude", log=True, range=(floor, top)), (area, line))]
+    panels = [Panel("Plant", axis, Axis(_plant_label(bounds), log=True, range=(floor, top)), (area, line))]
     if bounds.refuted_by is None:
-        largest = Axis("largest value", log=True, range=span)
+        largest = Axis("largest |S|, |T| [–]", log=True, range=span)
         panels.append(Panel("Loop: largest for every consistent plant", axis, largest, curves))
     return Chart("loop", panels, linked=True)
+
+
+def _plant_label(bounds: LoopBounds) -> str:
+    """Label of the magnitude of the plant."""
+    return transfer(bounds.band) if siso(bounds.band) else f"σmax of the plant{sigma_unit(bounds.band)}"
 
 
 def _drawn(centre: np.ndarray, radius: np.ndarray) -> np.ndarray:

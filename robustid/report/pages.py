@@ -15,6 +15,7 @@ from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
 from robustid.guarantees import (
     Family,
+    Fleet,
     Interconnection,
     LoopBounds,
     RobustStabilityMargin,
@@ -33,6 +34,7 @@ from robustid.report.family_page import family_page
 from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
 from robustid.report.fit_view import FitView
+from robustid.report.fleet_page import fleet_page
 from robustid.report.identification_page import (
     identification_head,
     identification_page,
@@ -67,6 +69,7 @@ Shown = (
     | Comparison
     | CommonModes
     | Watch
+    | Fleet
 )
 
 
@@ -81,24 +84,22 @@ def write_report(
     """Write everything there is to know about a result as one self-contained HTML page.
 
     The first screen has the verdict, the order, the guaranteed error, one plot, at most three warnings and what to do next;
-    everything else is folded under headings. Of an identification: verdict, margin, assumptions, what is guaranteed, every
-    sample against the models, residuals
-    against their bounds, the active constraints, order, poles, verification, versions; of a MIMO problem every entry, the
-    singular values, and the modes with the ranks of their residues. Of a fitted matrix
-    fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
-    numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
-    bound, noise and distortion, coherence, and the spectra of the records. Of a family: its members, its band, who drives it
-    where, how it moves with the condition, and what is not known. Of LoopBounds: whether the controller stabilises every consistent
-    plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
-    the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
-    loop with every consistent plant, its factors and gains. Of a Comparison: where two measurements differ by more than noise, and
-    how probable that is by chance. Of CommonModes: the modes of several setups, and which contradict each other. Of a Watch: its
-    alarms, scores and evidence over the records, where in frequency they lie, and which mode moved. The page works offline.
+    everything else is folded under headings. Of an identification: verdict, margin, assumptions, what is guaranteed, every sample
+    against the models, residuals against their bounds, the active constraints, order, poles, verification, versions; of a MIMO
+    problem every entry, the singular values, and the modes with the ranks of their residues. Of a fitted matrix fraction: cost,
+    status, verification, every entry of the response with its residual, convergence and condition numbers, poles, modes, and the
+    choice of the order. Of a frequency response: what its bound promises, every entry with bound, noise and distortion, coherence,
+    and the spectra of the records. Of a family: its members, its band, who drives it where, and what is not known. Of LoopBounds:
+    verdict on every consistent plant, peaks, margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs,
+    the margin over frequency, the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it,
+    what limits it and where, its loop with every consistent plant, its factors and gains. Of a Comparison: where and how probably
+    two measurements differ. Of CommonModes: the modes of several setups, and contradictions. Of a Watch: alarms, scores, and which
+    mode moved. Of a Fleet: verdicts, worst cases and outliers of many machines. The page works offline.
 
     Parameters
     ----------
     identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign,
-        Comparison, CommonModes or Watch
+        Comparison, CommonModes, Watch or Fleet
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -227,6 +228,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Comparison: (comparison_page, ()),
     CommonModes: (setups_page, ()),
     Watch: (watch_page, ()),
+    Fleet: (fleet_page, ()),
 }
 
 

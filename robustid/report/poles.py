@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 # The rounded pole of a (double) integrator lies this close to z = 1.
 _INTEGRATOR = 1e-7
+_TINY = 1e-10  # of a damping: rounding
 _LIGHT = 0.05  # damping, below which a pole stands out
 _SAME = 1e-5  # relative distance of a pole of the model from the one that was asked for
 _MOST = 10  # poles or modes at the terminal
@@ -206,7 +207,8 @@ def pole_cells(row: PoleRow) -> tuple[str, ...]:
     """Cells on a pole: frequency, damping, modulus, time constant, number of states."""
     if row.modulus == 0:
         return "delay", "–", "0", "–", str(row.count)
-    numbers = number(row.hz, 5), number(row.damping, 3), number(row.modulus, 5), number(row.time_constant, 3)
+    damping, constant = (0.0, np.inf) if abs(row.damping) < _TINY else (row.damping, row.time_constant)
+    numbers = number(row.hz, 5), number(damping, 3), number(row.modulus, 5), number(constant, 3)
     return *numbers, str(row.count)
 
 

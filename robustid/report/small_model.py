@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _HANKEL_FLOOR = 1e-8  # of the largest Hankel singular value
+_ROUNDING = 1e-9  # of the largest response: what is lower has no phase
 _FLOOR = 1e-3  # what lies below, an interpolation of the samples, is drawn here
 _MOST = 400  # numbers in the matrices that are printed
 _SAVE = 'rid.save("model.mat", model)'
@@ -239,6 +240,7 @@ def model_charts(model: control.StateSpace, called: str) -> list[Chart]:
 
 def _entry(system: control.StateSpace, i: int, j: int, omega: np.ndarray, values: np.ndarray, name: str) -> Chart:
     size, ((angle,), span) = np.abs(values), phase_curves([values])
+    angle = np.where(size > _ROUNDING * size.max(), angle, np.nan)
     drawn = MagnitudePhase()
     drawn.add(name, omega / HZ, size, with_gaps(angle), colour=NOMINAL, dash="solid")
     y = Axis("magnitude", log=True, range=magnitude_range(float(size.max()), [low_quantile(size)]))

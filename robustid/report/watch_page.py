@@ -10,7 +10,19 @@ from robustid.errors import InputError
 from robustid.guarantees import Watch, Watched
 from robustid.report.charts import ALERT, DATA, FAINT, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
 from robustid.report.curves import magnitude_range, positive, rounded
-from robustid.report.document import Block, Column, Document, Drawing, Facts, Glance, Heading, Table, Text, Verdict
+from robustid.report.document import (
+    Block,
+    Column,
+    Document,
+    Drawing,
+    Facts,
+    Glance,
+    Heading,
+    Table,
+    Text,
+    Verdict,
+    of_numbers,
+)
 from robustid.report.identified import Parts
 from robustid.report.setups_page import moved_table
 from robustid.report.words import HZ, number
@@ -48,7 +60,7 @@ def history_chart(found: Watch) -> Chart:
     layers.append(Layer("band and bound", ends, np.ones(2), FAINT, dash="dash"))
     scores = np.concatenate([found.usual_scores, found.scores, [1.0]])
     sizes = Panel(
-        "", axis, Axis("score", log=True, range=magnitude_range(float(scores.max()), [float(scores.min())])), layers
+        "", axis, Axis("score [–]", log=True, range=magnitude_range(float(scores.max()), [float(scores.min())])), layers
     )
     limit = 1 / found.rate
     sums = positive(np.array(found.drift.sums))
@@ -57,7 +69,11 @@ def history_chart(found: Watch) -> Chart:
         Layer("limit of the alarm", ends, np.full(2, limit), ALERT, dash="dash"),
     ]
     reach = magnitude_range(float(np.max(sums, initial=limit)), [float(np.min(sums, initial=1.0))])
-    return Chart("history", (sizes, Panel("", axis, Axis("evidence", log=True, range=reach), evidence)), linked=True)
+    return Chart(
+        "history",
+        (sizes, Panel("", axis, Axis("evidence of a drift [–]", log=True, range=reach), evidence)),
+        linked=True,
+    )
 
 
 def where_chart(found: Watch) -> Chart:
@@ -84,7 +100,7 @@ def where_chart(found: Watch) -> Chart:
     layers.append(Layer("band and bound", x[[0, -1]], np.ones(2), FAINT, dash="dash"))
     known = sizes[np.isfinite(sizes) & (sizes > 0)]
     reach = magnitude_range(float(known.max()), [float(np.quantile(known, 0.02))]) if known.size else None
-    return Chart("where", (Panel("", axis, Axis("share of band and bound", log=True, range=reach), layers),))
+    return Chart("where", (Panel("", axis, Axis("share of band and bound [–]", log=True, range=reach), layers),))
 
 
 def _largest(sizes: Real) -> Real:
@@ -119,10 +135,10 @@ def watch_page(found: Watch, heading: str | None, parts: Parts) -> Document:
     if moved:
         body += [Heading("Which mode moved"), *moved]
     body += [
-        *(Text(one) for one in found.sentences[1:]),
         Heading("Records"),
         _records(found),
         Heading("What the alarms mean"),
+        *(Text(one) for one in found.sentences[1:]),
         Facts(
             [
                 ("Refuted", "a proof: no plant of the class explains the data of the band and this record"),
@@ -180,10 +196,14 @@ def _records(found: Watch) -> Table:
         )
         for one in reversed(found.history)
     ]
-    heads = ("Score", "at", "e-value", "evidence", "alarm")
-    columns = [Column("Record", "text"), Column(heads[0], "n"), Column(heads[1], "text")]
-    columns += [Column(heads[2], "n"), Column(heads[3], "n"), Column(heads[4], "text")]
-    columns += [Column("nearest member", "text")] if named else []
+    columns = [
+        Column("record"),
+        Column("score", "n"),
+        Column("at", "whole"),
+        *of_numbers("e-value", "evidence"),
+        Column("alarm"),
+        *([Column("nearest member")] if named else []),
+    ]
     return Table(columns, rows, empty="No record has come yet.", most=_LISTED)
 
 

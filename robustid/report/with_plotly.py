@@ -12,6 +12,7 @@ from robustid.report.charts import NOMINAL, Axis, Chart, Layer, Panel
 from robustid.report.curves import between_gaps
 
 Drawn = dict[str, Any]  # as plotly reads it
+_POWERS = 0.85  # size of the ticks of powers of ten, which plotly draws a quarter larger than others
 _LARGE = 1e6  # ends of axes from which ticks have prefixes
 _PLOT, _SQUARE, _SMALL = 240, 480, 150  # pixels: height of one panel, of a square figure, of one panel among many
 
@@ -66,6 +67,7 @@ def plotly_figure(
     }
     if small:
         layout["showlegend"] = False
+    letters = layout["font"]["size"]
     if domains:  # a tall figure that is watched: more room for its curves
         layout["legend"]["font"] = {"size": 12}
     count, gap = len(panels), 0.08
@@ -77,10 +79,10 @@ def plotly_figure(
         low, top = domains[k] if domains else (max(top - 1 / (count + (count - 1) * gap), 0.0), top)
         # One x axis for all panels, drawn under the last: zooming one zooms all.
         if k == 0:
-            layout["xaxis"] = {**_axis(panel.x), "anchor": f"y{'' if count == 1 else count}"}
+            layout["xaxis"] = {**_axis(panel.x, letters), "anchor": f"y{'' if count == 1 else count}"}
             if small:
                 layout["xaxis"]["nticks"] = 3 if panel.x.log else 5
-        layout[f"yaxis{suffix}"] = {**_axis(panel.y), "domain": [low, top], "anchor": "x"}
+        layout[f"yaxis{suffix}"] = {**_axis(panel.y, letters), "domain": [low, top], "anchor": "x"}
         if panel.square:
             layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
             layout["xaxis"] |= {"constrain": "domain"}
@@ -91,7 +93,7 @@ def plotly_figure(
     return {"data": traces, "layout": layout}
 
 
-def _axis(axis: Axis) -> Drawn:
+def _axis(axis: Axis, letters: int) -> Drawn:
     out: Drawn = {
         "title": {"text": _plain(axis.label), "standoff": 8},
         "type": "log" if axis.log else "linear",
@@ -112,6 +114,8 @@ def _axis(axis: Axis) -> Drawn:
         if axis.in_full:
             large = axis.range is not None and axis.range[1] >= _LARGE
             out["tickformat"] = "~s" if large else "~g"  # 2G in place of 2e+9
+        else:
+            out["tickfont"] = {"size": _POWERS * letters}
     if axis.range is not None:
         out["range"] = [float(v) for v in (np.log10(axis.range) if axis.log else axis.range)]
     if axis.tick is not None:

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import robustid as rid
-from robustid.app.run import sequence
 from support import command_line
+from support.run_files import keep_whole, only_identify
 
 
 @pytest.fixture
@@ -42,13 +42,14 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def unreduced(monkeypatch):
-    """For tests of other steps: the identified model in place of a search for a smaller one, compared with no fits."""
+    """For tests of other steps: see `keep_whole`."""
+    keep_whole(monkeypatch)
 
-    def whole(identification, rigid_body, **_):
-        return rid.balanced_truncation(identification.model, order=identification.order)
 
-    monkeypatch.setattr(sequence, "reduce_within_bounds", whole)
-    monkeypatch.setattr(sequence, "why_not_compared", lambda *_: "not here")
+@pytest.fixture
+def unproved(monkeypatch):
+    """For tests of what is read: see `only_identify`."""
+    only_identify(monkeypatch)
 
 
 @pytest.fixture

@@ -224,11 +224,12 @@ def test_without_the_library_exact_says_what_to_install(files, run, monkeypatch)
     command_line.refused(run("verify", "good", "--exact"), "--exact needs python-flint")
 
 
-def test_an_interrupted_run_goes_on_from_its_folder(files, run):
-    """Ctrl-C in a real process, with workers of its own; the second run computes the rest only."""
+@pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
+def test_an_interrupted_run_goes_on_from_its_folder(files, run, workers):
+    """Ctrl-C in a real process, that may have workers of its own; the second run computes the rest only."""
     count = 16  # enough that the interrupt comes before the last
     arguments = ["bounds", "good", "--points", str(count), "--directions", "4", "--resume", "part"]
-    command = [sys.executable, "-m", "robustid", *arguments, "--workers", "2"]
+    command = [sys.executable, "-m", "robustid", *arguments, "--workers", workers]
     # A suite that runs in the background of a shell ignores Ctrl-C, and its children would inherit that.
     process = subprocess.Popen(
         command,

@@ -169,7 +169,7 @@ RATE = ["--dt", "0.01"]
         (["--frequency", "duration.npz", *LINES], ["dt = 0.01 s"]),
     ],
 )
-def test_what_was_read_is_said(foreign, run, arguments, words):
+def test_what_was_read_is_said(foreign, run, unproved, arguments, words):
     code, out, err = run(["identify", *arguments, *SHORT])
     assert code in (0, 3), err
     for part in (*words, "written: result.npz, result.json"):
@@ -239,7 +239,7 @@ def test_band_and_first_take_a_part_and_bounds_say_where_they_come_from(foreign,
     assert result.problem.time[0].note == data.time.note
 
 
-def test_one_entry_is_picked_by_number_or_name(foreign, run):
+def test_one_entry_is_picked_by_number_or_name(foreign, run, unproved):
     value = rid.datasets.flexible_structure(seed=0).frequency.values
     for entry in ("1,0", "y2,u1"):
         code, _, _ = run(["identify", "--frequency", "two.npz", "--entry", entry, *LINES, *SHORT, "--force"])

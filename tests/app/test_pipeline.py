@@ -31,7 +31,8 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder):
     """With modes, prior and bounds left to the program; the second time from another place, without its choosing anything."""
     frf = rid.datasets.flexible_structure(seed=0, lines=5, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8]).frequency
     rid.save(folder / "frf.csv", frf.with_bound(0.3 * frf.bound, "too tight"))
-    chosen = {"identify": {"inflate": "auto"}, "frequency_points": {"every": 2, "near_hz": 1.0}, **SHORT}
+    chosen = {"identify": {"inflate": "auto"}, "frequency_points": {"every": 2, "near_hz": 1.0}}
+    chosen["worst_case"] = {"at_hz": [17.0], "directions": 4}
     (folder / "sub").mkdir()
     first = rid.run(ask(folder, {"frequency": DATA["frequency"]}, chosen), folder / "sub" / "first")
     stated = tomllib.loads((folder / "sub" / "first" / "run.toml").read_text(encoding="utf-8"))

@@ -12,16 +12,13 @@ from typer.testing import CliRunner
 import robustid as rid
 from robustid.app.cli import experiment
 from robustid.app.cli.main import app
-from robustid.app.run import sequence
 from robustid.app.run.measurements import Measured, Origins, Place
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.undoing import in_run_file, with_option
 from robustid.data import Fault, PlacedFault
 from support.faulty_files import CLASS, CLASS_KEYS, DT, KINDS, faulty, record, response
-from support.run_files import QUICK, ask
+from support.run_files import QUICK, ask, only_identify
 
-# Steps that are no part of what is pasted.
-SLOW = "proved", "proved_if_wider", "diagnosed", "refined", "seen_between", "without_doubtful", "_refuted"
 CALLED = ["identify", "--frequency", "a response.csv", "--time", "step.csv", *CLASS]
 
 
@@ -46,8 +43,7 @@ def pasted(output):
 def _place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "90")  # what is pasted is not wrapped
-    for step in SLOW:
-        monkeypatch.setattr(sequence, step, lambda *_: None)
+    only_identify(monkeypatch)
     return tmp_path
 
 
@@ -241,7 +237,7 @@ def test_an_estimate_is_made_again_of_corrected_records_or_its_points_are_left_o
 
 def test_without_a_command_the_correction_is_offered_as_python_takes_it():
     frf, one = faulty("sign")
-    problem = rid.MixedProblem(frequency=frf, time=one, prior=rid.Prior(gain_bound=20.0, decay_rate=1.05))
+    problem = rid.MixedProblem(frequency=frf, time=one, prior=rid.Prior(gain_bound=20.0, decay_rate=1.3))
     assert 'rid.prepare.correct(record, "negate")' in rid.identify(problem, accuracy=0.5)._repr_html_().replace(
         "&#34;", '"'
     )

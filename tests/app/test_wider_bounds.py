@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.run_files import keep_whole
 
 MODES, PRIOR = [(9.0, 0.1), (17.3, 0.004)], rid.Prior(gain_bound=0.2, decay_rate=1.1)  # a mode where there is none
 
@@ -11,7 +12,9 @@ MODES, PRIOR = [(9.0, 0.1), (17.3, 0.004)], rid.Prior(gain_bound=0.2, decay_rate
 @pytest.fixture(scope="module")
 def refuted():
     data = rid.datasets.flexible_structure(seed=0)
-    return rid.identify_reduced([data.frequency, data.time], modes=MODES, prior=PRIOR)
+    with pytest.MonkeyPatch.context() as patch:
+        keep_whole(patch)
+        return rid.identify_reduced([data.frequency, data.time], modes=MODES, prior=PRIOR)
 
 
 def test_data_that_contradict_their_class_have_no_band_but_one_of_wider_bounds(refuted):
@@ -46,6 +49,7 @@ def test_systems_that_keep_the_wider_bounds_are_inside_of_it(refuted):
     assert farthest > 0.05  # no wonder of a huge radius
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_consistent_data_have_none():
     data = rid.datasets.flexible_structure(seed=0)
     quick = {"prior": PRIOR, "omega": [60.0], "directions": 4}
@@ -55,6 +59,7 @@ def test_consistent_data_have_none():
     assert found.band is not None
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_it_is_left_out_where_no_worst_case_is_asked_for():
     data = rid.datasets.flexible_structure(seed=0)
     found = rid.identify_reduced([data.frequency, data.time], modes=MODES, prior=PRIOR, worst_case=False)

@@ -12,9 +12,9 @@ from robustid.core import StateMatrices, described, made
 from robustid.design import FIR, PID, Attenuation, Bandwidth, Fixed, LeadLag, LeastControl, Limits, LowPass, Notch
 from robustid.errors import FileFormatError
 from support.command_line import words
-from support.design_cases import DT
+from support.design_cases import DT, band_of
 from support.forging import forge, kept
-from support.one_design import small_band, small_design
+from support.one_design import LIMITS, PI, small_band, small_design
 
 GAIN = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[1e-3]]))
 
@@ -138,7 +138,7 @@ def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
     for bands, said in (
         (found[:1], words[0]),
         (found[1:], words[1]),
-        (found, ", for the plants of all 2 bands" + words[0]),
+        (found, ", for the plants of both bands" + words[0]),
     ):
         loops = tuple(Plants.of(one).loop for one in bands)
         design = design_again(tuple(bands), loops, GAIN, (PID(integral=False),), Limits(), Bandwidth(), 1e-3, ())
@@ -146,3 +146,17 @@ def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
         assert design.scope == said
     assert found[0].claim.splitlines()[0].endswith(words[0])
     assert design.proofs[1].summary().splitlines()[0].endswith(words[1])
+
+
+def test_of_several_bands_the_one_whose_plants_take_most_of_a_limit_is_named():
+    bands = small_band(), band_of(4)[1]
+    loops = tuple(Plants.of(one).loop for one in bands)
+    both = design_again(bands, loops, PI, (PID(),), LIMITS, Bandwidth(), 11.0, ())
+    assert both.by_band[0] == small_design().shares
+    for name, (share, _) in both.shares.items():
+        assert share == max(one[name][0] for one in both.by_band)
+    (number, limit, share), (other, _, less) = both.limiting_bands
+    assert (number, other) == (1, 0)
+    assert (limit, share) == (both.limited_by[0], both.shares[limit][0])
+    assert share > less
+    assert small_design().limiting_bands == ()

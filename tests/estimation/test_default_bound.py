@@ -54,13 +54,13 @@ def test_scatter_of_the_measured_mirror_is_that_of_its_repetitions():
 
 def test_too_coarse_a_response_is_refused_with_what_to_do():
     refused = 0
-    for seed in range(10):  # 12 modes between 60 points can look like noise
+    for seed in range(5):  # 12 modes between 60 points can look like noise
         omega, G = response(np.random.default_rng(seed), points=60, modes=12)
         try:
             rid.estimate_bound(rid.FrequencyResponse(omega, G))
         except rid.InputError as error:
             refused += "too few for the modes" in str(error)
-    assert refused >= 8
+    assert refused >= 4
     with pytest.raises(rid.InputError, match="24 frequency points or more; there are 10"):
         rid.estimate_bound(rid.FrequencyResponse(omega[:10], G[:10]))
     with pytest.raises(rid.InputError, match=r'"coherence" or "scatter"; got .rest.'):

@@ -140,11 +140,11 @@ def test_one_period_shows_no_drift():
 def test_bounds_hold_with_drift(slope, curve):
     """22 % of the rms per period left 69 % of the lines inside, 220 % 0.6 %. Held in 20 of 20 seeds each."""
     held = 0
-    for seed in range(20):
+    for seed in range(10):
         frf = rid.estimate_frf(drifting(slope, seed=seed, curve=curve), period=PERIOD)
         held += bool(np.all(np.abs(frf.values - 2) <= frf.bound))
         assert "drifts of the outputs of up to" in frf.note
-    assert held >= 18
+    assert held >= 9
 
 
 def test_noise_alone_is_no_drift():
@@ -166,7 +166,7 @@ def test_derivatives_by_the_poles_are_those_of_differences():
 
 
 @pytest.mark.parametrize("part", [0.1, 0.3, 0.5])
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 20))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 20))])
 def test_noise_that_is_a_large_part_of_the_response(seed, part):
     """A hammer test with few averages: a mode in the band, one above it; the noise that is found is that of the data."""
     rng, hz = np.random.default_rng(seed), np.arange(5, 150, 0.3125)

@@ -250,11 +250,10 @@ def test_without_a_method_the_records_decide():
         estimate_frf(TimeRecord(u[:40], u[:40], dt=0.01))
 
 
-@pytest.mark.parametrize("method", ["local", "welch"])
-@pytest.mark.parametrize("power", [-60, 60])
+@pytest.mark.parametrize(("method", "power"), [("local", 60), ("welch", -60)])
 def test_units_do_not_matter(method, power):
     rng, scale = np.random.default_rng(6), 2.0**power
-    u = rng.standard_normal((3000, 2))
+    u = rng.standard_normal((1500, 2))
     y = simulate(plant(), u) + 0.01 * rng.standard_normal(u.shape)
     plain = estimate_frf(TimeRecord(u, y, dt=DT), method=method)
     for a, b in ((scale, 1), (1, scale)):
@@ -273,7 +272,7 @@ def test_a_transient_shows_whether_the_input_repeats_exactly_or_almost(jitter):
     assert np.max(frf.bound) < 0.1
 
 
-@pytest.mark.parametrize(("records", "most"), [(50, 1), pytest.param(200, 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("records", "most"), [(25, 1), pytest.param(200, 2, marks=pytest.mark.slow)])
 def test_steady_periods_stay(records, most):
     """White noise on a steady record, an exact input: hardly one of a hundred loses a period."""
     lost = 0

@@ -48,7 +48,7 @@ def test_a_loop_without_its_reference_is_named(plant, strength):
     assert fault.where == "input u and output y"
 
 
-@pytest.mark.parametrize("power", [-60, 60])
+@pytest.mark.parametrize("power", [-60, pytest.param(60, marks=pytest.mark.slow)])
 def test_units_change_nothing(power):
     for name in ("jitter (random)", "feedback without reference (random)"):
         (one, *_) = of(name, "clear")

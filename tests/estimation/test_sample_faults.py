@@ -246,7 +246,7 @@ def test_what_all_records_have_is_said_once():
     assert (fault.kind, fault.record) == ("tone", 0)
 
 
-@pytest.mark.parametrize("power", [-60, 60])
+@pytest.mark.parametrize("power", [-60, pytest.param(60, marks=pytest.mark.slow)])
 def test_units_do_not_matter(one, power):
     t = DT * np.arange(SAMPLES)
     y = one.y[:, 0] + one.y.std() * (0.2 * np.sin(2 * np.pi * 7.07 * t) + 3 * (np.arange(SAMPLES) == 500))

@@ -5,6 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.data import FaultKind
+from support.cases import slow
 from support.measured import realdata
 
 pytestmark = realdata
@@ -22,7 +23,7 @@ ONCE = [
     ("beam_ring", (32156, 36475), 0, 1, 2),  # exchanged, and tones: modes that ring on from the sweep before
     ("beam_ring", (90165, 91007), 1, 1, 4),  # early
     ("two_mass", (8330, 8878), 0, 0, 2),  # a seam, where a resonance is between two lines
-    ("two_mass", (18200, 18660), 1, 0, 1),  # early
+    slow(("two_mass", (18200, 18660), 1, 0, 1), id="two_mass-18200"),  # early
     ("two_mass", (253, 3821), 1, 0, 4),  # feedback, where an input was decimated
     ("fsm", (10861, 11321), 2, 1, 2),  # a tone at a mode
     ("fsm_200mV/test", (8555, 15115), 2, 2, 4),  # feedback, after decimation

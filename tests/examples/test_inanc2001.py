@@ -123,7 +123,9 @@ def smallest_order(seed, method):
     return small.order
 
 
-@pytest.mark.parametrize("modes", [(), pytest.param(example.LIGHT, marks=pytest.mark.slow), example.BOTH])
+@pytest.mark.parametrize(
+    "modes", [*(pytest.param(one, marks=pytest.mark.slow) for one in ((), example.LIGHT)), example.BOTH]
+)
 def test_no_more_than_the_true_order(modes):
     assert smallest_order(0, MIXED[modes]) <= 4
 

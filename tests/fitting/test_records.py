@@ -261,7 +261,9 @@ def difference_equation(record, order):
 class TestMeasured:
     pytestmark = realdata
 
-    @pytest.mark.parametrize(("name", "dt", "order"), [("hairdryer", 0.08, 5), ("cdplayer", 1.0, 8)])
+    @pytest.mark.parametrize(
+        ("name", "dt", "order"), [("hairdryer", 0.08, 5), pytest.param("cdplayer", 1.0, 8, marks=pytest.mark.slow)]
+    )
     def test_the_second_half_from_the_first(self, name, dt, order):
         """Simulated from the initial state that fits best, at least as well as all others of the same order."""
         first, second = measured(name, dt)

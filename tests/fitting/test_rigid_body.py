@@ -22,7 +22,7 @@ DT = 1 / 4000
 CASES = [
     (4, 4, 3, 5, "input", None),
     (4, 4, 1, 7, "input", None),
-    (4, 4, 2, 6, "input", None),
+    slow(4, 4, 2, 6, "input", None),  # its optimum is far: ten times the others
     (4, 4, 1, 5, "input", None),
     (3, 3, 3, 3, "input", None),
     (1, 1, 1, 3, "input", None),

@@ -176,8 +176,7 @@ def test_measured_mirror_is_followed_on_other_realisations():
 # ---------------------------------------------------------------- laws
 
 
-@pytest.mark.parametrize("amplitude", [60, -60, 0])
-@pytest.mark.parametrize("frequency", [60, -60])
+@pytest.mark.parametrize(("amplitude", "frequency"), [(60, -60), (-60, 60), (0, 60)])
 def test_units_scale_the_estimate_exactly(amplitude, frequency):
     system = random_modal_system(1, 2, 3, 5)
     s = xi(grid("linear", 300), "s")

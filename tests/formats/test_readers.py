@@ -95,7 +95,7 @@ def outcome(path):
     return None
 
 
-@pytest.mark.parametrize("count", [60, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", FORMATS)
 def test_damaged_files(tmp_path, name, count):
     """Cut at 40 places; of the damages three quarters flipped bytes, the others stretches of zeros or of 0xff: seeded, most of them

@@ -238,6 +238,15 @@ def test_two_hundred_controllers_around_the_limit():
     assert said.count("unstable") > 40
 
 
+def test_no_plant_is_looked_for_after_the_time():
+    case, result, band = case_of(0)
+    _, high = rid.loop_bounds(band, case.loop).margins.gain
+    found = rid.loop_bounds(band, case.loop, 1.25 * high * case.controller)
+    assert found.refuted(result, time_limit=60).refuted_by is not None
+    assert found.refuted(result, time_limit=1e-9).refuted_by is None
+    assert found.refuted(time_limit=1e-9).refuted_by is None  # no problem is solved for it either
+
+
 def test_a_controller_by_its_response_is_the_same_one():
     case, _, band = case_of(0)
     omega = np.geomspace(1.0, np.pi / DT, 60)

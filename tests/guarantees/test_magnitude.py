@@ -89,7 +89,9 @@ KNOWN = {
 }
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "four modes" else name for name in KNOWN]
+)
 def test_known_orders(name):
     """The weight is loose by little more than the bound jumps from cell to cell; the integrator's by 1.2 in all."""
     response, edges, options, order, loose, spread = KNOWN[name]

@@ -14,7 +14,7 @@ import pytest
 
 import robustid as rid
 from robustid.errors import InputError
-from robustid.guarantees import proof_text
+from robustid.guarantees import contradiction, proof_text
 from support.proof_judge import Disc, Judge, judged, number, turn
 from support.proofs import SANITIZED, SOURCE, asked, band_of, built, mutated, problem, resealed, sealed
 
@@ -32,8 +32,17 @@ def sanitized(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def proofs_of(seed: int) -> list[str]:
-    """A band, a system, and a contradiction."""
-    return [band_of(seed)[1], proof_text(rid.identify(problem(seed))), proof_text(rid.identify(problem(seed, off=3.0)))]
+    """A band, a system, a contradiction, and all three of a problem with a record."""
+    found: list[str] = []
+    for posed, bad in ((problem(seed), problem(seed, off=3.0)), (with_record(seed), with_record(seed, off=3.0))):
+        omega = posed.frequency[0].omega
+        band = rid.band(posed, omega=np.linspace(omega[0], omega[-1], 4)[1:-1])
+        found += [proof_text(band), proof_text(rid.identify(posed)), proof_text(rid.identify(bad))]
+    return found
+
+
+def with_record(seed: int, off: float = 0.0) -> rid.MixedProblem:
+    return problem(seed, 4, off=off, samples=10)
 
 
 def parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -71,10 +80,13 @@ def bare(value: str, factors: list[Any]) -> str:
         "units": {"frequency": "rad/s", "time": "s", "response": "m/N"},
         "level": "1",
         "data": [["1", "0", "0", "1"]],
+        "records": [],
         "statements": [{"kind": "support", "omega": "2", "direction": ["1", "0"], "value": value}],
     }
     sums = {"base": ["0", "0"], "factors": factors, "multipliers": []}
-    return sealed(question, {"parameters": {"centre": [], "radius": [], "combinations": []}, "statements": [sums]})
+    return sealed(
+        question, {"powers": 0, "parameters": {"centre": [], "radius": [], "combinations": []}, "statements": [sums]}
+    )
 
 
 def factors_of_values() -> list[Any]:
@@ -139,6 +151,48 @@ def test_a_frequency_is_placed_to_more_digits_than_a_double_has():
     assert abs(e.re - Fraction("0.540302305868139717400936607443")) < Fraction(1, 10**29)
     assert abs(e.im + Fraction("0.841470984807896506652502321630")) < Fraction(1, 10**29)
     assert (e * e.conj - Disc(1)).most < Fraction(1, 10**100)
+
+
+def polygons_of(seed: int, lines: int, directions: int) -> str:
+    """Supports by multipliers of the matrix inequality, at a line and beside one."""
+    found = rid.identify(problem(seed, lines))
+    omega = found.problem.frequency[0].omega
+    return proof_text(rid.worst_case_error(found, omega=[omega[1], 1.01 * omega[2]], directions=directions))
+
+
+@pytest.mark.quick
+def test_supports_by_the_matrix_inequality_are_proved_and_hardly_larger(program, tmp_path):
+    text = polygons_of(1, 4, 3)
+    assert asked(program, text, tmp_path)[0] == 0
+    assert judged(text)
+    question, evidence = parts(text)
+    for one in question["statements"]:  # a certificate proves its value, and nothing below
+        one["value"] = repr(float(one["value"]) - 1e-5 * float(question["class"]["gain_bound"]))
+    assert asked(program, sealed(question, evidence), tmp_path)[0] == 1
+
+
+@pytest.mark.quick
+def test_supports_of_problems_with_records_and_in_other_forms_are_proved(program, tmp_path):
+    found = rid.identify(with_record(1))
+    text = proof_text(rid.worst_case_error(found, omega=1.05 * found.problem.frequency[0].omega[:1], directions=3))
+    assert asked(program, text, tmp_path)[0] == 0
+    assert any(k >= 2 * 4 + 2 for k, *_ in parts(text)[1]["statements"][0]["factors"][0]["f"])
+    for form in ("taylor", "sections"):
+        found = rid.identify(problem(2, 4), form=form)
+        text = proof_text(rid.worst_case_error(found, omega=found.problem.frequency[0].omega[:1], directions=3))
+        assert asked(program, text, tmp_path)[0] == 0, form
+
+
+@pytest.mark.quick
+def test_what_only_the_matrix_inequality_refutes_is_refuted(program, tmp_path):
+    posed = problem(1, off=0.407)
+    assert contradiction(posed) is None
+    text = proof_text(rid.identify(posed))
+    assert asked(program, text, tmp_path)[0] == 0
+    assert judged(text)
+    question, evidence = parts(text)
+    evidence["statements"][0]["factors"] = []
+    assert asked(program, sealed(question, evidence), tmp_path)[0] == 1
 
 
 @pytest.mark.quick

@@ -96,11 +96,17 @@ def readers(sources):
                 named[node.name].append((name, node))
             elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("robustid"):
                 ours[name] |= {alias.name for alias in node.names}
+    caught = {
+        name: [one.lineno for one in source if isinstance(one, ast.ExceptHandler)] for name, source in sources.items()
+    }
     handed = collections.defaultdict(dict)  # to a function: kind by place or name of a parameter
     todo, found = [one for same in named.values() for one in same], set()
     while todo:
         name, function = todo.pop()
-        reader = Reader(parameters(function, handed[function]))
+        known = parameters(function, handed[function])
+        if not known and not any(function.lineno < line <= function.end_lineno for line in caught[name]):
+            continue
+        reader = Reader(known)
         for line in function.body:
             reader.visit(line)
         if reader.found:

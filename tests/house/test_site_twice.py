@@ -9,6 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from support.browser import CHROMIUM
+from support.contrast import least_contrast
+from support.driven import Browser
+
 DOCS = Path(__file__).parents[2] / "docs"
 TIMES = re.compile(rb"\b\d+(\.\d+)? ?(s|seconds|ms)\b")
 # What a page loads from elsewhere; links to click on are none of it.
@@ -28,6 +32,19 @@ def build(folder):
     return {path.relative_to(folder): path.read_bytes() for path in files if path.name not in skipped}
 
 
+def check_shown(folder, pages, profile):
+    """All text stands out in both themes, and nothing is wider than a phone."""
+    with Browser(profile, width=390) as browser:
+        for path in pages:
+            browser.open((folder / path).as_uri())
+            browser.wait(f"document.readyState === 'complete' && location.href.endsWith('{path.as_posix()}')")
+            assert browser.value("document.documentElement.scrollWidth") <= 390, path
+            for theme in ("light", "dark"):
+                browser.value(f"document.documentElement.dataset.theme = '{theme}'")
+                ratio, text = least_contrast(browser)
+                assert ratio >= 1, (path, theme, text)
+
+
 @pytest.mark.slow
 def test_two_builds_are_the_same_and_load_nothing_from_elsewhere(tmp_path):
     pytest.importorskip("sphinx")
@@ -37,6 +54,8 @@ def test_two_builds_are_the_same_and_load_nothing_from_elsewhere(tmp_path):
     assert not differ
     pages = [path for path in one if path.suffix == ".html" and path.parts[0] != "_static"]
     assert len(pages) > 100
+    if CHROMIUM is not None:
+        check_shown(tmp_path / "one", pages, tmp_path / "profile")
     for path in pages:
         text = one[path].decode()
         assert re.search(r'<html[^>]* lang="en"', text), path

@@ -7,6 +7,9 @@ import re
 import pytest
 
 import robustid as rid
+from support.browser import CHROMIUM
+from support.contrast import least_contrast
+from support.driven import Browser
 
 TEMPLATE = (pathlib.Path(rid.__file__).parent / "report/document.html.j2").read_text(encoding="utf-8")
 WHITE = "#ffffff"
@@ -59,3 +62,22 @@ def test_a_page_has_a_language_headings_in_order_and_words_for_pictures(static_p
     assert pictures
     assert all(re.search(r'alt="[^"]{10,}"', picture) for picture in pictures)
     assert ":focus-visible" in page
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="needs the browser `chromium` on the path")
+def test_all_text_stands_out_as_a_browser_shows_it(static_page, tmp_path):
+    page = tmp_path / "page.html"
+    grey = tmp_path / "grey.html"
+    page.write_text(static_page, encoding="utf-8")
+    grey.write_text("<p style='color: #777777'>grey</p>", encoding="utf-8")
+    with Browser(tmp_path / "profile", width=390) as browser:
+        browser.open(grey.as_uri())
+        browser.wait("document.readyState === 'complete' && document.querySelector('p') !== null")
+        assert least_contrast(browser) == (pytest.approx(4.48 / 4.5, abs=0.002), "grey")
+        browser.open(page.as_uri())
+        browser.wait("document.readyState === 'complete' && document.querySelector('footer') !== null")
+        browser.value("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
+        ratio, text = least_contrast(browser)
+        assert ratio >= 1, text
+        assert browser.value("document.documentElement.scrollWidth") == 390

@@ -142,7 +142,7 @@ def test_the_page_says_what_is_proved_and_what_limits(tmp_path):
         "Every consistent plant keeps all limits",
         "sensitivity peak, near 4.764 Hz",
         "Steps of the loop",
-        "beyond a set point of 1, with every consistent plant",
+        "% of the set point, with every consistent plant",
         "zero",
     ):
         assert words in page, words

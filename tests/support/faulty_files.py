@@ -6,10 +6,10 @@ from scipy.signal import lfilter
 import robustid as rid
 
 DT = 0.01
-CLASS = ["--mode", "none", "--gain", "20", "--decay-rate", "1.05", "--no-reduce", "--accuracy", "1"]
+CLASS = ["--mode", "none", "--gain", "20", "--decay-rate", "1.3", "--no-reduce", "--accuracy", "1"]
 CLASS_KEYS = {
     "modes": {"hz": [], "damping": []},
-    "prior": {"gain_bound": 20.0, "decay_rate": 1.05},
+    "prior": {"gain_bound": 20.0, "decay_rate": 1.3},
     "identify": {"accuracy": 1.0},
 }
 

@@ -87,13 +87,8 @@ def gamry(comma=False, rest=True):
     names = "\tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\tIdc\tVdc\tIERange\r\n\t#\ts\tHz\tohm\tohm\tV\tohm\t°\tA\tV\t#\r\n"
     body = lines(counted(HZ), counted(HZ) + 1, HZ, CELL.real, CELL.imag, 1 + 0 * HZ, abs(CELL), degrees(CELL), -3e-6 + 0 * HZ,
                  -0.34 + 0 * HZ, 7 + 0 * HZ, first="\t", number="{:.9g}")  # fmt: skip
-    text = (
-        head
-        + f"OCVCURVE\tTABLE\t9\r\n{at_rest}EOC\tQUANT\t-0.29\tOpen Circuit (V)\r\n" * rest
-        + "ZCURVE\tTABLE\r\n"
-        + names
-        + body
-    )
+    rests = f"OCVCURVE\tTABLE\t9\r\n{at_rest}EOC\tQUANT\t-0.29\tOpen Circuit (V)\r\n" * rest
+    text = f"{head}{rests}ZCURVE\tTABLE\r\n{names}{body}"
     return (text.replace(".", ",") if comma else text).encode("latin-1")
 
 
@@ -308,16 +303,8 @@ def bode_100():
 def vibration_controller():
     """A vibration controller: one column of a matrix of accelerances, its coherence beside it."""
     names = "Frequency [Hz];H11 Re [(m/s²)/N];H11 Im [(m/s²)/N];H21 Re [(m/s²)/N];H21 Im [(m/s²)/N]\r\n"
-    first, second = MATRIX[0, 0], MATRIX[1, 0]
-    body = lines(
-        HZ[::-1],
-        first[::-1].real,
-        first[::-1].imag,
-        second[::-1].real,
-        second[::-1].imag,
-        separator=";",
-        number="{:.9g}",
-    )
+    columns = [part for one in MATRIX[:, 0, ::-1] for part in (one.real, one.imag)]
+    body = lines(HZ[::-1], *columns, separator=";", number="{:.9g}")
     return (names + body).encode("latin-1")
 
 

@@ -154,11 +154,39 @@ class Judge:
         if min(self.bound) <= 0:
             raise Refused("a bound that is not positive")
         self.N, self.M = len(self.y), len(self.matrices["D"])
+        self.records: list[tuple[list[Fraction], int, Fraction, Fraction, list[Fraction]]] = []
+        for one in self.question["records"]:
+            u = [number(v) for v in one["input"]]
+            answers = self.responses(u)
+            for t, y, bound in one["samples"]:
+                if not 0 <= t < len(u) or number(bound) <= 0:
+                    raise Refused("a sample of a record")
+                self.records.append((u, t, number(y), number(bound) * level, answers[t]))
+        self.powers = max([self.evidence["powers"], *(len(u) for u, *_ in self.records)])
         placed = [self.place(one) for one in self.omega]
         self.nodes = [zeta for zeta, _ in placed] + [zeta.conj for zeta, _ in placed]
         self.P = [values for _, values in placed] + [[one.conj for one in values] for _, values in placed]
         self.about: list[Fraction] = []
         self.within: list[Fraction] = []
+
+    def responses(self, u: list[Fraction]) -> list[list[Fraction]]:
+        """The responses of the functions to an input, exactly."""
+        A, B, C, D = (self.matrices[name] for name in "ABCD")
+        state, found = [Fraction(0)] * len(B), []
+        for one in u:
+            found.append([_inner(c, state) + number(d) * one for c, d in zip(C, D, strict=True)])
+            state = [_inner(a, state) + number(b) * one for a, b in zip(A, B, strict=True)]
+            state = [Fraction(v.numerator * _GRID // v.denominator, _GRID) for v in state]
+        return found
+
+    def seen(self, k: int, m: int, nodes: list[Disc]) -> Disc:
+        """The functional k of the function that stands for the functional m: values at nodes, then Taylor coefficients."""
+        count = len(nodes)
+        if k < count and m < count:
+            return (Disc(1) - nodes[k] * nodes[m].conj).inverse
+        if k < count:
+            return _power(nodes[k], m - count)
+        return _power(nodes[m].conj, k - count) if m < count else Disc(int(k == m))
 
     def place(self, omega: str) -> tuple[Disc, list[Disc]]:
         """Zeta and the values of the functions."""
@@ -181,15 +209,18 @@ class Judge:
 
     def norm(self, terms: dict[int, Disc], nodes: list[Disc], base: Disc) -> Fraction:
         """Above the norm of sum c_k phi(zeta_k) in H2 of the measure of the base."""
-        total = Disc(0)
+        total, count = Disc(0), len(nodes)
         room = 1 - root(base.re**2 + base.im**2) ** 2 if base.im else 1 - base.re**2
         if room <= 0:
             raise Refused("a base outside of the disc")
+        turned: dict[int, Disc] = {}
         for k, c in terms.items():
-            for m, d in terms.items():
-                own = c * (Disc(1) - base.conj * nodes[k])
-                other = (d * (Disc(1) - base.conj * nodes[m])).conj
-                total += own * other * (Disc(1) - nodes[k] * nodes[m].conj).inverse
+            for at, one in ((k, c), (k, -base.conj * nodes[k] * c) if k < count else (k - 1, -base.conj * c)):
+                if k < count or at >= count:
+                    turned[at] = turned.get(at, Disc(0)) + one
+        for k, c in turned.items():
+            for m, d in turned.items():
+                total += c * d.conj * self.seen(k, m, nodes)
         return root(max(total.re + total.error, Fraction(0)) / room)
 
     def sums(
@@ -207,8 +238,17 @@ class Judge:
         centre, radius = Disc(0), Fraction(0)
         for k, a, b in evidence["multipliers"]:
             d = Disc(number(a), number(b))
-            if not 0 <= k < 2 * self.N:
+            if not 0 <= k < 2 * self.N + len(self.records):
                 raise Refused("an index out of range")
+            if k >= 2 * self.N:
+                u, t, y, bound, answers = self.records[k - 2 * self.N]
+                centre += d * Disc(y)
+                radius += d.most * bound
+                for past in range(t + 1):
+                    at = len(nodes) + past
+                    rest[at] = rest.get(at, Disc(0)) - d * Disc(u[t - past] / self.rho**past)
+                missed = [m + d * Disc(p) for m, p in zip(missed, answers, strict=True)]
+                continue
             own = k % self.N
             centre += d * (self.y[own] if k < self.N else self.y[own].conj)
             radius += d.most * self.bound[own]
@@ -222,11 +262,16 @@ class Judge:
             cost += self.norm({k: a.conj for k, a in f.items()}, nodes, Disc(0)) * self.norm(
                 {k: a.conj for k, a in g.items()}, nodes, Disc(0)
             )
+            if max([*f, *g], default=0) >= len(nodes) + self.powers:
+                raise Refused("an index out of range")
             for k, a in f.items():
-                value = Disc(0)
-                for m, b in g.items():
-                    value += b * (Disc(1) - nodes[k] * nodes[m].conj).inverse
-                rest[k] = rest.get(k, Disc(0)) - a.conj * value
+                # <phi g, zeta^s> is the sum of g_m phi_(s - m).
+                parts = [(k, k)] if k < len(nodes) else [(len(nodes) + m, k - m) for m in range(k - len(nodes) + 1)]
+                for of, at in parts:
+                    value = Disc(0)
+                    for m, b in g.items():
+                        value += b * self.seen(of, m, nodes)
+                    rest[at] = rest.get(at, Disc(0)) - a.conj * value
         base = Disc(*(number(one) for one in evidence["base"]))
         radius += self.K * (cost + self.norm(rest, nodes, base))
         if self.M and not self.within:
@@ -284,6 +329,23 @@ class Judge:
                 rest -= Disc(q) * one
             if rest.most > bound:
                 return False
+        series = [Disc(0)] * self.powers
+        for g in reversed(gains if self.records else []):
+            shifted = [Disc(0), *series[:-1]]
+            series = []
+            for k, one in enumerate(shifted):  # (g + shifted)/(1 + g shifted)
+                own = one + (g if k == 0 else Disc(0))
+                for m in range(1, k + 1):
+                    own -= g * shifted[m] * series[k - m]
+                series.append(own)
+        for u, t, y, bound, answers in self.records:
+            rest = Disc(y)
+            for past in range(t + 1):
+                rest -= series[past] * Disc(self.K * u[t - past] / self.rho**past)
+            for q, one in zip(p, answers, strict=True):
+                rest -= Disc(q * one)
+            if rest.most > bound:
+                return False
         return True
 
     def proved(self) -> bool:
@@ -294,6 +356,17 @@ class Judge:
         }
         pairs = list(zip(self.question["statements"], self.evidence["statements"], strict=True))
         return bool(pairs) and all(kinds[said["kind"]](said, evidence) for said, evidence in pairs)
+
+
+def _inner(row: list[Any], state: list[Fraction]) -> Fraction:
+    return sum((number(a) * x for a, x in zip(row, state, strict=True)), Fraction(0))
+
+
+def _power(base: Disc, exponent: int) -> Disc:
+    found = Disc(1)
+    for _ in range(exponent):
+        found = found * base
+    return found
 
 
 def solve(rows: list[list[Disc]]) -> list[Disc]:

@@ -45,23 +45,31 @@ def asked(program: Path, text: str | bytes, folder: Path) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-def problem(seed: int, lines: int = 8, *, off: float = 0.0) -> rid.MixedProblem:
-    """A random plant of a class, with a mode or without; `off` moves one line by so many gains."""
+def problem(seed: int, lines: int = 8, *, off: float = 0.0, samples: int = 0) -> rid.MixedProblem:
+    """A random plant of a class, with a mode or without, and a record of `samples`; `off` moves one line by so many gains."""
     rng = np.random.default_rng(seed)
     dt, rho, gain = float(rng.choice([1e-3, 0.1, 2.0])), float(rng.uniform(1.05, 1.4)), float(10 ** rng.uniform(-3, 3))
     omega = np.sort(rng.uniform(0.02, 3.0, lines)) / dt
-    z = np.exp(1j * omega * dt)
-    values = 0.9 * gain * rng.uniform(-1, 1) / rho / z
+    first = 0.9 * gain * rng.uniform(-1, 1) / rho
+    values, pulses = first * np.exp(-1j * omega * dt), first * np.eye(1, max(samples, 2), 1)[0]
     basis = None
     if seed % 2:
         damping, natural = float(rng.uniform(0.005, 0.05)), float(rng.uniform(0.3, 2.5)) / dt
         basis = rid.kautz([natural], [damping], dt=dt)
-        values = values + basis.response(omega * dt) @ (rng.normal(size=2) * gain)
+        parameters = rng.normal(size=2) * gain
+        values = values + basis.response(omega * dt) @ parameters
+        pulses = pulses + basis.impulse(pulses.size) @ parameters
     bound = 0.05 * gain
     values = values + bound * rng.uniform(0, 1, lines) * np.exp(2j * np.pi * rng.uniform(0, 1, lines))
     values[lines // 2] += off * gain
     frf = rid.FrequencyResponse(omega, values, bound=bound, dt=dt)
-    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=gain, decay_rate=rho), parametric=basis)
+    record = None
+    if samples:
+        u = rng.choice([-1.0, 1.0], samples)
+        y = np.convolve(u, pulses)[:samples] + bound * rng.uniform(-1, 1, samples)
+        record = rid.TimeRecord(u, y, bound=bound, dt=dt)
+    prior = rid.Prior(gain_bound=gain, decay_rate=rho)
+    return rid.MixedProblem(frequency=frf, time=record, prior=prior, parametric=basis)
 
 
 def band_of(seed: int, lines: int = 8, frequencies: int = 2) -> tuple[Band, str]:

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import robustid as rid
+from robustid.app.run import sequence
 from robustid.app.run.toml import write_toml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -17,3 +19,19 @@ def ask(folder, *parts, name="ask.toml"):
         content |= part
     (folder / name).write_text(write_toml(content), encoding="utf-8")
     return folder / name
+
+
+def only_identify(monkeypatch):
+    """No step beside the identification: no band, no diagnosis, nothing that data with faults are held against."""
+    for step in "proved", "proved_if_wider", "diagnosed", "refined", "seen_between", "without_doubtful", "_refuted":
+        monkeypatch.setattr(sequence, step, lambda *_: None)
+
+
+def keep_whole(monkeypatch):
+    """The identified model in place of a search for a smaller one, compared with no fits."""
+
+    def whole(identification, rigid_body, **_):
+        return rid.balanced_truncation(identification.model, order=identification.order)
+
+    monkeypatch.setattr(sequence, "reduce_within_bounds", whole)
+    monkeypatch.setattr(sequence, "why_not_compared", lambda *_: "not here")

@@ -97,7 +97,7 @@ def compare(
 
 
 def _compared(console: Terminal, paths: Sequence[Path], things: list[Any], how: Estimate, modes: bool) -> Any:
-    """What two things or more say of each other; responses of records take the place of these where modes are compared."""
+    """Comparison of two things or more; responses take the place of records where modes are compared."""
     from robustid.advice import common_modes
     from robustid.identification import compare as compared
 

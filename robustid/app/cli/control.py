@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from robustid.controllers import ControllerDesign
     from robustid.guarantees import Band
 
+_NAMED = 3  # sources of several that limit most
+
 
 def control(
     *,
@@ -89,7 +91,15 @@ def control(
     written = [*files, model if usable else None, report]
     steps = _next(found, model) if found.status.name == "PROVED" else None
     screen.conclude(console, first_screen(found), lambda: [found.summary()], written=written, steps=steps)
+    if len(source) > 1:
+        screen.say(console, *_dear(found, source))
     raise typer.Exit(design_exit(found, [one.band for one in plants]))
+
+
+def _dear(found: ControllerDesign, source: Sequence[Path]) -> list[str]:
+    """Line that names the sources whose plants take most of a limit."""
+    dear = [f"{source[k]} ({name}, {100 * share:.4g} %)" for k, name, share in found.limiting_bands[:_NAMED]]
+    return [f"most of a limit is taken by the plants of {', '.join(dear)}"] if dear else []
 
 
 def design_exit(found: ControllerDesign, bands: Sequence[Band] = ()) -> int:

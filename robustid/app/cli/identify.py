@@ -88,7 +88,7 @@ def identify(
     """
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.run_folder import Surroundings
-    from robustid.app.run.sequence import diagnosed, in_loop, proved, reduced, refined
+    from robustid.app.run.sequence import diagnosed, in_loop, proved, reduced, refined, sharpened
     from robustid.app.run.undoing import again, in_command
     from robustid.app.run.work import carry_out
     from robustid.core import Budget
@@ -115,7 +115,7 @@ def identify(
         with around.stops.listening():
             work = work_on(lines, samples, around, modes=modes, prior=prior, identify=how)
             work.loop = running
-            carry_out(work, [*changed, proved, *smaller, diagnosed, refined, in_loop])
+            carry_out(work, [*changed, proved, *smaller, diagnosed, refined, sharpened, in_loop])
     origins = asked_lines.origins, asked_samples.origins
     work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
     steps = next_of(work, output, screen.called(context))

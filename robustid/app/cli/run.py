@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,9 +12,11 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import FLAGS, Static, Verbose
+from robustid.app.cli.fleet import fleet
 from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.checks import options
 from robustid.app.run.settings import PARTS
+from robustid.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -25,6 +29,7 @@ _WORDS = {name: name for name in (*FLAGS, "order", "scaling")} | {
     "resume": "--resume",
     "force": "--force",
     "executor": "--workers",
+    "cluster": "--cluster",
     "passive": "[prior] passive",
     "frequency_unit": "unit",
     "period": "period in [estimate]",
@@ -51,16 +56,57 @@ def _show_keys(wanted: bool) -> None:
 
 
 def run(
-    config: Annotated[Path, typer.Argument(help="The run file, TOML.")],
+    config: Annotated[
+        list[Path],
+        typer.Argument(
+            help="The run file, TOML; of several, or of a folder with run files, each is the run of one machine."
+        ),
+    ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the results. Default: the name of the run file.")
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Folder for the results. Default: the name of the run file; of several: fleet."
+        ),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run in that folder.")] = False,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Go on with an unfinished run in that folder. With several the same command does."
+        ),
+    ] = False,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Number of processes for the worst-case error. Default: one.")
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of processes: for the worst-case error, default one; with several run files for the machines, default one"
+            " for every core.",
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Scheduler of Dask, or its file, whose workers take the place of processes.",
+        ),
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            "--table",
+            metavar="FILE",
+            help="Table of the machines, .csv or .parquet. Default: table.csv beside their page.",
+        ),
     ] = None,
     static: Static = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what an earlier run wrote there.")] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="Replace what an earlier run wrote there; with several run files that of machines that failed, or were asked"
+            " something else.",
+        ),
+    ] = False,
     verbose: Verbose = False,
     keys: Annotated[
         bool, typer.Option("--keys", callback=_show_keys, is_eager=True, help="List every key of a run file, and exit.")
@@ -102,9 +148,43 @@ def run(
     Plants that differ by amplitude, position, load or date make a family: [\[members]] with name = ... and the condition, and
     member = ... in every [\[record]] and [\[frequency]].
 
+    [bold]Example[/bold]: robustid run machines/*.toml -o fleet --workers 8
+
     Exit codes: 0 consistent, 3 inconsistent (a finding, with its proof) or contradicted by withheld data, 4 either, but of data
-    with a fault that nothing has undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted.
+    with a fault that nothing has undone, 1 undecided or not solved, 2 misuse, 70 an error of the program, 130 interrupted. Of
+    several machines: 1 where one has no verdict, else 3 or 4 where one would end so.
     """
+    with in_words(_WORDS), contextlib.ExitStack() as stack:
+        executor: Executor | int | None = _executor(stack, workers, cluster)
+        if len(config) > 1 or config[0].is_dir():
+            raise typer.Exit(fleet(config, output, executor, table, static=static, force=force, verbose=verbose))
+        if table is not None:
+            raise InputError("--table is of several machines; give several run files, or a folder of them")
+        _run(config[0], output, executor, resume=resume, static=static, force=force, verbose=verbose)
+
+
+def _executor(stack: contextlib.ExitStack, workers: int | None, address: str | None) -> Executor | int | None:
+    """The workers that were asked for; None where none were."""
+    if address is None:
+        return workers
+    if workers is not None:
+        raise InputError("--workers are processes of this machine, --cluster has its own; give one of them")
+    from robustid.app.run.fleet import cluster
+
+    return stack.enter_context(cluster(address))
+
+
+def _run(
+    config: Path,
+    output: Path | None,
+    executor: Executor | int | None,
+    *,
+    resume: bool,
+    static: bool,
+    force: bool,
+    verbose: bool,
+) -> None:
+    """One run, and what was found."""
     from robustid.app.run import pipeline
     from robustid.app.run.results import IdentifiedReduced
     from robustid.app.run.run_folder import RUN_FILE
@@ -114,7 +194,7 @@ def run(
     console = screen.console(verbose=verbose)
     found_again = f"what is finished is in {folder}: the same command with --resume goes on from there"
     interrupted = resumable(console, found_again, (folder / RUN_FILE).exists)
-    with interrupted, in_words(_WORDS), telling(console) as progress:
+    with interrupted, telling(console) as progress:
         progress(f"reading {config}", 0, 0)
         result = pipeline.run(
             config,
@@ -122,7 +202,7 @@ def run(
             resume=resume,
             force=force,
             static=static,
-            executor=None if workers in (None, 1) else workers,
+            executor=None if executor == 1 else executor,
             progress=progress,
         )
     if isinstance(result, IdentifiedReduced):

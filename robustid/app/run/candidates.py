@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robustid.app.run.work import Work
+from robustid.core import Budget
 from robustid.guarantees import LoopBounds, loop_bounds
 
 _SHARE = 0.3  # of the time that is left, for each
@@ -14,8 +15,9 @@ def tried(work: Work) -> None:
         return
     for name, controller in work.controllers.items():
         with work.around.step(f"trying the controller {name}", _SHARE) as limit:
-            found = loop_bounds(work.looped.band, work.looped.loop, controller, time_limit=limit)
-        work.tried[name] = found.refuted(work.identification)
+            budget = Budget(limit)
+            found = loop_bounds(work.looped.band, work.looped.loop, controller, time_limit=budget.share(0.5).seconds)
+            work.tried[name] = found.refuted(work.identification, time_limit=budget.seconds)
 
 
 def candidate_words(name: str, found: LoopBounds) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -123,6 +123,18 @@ class RunFile(Frozen, General):
                 return Path(os.path.relpath(path, new.resolve())).as_posix()
             except ValueError:  # another drive
                 return str(path)
+
+        return self._renamed(name)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of all files that are read, each once."""
+        found: list[str] = []
+        self._renamed(lambda name: found.append(name) or name)
+        return tuple(dict.fromkeys(found))
+
+    def _renamed(self, name: Callable[[str], str]) -> RunFile:
+        """With other names of its files."""
 
         def seen(source: S) -> S:
             return source if source.file is None else dataclasses.replace(source, file=name(source.file))

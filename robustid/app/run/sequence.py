@@ -52,6 +52,7 @@ _MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5  # of the time 
 # What narrows a band that is proved at every frequency already ends within this part of the time of the whole run: a run that has
 # taken long is not made much longer for it. And the least, of the time that is left.
 _NARROWED, _LEAST = 0.1, 0.03
+_LIMITING = 0.5  # of the time that is left: the loop itself comes after
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
 
@@ -333,13 +334,24 @@ def limiting(work: Work) -> None:
     if work.loop is None or work.band is None:
         return
     asked, result, words = work.run.worst_case, work.identification, "bounding R where it limits the loop"
-    with work.around.step(words, stated=asked.time_limit) as limit:
+    with work.around.step(words, _LIMITING, asked.time_limit) as limit:
         how: Record = asked.arguments | work.around.counted(words) | {"time_limit": limit}
         found = work.band.with_model(work.model)
         work.error = limiting_polygons(found, work.loop, result, default_grid(result.problem), **how)
     if work.error is not None:
         work.run = work.run.changed("worst_case", at_hz=tuple((work.error.omega / (2 * np.pi)).tolist()))
         work.around.folder.choices(work.run)
+
+
+def sharpened(work: Work) -> None:
+    """The band of R with polygons where they limit the loop; over a box of poles, where they gain most, if the time is limited."""
+    if work.loop is None or work.band is None:
+        return
+    if work.band.box is None:
+        limiting(work)
+        refined(work)
+    elif not math.isinf(work.around.budget.left):
+        narrowed(work)
 
 
 def circled(work: Work) -> None:

@@ -14,7 +14,8 @@ from support.problems import in_units, random_experiment
 from support.refusals import refused
 
 SAMPLED = [
-    pytest.param(kind, marks=pytest.mark.slow) if kind == "symmetric" else kind  # quick: a matrix of four entries
+    # Quick: a matrix of four entries, and records of one input.
+    pytest.param(kind, marks=pytest.mark.slow) if kind in ("symmetric", "record of two inputs") else kind
     for kind in KINDS
     if kind not in ("continuous", "roll-off")
 ]

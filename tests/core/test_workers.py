@@ -1,0 +1,71 @@
+"""Processes of our own: what one that dies takes with it, and that none outlives the process that started it."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from robustid.core import Workers
+from robustid.errors import SolverError
+from support.dying import attempted
+
+_WAITS = """
+import time
+from robustid.core import worker_pool
+if __name__ == "__main__":
+    with worker_pool(1) as pool:
+        future = pool.submit(time.sleep, 60)
+        while not pool._processes[0]._processes:
+            time.sleep(0.01)
+        print(*pool._processes[0]._processes, flush=True)
+        future.result()
+"""
+
+
+def attempts(folder, item):
+    return len((folder / item).read_text(encoding="utf-8").splitlines())
+
+
+def test_a_process_that_dies_takes_its_own_item_only(tmp_path):
+    items = ["long", "dies", "deadly", "other"]
+    with Workers(2) as workers:
+        found = dict(workers.run(attempted, (tmp_path,), iter(items), str, lambda item, error: str(error)))
+    assert {name: found[name] for name in ("long", "dies", "other")} == {
+        "long": "LONG",
+        "dies": "DIES",
+        "other": "OTHER",
+    }
+    assert found["deadly"].startswith("deadly failed 3 times; at last: BrokenProcessPool")
+    assert {name: attempts(tmp_path, name) for name in items} == {"long": 1, "dies": 2, "deadly": 3, "other": 1}
+
+
+@pytest.mark.slow  # the same without `lost`, once more three processes
+def test_an_item_that_ends_every_process_ends_the_work(tmp_path):
+    with Workers(1) as workers, pytest.raises(SolverError, match="deadly failed 3 times"):
+        dict(workers.run(attempted, (tmp_path,), ["deadly"], str))
+
+
+@pytest.mark.skipif(not hasattr(os, "kill") or sys.platform == "win32", reason="needs signals")
+def test_no_process_outlives_the_one_that_started_it(tmp_path):
+    script = tmp_path / "waits.py"
+    script.write_text(_WAITS, encoding="utf-8")
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as parent:
+        child = int(parent.stdout.readline())
+        parent.kill()
+    deadline = time.monotonic() + 60
+    while _alive(child):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def _alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True, check=False)
+    if state.stdout.startswith("Z"):  # ended; nobody has asked for its exit code yet
+        return False
+    return bool(state.stdout.strip())
