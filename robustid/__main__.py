@@ -1,6 +1,6 @@
 """``python -m robustid``: the command line."""
 
-from robustid.app.cli.main import main
+from robustid.app.cli.own_process import start
 
 if __name__ == "__main__":
-    main()
+    start()

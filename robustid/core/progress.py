@@ -83,16 +83,31 @@ class Interruptible:
     def __init__(self, there: Callable[[], bool] = lambda: True) -> None:
         self.interrupted, self._there = False, there
 
+    @property
+    def keeps(self) -> bool:
+        """True if there is something to return."""
+        return self._there()
+
     def __enter__(self) -> Interruptible:
+        _OPEN.append(self)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt) and self._there()
+        _OPEN.remove(self)
+        self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt) and self.keeps
         for one in _LISTENING.get() if self.interrupted else ():
             one.interrupted = True
         return self.interrupted
+
+
+_OPEN: list[Interruptible] = []
+
+
+def something_is_kept() -> bool:
+    """Return whether a Ctrl-C now would be kept back by a loop that has something to return."""
+    return any(one.keeps for one in list(_OPEN))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -189,3 +189,66 @@ def test_a_command_that_ends_early_answers_too(tmp_path, monkeypatch, run):
     assert (found["status"], found["exit_code"]) == ("broken", 70)
     monkeypatch.setattr("robustid.app.load_save.load_result", lambda *_, **__: exec("raise KeyboardInterrupt"))
     assert answered(run(["verify", "nothing", "--json"]))["status"] == "stopped"
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A record of a small plant, its response twice, and a model."""
+    place, rng = tmp_path_factory.mktemp("measured"), np.random.default_rng(0)
+    u = np.tile(rng.standard_normal(64), 6)
+    plant = control.ss([[0.5, 0.2], [0.0, 0.3]], [[0.0], [1.0]], [[0.3, 0.1]], 0.0, DT)
+    y = rid.core.simulate(plant, u[:, None])[0][:, 0]
+    for name in ("one", "two"):
+        record = rid.TimeRecord(u, y + 0.01 * rng.standard_normal(u.size), dt=DT, initial="periodic")
+        rid.save(place / f"{name}.npz", record)
+    rid.save(place / "plant.npz", plant)
+    rid.save(place / "moved.npz", response(shift=0.5))
+    rid.save(place / "here.npz", response())
+    (place / "ask.toml").write_text(
+        '[[frequency]]\nfile = "here.npz"\n[modes]\nhz = []\n[prior]\ngain_bound = 3.0\ndecay_rate = 1.1\n'
+    )
+    return place
+
+
+ANSWERS = {
+    "frf": (["frf", "one.npz", "--period", "64", "-o", "frf.npz"], "estimated"),
+    "fit": (["fit", "here.npz", "--order", "1", "--feedthrough", "-o", "fit.npz"], "fitted"),
+    "run": (["run", "ask.toml", "-o", "ran"], "consistent"),
+    "reduce": (["reduce", "plant.npz", "--order", "1", "-o", "small.npz"], "reduced"),
+    "compare": (["compare", "one.npz", "two.npz", "--period", "64", "-o", "both"], "alike"),
+    "differing": (["compare", "here.npz", "moved.npz"], "differ"),
+    "model": (["compare", "plant.npz", "here.npz"], "refuted"),
+    "connect": (["connect", "plant.npz", "gain.npz", "-o", "pair"], "stable"),
+    "control": (["control", "band", "--structure", "P", "--peak", "3", "-o", "designed"], "none"),
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_every_command_answers_by_the_one_schema(measured, results, run, monkeypatch, tmp_path, name):
+    for file in (*measured.iterdir(), *results.iterdir()):
+        if file.is_file():
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    words, status = ANSWERS[name]
+    code, out, err = run([*words, "--json"])
+    found = answered((code, out, err))
+    assert (found["command"], found["status"]) == (words[0], status), err
+    assert found["sentence"]
+    assert all((tmp_path / file).is_file() for file in found["files"])
+    assert bool(found["files"]) == ("-o" in words)
+    if name in ("fit", "reduce", "run"):
+        assert found["model"]["dt"] == DT
+    if name in ("compare", "differing"):
+        assert (found["difference"]["by_chance"] <= 0.05) == (status == "differ")
+        assert bool(found["difference"]["places"]) == (status == "differ")
+    if name == "reduce":
+        small, given = rid.load("small.npz"), rid.load("plant.npz")
+        assert found["model"]["order"] == small.nstates == 1
+        omega = np.linspace(0.01, np.pi / DT, 200)
+        error = abs(given(np.exp(1j * omega * DT)) - small(np.exp(1j * omega * DT)))
+        assert error.max() <= found["model"]["error_at_most"]
+    if name == "run":
+        assert found["margin"]["upper"] == rid.load("ran/identification").margin
+        assert found["guarantees"]
+    if name == "control":
+        assert (found["exit_code"], found["model"], found["controllers"]) == (3, None, [])

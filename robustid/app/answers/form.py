@@ -30,11 +30,11 @@ def answer(command: str, status: str, sentence: str, exit_code: int, **found: An
     lists: dict[str, Any] = dict.fromkeys(
         (
             *("scope", "guarantees", "not_covered", "assumed", "checks", "controllers", "faults", "causes"),
-            *("contents", "files", "next", "warnings"),
+            *("numbers", "contents", "files", "next", "warnings"),
         ),
         (),
     )
-    nothing = dict.fromkeys(("margin", "unfinished", "samples", "choices", "refusal", "summary"))
+    nothing = dict.fromkeys(("margin", "model", "difference", "unfinished", "samples", "choices", "refusal", "summary"))
     return _plain(own | lists | nothing | found)
 
 

@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
-import enum
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.advice import Cause
 from robustid.app.answers.form import Answer, answer, refusal
+from robustid.app.answers.parts import (
+    ASSUMED,
+    cause_row,
+    choice_row,
+    controller_row,
+    difference_row,
+    faults_of,
+    margin_row,
+    model_row,
+    of_guarantees,
+    of_identification,
+    problem_of,
+)
 from robustid.app.look import Look
 from robustid.app.run.reading import option_words, values_of_options
+from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.work import Work
 from robustid.controllers import ControllerDesign
-from robustid.core import Choice
-from robustid.data import Fault
+from robustid.data import Fault, FrequencyResponse
 from robustid.errors import Remedy
+from robustid.fitting import MatrixFraction
 from robustid.guarantees import (
     Band,
     Coverage,
+    Interconnection,
     Judgement,
     LoopBounds,
     Refutation,
@@ -30,15 +42,12 @@ from robustid.guarantees import (
     WorstCaseError,
     WorstCaseOverPoles,
 )
-from robustid.identification import Identification, MixedProblem
+from robustid.identification import Comparison, Identification, MixedProblem, Validation
+from robustid.reduction import Reduction
+from robustid.report import Document
 
-_ASSUMED = (
-    "Gain bound, decay rate, number of modes, poles as far as they are stated, and bounds of the samples are assumptions: data"
-    " can refute them, never prove them."
-)
-_STATED = "Poles other than those of the class: it holds for these poles exactly."
-_KINDS = {Band: "band", WorstCaseError: "frequencies", WorstCaseOverPoles: "frequencies over poles"}
-_MARGINS = "gain_margin", "phase_margin_degrees", "delay_margin_s", "modulus_margin", "disk_margin"
+if TYPE_CHECKING:
+    pass
 
 
 def looked(found: Sequence[Look], exit_code: int) -> Answer:
@@ -61,7 +70,7 @@ def looked(found: Sequence[Look], exit_code: int) -> Answer:
         sentence,
         exit_code,
         contents=contents,
-        faults=_faults(fault for one in found for fault in one.faults),
+        faults=faults_of(fault for one in found for fault in one.faults),
         next=[line for one in found for line in one.next],
         warnings=[
             f"{one.path} states no error bound; one taken from the data: {one.bound}" for one in found if one.bound
@@ -91,11 +100,11 @@ def identified(work: Work, files: Iterable[Path], exit_code: int) -> Answer:
         status.name.lower(),
         status.value + result.problem.scope,
         exit_code,
-        **_of_identification(result),
-        **_of_guarantees(bands),
-        faults=_faults(result.problem.data_faults),
-        causes=[_cause(one) for one in causes],
-        choices={name: _choice(one) for name, one in result.choices.items()},
+        **of_identification(result),
+        **of_guarantees(bands),
+        faults=faults_of(result.problem.data_faults),
+        causes=[cause_row(one) for one in causes],
+        choices={name: choice_row(one) for name, one in result.choices.items()},
         unfinished=None if unfinished is None else unfinished.sentence,
         files=[str(path) for path in files],
         next=next_,
@@ -118,11 +127,11 @@ def bounded(
         status,
         sentence,
         exit_code,
-        **_of_identification(identification),
-        **_of_guarantees(guarantees),
-        faults=_faults(identification.problem.data_faults),
+        **of_identification(identification),
+        **of_guarantees(guarantees),
+        faults=faults_of(identification.problem.data_faults),
         files=[str(path) for path in files],
-        controllers=[_margin(name, one) for name, one in margins.items()],
+        controllers=[margin_row(name, one) for name, one in margins.items()],
         summary="\n".join(one.summary() for one in guarantees),
     )
 
@@ -130,7 +139,7 @@ def bounded(
 def verified(result: Any, failed: Sequence[str], exit_code: int) -> Answer:
     """The proofs of a file, evaluated again: what holds, and the names of what does not."""
     identification = getattr(result, "identification", result)
-    of_class = _of_identification(identification) if isinstance(identification, Identification) else {}
+    of_class = of_identification(identification) if isinstance(identification, Identification) else {}
     bounds = [result] if isinstance(result, Band | WorstCaseError | WorstCaseOverPoles) else []
     said = f" Its claim is: {result.status.value}." if isinstance(result, Identification) else ""
     status, sentence = "verified", f"Every proof in the file holds.{said}"
@@ -138,17 +147,17 @@ def verified(result: Any, failed: Sequence[str], exit_code: int) -> Answer:
         status, sentence = "failed", f"Not verified: {'; '.join(failed)}."
     elif isinstance(result, ControllerDesign) and not result.proofs:
         status, sentence = "undecided", "The file holds what a search found: it has no proof."
-    of_loop = {"controllers": [_controller("", result)]} if isinstance(result, LoopBounds) else {}
-    problem = _problem_of(result)
+    of_loop = {"controllers": [controller_row("", result)]} if isinstance(result, LoopBounds) else {}
+    problem = problem_of(result)
     return answer(
         "verify",
         status,
         sentence,
         exit_code,
         **of_class,
-        **_of_guarantees(bounds),
+        **of_guarantees(bounds),
         **of_loop,
-        faults=[] if problem is None else _faults(problem.data_faults),
+        faults=[] if problem is None else faults_of(problem.data_faults),
         summary=result.summary(),
     )
 
@@ -160,13 +169,13 @@ def contradicted(found: Refutation | Coverage, faults: Iterable[Fault], exit_cod
         kind, index, at, ratio, attainable = found.worst
         worst: dict[str, Any] = {"kind": kind, "experiment": index + 1, "ratio": ratio, "attainable": attainable}
         worst |= {"at_hz": at / (2 * np.pi), "at_s": None} if kind == "frequency" else {"at_hz": None, "at_s": at}
-        count, of_class = found.ratio, _of_identification(found.identification)
+        count, of_class = found.ratio, of_identification(found.identification)
     else:
         excess = np.where(np.isfinite(found.error), found.excess, -1.0)
         record, at, *_ = np.unravel_index(np.argmax(excess), excess.shape)
         worst = {"kind": "frequency", "experiment": int(record) + 1, "ratio": found.largest, "attainable": None}
         worst |= {"at_hz": found.omega[at] / (2 * np.pi), "at_s": None}
-        count, of_class = found.excess[np.isfinite(found.error)], {"assumed": [_ASSUMED]}
+        count, of_class = found.excess[np.isfinite(found.error)], {"assumed": [ASSUMED]}
     return answer(
         "refute",
         status,
@@ -174,7 +183,7 @@ def contradicted(found: Refutation | Coverage, faults: Iterable[Fault], exit_cod
         exit_code,
         samples={"count": count.size, "refuted": int(np.sum(count > 1)), "worst": worst},
         **of_class,
-        faults=_faults(faults),
+        faults=faults_of(faults),
         summary=found.summary(),
     )
 
@@ -187,8 +196,8 @@ def watched(found: Watch, faults: Iterable[Fault], files: Iterable[Path], exit_c
         status,
         found.verdict,
         exit_code,
-        assumed=[_ASSUMED, "for the rate of a drift: records are exchangeable while nothing changes"],
-        faults=_faults(faults),
+        assumed=[ASSUMED, "for the rate of a drift: records are exchangeable while nothing changes"],
+        faults=faults_of(faults),
         files=[str(path) for path in files],
         summary=found.summary(),
     )
@@ -212,157 +221,118 @@ def tried(found: Mapping[str, LoopBounds], files: Iterable[Path], exit_code: int
         worst.status.name.lower(),
         worst.status.value + problem.scope,
         exit_code,
-        controllers=[_controller(name, one) for name, one in found.items()],
+        controllers=[controller_row(name, one) for name, one in found.items()],
         scope=[*problem.about],
-        assumed=[_ASSUMED],
+        assumed=[ASSUMED],
         not_covered=list(dict.fromkeys(one.unbounded for one in found.values() if one.unbounded)),
-        faults=_faults(problem.data_faults),
+        faults=faults_of(problem.data_faults),
         files=[str(path) for path in files],
         summary="\n".join(one.summary() for one in found.values()),
     )
 
 
-def _of_identification(result: Identification) -> dict[str, Any]:
-    """Margin, scope and checks of an identification."""
-    checks = [
-        {"name": one.name, "measured": one.measured, "limit": one.limit, "holds": one.holds}
-        for one in result.verification.checks
-    ]
-    return {
-        "margin": {"lower": result.margin_lower, "upper": result.margin},
-        "scope": list(result.problem.about),
-        "assumed": [_ASSUMED],
-        "checks": checks,
-        "warnings": list(result.warnings),
+def concluded(
+    command: str, status: str, head: Document, exit_code: int, files: Iterable[Path | None], **found: Any
+) -> Answer:
+    """A command by the first screen of what it found, which says the same to people; `found`: what is typed besides."""
+    said, numbers = head.verdict, [{"what": what, "words": words} for what, words in head.numbers]
+    own = {
+        "numbers": numbers,
+        "not_covered": [head.glance.not_covered] if head.glance.not_covered else [],
+        "warnings": head.warnings,
+        "files": [str(path) for path in files if path is not None],
+        "summary": "\n".join(
+            [*([] if said is None else [said.words]), *(f"{one['what']}: {one['words']}" for one in numbers)]
+        ),
     }
+    return answer(command, status, "" if said is None else said.said, exit_code, **own | found)
 
 
-def _of_guarantees(found: Sequence[Band | WorstCaseError | WorstCaseOverPoles]) -> dict[str, Any]:
-    """Guaranteed errors, and what none of them covers."""
-    rows = [_guarantee(one) for one in found]
-    missing = [words for row in rows for words in row.pop("not_covered")]
-    circles = [_circle(one) for one in found if isinstance(one, WorstCaseError) and one.known_circle is not None]
-    return {"guarantees": [*rows, *circles], "not_covered": list(dict.fromkeys(missing))}
+def estimated(found: FrequencyResponse, head: Document, files: Iterable[Path | None]) -> Answer:
+    """A response that was estimated from records."""
+    return concluded("frf", "estimated", head, 0, files, faults=faults_of(found.faults))
 
 
-def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> dict[str, Any]:
-    """One bound of the largest singular value of the error, at the frequency where it is largest."""
-    upper, over_box = found.sigma_upper, isinstance(found, WorstCaseOverPoles)
-    missing: list[str] = []
-    if isinstance(found, Band):
-        over_box = found.box is not None
-        open_ones = f"Nothing is proved from {found.open_words}: the box of a mode there reaches undamped ones."
-        missing += [open_ones] if found.open_ranges else []
-        missing += [f"{found.why_nothing[0].upper()}{found.why_nothing[1:]}."] if not found.bounded.any() else []
-    else:
-        missing.append("Frequencies between those that were bounded, and beyond them.")
-    if isinstance(found, Band | WorstCaseError) and found.unfinished:
-        missing.append(found.unfinished)
-    if found.problem.parametric is not None and not over_box:
-        missing.append(_STATED)
-    known = np.isfinite(upper)
-    at = int(np.argmax(np.where(known, upper, -1.0))) if known.any() else None
-    return {
-        "of": _KINDS[type(found)],
-        "sentence": found.claim if isinstance(found, Band) else found.summary(),
-        "at_most": None if at is None else upper[at],
-        "at_hz": None if at is None else found.omega[at] / (2 * np.pi),
-        "unit": _unit(found.problem),
-        "median_percent": found.relative.median if known.any() else None,
-        "every_frequency": isinstance(found, Band) and bool(known.any()) and not found.open_ranges,
-        "over_poles": over_box,
-        "frequencies": int(known.sum()),
-        "not_covered": missing,
+def fitted(
+    found: MatrixFraction,
+    status: str,
+    faults: Iterable[Fault],
+    head: Document,
+    exit_code: int,
+    files: Iterable[Path | None],
+) -> Answer:
+    """A matrix fraction."""
+    own = {"model": model_row(found.model), "faults": faults_of(faults)}
+    return concluded("fit", status, head, exit_code, files, **own)
+
+
+def compared(found: Comparison, head: Document, exit_code: int, files: Iterable[Path | None]) -> Answer:
+    """Two measurements."""
+    own = {"difference": difference_row(found), "faults": faults_of([*found.first.faults, *found.second.faults])}
+    word = "differ" if found.differ else "alike"
+    return concluded("compare", word, head, exit_code, files, **own, summary=found.summary())
+
+
+def connected(
+    found: Interconnection, parts: Iterable[Any], head: Document, exit_code: int, files: Iterable[Path | None]
+) -> Answer:
+    """Two parts of a loop, every pair of them."""
+    problems = [problem for one in parts if (problem := problem_of(one)) is not None]
+    own = {
+        "faults": faults_of(fault for one in problems for fault in one.data_faults),
+        "assumed": [ASSUMED] * bool(problems),
     }
+    return concluded("connect", found.status.name.lower(), head, exit_code, files, **own, summary=found.summary())
 
 
-def _circle(error: WorstCaseError) -> dict[str, Any]:
-    """The bound between the frequencies too."""
-    circle = error.circle
-    return {
-        "of": "circle",
-        "sentence": circle_words(error),
-        "at_most": circle.largest,
-        "at_hz": circle.peak / (2 * np.pi),
-        "unit": _unit(error.problem),
-        "median_percent": None,
-        "every_frequency": True,
-        "over_poles": False,
-        "frequencies": circle.bound.size,
-    }
+def ran(result: IdentifiedReduced | FamilyRun, status: str, exit_code: int, files: Iterable[Path]) -> Answer:
+    """A whole run: of one plant with everything that is guaranteed of it."""
+    found: dict[str, Any] = {"unfinished": None if result.unfinished is None else result.unfinished.sentence}
+    found["model"] = None if result.model is None else model_row(result.model)
+    identifications = (
+        [result.identification] if isinstance(result, IdentifiedReduced) else result.identifications.values()
+    )
+    found["faults"] = faults_of(fault for one in identifications for fault in one.problem.data_faults)
+    found["choices"] = {name: choice_row(one) for name, one in result.run_file.choices.items()}
+    if isinstance(result, IdentifiedReduced):
+        bounds = [one for one in (result.band, result.error, result.over_poles) if one is not None]
+        causes = [] if result.diagnosis is None else [*result.diagnosis.causes, *result.diagnosis.corrections]
+        found |= of_identification(result.identification) | of_guarantees(bounds)
+        found["causes"] = [cause_row(one) for one in causes]
+        found["controllers"] = [controller_row(name, one) for name, one in result.candidates.items()]
+    return concluded("run", status, result.first_screen(), exit_code, files, **found, summary=result.summary())
 
 
-def circle_words(error: WorstCaseError) -> str:
-    """The bound on the whole circle in words."""
-    found, end = error.circle, "pi/dt" if error.identification.problem.dt else "infinity"
-    text = f"|F - model| <= {found.largest:.4g} at every frequency from {found.edges[0]:.4g} rad/s to {end}"
-    return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
+def smaller(found: Reduction, status: str, exit_code: int, file: Path, about: MixedProblem | None) -> Answer:
+    """A smaller model."""
+    return answer(
+        "reduce",
+        status,
+        found.status.value,
+        exit_code,
+        model=model_row(found.model, found.bound),
+        faults=[] if about is None else faults_of(about.data_faults),
+        files=[str(file)],
+        warnings=[found.stopped] if found.stopped else [],
+    )
 
 
-def _margin(name: str, found: RobustStabilityMargin | None, status: enum.Enum | None = None) -> dict[str, Any]:
-    """A controller: the verdict, and its robust stability margin with where it is limited."""
-    verdict = status or (None if found is None else found.status)
-    return {
-        "name": name or None,
-        "status": None if verdict is None else verdict.name.lower(),
-        "sentence": None if verdict is None else verdict.value,
-        "robust_stability_margin": None if found is None else found.margin,
-        "limited_at_hz": None if found is None else found.frequency / (2 * np.pi),
-        "peaks": {},
-        **dict.fromkeys(_MARGINS),
-        "refuted_by_order": None,
-    }
+def held_against(found: Validation, exit_code: int) -> Answer:
+    """A model beside a measurement."""
+    status = "undecided" if found.outside is None else "refuted" if found.outside else "inside"
+    sentence = {
+        "undecided": "Nothing says how large the errors of the measurement are.",
+        "refuted": f"The model is outside the bounds of {found.outside} samples.",
+        "inside": "The model is inside the bounds of all samples.",
+    }[status]
+    return answer("compare", status, sentence, exit_code, summary=found.summary())
 
 
-def _controller(name: str, found: LoopBounds) -> dict[str, Any]:
-    """The same with peaks and margins that hold for every consistent plant, and the plant that refutes it."""
-    row, margins = _margin(name, found.stability, found.status), found.margins
-    row["peaks"] = {
-        name: {"at_most": peak.value, "at_hz": peak.omega / (2 * np.pi)} for name, peak in found.peaks.items()
-    }
-    if not found.unbounded:
-        numbers = list(margins.gain), math.degrees(margins.phase), margins.delay, margins.modulus, margins.disk
-        row |= dict(zip(_MARGINS, numbers, strict=True))
-    return row | {"refuted_by_order": None if found.refuted_by is None else found.refuted_by.plant.nstates}
-
-
-def _unit(problem: MixedProblem) -> str | None:
-    """Unit of the response, of one input and one output; None where it is not known, or of several."""
-    output, input_ = problem.signals
-    single = len(problem.outputs) == len(problem.inputs) == 1
-    return f"{output.unit}/{input_.unit}" if single and output.unit and input_.unit else None
-
-
-def _problem_of(result: Any) -> MixedProblem | None:
-    found = getattr(result, "problem", None) or getattr(getattr(result, "band", None), "problem", None)
-    return found if isinstance(found, MixedProblem) else None
-
-
-def _faults(faults: Iterable[Fault]) -> list[dict[str, Any]]:
-    return [
-        {
-            "kind": one.kind.value,
-            "sentence": one.said_alone,
-            "where": one.where or None,
-            "record": one.record or None,
-            "size": one.size,
-            "correction": one.correction or None,
-            "undone": one.undone,
-        }
-        for one in faults
-    ]
-
-
-def _cause(one: Cause) -> dict[str, Any]:
-    return {
-        "sentence": one.cause,
-        "evidence": one.evidence or None,
-        "change": one.change or None,
-        "option": one.option or None,
-        "margin": one.margin,
-        "solves": one.solves,
-    }
-
-
-def _choice(one: Choice) -> dict[str, Any]:
-    return {"value": one.value, "source": one.source.value, "reason": one.reason}
+def designed(found: ControllerDesign, head: Document, exit_code: int, files: Iterable[Path | None]) -> Answer:
+    """A controller that was designed, with what is proved of it for the plants of every band."""
+    rows = [controller_row("", one) for one in found.proofs]
+    model = None if found.controller is None or found.status.name == "NONE" else model_row(found.controller)
+    faults = [fault for one in found.proofs for fault in one.band.problem.data_faults]
+    how: dict[str, Any] = {"controllers": rows, "model": model, "faults": faults_of(faults), "assumed": [ASSUMED]}
+    status = found.status.name.lower()
+    return concluded("control", status, head, exit_code, files, **how, summary=found.summary())

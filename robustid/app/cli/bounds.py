@@ -149,15 +149,17 @@ class _Bounds:
 
     def keep_bounded(self, work: Work) -> None:
         """Keep the bounds at the frequencies, and what they say of the controllers."""
-        from robustid.app.answers.verdicts import circle_words
+        from robustid.app.answers.parts import circle_words
 
         if (error := work.error) is None:
             return
         self._verify(work, error)
         error.save(self.output)
-        on_circle = [f"circle     {circle_words(error)}"] if work.run.worst_case.circle else []
+        known = error.known_circle is not None or not work.around.stops.interrupted
+        on_circle = [f"circle     {circle_words(error)}"] if work.run.worst_case.circle and known else []
         self.said += [error.summary(), *on_circle]
-        self.margins = {name: error.robust_stability_margin(loop) for name, loop in self.loops.items()}
+        loops = self.loops if known else {}
+        self.margins = {name: error.robust_stability_margin(loop) for name, loop in loops.items()}
         self.written += written_files.result_files(self.output)
         self._keep_band(work)
         self.written += [] if work.band is None else written_files.result_files(self.beside("-band"))

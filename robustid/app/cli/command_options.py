@@ -14,6 +14,7 @@ import typer
 
 from robustid.app.run.checks import Option, options
 from robustid.app.run.settings import PARTS
+from robustid.errors import RobustIdError
 
 FILES = "Files and screen"  # headings of the help
 _READING, _CLASS, _USED = "How files are read", "The class", "Data that are used"
@@ -107,6 +108,10 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
         except typer.Exit:
             if not stops.interrupted:
                 raise
+        except RobustIdError:  # of a step that needs what Ctrl-C has left out
+            if not stops.interrupted:
+                raise
+            raise KeyboardInterrupt from None
         if stops.interrupted:
             raise EndedEarly
 

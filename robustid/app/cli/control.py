@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Output, Report, Static, Verbose, words_of
+from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
 from robustid.app.cli.loops import MeasuredPlant, read_files
 from robustid.app.cli.screen import Next, in_words, telling
 from robustid.app.run.checks import options
@@ -41,6 +41,7 @@ def control(
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Design a controller of a structure that keeps its limits with every plant that the data allow, and prove it.
 
@@ -56,7 +57,7 @@ def control(
     from robustid.controllers import design_controller
     from robustid.report import first_screen, write_report
 
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     written_files.check_static(report, static)
     flags = {field.name: str(option.flag) for field, option in options(ControllerChoice)}
     if not asked.is_stated:
@@ -90,10 +91,15 @@ def control(
             )
     written = [*files, model if usable else None, report]
     steps = _next(found, model) if found.status.name == "PROVED" else None
-    screen.conclude(console, first_screen(found), lambda: [found.summary()], written=written, steps=steps)
+    head, code = first_screen(found), design_exit(found, [one.band for one in plants])
+    screen.conclude(console, head, lambda: [found.summary()], written=written, steps=steps)
     if len(source) > 1:
         screen.say(console, *_dear(found, source))
-    raise typer.Exit(design_exit(found, [one.band for one in plants]))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.designed(found, head, code, written), console)
+    raise typer.Exit(code)
 
 
 def _dear(found: ControllerDesign, source: Sequence[Path]) -> list[str]:

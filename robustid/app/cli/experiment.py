@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import First, Force, Report, Static, Verbose, only, words_of
+from robustid.app.cli.command_options import AsJson, First, Force, Report, Static, Verbose, only, words_of
 from robustid.app.cli.screen import Next, in_words, step
 from robustid.app.run.checks import low_high
 from robustid.app.run.sources import Estimate, RecordSource
@@ -144,6 +144,7 @@ def frf(
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Estimate the frequency response of a SISO or MIMO plant from records, with a bound for all spectral lines at once.
 
@@ -167,7 +168,7 @@ def frf(
     for k, path in enumerate(record):
         if path.resolve() in [other.resolve() for other in record[:k]]:
             raise InputError(f"{path} is given twice; every experiment counts once")
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     files = Files(paths=record, source=source, first=first)
     records = files.read(console)
     samples, index = _periods(lines, how.period, how.method, records[0])
@@ -186,9 +187,12 @@ def frf(
     save(output, found)
     written_files.write_page(report, page)
     written, steps = [output, report], _then_model(found, output)
-    screen.conclude(
-        console, first_screen(found), lambda: [render_summary(found)], written=written, undoing=undoing, steps=steps
-    )
+    head = first_screen(found)
+    screen.conclude(console, head, lambda: [render_summary(found)], written=written, undoing=undoing, steps=steps)
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.estimated(found, head, written), console)
 
 
 def _periods(

@@ -208,7 +208,9 @@ def demo(
     page = folder / "report.html"
     hz = (0.5, 3, 6, 8, 9, 10, 12, 14, 15.5, 16.3, 17, 17.4, 17.6, 17.67, 17.74, 18, 19, 21, 25, 32, 40, 50)
     with telling(console) as progress:
-        work = work_on([data.frequency], [data.time], Surroundings(progress))
+        around = Surroundings(progress)
+        with around.stops.listening():
+            work = work_on([data.frequency], [data.time], around)
         work.run = work.run.changed("worst_case", at_hz=hz, directions=_SIDES)
         carry_out(work, [gridded, bounded, lambda work: _keep(work, folder), proved, reduced, diagnosed, refined])
     look = Next("the same by hand, from the file on", ["look", str(folder / "frequency.csv")])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Report, Static, Verbose, only, words_of
+from robustid.app.cli.command_options import AsJson, Force, Report, Static, Verbose, only, words_of
 from robustid.app.cli.screen import Next, in_words, step, telling, warn
 from robustid.app.run.checks import options
 from robustid.app.run.settings import Fit, FrequencyPoints
@@ -75,6 +75,7 @@ def fit(
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     r"""Fit a matrix fraction N/D of given order to a measured frequency response, stable and with condition number one.
 
@@ -96,7 +97,7 @@ def fit(
     asked_files = Files(paths=[source], source=response, band_hz=points.band_hz)
     written_files.check_static(report, static)
     written_files.check_outputs([*model_files, report], [source], force)
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     (frf,) = asked_files.read(console)
     asked: dict[str, Any] = {"form": form, "domain": domain, "method": method} | _constraints(roll_off)
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
@@ -127,7 +128,13 @@ def fit(
         console, head, lambda: _everything(result, frf, sweep), written=written, undoing=undoing, steps=steps
     )
     good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
-    raise typer.Exit(screen.exit_code(good, any(not one.fault.undone for one in faults)))
+    code = screen.exit_code(good, any(not one.fault.undone for one in faults))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        status = "fitted" if good is Status.CONSISTENT else "undecided"
+        screen.write(verdicts.fitted(result, status, [one.fault for one in faults], head, code, written), console)
+    raise typer.Exit(code)
 
 
 def _everything(result: MatrixFraction, frf: FrequencyResponse, sweep: OrderSweep | None) -> list[RenderableType]:

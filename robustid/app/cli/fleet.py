@@ -25,13 +25,14 @@ def fleet(
     static: bool,
     force: bool,
     verbose: bool,
+    as_json: bool,
 ) -> int:
     """Run the machines, show what was found of all, and return the exit code."""
     from robustid.app.run.fleet import PAGE, TABLE, items_of, run_fleet
     from robustid.app.run.fleet_table import check_table
     from robustid.report import first_screen
 
-    folder, console = output or Path("fleet"), screen.console(verbose=verbose)
+    folder, console = output or Path("fleet"), screen.console(stderr=as_json, verbose=verbose)
     table = folder / TABLE if table is None else table
     check_table(table)
     items = items_of(paths, folder, force=force, static=static)
@@ -40,15 +41,22 @@ def fleet(
         workers = min(os.cpu_count() or 1, len(items)) if executor is None else executor
         found = run_fleet(items, folder, workers, table, static=static, progress=progress)
     written = [table, folder / PAGE]
-    screen.conclude(console, first_screen(found), lambda: [found.summary()], written=written)
-    return _exit_code(found)
+    head, status = first_screen(found), _status(found)
+    screen.conclude(console, head, lambda: [found.summary()], written=written)
+    code = screen.exit_code(status, bool(found.faulty))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        answer = verdicts.concluded("run", status.name.lower(), head, code, written, summary=found.summary())
+        screen.write(answer, console)
+    return code
 
 
-def _exit_code(found: Fleet) -> int:
-    """1 where a machine has no verdict, else that of the worst finding."""
+def _status(found: Fleet) -> Status:
+    """Undecided where a machine has no verdict, else that of the worst finding."""
     from robustid.guarantees import FleetState
 
     open_states = FleetState.UNDECIDED, FleetState.FAILED, FleetState.WAITING
     if found.open or any(found.states.get(state) for state in open_states):
-        return screen.exit_code(Status.UNDECIDED, False)
-    return screen.exit_code(Status.INCONSISTENT if found.refuted else Status.CONSISTENT, bool(found.faulty))
+        return Status.UNDECIDED
+    return Status.INCONSISTENT if found.refuted else Status.CONSISTENT

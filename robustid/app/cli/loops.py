@@ -246,6 +246,7 @@ def connect(
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Decide whether two measured parts make a stable loop, whichever of their consistent systems they are.
 
@@ -260,7 +261,7 @@ def connect(
     from robustid.guarantees import interconnection
     from robustid.report import first_screen, write_report
 
-    console, region = screen.console(verbose=verbose), _region(keep_out)
+    console, region = screen.console(stderr=as_json, verbose=verbose), _region(keep_out)
     written_files.check_static(report, static)
     files, pair = (
         written_files.result_files(output),
@@ -281,13 +282,17 @@ def connect(
             write_report(found, report, title=f"{source.stem} and {load.stem}", static=static, forbidden=region)
     steps = [Next("its proofs, from the numbers", ["verify", written_files.stem(output)])] if found.stable else None
     said = [found.summary(), *map(": ".join, kept)]
-    screen.conclude(
-        console, dataclasses.replace(head, glance=shown), lambda: said, written=[*files, *written, report], steps=steps
-    )
+    head, written = dataclasses.replace(head, glance=shown), [*files, *written, *([report] if report else [])]
+    screen.conclude(console, head, lambda: said, written=written, steps=steps)
     status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[
         found.status.name
     ]
-    raise typer.Exit(screen.exit_code(status, any(_faulty(one) for one in parts)))
+    code = screen.exit_code(status, any(_faulty(one) for one in parts))
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        screen.write(verdicts.connected(found, parts, head, code, written), console)
+    raise typer.Exit(code)
 
 
 def _kept_out(found: Interconnection, region: tuple[float, float] | None) -> list[tuple[str, str]]:

@@ -6,7 +6,7 @@ import importlib
 import sys
 import traceback
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -16,6 +16,7 @@ from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
 from robustid.app.cli.help_page import Explained, parameters, show_help
 from robustid.app.cli.screen import console, plain
+from robustid.app.cli.steps import INTERRUPTED, Step, tell
 from robustid.errors import RobustIdError, SolverError
 
 _START, _MEASURE, _MODEL, _LOOP = "Start", "Measure", "Model and proof", "Controllers and loops"
@@ -47,10 +48,11 @@ _HEADINGS: dict[str, str] = {
     **dict.fromkeys(("excite", "frf"), _MEASURE),
     **dict.fromkeys(("loop", "connect", "control"), _LOOP),
 }
-MISUSE, UNSOLVED, BUG, INTERRUPTED = 2, 1, 70, 130
+MISUSE, UNSOLVED, BUG = 2, 1, 70
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}
-_INTERRUPTED = "interrupted before the results were written"
+_LASTING = ("explore", "serve")  # until they are ended
+BEFORE_RESULTS = "interrupted before the results were written"
 _EARLY = "interrupted: what was found by then is written"
 
 
@@ -71,6 +73,9 @@ class Commands(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         if name is None or command is None:
             return name, command, rest
+        if name not in _LASTING:
+            Step.usual, Step.stderr = f"robustid {name}", "--json" in rest
+            tell("", shown=False)
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
         alone.command(name, cls=Explained)(opened(_command(name)))
         return name, typer.main.get_command(alone), rest
@@ -130,7 +135,7 @@ def options(
 
 
 def main() -> None:
-    """Entry point: every run ends with an exit code, and misuse with one sentence."""
+    """Carry a command out: every run ends with an exit code, and misuse with one sentence."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a pipe that can't take every letter gets a question mark
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
@@ -138,31 +143,32 @@ def main() -> None:
         app()
     except SystemExit as stop:
         if stop.code == INTERRUPTED:  # typer's way to say Ctrl-C
-            _end(_INTERRUPTED, INTERRUPTED, "stopped")
+            end(BEFORE_RESULTS, INTERRUPTED, "stopped")
         if stop.code == MISUSE:  # said by typer
             _answer("the options can't be read; stderr says which", MISUSE, "refused")
         raise
     except EndedEarly:
         _say(_EARLY, INTERRUPTED)  # its answer says so too
     except KeyboardInterrupt:
-        _end(_INTERRUPTED, INTERRUPTED, "stopped")
+        end(BEFORE_RESULTS, INTERRUPTED, "stopped")
     except RobustIdError as error:
         code, status = (UNSOLVED, "failed") if isinstance(error, SolverError) else (MISUSE, "refused")
-        _end(error.said(_OPTIONS, unknown=str), code, status, "error: ", error)
+        end(error.said(_OPTIONS, unknown=str), code, status, "error: ", error)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        _end(place + (error.strerror or str(error)), MISUSE, "refused", "error: ")
+        end(place + (error.strerror or str(error)), MISUSE, "refused", "error: ")
     except Exception:
         # Not caught to hide it: the user is to know whose fault it is, and scripts to tell it from a finding.
-        _end(traceback.format_exc(), BUG, "broken", "internal error, please report:\n")
+        end(traceback.format_exc(), BUG, "broken", "internal error, please report:\n")
 
 
-def _end(sentence: str, code: int, status: str, head: str = "", error: RobustIdError | None = None) -> None:
+def end(sentence: str, code: int, status: str, head: str = "", error: RobustIdError | None = None) -> NoReturn:
+    """End the program with a sentence, and with its answer where one is asked for."""
     _answer(sentence, code, status, error)
     _say(f"[bold red]{head}[/bold red]{plain(sentence)}", code)
 
 
-def _say(sentence: str, code: int) -> None:
+def _say(sentence: str, code: int) -> NoReturn:
     out = console(stderr=True)
     out.print(sentence, highlight=False, soft_wrap=not out.is_terminal)
     sys.exit(code)

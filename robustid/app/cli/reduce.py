@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Verbose, words_of
+from robustid.app.cli.command_options import AsJson, Force, Verbose, words_of
 from robustid.app.cli.screen import Next, in_words, step, telling
 from robustid.app.run.checks import low_high
 
@@ -55,6 +55,7 @@ def reduce(
     ] = Path("reduced.npz"),
     force: Force = False,
     verbose: Verbose = False,
+    as_json: AsJson = False,
 ) -> None:
     """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.
 
@@ -77,7 +78,7 @@ def reduce(
     written_files.check_outputs([output], [*written_files.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
         asked["weight"] = load_model(weight)
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     identification = _load_identification(source)
     with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
         if identification is None:
@@ -93,11 +94,21 @@ def reduce(
     unverified = identification is not None and not identification.verification.passed
     if unverified:
         screen.warn(console, "the identification is not verified: robustid verify names what does not hold")
-    screen.say(console, *screen.next_lines(None, _next(output, reduction)))
-    raise typer.Exit(1 if unverified or reduction.status is ReductionStatus.UNSTABLE else 0)
+    steps = _next(output, reduction)
+    console.next += [one.command for one in steps]
+    screen.say(console, *screen.next_lines(None, steps))
+    unstable = reduction.status is ReductionStatus.UNSTABLE
+    code = 1 if unverified or unstable else 0
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        status = "unstable" if unstable else "unreduced" if reduction.status.name == "UNREDUCED" else "reduced"
+        about = None if identification is None else identification.problem
+        screen.write(verdicts.smaller(reduction, status, code, output, about), console)
+    raise typer.Exit(code)
 
 
-def _next(output: Path, reduction: Reduction) -> list[Next | str]:
+def _next(output: Path, reduction: Reduction) -> list[Next]:
     """The model for another program, where it isn't one of such a program yet."""
     from robustid.reduction import ReductionStatus
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import FLAGS, Static, Verbose
+from robustid.app.cli.command_options import FLAGS, AsJson, Static, Verbose
 from robustid.app.cli.fleet import fleet
 from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.checks import options
@@ -111,6 +111,7 @@ def run(
     keys: Annotated[
         bool, typer.Option("--keys", callback=_show_keys, is_eager=True, help="List every key of a run file, and exit.")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     r"""Everything that a run file says: records, response, bounds, class, proof, small model, its error, report.
 
@@ -157,10 +158,12 @@ def run(
     with in_words(_WORDS), contextlib.ExitStack() as stack:
         executor: Executor | int | None = _executor(stack, workers, cluster)
         if len(config) > 1 or config[0].is_dir():
-            raise typer.Exit(fleet(config, output, executor, table, static=static, force=force, verbose=verbose))
+            how: dict[str, bool] = {"static": static, "force": force, "verbose": verbose, "as_json": as_json}
+            raise typer.Exit(fleet(config, output, executor, table, **how))
         if table is not None:
             raise InputError("--table is of several machines; give several run files, or a folder of them")
-        _run(config[0], output, executor, resume=resume, static=static, force=force, verbose=verbose)
+        how = {"resume": resume, "static": static, "force": force, "verbose": verbose, "as_json": as_json}
+        _run(config[0], output, executor, **how)
 
 
 def _executor(stack: contextlib.ExitStack, workers: int | None, address: str | None) -> Executor | int | None:
@@ -183,6 +186,7 @@ def _run(
     static: bool,
     force: bool,
     verbose: bool,
+    as_json: bool,
 ) -> None:
     """One run, and what was found."""
     from robustid.app.run import pipeline
@@ -191,7 +195,7 @@ def _run(
     from robustid.errors import Status
 
     folder = output or Path(config.stem)
-    console = screen.console(verbose=verbose)
+    console = screen.console(stderr=as_json, verbose=verbose)
     found_again = f"what is finished is in {folder}: the same command with --resume goes on from there"
     interrupted = resumable(console, found_again, (folder / RUN_FILE).exists)
     with interrupted, telling(console) as progress:
@@ -220,7 +224,13 @@ def _run(
         steps=_next(folder) if good else None,
     )
     faulty = any(one.problem.open_faults for one in identifications)
-    raise typer.Exit(screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty))
+    code = screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty)
+    if as_json:
+        from robustid.app.answers import verdicts
+
+        said = "refuted" if result.contradicted else status.name.lower()
+        screen.write(verdicts.ran(result, said, code, written), console)
+    raise typer.Exit(code)
 
 
 def _next(folder: Path) -> list[Next | str] | None:

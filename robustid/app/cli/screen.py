@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from robustid.app.cli.steps import tell
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+    from rich.status import Status as RichStatus
 
     from robustid.app.cli.terminal import Terminal
     from robustid.core import Progress
@@ -179,6 +182,37 @@ def _log(out: Terminal, words: str) -> None:
     out.print(plain(words), highlight=False, soft_wrap=True)
 
 
+class _Line(NamedTuple):
+    """A place for words: whether they replace those before."""
+
+    show: Callable[[str], None]
+    changes: bool
+
+    def __call__(self, words: str) -> None:
+        self.show(words)
+
+
+def _replace(status: RichStatus, words: str) -> None:
+    from robustid.app.cli.terminal import Lasting
+
+    status.update(Lasting(words))
+
+
+@contextlib.contextmanager
+def _line(out: Terminal) -> Generator[_Line]:
+    """A line that changes at a terminal, with the seconds of its step; elsewhere one line for every change."""
+    try:
+        if _OTHERS:
+            yield _Line(_OTHERS[-1], True)
+        elif out.is_terminal:
+            with out.status("") as status:
+                yield _Line(functools.partial(_replace, status), True)
+        else:
+            yield _Line(functools.partial(_log, out), False)
+    finally:
+        tell("", shown=False)
+
+
 @contextlib.contextmanager
 def step(out: Terminal, text: str) -> Generator[None]:
     """Show a long step: a spinner at a terminal, else one line."""
@@ -189,27 +223,17 @@ def step(out: Terminal, text: str) -> Generator[None]:
 @contextlib.contextmanager
 def shown(out: Terminal, text: str) -> Generator[Callable[[str], None]]:
     """Show a line that changes at a terminal; elsewhere one line for every change."""
-    if _OTHERS:
-        _OTHERS[-1](text)
-        yield _OTHERS[-1]
-    elif out.is_terminal:
-        with out.status(plain(text)) as status:
-            yield lambda words: status.update(plain(words))
-    else:
-        _log(out, f"{text} …")
-        yield lambda words: _log(out, words)
+    with _line(out) as show:
+        show(text if show.changes else f"{text} …")
+        tell(text)
+        yield show
 
 
 @contextlib.contextmanager
 def telling(out: Terminal) -> Generator[Progress]:
     """Show the steps of a command as they begin; receiver of their words and their progress."""
-    if _OTHERS:
-        yield told(_OTHERS[-1])
-        return
-    with out.status("") if out.is_terminal else contextlib.nullcontext() as status:
-        yield told(
-            lambda words: _log(out, words) if status is None else status.update(plain(words)), " …" * (status is None)
-        )
+    with _line(out) as show:
+        yield told(show, "" if show.changes else " …")
 
 
 def told(show: Callable[[str], None], ending: str = "") -> Progress:
@@ -221,10 +245,12 @@ def told(show: Callable[[str], None], ending: str = "") -> Progress:
     def progress(text: str, done: int, count: int) -> None:
         if not count:
             show(text + ending)
+            tell(text)
             return
         pace = paces.setdefault(text, Pace(done))
-        if pace.seconds > _WORTH_SAYING and pace.another_tenth(done, count):
+        if shown := pace.seconds > _WORTH_SAYING and pace.another_tenth(done, count):
             show(pace.line(text, done, count))
+        tell(text, done, count, shown=shown)
 
     return progress
 
@@ -232,13 +258,12 @@ def told(show: Callable[[str], None], ending: str = "") -> Progress:
 @contextlib.contextmanager
 def resumable(out: Terminal, words: str, there: Callable[[], bool]) -> Generator[None]:
     """Say on Ctrl-C how an unfinished computation goes on, where something of it is there."""
-    from robustid.core import Interruptible, pass_on
-
-    with Interruptible() as steps:
+    try:
         yield
-    if steps.interrupted and there():
-        warn(out, words)
-    pass_on(steps.interrupted)
+    except KeyboardInterrupt:
+        if there():
+            warn(out, words)
+        raise
 
 
 @contextlib.contextmanager

@@ -7,9 +7,22 @@ from collections.abc import Iterable
 from rich.console import Console
 from rich.text import Text
 
+from robustid.app.cli.steps import Step, lasting, tell
+
 LINES = 24  # of a terminal that nobody has made larger
 _LEAST = 6  # lines of a result, however much was said before
 _PASTE = "  "  # lines that begin so are pasted elsewhere: no line break comes into them
+
+
+class Lasting:
+    """Words of a step that are drawn with its seconds, at every turn of the spinner beside them; the drawing is told."""
+
+    def __init__(self, words: str) -> None:
+        self._words = words
+
+    def __rich__(self) -> Text:
+        tell(Step.text)
+        return Text(lasting(self._words))
 
 
 class Terminal(Console):

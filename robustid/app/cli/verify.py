@@ -178,7 +178,7 @@ def _margin(result: Identification) -> str:
 
 def _bound_failures(console: Terminal, error: WorstCaseError, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
-    from robustid.app.answers.verdicts import circle_words
+    from robustid.app.answers.parts import circle_words
 
     upper, count = error.sigma_upper, error.omega.size
     intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))

@@ -182,6 +182,9 @@ class RunFolder:
         self._clear()
 
 
+_NO_TIME = 1e-3  # seconds
+
+
 class Counted(TypedDict):
     """Arguments of what is computed at many frequencies."""
 
@@ -209,8 +212,11 @@ class Surroundings:
     ) -> Generator[float | None]:
         """Say what begins; its time limit, a share of the time that is left and at most what is stated.
 
-        It is late if that ends, unless what it adds is not needed.
+        It is late if that ends, unless what it adds is not needed. After Ctrl-C the time is over: a step gives what costs nothing.
         """
+        if self.stops.interrupted:
+            yield _NO_TIME
+            return
         self.say(text)
         budget = self.budget.share(share)
         if stated is not None and stated < budget.left:

@@ -20,7 +20,7 @@ from robustid.app.run.results import IdentifiedReduced, WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Step, Untouched, Work, carry_out
-from robustid.core import Real, Record, Source
+from robustid.core import Interruptible, Real, Record, Source
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody
 from robustid.guarantees import (
@@ -357,10 +357,11 @@ def sharpened(work: Work) -> None:
 def circled(work: Work) -> None:
     """The bound between the frequencies too, where it is asked for."""
     asked, around = work.run.worst_case, work.around
-    if asked.circle and work.error is not None:
+    if asked.circle and work.error is not None and not around.stops.interrupted:
         around.say("bounding the error between the frequencies")
-        work.error = work.error.completed(executor=around.executor)
-        work.error.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
+        with Interruptible():  # the error at the frequencies stays
+            work.error = work.error.completed(executor=around.executor)
+            work.error.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
 
 
 def judged(work: Work) -> None:

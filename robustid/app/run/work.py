@@ -110,5 +110,6 @@ Step = Callable[[Work], None]
 
 def carry_out(work: Work, steps: Sequence[Step]) -> None:
     """Carry out the steps in their order."""
-    for step in steps:
-        step(work)
+    with work.around.stops.listening():
+        for step in steps:
+            step(work)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from robustid._version import __version__
 from robustid.app.answers.form import Answer, ended, schema, text_of
-from robustid.app.cli.main import BUG, INTERRUPTED, MISUSE
+from robustid.app.cli.main import BUG, MISUSE
+from robustid.app.cli.steps import INTERRUPTED
 from robustid.app.run.toml import is_array, is_table
 from robustid.app.serve.process import started, warm
 from robustid.app.serve.tools import TOOLS

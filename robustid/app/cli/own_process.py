@@ -1,0 +1,184 @@
+"""The program as two processes: one carries the command out; the other hears Ctrl-C at any time, and counts the seconds."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, NoReturn
+
+from robustid.app.cli.steps import INTERRUPTED, SILENCE, Step, send
+
+_PATIENCE = (
+    0.35  # seconds, and of processor time, after Ctrl-C in which a command answers; one compiled call may take minutes
+)
+_AT_MOST = 2.0  # seconds, where it gets no processor
+_NOT_YET = "Ctrl-C: ending, with what was found so far; Ctrl-C again ends at once"
+_HEARD = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGINT
+_CLEAR = "\r\x1b[K"
+
+
+def start() -> None:
+    """Entry point: the command in a process of its own, where the system has them; with its exit code."""
+    if not hasattr(os, "fork"):
+        _carry_out()
+        return
+    (of_steps, steps), (life, ours) = os.pipe(), os.pipe()
+    child = os.fork()  # before anything has threads
+    if child:
+        os.close(steps)
+        os.close(life)
+        _Watch(child, of_steps).until_it_ends()
+    os.close(of_steps)
+    os.close(ours)
+    os.set_blocking(steps, False)
+    Step.to = steps
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the process that watches passes it on, once
+    signal.signal(_HEARD, _interrupt)
+    threading.Thread(target=_end_with, args=(life,), daemon=True).start()
+    try:
+        _carry_out()
+    except SystemExit as stop:
+        if stop.code == INTERRUPTED:  # at once, without the farewells of libraries
+            sys.stdout.flush()
+            os._exit(INTERRUPTED)
+        raise
+
+
+def _carry_out() -> None:
+    from robustid.app.cli.main import main
+
+    main()
+
+
+def _stopped() -> NoReturn:
+    """End with what is said where nothing was written."""
+    from robustid.app.cli.main import BEFORE_RESULTS, end
+
+    end(BEFORE_RESULTS, INTERRUPTED, "stopped")
+
+
+def _interrupt(*_: object) -> None:
+    send({"heard": True})
+    raise KeyboardInterrupt
+
+
+def _taken(*_: object) -> None:
+    """Leave a signal to the loop that reads its number."""
+
+
+def _end_with(life: int) -> None:
+    """End when the process that watches has ended."""
+    os.read(life, 1)
+    os._exit(INTERRUPTED)
+
+
+class _Watch:
+    """The process that watches the one of the command."""
+
+    def __init__(self, child: int, of_steps: int) -> None:
+        self._child, self._of_steps, self._rest = child, of_steps, b""
+        self._step: dict[str, Any] = {"text": "", "kept": False, "stderr": False}
+        self._began = self._shown = time.monotonic()
+        self._asked: float | None = None  # when Ctrl-C came that nobody has been told of yet
+        self._spent = 0.0  # processor time then
+        self._heard = False
+        self._signals, wake = os.pipe()
+        os.set_blocking(wake, False)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD):
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as in the background of a shell
+                signal.signal(number, _taken)
+        signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+
+    def until_it_ends(self) -> NoReturn:
+        """Wait, and end in the same way."""
+        interrupted = 0
+        sources = [self._of_steps, self._signals]
+        while not os.waitid(os.P_PID, self._child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+            ready, _, _ = select.select(sources, [], [], self._wait())
+            if self._of_steps in ready and not self._read():
+                sources.remove(self._of_steps)
+            for number in os.read(self._signals, 64) if self._signals in ready else b"":
+                if number == signal.SIGINT:
+                    interrupted += 1
+                    self._pass_on(interrupted)
+                elif number != signal.SIGCHLD:
+                    os.kill(self._child, number)
+            self._look()
+        code = os.waitstatus_to_exitcode(os.waitpid(self._child, 0)[1])
+        if code == -_HEARD:  # before it could hear anything
+            _stopped()
+        if code < 0:
+            signal.signal(-code, signal.SIG_DFL)
+            os.kill(os.getpid(), -code)
+        os._exit(code if code >= 0 else 128 - code)
+
+    def _wait(self) -> float:
+        return 0.05 if self._asked is not None else 0.25
+
+    def _read(self) -> bool:
+        """Take the messages; False at their end."""
+        got = os.read(self._of_steps, 1 << 16)
+        *lines, self._rest = (self._rest + got).split(b"\n")
+        for message in map(json.loads, lines):
+            if message.get("heard"):
+                self._heard = True
+                continue
+            if message["text"] != self._step["text"]:
+                self._began = time.monotonic()
+            self._step = message
+            if message["shown"]:
+                self._shown = time.monotonic()
+        return bool(got)
+
+    def _pass_on(self, time_of: int) -> None:
+        if time_of > 1:
+            self._end()
+        self._asked, self._spent = time.monotonic(), self._processor()
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._child, _HEARD)
+
+    def _look(self) -> None:
+        """Say that a step goes on; end a command that doesn't hear Ctrl-C and has nothing to keep."""
+        now = time.monotonic()
+        if self._asked is not None and (passed := now - self._asked) > _PATIENCE:
+            if self._heard or self._step["kept"]:
+                self._asked = None
+                self._say(_NOT_YET, "\n", to=2)
+            elif passed > _AT_MOST or self._processor() - self._spent > _PATIENCE:
+                self._end()
+        if self._step["text"] and now - self._shown > SILENCE:
+            self._shown = now
+            step, passed = self._step, now - self._began
+            share = f": {step['done']} of {step['count']}" if step["count"] else ""
+            self._say(f"{step['text']}{share}, {passed:.0f} s so far", to=2 if step["stderr"] else 1)
+
+    def _processor(self) -> float:
+        """Processor time of the command so far; where the system doesn't say it, seconds."""
+        try:
+            fields = Path(f"/proc/{self._child}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return time.monotonic()
+        return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+
+    def _say(self, words: str, ending: str = "", *, to: int) -> None:
+        """Write a line, over the one of the step at a terminal."""
+        with contextlib.suppress(OSError):
+            if os.isatty(to):
+                words = _CLEAR + words[: os.get_terminal_size(to).columns - 1] + ending
+            else:
+                words += "\n"
+            os.write(to, words.encode(errors="replace"))
+
+    def _end(self) -> NoReturn:
+        os.kill(self._child, signal.SIGKILL)
+        os.waitpid(self._child, 0)
+        if os.isatty(2):
+            os.write(2, f"{_CLEAR}\x1b[?25h".encode())  # the cursor is hidden while a step is shown
+        _stopped()
