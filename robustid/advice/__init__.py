@@ -9,12 +9,15 @@ from robustid.advice.experiment_corrections import Experiment, experiments, with
 from robustid.advice.gain_curve import possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.model_class import suggest_class
+from robustid.advice.moved_modes import moved_modes
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, says_something, suggest_prior, useful_prior
 from robustid.advice.prior_weight import prior_weight, suggest_roll_off
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
+from robustid.advice.setups import common_modes
+from robustid.advice.setups_result import CommonModes, Disagreement, Moved, disagreement_words, ends_words
 from robustid.advice.smallest_gain import entry_sizes, response_sizes
 from robustid.advice.suspect_experiments import Posed, contradiction_faults, suspect_experiments
 from robustid.advice.suspect_modes import suspect_modes
@@ -24,24 +27,31 @@ __all__ = [
     "Cause",
     "ClassCandidate",
     "ClassSuggestion",
+    "CommonModes",
     "Content",
     "Diagnosis",
+    "Disagreement",
     "Experiment",
     "KautzImprovement",
     "KautzSuggestion",
+    "Moved",
     "NextMeasurement",
     "PoleTrial",
     "Posed",
     "PriorSuggestion",
     "Sensitivity",
     "Variation",
+    "common_modes",
     "content",
     "contradiction_faults",
     "diagnose",
+    "disagreement_words",
+    "ends_words",
     "entry_sizes",
     "experiments",
     "improve_kautz",
     "missing_integrators",
+    "moved_modes",
     "possible_rates",
     "prior_weight",
     "response_sizes",

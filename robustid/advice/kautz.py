@@ -52,8 +52,10 @@ class KautzSuggestion(Frozen):
         Ends of the set of poles with which a local fit keeps its residuals within `level` times the bounds.
     level : (M,) array
         1 where the bounds allow the fit; else twice the factor on the bounds that the best local fit needs.
-    undetermined : (M,) array of bool
-        The set reaches an end of the range that was searched, or the damping interval spans a factor of two or more.
+    reached : (M,) array of bool
+        The set reaches an end of the range that was searched: it may go on beyond it.
+    share : (M,) array
+        Part of all values, of all entries, that the local fit used.
     basis : ParametricBasis or None
         ``kautz(omega, damping, dt=..., repeat=..., delay=...)``; None where no mode was found.
     repeat : int
@@ -69,15 +71,21 @@ class KautzSuggestion(Frozen):
     omega_interval: Real
     damping_interval: Real
     level: Real
-    undetermined: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+    share: Real
     basis: ParametricBasis | None
     repeat: int
     delay: int
     reason: str
 
     def __post_init__(self) -> None:
-        names = ("omega", "damping", "omega_interval", "damping_interval", "level", "undetermined")
+        names = ("omega", "damping", "omega_interval", "damping_interval", "level", "reached", "share")
         self._set(**{name: freeze(getattr(self, name)) for name in names})
+
+    @property
+    def undetermined(self) -> NDArray[np.bool_]:
+        """True where the set `reached` an end of the search, or the damping interval spans a factor of two or more, (M,)."""
+        return self.reached | (self.damping_interval[:, 1] >= 2 * self.damping_interval[:, 0])
 
     def summary(self) -> str:
         """One line per mode, then the reason."""
@@ -187,14 +195,14 @@ def suggest_kautz(
     reason += words
     boxes = [bounded_by_shown(pole_interval(fit, poles, i), poles[i], shown, fit.angle) for i in kept.tolist()]
     if wanted is None:
-        seen = [k for k, (box, _, _) in enumerate(boxes) if box[1, 1] < DAMPING[1] * (1 - 1e-6)]
+        seen = [k for k, box in enumerate(boxes) if box.ends[1, 1] < DAMPING[1] * (1 - 1e-6)]
         if len(seen) < len(kept):
             reason += (
                 f"; {len(kept) - len(seen)} of them as well with any damping: left out, the gain bound covers them"
             )
         kept, boxes = kept[seen], [boxes[k] for k in seen]
     step = fit.plane.dt
-    edges = mode_intervals(np.array([box for box, _, _ in boxes]).reshape(-1, 2, 2), fit.plane)
+    edges = mode_intervals(np.array([box.ends for box in boxes]).reshape(-1, 2, 2), fit.plane)
     if wanted is None:
         apart = told_apart_of(edges[:, 0], edges[:, 1])
         if apart.size < len(kept):
@@ -229,8 +237,9 @@ def suggest_kautz(
         damping=damping,
         omega_interval=edges[:, 0],
         damping_interval=edges[:, 1],
-        level=np.array([level for _, level, _ in boxes]),
-        undetermined=np.array([reached for _, _, reached in boxes], bool) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
+        level=np.array([box.level for box in boxes]),
+        reached=np.array([box.reached for box in boxes], bool),
+        share=np.array([box.share for box in boxes]),
         basis=kautz(omega, damping, dt=step, repeat=repeat, delay=chosen) if len(kept) else None,
         repeat=repeat,
         delay=chosen,
@@ -267,9 +276,10 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
     pair = damping < 1
     ends = np.array([[max(lowest, 1e-6 * top) / BELOW, 2 * top], [1.0, 1.0]])
     edges, level, reached = np.tile(ends, (order.size, 1, 1)), np.ones(order.size), np.ones(order.size, bool)
+    share = np.ones(order.size)
     pairs = np.log(np.stack(fit.plane.turned(omega[pair], damping[pair]), axis=1))
     for place, which in enumerate(np.flatnonzero(pair)):
-        box, level[which], reached[which] = pole_interval(fit, pairs, place)
+        box, level[which], reached[which], share[which] = pole_interval(fit, pairs, place)
         edges[which] = mode_intervals(box[None], fit.plane)[0]
     edges[:, 0] = np.stack([np.minimum(edges[:, 0, 0], omega), np.maximum(edges[:, 0, 1], omega)], axis=1)
     reason = (
@@ -284,7 +294,8 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
         omega_interval=edges[:, 0],
         damping_interval=edges[:, 1],
         level=level,
-        undetermined=reached | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
+        reached=reached,
+        share=share,
         basis=kautz(omega, damping, dt=0, repeat=repeat),
         repeat=repeat,
         delay=0,
@@ -309,7 +320,8 @@ def _of_process(fit: LineData, found: RealPoles, repeat: int) -> KautzSuggestion
         omega_interval=np.tile([min(lowest, float(found.omega[0])) / BELOW, np.pi / step], (count, 1)),
         damping_interval=np.ones((count, 2)),
         level=one,
-        undetermined=np.ones(count, bool),
+        reached=np.ones(count, bool),
+        share=one,
         basis=kautz(found.omega, one, dt=step, repeat=repeat, delay=found.delay),
         repeat=repeat,
         delay=found.delay,

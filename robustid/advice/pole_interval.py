@@ -45,6 +45,17 @@ class _Local:
         return lower, upper
 
 
+class PoleBox(NamedTuple):
+    """Ends in (angle, damping) of the poles that the data leave, at which level; was the end of the search reached; and the part
+    of all values that were used.
+    """
+
+    ends: Real
+    level: float
+    reached: bool
+    share: float
+
+
 def _local_fit(data: LineData, poles: Real, which: int) -> tuple[_Local, tuple[float, float]]:
     """The frequency points around one mode, without the modes far away; and the range of angles that they span."""
     turn, zeta = np.exp(poles[which])
@@ -106,8 +117,8 @@ def damped_outside(data: LineData, poles: Real) -> Real:
     return found
 
 
-def pole_interval(data: LineData, poles: Real, which: int) -> tuple[Real, float, bool]:
-    """Ends in (angle, damping) of the poles that the data leave, at which level, and whether the end of the search was reached."""
+def pole_interval(data: LineData, poles: Real, which: int) -> PoleBox:
+    """Box of the poles that the data leave to one mode."""
     local, level, low, high = _around(data, poles, which)
     centre = poles[which]
     unit = np.array([np.exp(centre[1]), 1.0])  # a half-width in frequency weighs as a factor e in damping
@@ -118,7 +129,8 @@ def pole_interval(data: LineData, poles: Real, which: int) -> tuple[Real, float,
     points = np.array([centre, *axes, *rays])
     box = np.array([points.min(axis=0), points.max(axis=0)])
     reached = bool(np.any(box[0] <= low + 1e-9) or np.any(box[1] >= high - 1e-9))
-    return np.exp(box.T), level, reached
+    share = sum(one.data.angle.size for one in local) / int(data.measured.sum())
+    return PoleBox(np.exp(box.T), level, reached, share)
 
 
 def shown_in(records: Sequence[tuple[float, float, float, float]], data: LineData) -> Real:
@@ -134,18 +146,18 @@ def with_shown(poles: Real, shown: Real, angle: Real) -> Real:
     return np.vstack([poles, *more])
 
 
-def bounded_by_shown(found: tuple[Real, float, bool], pole: Real, shown: Real, angle: Real) -> tuple[Real, float, bool]:
+def bounded_by_shown(found: PoleBox, pole: Real, shown: Real, angle: Real) -> PoleBox:
     """The box of a light pole; that of the records' mode beside it where it reaches the heaviest damping.
 
     An excitation and a transient that look alike over a few lines leave the response so uncertain there that it needs no mode at
     all; the whole record shows one all the same, and none that is light may be left to the gain bound.
     """
     mine = [box for box in shown if len(_beside(pole[None], box, angle))]
-    if not mine or found[0][1, 1] < DAMPING[1] * (1 - 1e-6):
+    if not mine or found.ends[1, 1] < DAMPING[1] * (1 - 1e-6):
         return found
     box, (turn, zeta) = mine[0], np.exp(pole)
     ends = np.array([[min(box[0, 0], turn), max(box[0, 1], turn)], [min(box[1, 0], zeta), max(box[1, 1], zeta)]])
-    return ends, 1.0, False
+    return found._replace(ends=ends, level=1.0, reached=False)
 
 
 def _beside(poles: Real, box: Real, angle: Real) -> NDArray[np.intp]:

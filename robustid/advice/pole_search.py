@@ -380,7 +380,7 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: Real) -> KautzSuggest
     turns = (
         poles + np.log([problem.dt, 1.0]) if problem.dt else np.log(np.stack(problem.plane.turned(*np.exp(poles).T), 1))
     )
-    ends, levels, reached = zip(*(pole_interval(data, turns, i) for i in range(len(poles))), strict=True)
+    ends, levels, reached, share = zip(*(pole_interval(data, turns, i) for i in range(len(poles))), strict=True)
     edges, (omega, damping) = mode_intervals(np.array(ends), problem.plane), np.exp(poles).T
     return KautzSuggestion(
         omega=omega,
@@ -388,7 +388,8 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: Real) -> KautzSuggest
         omega_interval=edges[:, 0],
         damping_interval=edges[:, 1],
         level=np.array(levels),
-        undetermined=np.array(reached) | (edges[:, 1, 1] >= 2 * edges[:, 1, 0]),
+        reached=np.array(reached, bool),
+        share=np.array(share),
         basis=problem.parametric,
         repeat=pairs.pairs[0].repeat,
         delay=pairs.pairs[0].delay,

@@ -78,7 +78,8 @@ def load(
     ----------
     path : str, path, or a table in memory
         * NAME, NAME.npz or NAME.json of an `Identification`, a `Band`, a `WorstCaseError`, a `WorstCaseOverPoles`, a `LoopBounds`,
-          an `Interconnection`, a `ControllerDesign`, a `MatrixFraction`, a `Comparison` or a `Watch` that was saved;
+          an `Interconnection`, a `ControllerDesign`, a `MatrixFraction`, a `Comparison`, `CommonModes` or a `Watch` that was
+          saved;
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
           numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;
@@ -196,6 +197,7 @@ def load_result(path: str | os.PathLike[str], *kinds: str, progress: Progress | 
     Default: of any.
     """
     # With them come all rooms that have results to load.
+    from robustid import advice as advice
     from robustid import controllers as controllers
     from robustid import fitting as fitting
     from robustid import guarantees as guarantees

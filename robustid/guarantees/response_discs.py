@@ -9,6 +9,7 @@ from robustid.core import Complex, Real, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
+from robustid.guarantees.family_result import Family
 from robustid.guarantees.over_cells import WorstCase
 
 Discs = Band | WorstCase | FrequencyResponse
@@ -39,3 +40,10 @@ class ResponseDiscs(NamedTuple):
             "`band` must be a Band, a WorstCaseError, a WorstCaseOverPoles, a Family or a FrequencyResponse; got"
             f" {type(thing).__name__}"
         )
+
+
+def discs_by_condition(band: Discs) -> dict[str, Discs]:
+    """Bands of the members of a family by their names, around their own models; of one machine its band, without a name."""
+    if not isinstance(band, Family):
+        return {"": band}
+    return {m.name: m.result.with_model(m.identification.model) for m in band.members}

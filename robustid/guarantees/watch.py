@@ -45,7 +45,8 @@ def watch(
     ----------
     band : Band, WorstCaseError, WorstCaseOverPoles, Family or FrequencyResponse
         What is promised; of a response its values with their bounds. Conditions that are known to change the plant are members
-        of a family.
+        of a family: the score of a record is then the smallest one of all members, and it is refuted where no member explains it,
+        or not the one whose condition `update` states. Plants between two members are none of the family.
     usual : FrequencyResponse or sequence of them, optional
         Records that the band was not made from, of the machine as it should be. The more, the sooner a drift is seen.
     rate : float, optional

@@ -7,6 +7,7 @@ import functools
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Real, Savable, StateMatrices, Tabular, as_kind, freeze, plane_of
 from robustid.data import FrequencyResponse
@@ -16,7 +17,8 @@ from robustid.guarantees.band_result import Band
 from robustid.guarantees.coverage import coverage, matched, on_lines
 from robustid.guarantees.coverage_result import Coverage
 from robustid.guarantees.drift import Drift, drift, fewest_to_alarm
-from robustid.guarantees.response_discs import Discs, ResponseDiscs
+from robustid.guarantees.family_result import Family
+from robustid.guarantees.response_discs import Discs, ResponseDiscs, discs_by_condition
 from robustid.guarantees.scope import scope_of
 from robustid.guarantees.value_set import norm_of_bounds
 
@@ -50,7 +52,7 @@ class Watched(NamedTuple):
     `score`: smallest factor on the band and its own bound together that holds it, `at`: where; `e_value` and `evidence`: of a
     drift, see `drift`; `drifted`: the alarm; `refuted`: where no plant of the class explains the data of the band and this
     record, None: nowhere; `excess`: its distance from the middle of the band there, in half-widths, less its own bound;
-    `sensitivity`: with the controller, None without one.
+    `sensitivity`: with the controller, None without one; `member`: of a family the one whose score this is, the smallest.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Watched(NamedTuple):
     refuted: Place | None
     excess: float
     sensitivity: Sensitivity | None
+    member: str
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -82,6 +85,8 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         False alarms of a drift in a record, at most, on average.
     controller : StateMatrices or None
         Of the loop ``u = -C y``.
+    conditions : tuple of str
+        Of the records, those that were stated: names of members of a family; empty where a record may be of any.
     """
 
     band: Discs
@@ -90,10 +95,11 @@ class Watch(Frozen, Tabular, Drawable, Savable):
     names: tuple[str, ...]
     rate: float
     controller: StateMatrices | None = None
+    conditions: tuple[str, ...] = ()
 
     INDEX = "record"
 
-    def update(self, record: FrequencyResponse, name: str | None = None) -> Self:
+    def update(self, record: FrequencyResponse, name: str | None = None, *, condition: str | None = None) -> Self:
         """Watch with one more record.
 
         Parameters
@@ -102,6 +108,9 @@ class Watch(Frozen, Tabular, Drawable, Savable):
             With the bound of its noise, see `estimate_frf`; of the signals and the sample time of the band.
         name : str, optional
             Default: its number.
+        condition : str, optional
+            Of a band that is a family: the name of the member in whose condition (temperature, load) it was measured, which is
+            then the one that must explain it. Default: any member may.
 
         Returns
         -------
@@ -111,7 +120,8 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         Raises
         ------
         InputError, InputTypeError
-            Another object, other signals or sample time, no frequency in common with the band, a name that stands already.
+            Another object, other signals or sample time, no frequency in common with the band, a name that stands already, a
+            condition that is no member.
         """
         as_kind("record", record, FrequencyResponse, "a FrequencyResponse; estimate_frf makes one of a time record")
         name = f"record {len(self.records) + 1}" if name is None else name
@@ -119,23 +129,46 @@ class Watch(Frozen, Tabular, Drawable, Savable):
             raise InputError(
                 f"`name` {name!r} is watched already; give the new record a name of its own", argument="name"
             )
+        if condition is not None and condition not in (known := [one for one in discs_by_condition(self.band) if one]):
+            of = f"must be one of {', '.join(known)}" if known else "is a member of a family, and the band is none"
+            raise InputError(f"`condition` {of}; got {condition!r}", argument="condition")
         coverage(on_lines(self.band, [record]), record, names=[name])  # refuses what does not belong to the band
-        return dataclasses.replace(self, records=(*self.records, record), names=(*self.names, name))
+        before = self.conditions or ("",) * len(self.records)
+        return dataclasses.replace(
+            self, records=(*self.records, record), names=(*self.names, name), conditions=(*before, condition or "")
+        )
 
     @functools.cached_property
     def coverage(self) -> Coverage | None:
-        """All records in units of the band, those from before the watch first; None without any."""
-        everything = [*self.usual, *self.records]
-        if not everything:
-            return None
-        names = [*(f"before {k + 1}" for k in range(len(self.usual))), *self.names]
-        return coverage(on_lines(self.band, everything), everything, names=names)
+        """All records in units of the band, of a family in those of its first member, those from before first; None without any."""
+        return next(iter(self._coverages.values()), None)
 
     @functools.cached_property
+    def _coverages(self) -> dict[str, Coverage]:
+        """All records in units of the band of every member; of a band that is no family, in those of its own."""
+        everything = [*self.usual, *self.records]
+        if not everything:
+            return {}
+        names = [*(f"before {k + 1}" for k in range(len(self.usual))), *self.names]
+        bands = discs_by_condition(self.band)
+        return {name: coverage(on_lines(one, everything), everything, names=names) for name, one in bands.items()}
+
+    @functools.cached_property
+    def _nearest(self) -> tuple[NDArray[np.intp], Real]:
+        """The member with the smallest score of every record, (U + R,), and the shares with it."""
+        if not self._coverages:
+            return np.zeros(0, dtype=np.intp), np.zeros((0, 0, 1, 1))
+        shares = np.stack([one.error / (1 + one.noise) for one in self._coverages.values()])
+        member = np.argmin(np.nanmax(shares, axis=(2, 3, 4), initial=0.0), axis=0)
+        return member, shares[member, np.arange(member.size)]
+
+    @property
     def shares(self) -> Real:
-        """Distance from the middle of the band over the sum of its half-width and the record's own bound, (U + R, F, ny, nu)."""
-        found = self.coverage
-        return np.zeros((0, 0, 1, 1)) if found is None else freeze(found.error / (1 + found.noise))
+        """Distance from the middle of the band over the sum of its half-width and the record's own bound, (U + R, F, ny, nu).
+
+        Of a family that of the member with which the record has the smallest score.
+        """
+        return freeze(self._nearest[1])
 
     @functools.cached_property
     def _scores(self) -> Real:
@@ -163,7 +196,7 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         if found is None:
             return ()
         first = len(self.usual)
-        shares, proved = self.shares[first:], self._proved_excess
+        shares, proved, members = self.shares[first:], self._proved_excess, list(self._coverages)
         return tuple(
             Watched(
                 name=name,
@@ -175,6 +208,7 @@ class Watch(Frozen, Tabular, Drawable, Savable):
                 refuted=self._place(proved[r]) if np.nanmax(proved[r], initial=0.0) > 1 else None,
                 excess=float(np.nanmax(proved[r], initial=0.0)),
                 sensitivity=self._sensitivities[r],
+                member=members[int(self._nearest[0][first + r])],
             )
             for r, name in enumerate(self.names)
         )
@@ -211,7 +245,10 @@ class Watch(Frozen, Tabular, Drawable, Savable):
 
     @functools.cached_property
     def _proved_excess(self) -> Real:
-        """Excess of the records over the band by bounds that are as good as sure, (R, F, ny, nu); NaN where nothing gives one."""
+        """Excess of the records over the band by bounds that are as good as sure, (R, F, ny, nu); NaN where nothing gives one.
+
+        Of a family over the band of the member whose condition was stated, else of the one with which it is smallest.
+        """
         found = self.coverage
         if found is None:
             return np.zeros(0)
@@ -219,7 +256,14 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         sizes = np.full(found.error.shape, np.nan)[len(self.usual) :]
         if known := [r for r, one in enumerate(sure) if one is not None]:
             everything = [*self.usual, *(one or other for one, other in zip(sure, self.records, strict=True))]
-            sizes[known] = coverage(on_lines(self.band, everything), everything).excess[len(self.usual) :][known]
+            bands = discs_by_condition(self.band)
+            each = np.stack([coverage(on_lines(one, everything), everything).excess for one in bands.values()])
+            each = each[:, len(self.usual) :]
+            largest = np.nanmax(each, axis=(2, 3, 4), initial=0.0)
+            for r in known:
+                stated = self.conditions[r] if self.conditions else ""
+                member = list(bands).index(stated) if stated else int(np.argmin(largest[:, r]))
+                sizes[r] = each[member, r]
         return sizes
 
     @functools.cached_property
@@ -287,6 +331,8 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         """Words on what a record that is refuted shows, and what that rests on."""
         if isinstance(self.band, FrequencyResponse):
             return "no plant keeps both the bound of the band and that of this record"
+        if isinstance(self.band, Family):
+            return "no member explains it, or not the one whose condition was stated: no plant of the class has its data and this"
         scope = scope_of([self.band]) if isinstance(self.band, Band) else ""
         return f"no plant of the class explains the data of the band and this record{scope}"
 

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Unpack, cast
 
+from robustid.advice import CommonModes
 from robustid.controllers import ControllerDesign
 from robustid.core import Unfinished, as_flag, as_kind, atomic_write
 from robustid.data import FrequencyResponse, TimeRecord
@@ -46,6 +47,7 @@ from robustid.report.interconnection_page import interconnection_page
 from robustid.report.loop_page import loop_page
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
+from robustid.report.setups_page import setups_page
 from robustid.report.stability import stability_summary, stability_verdict, weights_summary
 from robustid.report.watch_page import watch_page
 
@@ -65,6 +67,7 @@ Shown = (
     | Interconnection
     | ControllerDesign
     | Comparison
+    | CommonModes
     | Watch
     | Fleet
 )
@@ -81,25 +84,22 @@ def write_report(
     """Write everything there is to know about a result as one self-contained HTML page.
 
     The first screen has the verdict, the order, the guaranteed error, one plot, at most three warnings and what to do next;
-    everything else is folded under headings. Of an identification: verdict, margin, assumptions, what is guaranteed, every
-    sample against the models, residuals
-    against their bounds, the active constraints, order, poles, verification, versions; of a MIMO problem every entry, the
-    singular values, and the modes with the ranks of their residues. Of a fitted matrix
-    fraction: cost, status, verification, every entry of the response with its residual, convergence and condition
-    numbers, poles, modes, and the choice of the order. Of a frequency response: what its bound promises, every entry with
-    bound, noise and distortion, coherence, and the spectra of the records. Of a family: its members, its band, who drives it
-    where, how it moves with the condition, and what is not known. Of LoopBounds: whether the controller stabilises every consistent
-    plant, peaks and margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs, the margin over frequency,
-    the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it, what limits it and where, its
-    loop with every consistent plant, its factors and gains. Of a Comparison: where two measurements differ by more than noise, and
-    how probable that is by chance. Of a Watch: its alarms, scores and evidence over the records, and where in frequency they
-    lie. Of a Fleet: verdicts, worst cases and outliers of many machines, and who waits for data. The page works offline and fetches
-    nothing.
+    everything else is folded under headings. Of an identification: verdict, margin, assumptions, what is guaranteed, every sample
+    against the models, residuals against their bounds, the active constraints, order, poles, verification, versions; of a MIMO
+    problem every entry, the singular values, and the modes with the ranks of their residues. Of a fitted matrix fraction: cost,
+    status, verification, every entry of the response with its residual, convergence and condition numbers, poles, modes, and the
+    choice of the order. Of a frequency response: what its bound promises, every entry with bound, noise and distortion, coherence,
+    and the spectra of the records. Of a family: its members, its band, who drives it where, and what is not known. Of LoopBounds:
+    verdict on every consistent plant, peaks, margins, the plant that refutes it. Of an Interconnection: the verdict on all pairs,
+    the margin over frequency, the eigenvalue loci, what limits and what to measure. Of a ControllerDesign: what is proved of it,
+    what limits it and where, its loop with every consistent plant, its factors and gains. Of a Comparison: where and how probably
+    two measurements differ. Of CommonModes: the modes of several setups, and contradictions. Of a Watch: alarms, scores, and which
+    mode moved. Of a Fleet: verdicts, worst cases and outliers of many machines. The page works offline.
 
     Parameters
     ----------
     identification : Identification, MatrixFraction, FrequencyResponse, Family, LoopBounds, Interconnection, ControllerDesign,
-        Comparison, Watch or Fleet
+        Comparison, CommonModes, Watch or Fleet
         Whatever its outcome. What is said of it below must be about it, or about its saved copy.
     path : str or path
         The file to create or replace; what was there stays if anything goes wrong.
@@ -226,6 +226,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Interconnection: (interconnection_page, ("forbidden",)),
     ControllerDesign: (design_page, ("sensitivity",)),
     Comparison: (comparison_page, ()),
+    CommonModes: (setups_page, ()),
     Watch: (watch_page, ()),
     Fleet: (fleet_page, ()),
 }

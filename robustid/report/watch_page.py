@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.advice import moved_modes
 from robustid.core import Real
+from robustid.errors import InputError
 from robustid.guarantees import Watch, Watched
 from robustid.report.charts import ALERT, DATA, FAINT, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
 from robustid.report.curves import magnitude_range, positive, rounded
@@ -22,6 +24,7 @@ from robustid.report.document import (
     of_numbers,
 )
 from robustid.report.identified import Parts
+from robustid.report.setups_page import moved_table
 from robustid.report.words import HZ, number
 
 _LISTED = 20
@@ -128,6 +131,9 @@ def watch_page(found: Watch, heading: str | None, parts: Parts) -> Document:
     body: list[Block] = [Heading("History"), Text(_SCORES, "soft")]
     if found.history:
         body += [Drawing(chart), Heading("Where in frequency"), Text(_WHERE, "soft"), Drawing(where)]
+    moved = _moved(found)
+    if moved:
+        body += [Heading("Which mode moved"), *moved]
     body += [
         Heading("Records"),
         _records(found),
@@ -151,14 +157,33 @@ def watch_page(found: Watch, heading: str | None, parts: Parts) -> Document:
         body=body,
         glance=Glance(
             numbers=[*watch_verdict(found).numbers, ("before the watch", str(len(found.usual)))],
-            words=" ".join(found.sentences[1:-1]),
+            words=" ".join([*found.sentences[1:-1], *(one.text for one in moved[:1] if isinstance(one, Text))]),
             chart=first_panel(chart) if found.history else None,
             next=[Text(_next(found))],
         ),
     )
 
 
+def _moved(found: Watch) -> list[Block]:
+    """Modes of the last record beside those from before, where it gave an alarm."""
+    if not found.history or not _alarmed(found.history[-1]):
+        return []
+    try:
+        rows = moved_modes(found)
+    except InputError as error:
+        return [Text(f"No mode is compared: {error}.")]
+    shown = [one for one in rows if one.shown]
+    if not shown:
+        return [
+            Text("No mode is shown to have moved: its boxes before and now have a part in common."),
+            moved_table(rows),
+        ]
+    words = "; ".join(one.words for one in shown)
+    return [Text(f"{words[0].upper()}{words[1:]}."), moved_table(rows)]
+
+
 def _records(found: Watch) -> Table:
+    named = any(one.member for one in found.history)
     rows = [
         (
             one.name,
@@ -167,6 +192,7 @@ def _records(found: Watch) -> Table:
             number(one.e_value, 3),
             number(one.evidence, 3),
             "refuted" if one.refuted is not None else "drifted" if one.drifted else "",
+            *([one.member] if named else []),
         )
         for one in reversed(found.history)
     ]
@@ -176,6 +202,7 @@ def _records(found: Watch) -> Table:
         Column("at", "whole"),
         *of_numbers("e-value", "evidence"),
         Column("alarm"),
+        *([Column("nearest member")] if named else []),
     ]
     return Table(columns, rows, empty="No record has come yet.", most=_LISTED)
 

@@ -50,10 +50,43 @@ def test_two_files_are_alike_or_differ_and_a_model_is_validated(run, tmp_path):
     assert "They differ" in (tmp_path / "again.html").read_text(encoding="utf-8")
 
 
+LIGHT = np.linspace(40.0, 90.0, 60)
+
+
+def setup(first):
+    values = 1 / (first**2 - LIGHT**2 + 0.02j * first * LIGHT) + 1 / (70**2 - LIGHT**2 + 1.4j * LIGHT)
+    return rid.FrequencyResponse(LIGHT, values, bound=1e-5)
+
+
+@pytest.mark.quick
+def test_modes_of_several_setups(run, tmp_path):
+    for name, first in {"a": 50.0, "b": 50.0, "c": 49.5}.items():
+        setup(first).save(f"{name}.npz")
+    code, out, err = run("compare", "a.npz", "b.npz", "--modes", "-v")
+    assert code == 0, err
+    assert "all boxes have a part in common" in out
+    code, out, err = run("compare", "a.npz", "b.npz", "c.npz", "--modes", "-o", "found", "--report", "page.html")
+    assert code == 3, err
+    assert "c contradicts the others in mode 1" in out
+    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    for heading in ("They contradict each other", "Modes", "c beside the others", "Modes without c", "Every setup"):
+        assert heading in page.text
+    assert rid.load("found").odd == "c"
+    assert run("report", "found", "-o", "again.html")[0] == 0
+    code, _, err = run("compare", "a.npz", "b.npz", "c.npz")
+    assert code == 2
+    assert "give --modes" in err
+
+
 @pytest.mark.quick
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
+        (
+            ("compare", "one.npz", "plant.npz", "--modes"),
+            "plant.npz holds a StateSpace: of it no response is estimated",
+        ),
+        (("compare", "one.npz", "one.npz", "--modes"), "a file is named twice"),
         (("compare", "one.npz", "none.npz"), "none.npz: there is no such file"),
         (("compare", "plant.npz", "plant.npz"), "must be a measurement"),
         (("compare", "plant.npz", "one.npz", "-o", "x"), "--output is for two measurements"),

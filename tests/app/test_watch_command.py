@@ -53,7 +53,7 @@ def test_a_watch_goes_on_in_its_file_and_alarms_once(run, tmp_path):
     found = json.loads(out)
     assert (found["command"], found["status"]) == ("watch", "refuted")
     page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
-    for heading in ("Refuted", "History", "Where in frequency", "What the alarms mean"):
+    for heading in ("Refuted", "History", "Where in frequency", "Which mode moved", "What the alarms mean"):
         assert heading in page.text
     kept = rid.load("stage")
     assert kept.names == ("tuesday.npz", "far.npz")
@@ -72,6 +72,7 @@ def test_a_watch_goes_on_in_its_file_and_alarms_once(run, tmp_path):
         (("watch", "result", "-o", "x"), "robustid bounds result -o result-bounds"),
         (("watch", "known", "none.npz", "-o", "x"), "none.npz: there is no such file"),
         (("watch", "known", "--alarm-rate", "3", "-o", "x"), "at most 1/2"),
+        (("watch", "known", "monday.npz", "--condition", "warm", "-o", "x"), "--condition is a member of a family"),
     ],
 )
 def test_what_is_refused(run, arguments, sentence):

@@ -171,12 +171,71 @@ def test_a_watch_is_kept_in_a_file(proved, tmp_path):
         (lambda w: rid.watch(w.band, controller=control.ss([0.5], [1], [1], [0], 1.0)), "as it runs"),
         (lambda w: rid.watch(w.band, usual=["a"]), "usual"),
         (lambda w: rid.watch(3), "must be a Band"),
+        (lambda w: w.update(response(machine(), np.random.default_rng(0)), condition="warm"), "the band is none"),
     ],
 )
 def test_what_cannot_be_watched_is_refused(proved, call, says):
     discs = rid.FrequencyResponse(LINES, np.ones(LINES.size), bound=0.1, dt=DT)
     with pytest.raises((InputError, InputTypeError), match=says):
         call(rid.watch(discs))
+
+
+@pytest.fixture(scope="module")
+def by_load():
+    """A family of two loads, a whole half-width apart, at lines around both resonances."""
+    members = []
+    for load, seed in ((0.0, 21), (1.0, 22)):
+        first, basis = (
+            response(machine(-load), np.random.default_rng(seed)),
+            rid.kautz(OMEGA0 * (1 - load * ZETA), ZETA, dt=DT),
+        )
+        prior = rid.Prior(gain_bound=0.05, decay_rate=1.1)
+        one = rid.identify(rid.MixedProblem(frequency=first, prior=prior, parametric=basis))
+        members.append(
+            rid.guarantee.Member(rid.worst_case_error(one, omega=LINES[[5, 8, 9, 10, 12]], directions=8), load=load)
+        )
+    return rid.family(members, model=members[0].identification.model)
+
+
+def test_a_condition_is_a_member_and_what_no_member_explains_is_refuted(by_load, tmp_path):
+    rng, found = np.random.default_rng(9), rid.watch(by_load)
+    found = found.update(response(machine(), rng)).update(response(machine(-1.0), rng))
+    assert [one.member for one in found.history] == ["load 0", "load 1"]
+    assert not found.refuted
+    between = found.update(response(machine(-0.5), rng))  # the band around all members holds it, no member does
+    assert [one.name for one in between.refuted] == ["record 3"]
+    assert "no member explains it" in between.summary()
+    stated = found.update(response(machine(-1.0), rng), condition="load 1").update(
+        response(machine(-1.0), rng), condition="load 0"
+    )
+    assert [one.name for one in stated.refuted] == ["record 4"]
+    stated.save(tmp_path / "loads")
+    assert rid.load(tmp_path / "loads").history == stated.history
+    with pytest.raises(InputError, match="must be one of load 0, load 1"):
+        found.update(response(machine(), rng), condition="load 2")
+
+
+def test_scores_of_a_stated_condition_are_those_of_any_member_so_that_ranks_compare(by_load):
+    record = response(machine(-1.0), np.random.default_rng(10))
+    watched = rid.watch(by_load)
+    assert watched.update(record, condition="load 0").scores == watched.update(record).scores
+
+
+def test_the_mode_that_moved_is_told_with_its_intervals(proved):
+    rng = np.random.default_rng(11)
+    usual = [response(machine(), rng) for _ in range(2)]
+    found = rid.watch(proved, usual=usual).update(response(machine(0.5), rng))
+    [frequency, _] = rid.advise.moved_modes(found)
+    before, after = (OMEGA0 * (1 + shift * ZETA) / (2 * np.pi) for shift in (0, 0.5))
+    assert frequency.shown
+    assert frequency.before[0] <= before <= frequency.before[1]
+    assert frequency.after[0] <= after <= frequency.after[1]
+    assert frequency.change[0] <= 0.5 * ZETA <= frequency.change[1]
+    assert "% higher" in frequency.words
+    quiet = rid.watch(proved, usual=usual).update(response(machine(), rng))
+    assert not any(one.shown for one in rid.advise.moved_modes(quiet))
+    with pytest.raises(InputError, match="no record yet"):
+        rid.advise.moved_modes(rid.watch(proved))
 
 
 @pytest.mark.slow

@@ -1,10 +1,11 @@
-"""robustid compare: two measurements, or a model and a measurement, from files."""
+"""robustid compare: two measurements, a model and a measurement, or the modes of several setups, from files."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -15,6 +16,7 @@ from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
+    from robustid.advice import CommonModes
     from robustid.app.cli.screen import Terminal
     from robustid.identification import Validation
 
@@ -25,6 +27,17 @@ def compare(
     *,
     first: Annotated[Path, typer.Argument(help=_FILE)],
     second: Annotated[Path, typer.Argument(help=_FILE)],
+    further: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FURTHER]...", help="Further setups, of --modes.")
+    ] = None,
+    modes: Annotated[
+        bool,
+        typer.Option(
+            "--modes",
+            help="Compare modes: setups of one machine, each with inputs and outputs of its own; what all leave, or which"
+            " contradict each other.",
+        ),
+    ] = False,
     how: Annotated[Estimate, only("period", "probability")],
     records: Annotated[RecordSource, only("fields", "dt", "rate", "axes", "decimal", "initial", "correct")],
     responses: Annotated[ResponseSource, only("fields", "unit", "bound", "correct")],
@@ -39,28 +52,35 @@ def compare(
 ) -> None:
     """Compare two measurements: where they differ by more than their noise, and how probable that is by chance.
 
-    Records are compared by their frequency responses. A model beside a measurement is held against it.
+    Records are compared by their frequency responses. A model beside a measurement is held against it. With --modes the modes of
+    several setups of one machine are compared: what all leave, or the proof that two contradict each other.
 
     [bold]Example[/bold]: robustid compare before.csv after.csv --period 1000 --report compared.html
 
-    Exit codes: 0 noise, or the bound, explains everything; 3 it does not (a finding); 4 either, but of data with a fault that
-    nothing has undone; 1 nothing says how large the errors are, 2 misuse, 70 an error of the program, 130 interrupted.
+    [bold]Example[/bold]: robustid compare point1.npz point2.npz point3.npz --modes --report modes.html
+
+    Exit codes: 0 noise, or the bound, explains everything, or the setups agree; 3 it does not, or they don't (a finding); 4 either,
+    but of data with a fault that nothing has undone; 1 nothing says how large the errors are, or no mode is shown by two setups, 2
+    misuse, 70 an error of the program, 130 interrupted.
     """
+    from robustid.advice import CommonModes
     from robustid.identification import Comparison
-    from robustid.identification import compare as compared
     from robustid.report import first_screen, write_report
 
     written_files.check_static(report, static)
+    paths = [first, second, *(further or [])]
+    if further and not modes:
+        raise InputError(f"{len(paths)} files are compared by their modes: give --modes, or two files")
     files = [] if output is None else list(written_files.result_files(output))
-    written_files.check_outputs(
-        [*files, report], [*written_files.sources(first), *written_files.sources(second)], force
-    )
+    if modes and as_json:
+        raise InputError("--json has no answer for --modes yet: leave one of them out; -o keeps the modes as a file")
+    written_files.check_outputs([*files, report], [one for path in paths for one in written_files.sources(path)], force)
     console = screen.console(stderr=as_json, verbose=verbose)
-    things = [measured(console, path, records, responses) for path in (first, second)]
     words = words_of(compare, a=str(first), b=str(second), first=str(first), second=str(second), data="the measurement")
-    with in_words(words), step(console, "comparing"):
-        found: Any = compared(*things, probability=how.probability, period=how.period)
-    if not isinstance(found, Comparison):
+    with in_words(words):
+        things = [measured(console, path, records, responses) for path in paths]
+        found: Any = _compared(console, paths, things, how, modes)
+    if not isinstance(found, Comparison | CommonModes):
         say(console, found.summary())
         if output is not None or report is not None:
             flag = "--output" if output is not None else "--report"
@@ -73,17 +93,62 @@ def compare(
     if output is not None:
         found.save(output)
     if report is not None:
-        write_report(found, report, title=f"{first.stem} and {second.stem}", static=static)
+        write_report(found, report, title=" and ".join(path.stem for path in paths), static=static)
     head = first_screen(found)
     screen.conclude(console, head, lambda: [found.summary()], written=[*files, report])
-    status = Status.INCONSISTENT if found.differ else Status.CONSISTENT
-    open_faults = [fault for frf in (found.first, found.second) for fault in frf.faults if not fault.undone]
+    if isinstance(found, CommonModes):
+        status, sides = _of_modes(found), things
+    else:
+        status, sides = Status.INCONSISTENT if found.differ else Status.CONSISTENT, [found.first, found.second]
+    open_faults = [fault for one in sides for fault in one.faults if not fault.undone]
     code = screen.exit_code(status, bool(open_faults))
-    if as_json:
+    if as_json and isinstance(found, Comparison):
         from robustid.app.answers import verdicts
 
         screen.write(verdicts.compared(found, head, code, [*files, report]), console)
     raise typer.Exit(code)
+
+
+def _compared(console: Terminal, paths: Sequence[Path], things: list[Any], how: Estimate, modes: bool) -> Any:
+    """Comparison of two things or more; responses take the place of records where modes are compared."""
+    from robustid.advice import common_modes
+    from robustid.identification import compare as compared
+
+    if not modes:
+        with step(console, "comparing"):
+            return compared(*things, probability=how.probability, period=how.period)
+    things[:] = [response_of(console, path, one, how.period) for path, one in zip(paths, things, strict=True)]
+    with step(console, "finding the modes of every setup"):
+        return common_modes(_by_name(paths, things), probability=how.probability)
+
+
+def _by_name(paths: Sequence[Path], things: Sequence[Any]) -> dict[str, Any]:
+    """Setups by the names of their files; by the whole path where two names are one."""
+    names = [path.stem for path in paths]
+    if len(set(names)) < len(names):
+        names = [str(path) for path in paths]
+    if len(set(names)) < len(names):
+        raise InputError("a file is named twice: a setup agrees with itself whatever it measured")
+    return dict(zip(names, things, strict=True))
+
+
+def response_of(console: Terminal, path: Path, found: Any, period: int | None) -> Any:
+    """The response of what was read; of records the estimate of all of them."""
+    from robustid.data import FrequencyResponse, TimeRecord
+    from robustid.estimation import estimate_frf
+
+    if isinstance(found, FrequencyResponse):
+        return found
+    if not isinstance(found, TimeRecord | list):
+        raise InputError(f"{path} holds a {type(found).__name__}: of it no response is estimated; give a measurement")
+    with step(console, f"estimating the response of {path}"):
+        return estimate_frf(cast("TimeRecord | list[TimeRecord]", found), period=period)
+
+
+def _of_modes(found: CommonModes) -> Status:
+    if not found.compared:
+        return Status.UNDECIDED
+    return Status.INCONSISTENT if found.disagreements else Status.CONSISTENT
 
 
 def _of_model(found: Validation) -> int:

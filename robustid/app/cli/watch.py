@@ -9,7 +9,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Report, Static, Verbose, only, words_of
-from robustid.app.cli.compare import measured
+from robustid.app.cli.compare import measured, response_of
 from robustid.app.cli.screen import in_words, step
 from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError, Status
@@ -43,6 +43,13 @@ def watch(
         Path | None,
         typer.Option(
             "--controller", help="Model of the controller, u = -C y: is its proved peak of S kept? Of a new watch."
+        ),
+    ] = None,
+    condition: Annotated[
+        str | None,
+        typer.Option(
+            "--condition",
+            help="Of a family: the member in whose condition the new records were measured. Default: any member may explain them.",
         ),
     ] = None,
     how: Annotated[Estimate, only("period")],
@@ -87,7 +94,9 @@ def watch(
     target = list(written_files.result_files(source if output is None else output))
     taken = [one for path in [source, *paths, *(usual or [])] for one in written_files.sources(path)]
     written_files.check_outputs([*(target if output is not None else []), report], taken, force)
-    words = words_of(watch, band=str(source), record="the record", usual="--usual", rate="--alarm-rate")
+    words = words_of(
+        watch, band=str(source), record="the record", usual="--usual", rate="--alarm-rate", condition="--condition"
+    )
     new: list[FrequencyResponse] = []
     with in_words(words):
         reading = how, records, responses
@@ -98,7 +107,7 @@ def watch(
         for path in paths:
             new.append(_response(console, path, *reading))
             with step(console, f"watching {path}"):
-                found = found.update(new[-1], str(path))
+                found = found.update(new[-1], str(path), condition=condition)
                 found.save(target[0])  # at once: what comes after may be interrupted
     if report is not None:
         write_report(found, report, title=source.stem if output is None else output.stem, static=static)
@@ -159,11 +168,4 @@ def _response(
     console: Terminal, path: Path, how: Estimate, records: RecordSource, responses: ResponseSource
 ) -> FrequencyResponse:
     """The response of a file; of one with records the estimate of all of them."""
-    from robustid.data import FrequencyResponse
-    from robustid.estimation import estimate_frf
-
-    found = measured(console, path, records, responses)
-    if isinstance(found, FrequencyResponse):
-        return found
-    with step(console, f"estimating the response of {path}"):
-        return estimate_frf(found, period=how.period)
+    return response_of(console, path, measured(console, path, records, responses), how.period)
