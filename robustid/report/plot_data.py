@@ -62,6 +62,6 @@ def history(result: Watch, *, ax: Where = None) -> Figure:
     ...     return rid.FrequencyResponse([1.0, 2.0], [1.0, value], bound=0.01)
     >>> found = rid.watch(record(0.5).with_bound(0.1), usual=[record(0.52), record(0.48)]).update(record(0.55))
     >>> [axes.get_ylabel() for axes in found.plot().axes]
-    ['score', 'evidence']
+    ['score [–]', 'evidence of a drift [–]']
     """
     return drawn({Watch: (history_chart, ())}, result, {}, ax)

@@ -235,7 +235,9 @@ def test_misuse_is_named(fit, data, sweep, tmp_path):
         plot.stabilisation({8: fit})
     with pytest.raises(rid.errors.InputTypeError, match="`result` must be of class MatrixFraction; got StateSpace"):
         plot.convergence(control.ss(-1, 1, 1, 0))
-    with pytest.raises(rid.errors.InputTypeError, match="ControllerDesign, Comparison or Watch; got StateSpace"):
+    with pytest.raises(
+        rid.errors.InputTypeError, match="ControllerDesign, Comparison, CommonModes, Watch or Fleet; got StateSpace"
+    ):
         write_report(fit.model, path)
     record = rid.TimeRecord(np.eye(1, 4)[0], [1.5, 0.2, 0.1, 0.05], dt=0.1, bound=0.2)
     result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
