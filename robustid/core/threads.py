@@ -9,7 +9,7 @@ import os
 import pathlib
 import time
 from collections.abc import Generator
-from typing import Any
+from typing import Any, ClassVar
 
 _SMALL = 400  # below, threads of OpenBLAS wait for one another longer than they work: 2 to 5 times slower than one
 _LOOK, _KNOWN = 0.1, 10.0  # seconds that a look at the cores takes, and for which it counts
@@ -19,9 +19,10 @@ _QUOTA = pathlib.Path("/sys/fs/cgroup/cpu.max")
 
 
 class _State:
-    """The threads of the process: number of limits that are open, the number that was set outside of them, the last look."""
+    """The threads of the process: those of the open limits, the number that was set outside of them, the last look."""
 
-    depth, most = 0, 1
+    open: ClassVar[list[int]] = []
+    most = 1
     idle, seen = 1, -_KNOWN
 
 
@@ -46,17 +47,18 @@ def threads_for(size: int) -> Generator[None, None, None]:
 def _limited(count: int | None) -> Generator[None, None, None]:
     """So many threads; None: as many as cores are idle, of those that were set outside of all limits."""
     libraries = _libraries()
-    if not _State.depth:
+    if not _State.open:
         _State.most = max((one.num_threads for one in libraries.lib_controllers), default=1)
-    if count is None:
-        count = min(_State.most, idle_cores()) if _State.most > 1 else 1
-    limit = libraries.limit(limits=count)
-    _State.depth += 1
+    wanted = count or (min(_State.most, idle_cores()) if _State.most > 1 else 1)
+    # To set them takes a tenth of a millisecond: as long as a small system of equations.
+    limit = None if _State.open and _State.open[-1] == wanted else libraries.limit(limits=wanted)
+    _State.open.append(wanted)
     try:
         yield
     finally:
-        _State.depth -= 1
-        limit.restore_original_limits()
+        _State.open.pop()
+        if limit is not None:
+            limit.restore_original_limits()
 
 
 def idle_cores() -> int:

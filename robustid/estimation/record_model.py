@@ -79,7 +79,7 @@ def fitted(
 
 def left_by(pieces: Sequence[Piece], poles: Complex) -> tuple[float, list[Complex]]:
     """Squares that the best model with these poles leaves, and the predictions of the pieces without their transients."""
-    reduced = [_reduced(one, poles) for one in pieces]
+    reduced = _reduced(pieces, poles)
     rows, rights = np.concatenate([one.rows for one in reduced]), np.concatenate([one.right for one in reduced])
     c = _solved(rows, rights)
     return float(np.sum((rights - rows @ c) ** 2)), [one.block @ c for one in reduced]
@@ -101,12 +101,18 @@ class _Reduced(NamedTuple):
         return rows - self.transients @ (self.transients.T @ rows)
 
 
-def _reduced(one: Piece, poles: Complex) -> _Reduced:
-    f = _functions(one.z, poles)
-    block = np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
-    q = np.linalg.qr(_real(f))[0]
-    a, b = _real(block), _real(one.output)
-    return _Reduced(f, block, q, a - q @ (q.T @ a), b - q @ (q.T @ b))
+def _reduced(pieces: Sequence[Piece], poles: Complex) -> list[_Reduced]:
+    found: list[_Reduced] = []
+    for one, before in zip(pieces, [None, *pieces], strict=False):
+        if before is not None and np.array_equal(one.z, before.z):  # parts of one length have the same functions
+            f, q = found[-1].functions, found[-1].transients
+        else:
+            f = _functions(one.z, poles)
+            q = np.linalg.qr(_real(f))[0]
+        block = np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
+        a, b = _real(block), _real(one.output)
+        found.append(_Reduced(f, block, q, a - q @ (q.T @ a), b - q @ (q.T @ b)))
+    return found
 
 
 def without_transient(z: Complex, poles: Complex, values: Complex) -> Real:
@@ -125,7 +131,7 @@ def _of_order(pieces: Sequence[Piece], order: int, starts: Sequence[Complex]) ->
     nu, power = pieces[0].inputs.shape[1], sum(float(np.sum(np.abs(one.output) ** 2)) for one in pieces)
     best: tuple[float, Complex] = (np.inf, poles)
     for _ in range(_RELOCATIONS):
-        reduced = [_reduced(one, poles) for one in pieces]
+        reduced = _reduced(pieces, poles)
         own = np.linalg.qr(_scaled(np.concatenate([one.rows for one in reduced])))[0]
         left = np.concatenate([one.right for one in reduced])
         left -= own @ (own.T @ left)

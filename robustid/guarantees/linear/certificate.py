@@ -135,10 +135,16 @@ def mismatch(chosen: Chosen, targets: Targets, d: Complex) -> Complex:
     return np.einsum("bsm,bs->bm", chosen.values, d) - targets.values
 
 
-def class_radius(samples: Samples, chosen: Chosen, targets: Targets, d: Complex) -> Real:
-    """Norm of the target less the combination, times K: the largest value over the class, rounding included, (B,)."""
+def class_square(chosen: Chosen, targets: Targets, d: Complex) -> Real:
+    """Squared norms of the target less the combination, times K^2, up to rounding, (B,)."""
     square = targets.square - 2 * (d * chosen.cross).sum(axis=1).real
     square += np.einsum("bs,bs->b", d, (chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
+    return square
+
+
+def class_radius(samples: Samples, chosen: Chosen, targets: Targets, d: Complex) -> Real:
+    """Norm of the target less the combination, times K: the largest value over the class, rounding included, (B,)."""
+    square = class_square(chosen, targets, d)
     # |<f, g>| <= ||f|| ||g||: no term of the sums is larger than those of the square of this one.
     sizes = np.sqrt(targets.square) + (np.abs(d) * np.sqrt(np.einsum("bss->bs", chosen.gram).real)).sum(axis=1)
     return np.sqrt(np.maximum(square, 0.0) + rounding(samples, d.shape[1]) * sizes**2)
@@ -159,17 +165,34 @@ def radii(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known:
     """
     if not np.all(np.isfinite(known.radius)):
         return np.full(len(d), np.inf)
-    _, radius = known.coefficients(samples)
-    bound = chosen.bound + chosen.left_out @ known.largest
-    size = np.abs(d)
-    noise = (size * bound).sum(axis=1)
-    leak = np.abs(mismatch(chosen, targets, d)) @ radius
-    products = np.abs(chosen.values).swapaxes(1, 2) @ size[:, :, None]
-    leak += 8 * (d.shape[1] + 8) * _EPS * ((products[:, :, 0] + np.abs(targets.values)) @ radius)
-    with np.errstate(invalid="ignore"):
-        beyond = np.where(np.isinf(targets.left_out).any(axis=1), np.inf, targets.left_out @ known.largest)
-    total = noise + leak + beyond + class_radius(samples, chosen, targets, d)
-    return total * (1 + 1e-12) + 8 * d.shape[1] * _EPS * (size * np.abs(chosen.y)).sum(axis=1)
+    return Radii(samples, chosen, targets, known)(d, class_square(chosen, targets, d), mismatch(chosen, targets, d))
+
+
+class Radii:
+    """The `radii` of any multipliers of the same points and targets: what does not depend on them is computed once."""
+
+    def __init__(self, samples: Samples, chosen: Chosen, targets: Targets, known: Amplitudes) -> None:
+        _, self._radius = known.coefficients(samples)
+        self._bound: Real = chosen.bound + chosen.left_out @ known.largest
+        self._functions: Real = np.abs(chosen.values) @ self._radius
+        self._target: Real = np.abs(targets.values) @ self._radius
+        self._y, self._norm = np.abs(chosen.y), np.sqrt(targets.square)
+        self._norms: Real = np.sqrt(np.einsum("bss->bs", chosen.gram).real)
+        self._rounding = rounding(samples, chosen.y.shape[1])
+        with np.errstate(invalid="ignore"):
+            beyond = targets.left_out @ known.largest
+        self._beyond: Real = np.where(np.isinf(targets.left_out).any(axis=1), np.inf, beyond)
+
+    def __call__(self, d: Complex, square: Real, missed: Complex) -> Real:
+        """The radii (B,) of multipliers, of which `class_square` and `mismatch` are known."""
+        size, terms = np.abs(d), d.shape[1]
+        leak = np.abs(missed) @ self._radius
+        leak += 8 * (terms + 8) * _EPS * ((self._functions * size).sum(axis=1) + self._target)
+        # |<f, g>| <= ||f|| ||g||: no term of the sums is larger than those of the square of this one.
+        sizes = self._norm + (size * self._norms).sum(axis=1)
+        of_class = np.sqrt(np.maximum(square, 0.0) + self._rounding * sizes**2)
+        total = (size * self._bound).sum(axis=1) + leak + self._beyond + of_class
+        return total * (1 + 1e-12) + 8 * terms * _EPS * (size * self._y).sum(axis=1)
 
 
 def centres(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known: Amplitudes) -> Complex:

@@ -130,17 +130,11 @@ class DirectedSearch:
         sides, n = self.sides, points.size
         centre, E = self._ellipses
         bound = _Smoothed(self._norms(target, points), self._rows(target, points), centre[points], E[points])
-        best, value = np.zeros((self.turns.size, n), complex), np.full(self.turns.size, np.inf)
-
-        def kept(c: Complex) -> None:
-            total = supports(sides, target, points, c[None], self.turns)[0]
-            better = total < value
-            best[better], value[better] = c[better], total[better]
-
         levels = _LEVELS if start is None else _LEVELS_ON
         x = np.zeros((self.turns.size, 2 * n))
+        tried: list[Complex] = []
         if start is not None:
-            kept(start)
+            tried.append(start)
             x = np.concatenate([start.real, start.imag], axis=1)
         for step, level in enumerate(levels):
             try:
@@ -148,8 +142,13 @@ class DirectedSearch:
             except np.linalg.LinAlgError:  # a singular one of the stack: what is best so far stays
                 break
             if step >= len(levels) - _LAST:
-                kept((x[:, :n] + 1j * x[:, n:]).astype(np.complex64).astype(complex))
-        return best, value
+                tried.append((x[:, :n] + 1j * x[:, n:]).astype(np.complex64).astype(complex))
+        if not tried:
+            return np.zeros((self.turns.size, n), complex), np.full(self.turns.size, np.inf)
+        total = supports(sides, target, points, np.concatenate(tried)[None], np.tile(self.turns, len(tried)))
+        total = np.where(np.isnan(total), np.inf, total).reshape(len(tried), -1)
+        best, at = total.argmin(axis=0), np.arange(self.turns.size)
+        return np.where(np.isfinite(total[best, at])[:, None], np.array(tried)[best, at], 0), total[best, at]
 
     def _norms(self, target: Targets, points: NDArray[np.intp]) -> tuple[Real, Real, Real]:
         """|r|^2 = square - 2 cross x + x'Qx in x = (Re c, Im c): (2n, 2n), (M, 2n), (M,)."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
-from robustid.guarantees.linear.certificate import Amplitudes, Chosen, Targets, choose, radii
+from robustid.guarantees.linear.certificate import Amplitudes, Chosen, Radii, Targets, choose, class_square, mismatch
 from robustid.guarantees.linear.samples import Samples
 
 POINTS = 44  # of the samples at frequencies, for a target
@@ -78,8 +78,9 @@ class _Stack:
         _, radius = known.coefficients(samples)
         free = np.isinf(radius)
         self.samples, self.chosen, self.targets = samples, chosen, targets
-        self.finite = Amplitudes(known.centre, np.where(np.isinf(known.radius), 0.0, known.radius))
-        self.bound: Real = chosen.bound + chosen.left_out @ self.finite.largest
+        finite = Amplitudes(known.centre, np.where(np.isinf(known.radius), 0.0, known.radius))
+        self._free, self._radii = free, Radii(samples, chosen, targets, finite)
+        self.bound: Real = chosen.bound + chosen.left_out @ finite.largest
         self.soft, self.hard = chosen.values[:, :, ~free], chosen.values[:, :, free]
         self.wanted, self.matched = targets.values[:, ~free], targets.values[:, free]
         if one is not None:
@@ -93,27 +94,25 @@ class _Stack:
         self.best: Complex = np.zeros(self.bound.shape, complex)
         self.value: Real = np.full(len(self.bound), np.inf)
 
-    def kept(self, d: Complex) -> Real:
-        """The radii of multipliers, which are kept where they are the best."""
-        total = radii(self.samples, self.chosen, self.targets, d, self.finite)
+    def kept(self, d: Complex) -> tuple[Real, Real, Complex]:
+        """The radii of multipliers, which are kept where they are the best, with `class_square` and `mismatch`."""
+        square, missed = class_square(self.chosen, self.targets, d), mismatch(self.chosen, self.targets, d)
+        total = self._radii(d, square, missed)
         better = total < self.value
         self.best[better], self.value[better] = d[better], total[better]
-        return total
+        return total, square, missed
 
     def weights(self, d: Complex) -> list[Real]:
         """Weights 1/t of multipliers, of the class and of functions: t the moduli at d."""
-        total, sizes, radius, targets = self.kept(d), np.abs(d), self.radius, self.targets
+        (total, square, missed), sizes, radius = self.kept(d), np.abs(d), self.radius
         total = np.where(
             np.isfinite(total), total, (sizes * self.bound).sum(axis=1)
         )  # infinite where a series does not converge
-        square = targets.square - 2 * (d * self.chosen.cross).sum(axis=1).real
-        square += np.einsum("bs,bs->b", d, (self.chosen.gram @ d.conj()[:, :, None])[:, :, 0]).real
-        missed = np.abs(np.einsum("bsm,bs->bm", self.soft, d) - self.wanted)
         least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
         return [
             self.bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + 1e-300),
             1 / np.sqrt(np.maximum(square, (1e-6 * total) ** 2 + 1e-300)),
-            np.maximum(radius, 1e-300) / np.maximum(missed, least),
+            np.maximum(radius, 1e-300) / np.maximum(np.abs(missed[:, ~self._free]), least),
         ]
 
     def first_weights(self) -> list[Real]:

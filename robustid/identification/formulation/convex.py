@@ -89,7 +89,7 @@ class ConvexData(Frozen):
         """The p of q; those that rounding has put outside of their interval are put back."""
         p = self.origin.copy()
         if q.size:
-            p[self._loose] += scipy.linalg.solve_triangular(self.orthonormal[1], q)
+            p[self._loose] += _triangular(self.orthonormal[1], q, transposed=False)
         return np.clip(p, *self.rows.ends.T)
 
     def orthonormal_parameters(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -106,7 +106,7 @@ class ConvexData(Frozen):
     def direction(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
         """The w with w'q = along'(p - origin)."""
         R = self.orthonormal[1]
-        return scipy.linalg.solve_triangular(R, along[self._loose], trans=1) if R.size else np.zeros(0)
+        return _triangular(R, along[self._loose], transposed=True) if R.size else np.zeros(0)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -118,3 +118,11 @@ class Candidate:
     samples: NDArray[Any]  # (N,), multipliers of the samples
     ball: NDArray[np.float64]  # (np, nq), multiplier of the contraction X
     solver: str
+
+
+def _triangular(R: NDArray[np.float64], right: NDArray[np.float64], transposed: bool) -> NDArray[np.float64]:
+    """R^-1 right, or R'^-1 right, of an upper R: by LAPACK directly, for every point on a path."""
+    found, singular = scipy.linalg.lapack.dtrtrs(R.T, right, lower=1, trans=int(not transposed))
+    if singular:
+        raise np.linalg.LinAlgError("a triangle with a zero on its diagonal")
+    return found

@@ -41,7 +41,7 @@ class Cones:
 
     def dot(self, b: Numbers, d: Numbers) -> Real:
         """Re <b, d>, (M,)."""
-        return self.sums(np.real(b) * np.real(d) + np.imag(b) * np.imag(d))
+        return self.sums(b.real * d.real + b.imag * d.imag)
 
     def size(self, e: Numbers) -> Real:
         """||e||, (M,)."""
@@ -71,9 +71,8 @@ class Cones:
         A, B, C = d[0] ** 2 - self.size(d[1]) ** 2, s[0] * d[0] - self.dot(s[1], d[1]), self.determinant(s)
         # B^2 - AC >= 0 for s inside its cone: only rounding makes it negative.
         below = np.sqrt(np.maximum(B * B - A * C, 0)) - B
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steps = np.where(below > 0, C / below, np.inf)
-        return float(steps.min(initial=np.inf))
+        nearer = below > 0
+        return float((C[nearer] / below[nearer]).min(initial=np.inf))
 
 
 class Scaling:

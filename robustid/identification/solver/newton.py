@@ -74,7 +74,7 @@ class Iterate:
     @property
     def estimate(self) -> float:
         """Gap to the optimum, approximately: what is missing in the dual equalities counts with the size of the unknowns."""
-        return self.gap + self.dual * (1 + float(np.linalg.norm(self.v)) + abs(self.t))
+        return self.gap + self.dual * (1 + _size(self.v) + abs(self.t))
 
 
 class State:
@@ -95,7 +95,7 @@ class State:
         at.gap = inner(cones, self.S, at.Z, self.s, at.z)
         self.mu = at.gap / program.degree
         self.residual = self._dual_residual(at.Z, at.z, program.linear, program.cost)
-        at.dual = float(np.linalg.norm(self.residual))
+        at.dual = _size(self.residual)
         self.scaling = Scaling(cones, self.s, at.z)
         if not cones.determinant(self.scaling.point).min(initial=1) > 0:
             raise np.linalg.LinAlgError("a scaled point has lost its digits")
@@ -137,7 +137,7 @@ class State:
         other = copy.copy(self)
         other.program, other.at = dataclasses.replace(self.program, linear=linear), dataclasses.replace(self.at)
         other.residual = self._dual_residual(self.at.Z, self.at.z, linear, self.program.cost)
-        other.at.dual = float(np.linalg.norm(other.residual))
+        other.at.dual = _size(other.residual)
         return other
 
     def _bordered(self, inside: Real) -> Real:
@@ -250,16 +250,20 @@ def slacks(program: Program, v: Real, t: float) -> tuple[list[Real], Pair]:
 
 
 def cholesky(M: Real) -> Real:
-    """The lower Cholesky factor; LinAlgError where M is not positive definite."""
-    return np.asarray(np.linalg.cholesky(M), dtype=float)
+    """The lower Cholesky factor of a symmetric M; LinAlgError where that is not positive definite."""
+    if not M.size:
+        return M
+    lower, indefinite = scipy.linalg.lapack.dpotrf(M, lower=1, clean=1)  # directly: called four times a Newton system
+    if indefinite:
+        raise np.linalg.LinAlgError("a matrix that is not positive definite")
+    return np.ascontiguousarray(lower)
 
 
 def inverse_of(root: Real) -> Real:
     """(L L')^-1."""
     if not root.size:
         return root
-    (invert,) = scipy.linalg.get_lapack_funcs(("potri",), (root,))
-    lower, info = invert(root, lower=1)
+    lower, info = scipy.linalg.lapack.dpotri(root, lower=1)
     if info:
         raise np.linalg.LinAlgError("singular factor")
     whole = lower + lower.T  # above the diagonal it has the zeros of the factor
@@ -283,6 +287,10 @@ def _shifted(M: Real, radius: float) -> Real:
     """M + radius I, in the place of M."""
     M.flat[:: M.shape[0] + 1] += radius
     return M
+
+
+def _size(v: Real) -> float:
+    return float(np.sqrt(v @ v))
 
 
 def _symmetric(M: Real) -> Real:
