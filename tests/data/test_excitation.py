@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.core import simulate
 from robustid.data.multisines import log_norm, low_crest_phases, random_phases, schroeder_phases, synthesise
 from robustid.errors import FileFormatError, InputError, InputTypeError
+from robustid.estimation import response_alone
 from robustid.formats import load_excitation
 from support.cases import seeds, slow
 from support.mimo_data import real_poles
@@ -230,11 +231,11 @@ def test_accuracy_is_that_of_the_formula(nu, seeds):
     sigma, periods, count = 0.1, 2, 25
     play = rid.prepare.multisine(band_hz=(1, 25), period=100, dt=DT, inputs=nu, periods=periods, rms=2.0)
     clean = list(played(real_poles(5, 2, nu), play))
-    truth = rid.estimate_frf(clean, period=100, lines=play.lines).values
+    truth = response_alone(clean, period=100, lines=play.lines).values
     rng, errors = np.random.default_rng(1), []
     for _ in range(seeds):
         noisy = [rid.TimeRecord(r.u, r.y + sigma * rng.standard_normal(r.y.shape), dt=DT) for r in clean]
-        errors.append(rid.estimate_frf(noisy, period=100, lines=play.lines).values - truth)
+        errors.append(response_alone(noisy, period=100, lines=play.lines).values - truth)
     stated = sigma / 2.0 * np.sqrt(2 * count / (nu * periods * 100))
     # four sigma
     assert np.mean(np.abs(errors) ** 2) / stated**2 == pytest.approx(1, abs=4 / np.sqrt(np.size(errors)))

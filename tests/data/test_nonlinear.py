@@ -5,6 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.data import NONLINEAR, nonlinear, nonlinear_records
+from robustid.estimation import response_alone
 from support.cases import slow
 from support.refusals import refusals
 
@@ -88,7 +89,7 @@ def test_new_records_keep_the_tolerance_bound(kind, seeds, fresh):
             noise = 0.01 * one.y.std() * rng.standard_normal((2 * len(one.y), 1))
             periods = np.tile(one.u, (2, 1)), np.tile(one.y, (2, 1)) + noise
             records.append(rid.TimeRecord(*periods, dt=one.dt, initial="periodic"))
-        frf = rid.estimate_frf(records, period=nonlinear.PERIOD, about="next record")
+        frf = response_alone(records, period=nonlinear.PERIOD, about="next record")
         bound = frf.bound[:, 0, 0]
         inside.append(np.mean(np.all(np.abs(new - frf.values[:, 0, 0]) <= bound, axis=1)))
         widths.append(np.median(bound / least))

@@ -8,6 +8,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.errors import InputError
+from robustid.estimation import response_alone
 from robustid.estimation.common_poles import predicted
 from support.loop_truths import recorded
 from support.short_records import plant_of, record_of
@@ -62,7 +63,7 @@ def test_bounds_of_short_records_hold(constants, seeds, least):
     held = shown = 0
     for seed in range(seeds):
         plant, record, _ = record_of(seed, constants)
-        frf = rid.estimate_frf(record)
+        frf = response_alone(record)
         held += bool(np.all(np.abs(frf.values[:, 0, 0] - plant.response(frf.omega)) <= frf.bound[:, 0, 0]))
         for omega, damping in zip(plant.omega, plant.damping, strict=True):
             shown += any(a <= omega <= b and c <= damping <= d for a, b, c, d in frf.modes)
@@ -102,7 +103,7 @@ def test_bounds_hold_in_coloured_noise(colour, seeds, least):
         rng = np.random.default_rng([seed, 5])
         plant, u = dataclasses.replace(plant_of(rng, DT), rest=(0.0, 500.0)), rng.standard_normal(1000)
         y = plant.output(u)
-        frf = rid.estimate_frf(rid.TimeRecord(u, y + 0.03 * y.std() * coloured(rng, y.size, colour), dt=DT))
+        frf = response_alone(rid.TimeRecord(u, y + 0.03 * y.std() * coloured(rng, y.size, colour), dt=DT))
         held += bool(np.all(np.abs(frf.values[:, 0, 0] - plant.response(frf.omega)) <= frf.bound[:, 0, 0]))
         told += len(frf.modes)
         for a, b, c, d in frf.modes:

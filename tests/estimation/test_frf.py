@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from robustid.data import TimeRecord
 from robustid.errors import InputError
-from robustid.estimation import estimate_frf
+from robustid.estimation import estimate_frf, response_alone
 
 DT, PERIOD = 1e-3, 2048
 LINES = np.arange(10, 800, 4)
@@ -99,20 +99,20 @@ def periodic(loop, rng, periods=8, realisations=4):
     """Steady multisines: eight periods of two experiments in each of four realisations."""
     lead = int(-(-loop.decay // PERIOD)) * PERIOD
     signals = multisines(rng, realisations, periods + lead // PERIOD)
-    return estimate_frf([loop.record(r, rng, NOISE, lead) for r in signals], period=PERIOD)
+    return response_alone([loop.record(r, rng, NOISE, lead) for r in signals], period=PERIOD)
 
 
 def random_closed(loop, rng):
     lead = int(loop.decay)
     record = loop.record(rng.standard_normal((SAMPLES + lead, 2)), rng, NOISE, lead)
-    return estimate_frf(dataclasses.replace(record, initial="free"), lines=local_lines())
+    return response_alone(dataclasses.replace(record, initial="free"), lines=local_lines())
 
 
 def random_open(loop, rng):
     u = rng.standard_normal((SAMPLES, 2))
     y = simulate(plant(), u)
     record = TimeRecord(u, y + NOISE * y.std(axis=0) * rng.standard_normal(y.shape), dt=DT)
-    return estimate_frf(record, lines=local_lines())
+    return response_alone(record, lines=local_lines())
 
 
 def local_lines():
@@ -184,7 +184,7 @@ def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
         rng = np.random.default_rng(seed)
         record = loop.record(0.1 * rng.standard_normal((60_000 + lead, 2)), rng, 0.3, lead)
         for k, reference in enumerate((record.reference, None)):
-            frf = estimate_frf(dataclasses.replace(record, reference=reference, initial="free"), lines=lines)
+            frf = response_alone(dataclasses.replace(record, reference=reference, initial="free"), lines=lines)
             error = np.abs(frf.values - truth(frf.omega))
             misses[k].append(np.mean((error / deviations(frf)) ** 2))
             held[k] += bool(np.all(error <= frf.bound))
@@ -204,7 +204,7 @@ def test_peak_of_a_lightly_damped_mode_against_welch(seeds):
         y = simulate(model := plant(), u)
         record = TimeRecord(u, y + NOISE * y.std(axis=0) * rng.standard_normal(y.shape), dt=DT)
         line = round(MODES_HZ[1] * SAMPLES * DT)
-        local, welch = estimate_frf(record, lines=[line]), estimate_frf(record, method="welch")
+        local, welch = response_alone(record, lines=[line]), response_alone(record, method="welch")
         peak = abs(model(np.exp(1j * local.omega[0] * DT))[0, 0])
         nearest = np.argmin(np.abs(welch.omega - local.omega[0]))
         found.append(abs(abs(local.values[0, 0, 0]) / peak - 1))
@@ -255,9 +255,9 @@ def test_units_do_not_matter(method, power):
     rng, scale = np.random.default_rng(6), 2.0**power
     u = rng.standard_normal((1500, 2))
     y = simulate(plant(), u) + 0.01 * rng.standard_normal(u.shape)
-    plain = estimate_frf(TimeRecord(u, y, dt=DT), method=method)
+    plain = response_alone(TimeRecord(u, y, dt=DT), method=method)
     for a, b in ((scale, 1), (1, scale)):
-        scaled = estimate_frf(TimeRecord(u * a, y * b, dt=DT), method=method)
+        scaled = response_alone(TimeRecord(u * a, y * b, dt=DT), method=method)
         np.testing.assert_allclose(scaled.values * a / b, plain.values, rtol=1e-12)
         np.testing.assert_allclose(scaled.bound * a / b, plain.bound, rtol=1e-9)
 
@@ -279,5 +279,5 @@ def test_steady_periods_stay(records, most):
     for seed in range(records):
         rng = np.random.default_rng(seed)
         u = np.tile(rng.standard_normal(64), 8)
-        lost += "left out" in estimate_frf(TimeRecord(u, u + 0.1 * rng.standard_normal(512), dt=0.01), period=64).note
+        lost += "left out" in response_alone(TimeRecord(u, u + 0.1 * rng.standard_normal(512), dt=0.01), period=64).note
     assert lost <= most

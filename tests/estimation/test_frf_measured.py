@@ -8,6 +8,7 @@ from scipy.signal import find_peaks
 
 import robustid as rid
 from robustid.data import joint_radius
+from robustid.estimation import response_alone
 from support.measured import realdata
 
 pytestmark = realdata
@@ -72,8 +73,8 @@ def test_bounds_of_the_mirror_hold_for_other_realisations(about, widest, least):
     34 551 entries needs 21 % for the next block, and 12 % for the mean.
     """
     train, test = (rid.datasets.load(f"fsm/{part}") for part in ("train", "test"))
-    seen = rid.estimate_frf(test, period=8192)
-    frf = rid.estimate_frf(train, period=8192, about=about)
+    seen = response_alone(test, period=8192)
+    frf = response_alone(train, period=8192, about=about)
     assert np.median(frf.bound / np.abs(frf.values)) < widest
     assert np.mean(np.abs(seen.values - frf.values) <= frf.bound) >= least
 

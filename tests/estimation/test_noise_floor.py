@@ -5,6 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.errors import InputTypeError
+from robustid.estimation import response_alone
 from support.cases import slow
 from support.refusals import refusals
 
@@ -107,7 +108,7 @@ def simulate_bounds(seeds, factor, rest_periods, periods, lines=range(1, 31)):
         rng = np.random.default_rng(seed)
         u = multisine(rng, periods)
         record = periodic(u, 2 * u + 0.1 * rng.standard_normal(u.size))
-        frf = rid.estimate_frf(record, period=PERIOD, lines=lines)
+        frf = response_alone(record, period=PERIOD, lines=lines)
         rest = at_rest(0.1 * rng.standard_normal(rest_periods * PERIOD))
         noise = rid.prepare.bounds_from_noise_floor(rest, factor=factor)
         bounded = noise.bound_response(frf, record, period=PERIOD)

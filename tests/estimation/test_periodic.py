@@ -8,7 +8,7 @@ import pytest
 from robustid.core import simulate
 from robustid.data import TimeRecord
 from robustid.errors import InputTypeError
-from robustid.estimation import estimate_frf
+from robustid.estimation import estimate_frf, response_alone
 from support.cases import slow
 from support.fault_plants import recipes
 from support.fault_plants import records as excited_records
@@ -136,7 +136,7 @@ def test_probability_of_the_bound(name, seeds):
     for seed in range(seeds):
         rng = np.random.default_rng([seed, 99])
         records = [measure(model, rng, **noise) for _ in range(experiments)]
-        frf = estimate_frf(records, period=PERIOD, **options)
+        frf = response_alone(records, period=PERIOD, **options)
         held += bool(np.all(np.abs(frf.values - truth(model, frf.omega)) <= frf.bound))
     entries = frf.values.size
     independent = (1 - (1 - probability) / entries) ** entries
@@ -153,7 +153,7 @@ def test_probability_of_the_bound_where_experiments_are_driven_unlike(seeds):
     recipe, held = recipes()["matrix"], 0
     for seed in range(seeds):
         one, two = excited_records(recipe, np.random.default_rng([seed, 98]))
-        frf = estimate_frf([TimeRecord(3 * one.u, 3 * one.y, dt=one.dt), two], period=recipe.period)
+        frf = response_alone([TimeRecord(3 * one.u, 3 * one.y, dt=one.dt), two], period=recipe.period)
         held += bool(np.all(np.abs(frf.values - truth(recipe.plant, frf.omega)) <= frf.bound))
     assert held / seeds >= 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / seeds), held
 
@@ -163,7 +163,7 @@ def test_within_one_realisation_distortion_is_invisible():
     model, held = plant(1, 1), 0
     for seed in range(50):
         rng = np.random.default_rng(seed)
-        frf = estimate_frf(measure(model, rng, periods=12, output=0.05, distortion=0.3), period=PERIOD)
+        frf = response_alone(measure(model, rng, periods=12, output=0.05, distortion=0.3), period=PERIOD)
         held += bool(np.all(np.abs(frf.values - truth(model, frf.omega)) <= frf.bound))
     assert held == 0
 
@@ -181,7 +181,7 @@ def test_covariance_is_that_of_the_estimate(count):
             TimeRecord(r.u, r.y + 0.1 * rng.standard_normal(r.y.shape) @ mix, dt=DT, initial="periodic")
             for r in records
         ]
-        frf = estimate_frf(disturbed, period=PERIOD, lines=[7])
+        frf = response_alone(disturbed, period=PERIOD, lines=[7])
         estimates.append(frf.values[0].ravel(order="F"))
         covariances.append(frf.covariance[0])
     errors = np.array(estimates) - truth(model, frf.omega)[0].ravel(order="F")
@@ -196,9 +196,9 @@ def test_covariance_is_that_of_the_estimate(count):
 def test_units_do_not_matter(power):
     scale, model, rng = 2.0**power, plant(2, 2), np.random.default_rng(8)
     records = [measure(model, rng, periods=4, output=0.1, input=0.05) for _ in range(2)]
-    frf = estimate_frf(records, period=PERIOD)
+    frf = response_alone(records, period=PERIOD)
     for u, y, t in ((scale, 1, 1), (1, scale, 1), (1, 1, scale), (scale, scale, scale)):
-        scaled = estimate_frf([TimeRecord(r.u * u, r.y * y, dt=r.dt * t) for r in records], period=PERIOD)
+        scaled = response_alone([TimeRecord(r.u * u, r.y * y, dt=r.dt * t) for r in records], period=PERIOD)
         np.testing.assert_array_equal(scaled.omega * t, frf.omega)
         np.testing.assert_array_equal(scaled.values * u / y, frf.values)
         np.testing.assert_array_equal(scaled.bound * u / y, frf.bound)
