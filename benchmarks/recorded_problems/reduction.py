@@ -32,7 +32,7 @@ def truncations(_):
     return {name: of(one, NAMES) for name, one in found.items()} | {"peak": [peak.value, peak.omega]}
 
 
-@problem(quick=True)
+@problem()
 def within_bounds(_):
     found = rid.identify(structure())
     small = rid.reduce_within_bounds(found)

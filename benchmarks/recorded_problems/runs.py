@@ -67,7 +67,7 @@ def run_facts(found, folder):
     }
 
 
-@problem(quick=True)
+@problem()
 def run_stated(folder):
     """Everything is stated; the results are loaded again, and the page is read."""
     measured(folder)

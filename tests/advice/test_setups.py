@@ -67,8 +67,9 @@ def held(found, machine):
     return hold
 
 
-def test_joint_intervals_hold_the_truth_within_every_box():
-    machine, setups, _ = measured(0, lines=100)
+@pytest.mark.parametrize("lines", [60, pytest.param(100, marks=pytest.mark.slow)])
+def test_joint_intervals_hold_the_truth_within_every_box(lines):
+    machine, setups, _ = measured(0, lines=lines)
     found = rid.advise.common_modes(setups)
     assert not found.disagreements
     assert found.compared >= 4
@@ -86,8 +87,9 @@ def test_joint_intervals_hold_the_truth_within_every_box():
     assert {tuple(one) for one in mine} <= {tuple(one) for one in single.omega_interval}
 
 
-def test_a_setup_with_a_mass_is_named_with_two_disjoint_intervals_and_no_average(tmp_path):
-    _, setups, changed = measured(1, mass=0.05, lines=100)
+@pytest.mark.parametrize("lines", [60, pytest.param(100, marks=pytest.mark.slow)])
+def test_a_setup_with_a_mass_is_named_with_two_disjoint_intervals_and_no_average(tmp_path, lines):
+    _, setups, changed = measured(1, mass=0.05, lines=lines)
     found = rid.advise.common_modes(setups)
     assert found.odd == changed
     for one in found.disagreements:

@@ -9,7 +9,7 @@ from PIL import Image
 
 import robustid as rid
 from support import command_line
-from support.run_files import keep_whole, only_identify
+from support.run_files import keep_discs, keep_whole, only_identify
 
 
 @pytest.fixture
@@ -50,6 +50,12 @@ def unreduced(monkeypatch):
 def unproved(monkeypatch):
     """For tests of what is read: see `only_identify`."""
     only_identify(monkeypatch)
+
+
+@pytest.fixture
+def unsharpened(monkeypatch):
+    """For tests of other steps: see `keep_discs`."""
+    keep_discs(monkeypatch)
 
 
 @pytest.fixture

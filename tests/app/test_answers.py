@@ -206,6 +206,7 @@ def measured(tmp_path_factory):
     rid.save(place / "here.npz", response())
     (place / "ask.toml").write_text(
         '[[frequency]]\nfile = "here.npz"\n[modes]\nhz = []\n[prior]\ngain_bound = 3.0\ndecay_rate = 1.1\n'
+        "[worst_case]\nat_hz = [5.0]\ndirections = 4\n"
     )
     return place
 

@@ -28,6 +28,7 @@ def _here(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.usefixtures("unsharpened")
 def test_from_a_look_to_a_filter_in_c_by_the_commands_that_are_printed(here, run):
     """Quoted where a name has a space, to names that are free, with what was found by the command before."""
     called, seen = ["look", "my response.csv"], []

@@ -11,7 +11,7 @@ import robustid as rid
 from robustid.app.run import modes, sequence
 from robustid.identification import model_residuals
 from support.measured import needs
-from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask
+from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask, keep_discs
 
 
 def numbers(folder, *names):
@@ -27,8 +27,11 @@ def same_numbers(one, two, *names):
     return first.keys() == second.keys() and all(np.array_equal(first[k], second[k]) for k in first)
 
 
-def test_the_run_file_beside_the_results_gives_the_same_again(folder):
+@pytest.mark.parametrize("sharpened", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_the_run_file_beside_the_results_gives_the_same_again(folder, sharpened, monkeypatch):
     """With modes, prior and bounds left to the program; the second time from another place, without its choosing anything."""
+    if not sharpened:
+        keep_discs(monkeypatch)
     frf = rid.datasets.flexible_structure(seed=0, lines=5, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8]).frequency
     rid.save(folder / "frf.csv", frf.with_bound(0.3 * frf.bound, "too tight"))
     chosen = {"identify": {"inflate": "auto"}, "frequency_points": {"every": 2, "near_hz": 1.0}}

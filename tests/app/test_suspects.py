@@ -61,10 +61,11 @@ def test_one_record_of_three_is_named(name):
     assert only(problem.data_faults).record == 1
 
 
-def test_what_stands_alone_against_the_others_is_named():
+@pytest.mark.parametrize("samples", [12, pytest.param(20, marks=pytest.mark.slow)])
+def test_what_stands_alone_against_the_others_is_named(samples):
     """Two records that agree with each other outvote the response."""
-    responses_, (first,) = structure(0, "sign")
-    _, (second,) = structure(1, "sign")
+    responses_, (first,) = structure(0, "sign", samples=samples)
+    _, (second,) = structure(1, "sign", samples=samples)
     run, problem = chosen((responses_, [first, second]))
     assert run.prior.without == ("frequency 1",)
     is_named(only(problem.data_faults), "sign")

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.estimation import estimate_frf, response_alone
+from support.cases import slow
 
 DT, PERIOD = 1e-3, 2048
 LINES = np.arange(10, 800, 4)
@@ -250,7 +251,7 @@ def test_without_a_method_the_records_decide():
         estimate_frf(TimeRecord(u[:40], u[:40], dt=0.01))
 
 
-@pytest.mark.parametrize(("method", "power"), [("local", 60), ("welch", -60)])
+@pytest.mark.parametrize(("method", "power"), [("local", 60), ("welch", -60), slow("local", -60), slow("welch", 60)])
 def test_units_do_not_matter(method, power):
     rng, scale = np.random.default_rng(6), 2.0**power
     u = rng.standard_normal((1500, 2))

@@ -71,8 +71,9 @@ def test_lines_that_were_not_measured_and_filled_with_zeros_are_all_left_out():
     assert np.array_equal(rest.omega, np.delete(frf.omega, lines))
 
 
-def test_a_mode_that_two_lines_see_is_no_outlier_and_one_on_a_single_line_is_suspect():
-    wide = [response_faults(response(seed, half_width=0.3)) for seed in range(20)]
+@pytest.mark.parametrize("seeds", [6, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_mode_that_two_lines_see_is_no_outlier_and_one_on_a_single_line_is_suspect(seeds):
+    wide = [response_faults(response(seed, half_width=0.3)) for seed in range(seeds)]
     assert not any(wide)
     # Half-widths of 1/250 of the spacing: flanks of a fifth of the noise, and of 20 times.
     frf = response()
@@ -141,7 +142,7 @@ def test_an_error_within_the_bound_is_none_and_without_a_bound_the_scatter_decid
     assert fault.kind == "outlier"
 
 
-@pytest.mark.parametrize("seeds", [20, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [8, pytest.param(60, marks=pytest.mark.slow)])
 def test_clean_responses_are_told_of_nothing(seeds):
     """Noise that is even or in part of the response, half-widths from a third of the line spacing, few lines and many."""
     told = 0

@@ -10,6 +10,7 @@ from robustid.errors import InputTypeError
 from robustid.fitting import subspace_estimate
 from robustid.fitting.state_space.given_poles import real_rows
 from robustid.fitting.state_space.subspace import pole_choices, rational_krylov
+from support.cases import slow
 from support.measured import needs
 from support.mfd_systems import noisy, random_modal_system, relative_error
 from support.pairwise import every_two
@@ -176,7 +177,9 @@ def test_measured_mirror_is_followed_on_other_realisations():
 # ---------------------------------------------------------------- laws
 
 
-@pytest.mark.parametrize(("amplitude", "frequency"), [(60, -60), (-60, 60), (0, 60)])
+@pytest.mark.parametrize(
+    ("amplitude", "frequency"), [(60, -60), (-60, 60), (0, 60), slow(60, 60), slow(-60, -60), slow(0, -60)]
+)
 def test_units_scale_the_estimate_exactly(amplitude, frequency):
     system = random_modal_system(1, 2, 3, 5)
     s = xi(grid("linear", 300), "s")

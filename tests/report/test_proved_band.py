@@ -101,7 +101,7 @@ def test_polygons_that_their_certificates_do_not_support_are_not_called_proved(r
             assert ("section", {"class": f"verdict {key}", "id": name}) in page.tags
 
 
-@pytest.mark.parametrize("kind", ["discrete", "symmetric"])
+@pytest.mark.parametrize("kind", ["discrete", pytest.param("symmetric", marks=pytest.mark.slow)])
 def test_a_band_draws_itself_about_its_centre_or_its_model(kind):
     plant = edge_plant(kind, 1)
     found = rid.band(plant.problem, box=plant.box, omega=[1.0])

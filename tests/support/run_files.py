@@ -27,6 +27,12 @@ def only_identify(monkeypatch):
         monkeypatch.setattr(sequence, step, lambda *_: None)
 
 
+def keep_discs(monkeypatch):
+    """The band of discs, without polygons that take seconds: for tests of what is done with a band."""
+    for step in "refined", "sharpened", "narrowed":
+        monkeypatch.setattr(sequence, step, lambda *_: None)
+
+
 def keep_whole(monkeypatch):
     """The identified model in place of a search for a smaller one, compared with no fits."""
 

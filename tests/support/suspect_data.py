@@ -43,9 +43,9 @@ def with_fault(data, fault, other=None):
     return rid.prepare.correct(data, words[fault])
 
 
-def structure(seed, fault="clean", lines=11):
+def structure(seed, fault="clean", lines=11, samples=20):
     """The response of the flexible structure at so many lines, 11 are too few for a model of it, and a step of 20 samples."""
-    data = rid.datasets.flexible_structure(seed=seed, lines=lines)
+    data = rid.datasets.flexible_structure(seed=seed, lines=lines, samples=samples)
     response, given = data.frequency, data.time
 
     def faster():

@@ -129,7 +129,7 @@ def identify_reduced(
     Examples
     --------
     >>> import robustid as rid
-    >>> data = rid.datasets.flexible_structure(seed=0)
+    >>> data = rid.datasets.flexible_structure(seed=0, lines=6, samples=6)
     >>> modes, prior = [(9.0, 0.1), (17.67, 0.004)], rid.Prior(gain_bound=0.2, decay_rate=1.1)
     >>> small = rid.identify_reduced([data.frequency, data.time], modes=modes, prior=prior, omega=[60.0], directions=4)
     >>> small.consistent, small.reduction.order, bool(small.error.upper[0, 0, 0] < 0.3)

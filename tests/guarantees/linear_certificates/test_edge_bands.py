@@ -18,7 +18,11 @@ def half_of(box):
     return 0.0 if box is None else float((box[1][:, 1] / box[1][:, 0]).max() - 1) / 2
 
 
-@pytest.mark.parametrize("kind", KINDS)
+# Of matrices quick: that of four entries; of the others `test_quick` has bands of few knots.
+MATRICES = "symmetric", "record of two inputs"
+
+
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k in MATRICES else k for k in KINDS])
 @pytest.mark.parametrize("seed", seeds(1, 50))
 def test_a_plant_at_the_edge_is_inside_at_every_frequency(kind, seed):
     plant, band = edge_plant(kind, seed), edge_band(kind, seed)
