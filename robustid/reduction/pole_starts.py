@@ -228,29 +228,40 @@ def grown(samples: SampleMap, fit: Fit, count: int) -> Iterator[Pair]:
     rest = samples.real(samples.y)
     rest = rest - U @ (U.T @ rest)
     for candidates in kinds:
-        best = max(candidates, key=lambda pole: _gain(samples, U, rest, pole)[0])
+        best = max(candidates, key=lambda pole: float(np.linalg.norm(_removed(samples, U, rest, pole)[1])))
         if samples.heads == 1:
             yield pole_functions(np.concatenate([fit.poles, [best, best.conjugate()][:missing]]))
         else:
-            yield joined(fit.pair, mode_pair(best, _gain(samples, U, rest, best)[1]))
+            yield joined(fit.pair, mode_pair(best, _direction(samples, U, rest, best)))
 
 
-def _gain(samples: SampleMap, U: Real, rest: Real, pole: complex) -> tuple[float, Samples]:
-    """Length that a further pole of full rank removes; and the direction at the heads of its best part of rank one."""
-    one = pole_functions(np.array([pole, pole.conjugate()] if pole.imag else [pole]))
-    h, m = samples.heads, one.A.shape[0]
+def _one_pole(pole: complex) -> Pair:
+    """The functions of a pole and its conjugate, for one head."""
+    return pole_functions(np.array([pole, pole.conjugate()] if pole.imag else [pole]))
+
+
+def _removed(samples: SampleMap, U: Real, rest: Real, pole: complex) -> tuple[Real, Real]:
+    """The V and g of which V g are the coefficients of a further pole of full rank, |g| the length that it removes."""
+    one = _one_pole(pole)
+    h = samples.heads
     A = np.asarray(np.kron(np.eye(h), one.A), dtype=float)
     C = np.asarray(np.kron(np.diag(1 / samples.weights), one.C), dtype=float) if h > 1 else one.C
     more = samples.real(samples.columns(A, C))
     Q, V = orthonormal_columns(more - U @ (U.T @ more))
-    gain = Q.T @ rest
+    return V, Q.T @ rest
+
+
+def _direction(samples: SampleMap, U: Real, rest: Real, pole: complex) -> Samples:
+    """The direction at the heads of the best part of rank one of a further pole."""
+    one, (V, gain) = _one_pole(pole), _removed(samples, U, rest, pole)
+    h, m = samples.heads, one.A.shape[0]
     # Heads and tails of the coefficients; their residues at the pole are these times one complex number each.
     X = (V @ gain).reshape(samples.tails, h, m) / samples.weights[:, None]
     values, vectors = np.linalg.eig(one.A)
     k = int(np.argmin(np.abs(values - pole)))
     residues = np.einsum("jhm,m->hj", X, np.linalg.inv(vectors)[k])
     left = np.linalg.svd(samples.weights[:, None] * residues)[0][:, 0]
-    return float(np.linalg.norm(gain)), left / samples.weights
+    return left / samples.weights
 
 
 def integrals(samples: SampleMap, fit: Fit) -> Real:
