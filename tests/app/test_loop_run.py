@@ -45,12 +45,14 @@ def folder(tmp_path_factory):
     error = bound * np.sqrt(rng.random(closed.shape)) * np.exp(2j * np.pi * rng.random(closed.shape))
     rid.save(place / "closed.csv", rid.FrequencyResponse(omega, closed + error, bound=bound, dt=DT))
     rid.save(place / "controller.npz", control.ss(CONTROLLER))
-    (place / "ask.toml").write_text(ASK + "at_hz = [20.0, 100.0]\n")
     return place
 
 
-def test_a_run_gives_the_unstable_plant_and_what_holds_of_its_loop(folder):
-    result = rid.run(folder / "ask.toml", folder / "out")
+@pytest.mark.parametrize("every", [24, pytest.param(12, marks=pytest.mark.slow)])
+def test_a_run_gives_the_unstable_plant_and_what_holds_of_its_loop(folder, every):
+    text = ASK.replace("every = 12", f"every = {every}")
+    (folder / "ask.toml").write_text(text + "at_hz = [20.0, 100.0]\n")
+    result = rid.run(folder / "ask.toml", folder / f"out-{every}")
     plant = result.plant.model
     assert np.abs(plant.poles()).max() == pytest.approx(np.abs(PLANT.poles()).max(), rel=5e-3)
     assert result.plant.order <= 3  # the plant itself: 2
@@ -58,10 +60,10 @@ def test_a_run_gives_the_unstable_plant_and_what_holds_of_its_loop(folder):
     omega = np.linspace(1, 3000, 500)
     true = 1 / (1 + response_at(StateMatrices.of(control.ss(PLANT * CONTROLLER)), np.exp(1j * omega * DT)))
     assert np.abs(true).max() < result.loop.peaks["sensitivity"].value < 2
-    page = (folder / "out" / "report.html").read_text()
+    page = (folder / f"out-{every}" / "report.html").read_text()
     assert "Stable with every consistent plant" in page
     assert "ISO 14839-3" in page
-    again = rid.load(folder / "out" / "plant.npz")
+    again = rid.load(folder / f"out-{every}" / "plant.npz")
     np.testing.assert_allclose(sorted(again.poles()), sorted(plant.poles()))
     assert "with 1 unstable pole, which the controller" in result.summary()
 

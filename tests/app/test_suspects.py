@@ -82,14 +82,17 @@ def test_records_that_agree_against_as_many_responses_are_named_together():
     assert [one.solves for one in found.causes[:2]] == [True, True]
 
 
-@pytest.fixture(scope="module")
-def whole():
+@pytest.fixture(scope="module", params=[12, pytest.param(20, marks=pytest.mark.slow)])
+def whole(request):
+    """The data, with so many time samples, and the run of them."""
+    data = structure(0, "sign", samples=request.param)
     with pytest.MonkeyPatch.context() as patch:
         keep_whole(patch)
-        return rid.identify_reduced([*structure(0, "sign")[0], *structure(0, "sign")[1]], worst_case=False)
+        return data, rid.identify_reduced([*data[0], *data[1]], worst_case=False)
 
 
 def test_the_whole_is_no_model_and_says_why_once(whole):
+    _, whole = whole
     result = whole.identification
     assert not result.consistent
     assert whole.run_file.prior.without == ("time 1",)
@@ -110,12 +113,13 @@ def test_the_whole_is_no_model_and_says_why_once(whole):
 
 
 def test_the_fault_is_kept_with_the_result_and_by_its_run_file(whole, tmp_path):
+    data, whole = whole
     result = whole.identification
     result.save(tmp_path / "result")
     assert rid.load(tmp_path / "result.npz").problem.faults == result.problem.faults
     again = read_run_file(tomllib.loads(whole.run_file.text()), sources=False)
     assert again.prior.without == ("time 1",)
-    _, problem = chosen(structure(0, "sign"), reference=True, run=again)
+    _, problem = chosen(data, reference=True, run=again)
     assert problem.faults == result.problem.faults
 
 

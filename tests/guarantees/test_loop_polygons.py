@@ -80,7 +80,7 @@ def judge_plants(loop, result, band, solved, controller, count):
     return [found.peaks[key].value / one for key, one in zip(MAPS, largest.max(axis=0), strict=True)]
 
 
-@pytest.mark.parametrize("name", ["none", "gain"])
+@pytest.mark.parametrize("name", [pytest.param("none", marks=pytest.mark.slow), "gain"])
 def test_consistent_plants_come_up_to_the_peaks(measured, name):
     loop, result, band, solved, _ = measured
     above = judge_plants(loop, result, band, solved, OTHERS[name], 40)
