@@ -14,7 +14,7 @@ FINE = tuple(np.linspace(17.2, 18.1, 10))
 KAUTZ = "omega damping omega_interval damping_interval level undetermined delay reason summary"
 
 
-@problem(quick=True)
+@problem()
 def suggest_kautz(_):
     frf = structure(lines=11, extra_hz=FINE, time=False).frequency[0]
     found = {"discrete": frf, "continuous": compliance_problem(lines=30).frequency[0]}

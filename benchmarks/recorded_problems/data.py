@@ -39,14 +39,14 @@ def frf_periodic(_):
     return {"mean": found, "about": found.bound.about, "next": later.bound}
 
 
-@problem(quick=True)
+@problem()
 def frf_local_and_welch(_):
     record = driven(600)
     found = {method: rid.estimate_frf(record, method=method) for method in ("local", "welch")}
     return found | {"faults": rid.prepare.record_faults(record)}
 
 
-@problem(quick=True)
+@problem()
 def frf_nonlinear(_):
     found = rid.estimate_frf(rid.prepare.nonlinear_records("backlash", 2, noise=0.01, spacing="odd"))
     return of(found, "omega values bound noise distortion faults note")

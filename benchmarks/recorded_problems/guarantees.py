@@ -42,7 +42,7 @@ def worst_case_continuous(_):
     return error_facts(error)
 
 
-@problem(quick=True)
+@problem()
 def worst_case_matrix(_):
     found = rid.identify(matrix_problem(matrix_response(lines=4), prior=rid.Prior(gain_bound=0.4, decay_rate=1.5)))
     return error_facts(rid.worst_case_error(found, omega=HZ * np.array([10.0, 30.0]), directions=3, rtol=0.3))
@@ -70,7 +70,7 @@ def band_facts(band):
     return of(band, names) | {"between": [centre, radius]}
 
 
-@problem(quick=True)
+@problem()
 def band_fixed(_):
     found = rid.identify(structure())
     band = rid.band(found)
@@ -95,7 +95,7 @@ def band_box(_):
     return band_facts(band) | {"verified": band.verify()}
 
 
-@problem(quick=True)
+@problem()
 def band_continuous(_):
     asked = compliance_problem(lines=14)
     box = HZ * np.array([[2.99, 3.01], [17.66, 17.68]]), np.array([[0.019, 0.021], [0.0095, 0.0105]])

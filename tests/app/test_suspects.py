@@ -154,7 +154,7 @@ CLEAN = {
 
 @pytest.mark.parametrize(
     ("name", "seeds"),
-    [("response and step", range(1)), ("two responses", range(1)), ("three records", range(1))]
+    [("response and step", range(1)), ("three records", range(1))]
     + [pytest.param(name, range(1000, 1200), marks=pytest.mark.slow) for name in CLEAN],
 )
 def test_clean_experiments_are_accused_of_nothing(name, seeds):

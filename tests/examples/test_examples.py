@@ -153,7 +153,6 @@ def test_converters(run, monkeypatch, undrawn, seconds):
     example = load("converters")
     monkeypatch.setattr(example, "SEARCH", seconds)
     if seconds < 1:
-        monkeypatch.setattr(example, "KNOTS", 160)
         monkeypatch.setattr("robustid.guarantees.scaling._POWERS", (16,))
     printed = run(example, ["loci.png"])
     assert ("verdict    undecided" if seconds < 1 else "verdict    unstable: a pair") in printed

@@ -76,9 +76,7 @@ def test_poles_are_those_of_the_system_and_D_is_monic():
 SMALL = {"modes": 4, "ports": 2, "lines": 200}
 
 
-@pytest.mark.parametrize(
-    ("seeds", "order", "size"), [(1, 40, {}), pytest.param(4, 40, {}, marks=pytest.mark.slow), (5, 12, SMALL)]
-)
+@pytest.mark.parametrize(("seeds", "order", "size"), [pytest.param(4, 40, {}, marks=pytest.mark.slow), (5, 12, SMALL)])
 def test_noise_free_structures_from_a_cold_start(seeds, order, size):
     """At their order, and at a higher one: what the data do not have is deflated."""
     for seed in range(seeds):

@@ -45,8 +45,9 @@ def problem_with_modes(rng, time, width, modes=2):
 
 
 @pytest.mark.parametrize("time", TIMES, ids=str)
-@pytest.mark.parametrize("width", [0.01, 0.2])
-@pytest.mark.parametrize("plants", [3, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("width", "plants"), [(0.2, 3), *(pytest.param(w, 12, marks=pytest.mark.slow) for w in (0.01, 0.2))]
+)
 def test_no_amplitude_of_a_drawn_plant_is_above_its_bound(time, width, plants):
     """Of plants with poles often in a corner of the box; in the median at most a quarter above (a half of the wider box)."""
     rng, ratios = np.random.default_rng(0), []

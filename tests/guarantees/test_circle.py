@@ -103,7 +103,7 @@ def test_an_attribute_is_a_bound_however_little_work_it_may_take(monkeypatch):
     assert error.on_circle(0.5, time_limit=1.0).largest == error.hinf
 
 
-@pytest.mark.parametrize(("seed", "case"), [(4, "parametric"), (1, "mixed")])
+@pytest.mark.parametrize(("seed", "case"), [(4, "parametric"), slow(1, "mixed")])
 def test_a_weight_is_above_the_truth_and_costs_no_semidefinite_program(seed, case, monkeypatch):
     problem, truth = random_experiment(seed, case, 8)
     error = rid.worst_case_error(rid.identify(problem), omega=[50.0, 90.0], directions=6)
