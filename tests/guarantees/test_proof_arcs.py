@@ -152,12 +152,12 @@ def test_the_schema_knows_proofs_on_arcs():
 
 @pytest.mark.quick
 def test_no_mutant_on_arcs_is_accepted_that_is_not_true(program, tmp_path):
-    _survive(program, tmp_path, small_proofs(), 1, 150)
+    _survive(program, tmp_path, small_proofs(), 1, 80)
 
 
 @pytest.mark.quick
 def test_mutants_on_arcs_do_not_crash_the_checker(tmp_path):
-    _survive(built(tmp_path, *SANITIZED), tmp_path, small_proofs(), 2, 50)
+    _survive(built(tmp_path, *SANITIZED), tmp_path, small_proofs(), 2, 25)
 
 
 def _survive(program: Path, folder: Path, texts: list[str], seed: int, count: int) -> None:
