@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import robustid as rid
 from robustid.guarantees import proof_text
 from support.proof_judge import judged
+from support.proof_loops import small_proofs
 from support.proofs import SANITIZED, SOURCE, mutated, problem
 
 QUIET = {"ASAN_OPTIONS": "detect_leaks=0"}
@@ -53,7 +54,7 @@ def main(seconds: float, seed: int) -> None:
     rng, counts, end = random.Random(seed), dict.fromkeys((0, 1, 2), 0), time.monotonic() + seconds
     posed = [problem(one, 4, off=off, samples=samples) for one in (1, 2) for off in (0.0, 3.0) for samples in (0, 8)]
     bands = [rid.band(one, omega=one.frequency[0].omega[1:2]) for one in posed if rid.identify(one).consistent]
-    texts = [*map(proof_text, bands), *(proof_text(rid.identify(one)) for one in posed)]
+    texts = [*map(proof_text, bands), *(proof_text(rid.identify(one)) for one in posed), *small_proofs()]
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
         folder = Path(name)
         program, source = folder / "batch", folder / "batch.c"

@@ -532,7 +532,7 @@ Qed.
 End Statements.
 End Question.
 
-(* ---- Not of that page: a real curve is above its chord by at most B (b - a)^2 / 8, if its second derivative is
+(* ---- "Arcs": a real curve is above its chord by at most B (b - a)^2 / 8, if its second derivative is
    at least -B; with -g for g, below it by at most that if it is at most B ---- *)
 Lemma convex_under_chord f f1 f2 a b t : (forall x, a <= x <= b -> derivable_pt_lim f x (f1 x)) ->
   (forall x, a <= x <= b -> derivable_pt_lim f1 x (f2 x)) -> (forall x, a <= x <= b -> 0 <= f2 x) ->
@@ -566,7 +566,30 @@ Proof.
   assert (R : 0 <= B * (b - a) * ((2 * t - a - b) * (2 * t - a - b))) by (apply Rmult_le_pos; [nra|apply Rle_0_sqr]). lra.
 Qed.
 
+(* "Arcs": the product of two chords is within a quarter of the product of their differences of the chord of the products *)
+Theorem product_of_chords (a b c d : C) t : 0 <= t <= 1 ->
+  cmod ((real (1 - t) * a + real t * b) * (real (1 - t) * c + real t * d)
+    - (real (1 - t) * (a * c) + real t * (b * d)))%C <= cmod (b - a) * cmod (d - c) / 4.
+Proof.
+  intros T. replace ((real (1 - t) * a + real t * b) * (real (1 - t) * c + real t * d)
+    - (real (1 - t) * (a * c) + real t * (b * d)))%C with (- (real (t * (1 - t)) * ((b - a) * (d - c))))%C
+    by (unfold real; destruct a, b, c, d; parts; apply f_equal2; ring).
+  rewrite cmod_opp, !cmod_mul, cmod_real, Rabs_pos_eq by (apply Rmult_le_pos; lra).
+  pose proof (Rmult_le_pos _ _ (cmod_nonneg (b - a)%C) (cmod_nonneg (d - c)%C)) as P.
+  assert (Q : t * (1 - t) <= 1 / 4) by (pose proof (Rle_0_sqr (t - 1 / 2)) as S; unfold Rsqr in S; lra).
+  rewrite (Rmult_comm (t * (1 - t))). apply Rle_trans with (cmod (b - a) * cmod (d - c) * (1 / 4)); [|lra].
+  apply Rmult_le_compat_l; [exact P|exact Q].
+Qed.
+
+(* what is on one side of a line that does not hold 0 is as far from 0 as the line *)
+Theorem apart u x l : l <= fst (conj u * x)%C -> l <= cmod u * cmod x.
+Proof.
+  intros L. apply Rle_trans with (1 := L), Rle_trans with (1 := Rle_abs _), Rle_trans with (1 := fst_le_cmod _).
+  rewrite cmod_mul, cmod_conj. lra.
+Qed.
+
 Definition proved := (@parameters, @schur_step, @reflections_bounded, @reflections_real, @cauchy_schwarz,
   @contraction_bounded, @pair_costs, @residual_costs, @supremum, @identity, @weak_duality, @parameters_proved,
-  @disc_proved, @support_proved, @inconsistency_proved, @chord).
+  @disc_proved, @support_proved, @inconsistency_proved, @chord,
+  @product_of_chords, @apart).
 Print Assumptions proved.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, StateMatrices, response_at
 from robustid.errors import InputError, Status
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import ConsistentSet
@@ -21,6 +21,8 @@ from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.entry_band import EntryBand, evaluate
 from robustid.guarantees.linear.functions import functions_of
 from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
+from robustid.guarantees.loop_bounds import LoopBounds
+from robustid.guarantees.proof_arcs import MOST_STATES, Arcs, Known, arcs_of
 from robustid.guarantees.proof_factors import MOST_POWERS, InKernels, in_kernels
 from robustid.guarantees.proof_question import (
     NOT_YET,
@@ -35,7 +37,7 @@ from robustid.guarantees.proof_question import (
 )
 from robustid.guarantees.value_set import ValueSet
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem
+from robustid.identification import Identification, MixedProblem, as_system
 from robustid.identification.formulation import Formulation
 
 VERSION = 1
@@ -50,9 +52,11 @@ def proof_text(result: object) -> str:
 
     Parameters
     ----------
-    result : Band, Identification or Contradiction
-        Of one input and one output in discrete time, from frequency points only, with exact poles and a class without a weight. Of
-        a band the discs of its sums at its frequencies; of an identification the system that fits, or that none does.
+    result : Band, WorstCaseError, LoopBounds, Identification or Contradiction
+        Of one input and one output in discrete time, with exact poles and a class without a weight. Of a band the discs of its sums
+        at its frequencies and, around a model of at most 64 states, bounds of its error on the whole axis; of a loop with a
+        controller that every consistent plant is stabilised, and the worst sensitivity on the whole axis (a plant measured in open
+        loop); of an identification the system that fits, or that none does.
 
     Returns
     -------
@@ -67,10 +71,12 @@ def proof_text(result: object) -> str:
         return _of_identification(result)
     if isinstance(result, Contradiction):
         return _of_contradiction(result)
+    if isinstance(result, LoopBounds):
+        return _of_loop(result)
     if isinstance(result, WorstCaseError):
         return _of_polygons(result)
     if not isinstance(result, Band):
-        raise InputError(NOT_YET.format("only bands, polygons and identifications have"))
+        raise InputError(NOT_YET.format("only bands, polygons, loops and identifications have"))
     if result.box is not None:
         raise InputError(NOT_YET.format("it is over a pole-uncertainty box"))
     return _of_band(result)
@@ -93,9 +99,53 @@ def _of_band(band: Band) -> str:
         stated = repr(float(radius * (1 + 1e-8) + 1e-15 * (abs(centre) + size)))
         statements.append({"kind": "disc", "omega": repr(frequency), "centre": decimal(centre), "radius": stated})
         evidence.append(_sums(one.samples, base, points, d))
+    if band.model is not None and band.model.nstates <= MOST_STATES:
+        for axis in _on_axis(band, StateMatrices.of(band.model)):
+            statements.append(axis[0])
+            evidence.append(axis[1])
     if not statements:
         raise InputError(NOT_YET.format("its sums say nothing at its frequencies"))
     return _file(band.problem, one.extraction, statements, evidence)
+
+
+def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Any, Any]]:
+    """Statement and evidence of a bound of the error of the model on every arc of the axis, where the sums bound all of them."""
+    circle, one = band.circle, band.bands[0]
+    angles = band.problem.plane.angles(circle.edges)
+
+    def asked(middle: Real) -> Real:
+        return circle.entries[np.clip(np.searchsorted(angles, middle) - 1, 0, len(circle.bound) - 1), 0, 0]
+
+    known = Known.error_of(model)
+    arcs = arcs_of(one, known, circle.edges, asked, loop=False)
+    if arcs is not None:
+        yield _arcs(one, known, arcs, "arcs")
+
+
+def _of_loop(found: LoopBounds) -> str:
+    """The worst sensitivity of a controller of a plant that was measured in open loop, on the whole axis."""
+    check_expressed(found.band.problem)
+    if not found.in_open_loop or found.band.box is not None:
+        raise InputError(NOT_YET.format("its plant was measured in a loop, or has poles in a box"))
+    if not found.guaranteed or not np.isfinite(peak := found.peaks["sensitivity"].value):
+        raise InputError(NOT_YET.format("its controller is not proved to stabilise every consistent plant"))
+    one, dt = found.band.bands[0], float(found.band.problem.dt or 1.0)
+    controller = StateMatrices.of(as_system("controller", found.controller)[0].model(dt))
+    size = np.abs(response_at(controller, np.exp(1j * one.angles))[:, 0, 0] * one.centre)
+    crossing = int(np.argmin(np.abs(np.log(np.maximum(size, np.finfo(float).tiny)))))
+    known = Known.loop_of(controller, float(np.abs(one.centre[crossing])), dt)
+    arcs = arcs_of(one, known, one.angles / dt, lambda middle: np.full(middle.size, peak), loop=True)
+    if arcs is None:
+        raise InputError(NOT_YET.format("its sums do not say on every arc that its loop is stable"))
+    statement, evidence = _arcs(one, known, arcs, "loop")
+    return _file(found.band.problem, one.extraction, [statement], [evidence])
+
+
+def _arcs(one: EntryBand, known: Known, arcs: Arcs, kind: str) -> tuple[Any, Any]:
+    bases = targets_at(one.samples, arcs.angles).base.tolist()
+    places = zip(bases, arcs.angles.tolist(), strict=True)
+    knots = [_sums(one.samples, base, *_multipliers(one, angle)) for base, angle in places]
+    return {"kind": kind, "functions": known.text, "edges": arcs.edges, "bounds": arcs.bounds}, {"knots": knots}
 
 
 def _multipliers(band: EntryBand, angle: float) -> tuple[Any, Complex]:

@@ -5,6 +5,7 @@ import pytest
 
 import robustid as rid
 from support import command_line
+from support.proof_loops import loop_of
 from support.proofs import asked, built, problem
 
 pytestmark = pytest.mark.quick
@@ -32,6 +33,15 @@ def test_a_proof_is_written_once_and_checked_by_another_program(saved, run, monk
     code, out, _ = run(["verify", "model", "--independent"])
     assert code == 0
     assert "in exact integers: question" in out
+
+
+def test_a_controller_is_checked_by_another_program_with_every_plant_of_its_band(saved, run, monkeypatch):
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    loop_of(5).save("loop")
+    code, out, _ = run(["verify", "loop", "--independent", "--export", "proof.json"])
+    assert code == 0, out
+    assert "in exact integers: question" in out
+    assert '"kind": "loop"' in (saved / "proof.json").read_text()
 
 
 def test_a_checker_that_is_not_there_or_says_no_is_named(saved, run, monkeypatch):

@@ -4,116 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import re
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-_BITS = 512
-_GRID = 1 << _BITS
-_NUMBER = re.compile(r"(-?\d+)(?:\.(\d+))?(?:e([+-]?\d{1,3}))?|(-?\d+)p([+-]?\d{1,4})")
-
-
-class Refused(Exception):
-    """The file is no proof: it says why."""
-
-
-def number(text: Any) -> Fraction:
-    """The number in a string."""
-    found = _NUMBER.fullmatch(text) if isinstance(text, str) else None
-    if found is None:
-        raise Refused(f"no number: {text!r}")
-    whole, part, exponent, mantissa, power = found.groups()
-    if mantissa is not None:
-        return Fraction(int(mantissa)) * Fraction(2) ** int(power)
-    part = part or ""
-    return Fraction(int(whole + part)) * Fraction(10) ** (int(exponent or 0) - len(part))
-
-
-def _up(value: Fraction) -> int:
-    return -(-value.numerator * _GRID // value.denominator)
-
-
-class Disc:
-    """All complex numbers within `error` of re + j im: integers, in units of the grid."""
-
-    def __init__(self, re: Fraction | int, im: Fraction | int = 0) -> None:
-        one, two = Fraction(re) * _GRID, Fraction(im) * _GRID
-        self.a, self.b = one.numerator // one.denominator, two.numerator // two.denominator
-        self.e = 0 if (self.a, self.b) == (one, two) else 2
-
-    @classmethod
-    def of(cls, a: int, b: int, e: int) -> Disc:
-        found = cls.__new__(cls)
-        found.a, found.b, found.e = a, b, e
-        return found
-
-    def __add__(self, other: Disc) -> Disc:
-        return Disc.of(self.a + other.a, self.b + other.b, self.e + other.e)
-
-    def __neg__(self) -> Disc:
-        return Disc.of(-self.a, -self.b, self.e)
-
-    def __sub__(self, other: Disc) -> Disc:
-        return self + -other
-
-    def __mul__(self, other: Disc) -> Disc:
-        error = (abs(self.a) + abs(self.b)) * other.e + (abs(other.a) + abs(other.b)) * self.e + self.e * other.e
-        a, b = self.a * other.a - self.b * other.b, self.a * other.b + self.b * other.a
-        return Disc.of(a >> _BITS, b >> _BITS, (error >> _BITS) + 3)
-
-    @property
-    def re(self) -> Fraction:
-        return Fraction(self.a, _GRID)
-
-    @property
-    def im(self) -> Fraction:
-        return Fraction(self.b, _GRID)
-
-    @property
-    def error(self) -> Fraction:
-        return Fraction(self.e, _GRID)
-
-    @property
-    def conj(self) -> Disc:
-        return Disc.of(self.a, -self.b, self.e)
-
-    @property
-    def size(self) -> Fraction:
-        """Above the modulus of the middle, by less than two units."""
-        return Fraction(math.isqrt(self.a**2 + self.b**2) + 1, _GRID) if self.b else abs(self.re)
-
-    @property
-    def most(self) -> Fraction:
-        """Above the modulus of all of its numbers."""
-        return self.size + self.error
-
-    @property
-    def inverse(self) -> Disc:
-        square = self.a**2 + self.b**2
-        least = math.isqrt(square) - self.e
-        if least <= 0:
-            raise Refused("a division by what may be 0")
-        scale = _GRID**2
-        return Disc.of(self.a * scale // square, -self.b * scale // square, self.e * scale // (least * least) + 3)
-
-
-def root(square: Fraction) -> Fraction:
-    """Above the root."""
-    return Fraction(math.isqrt(math.ceil(square * _GRID**2)) + 1, _GRID)
-
-
-def turn(x: Fraction) -> Disc:
-    """exp(-j x) by the series of x/1024, squared ten times."""
-    small, total, term = x / 1024, Disc(0), Disc(1)
-    for k in range(1, 140):
-        total += term
-        term = term * Disc(0, -small / k)
-    value = Disc.of(total.a + term.a, total.b + term.b, total.e + _up(2 * term.most))
-    for _ in range(10):
-        value = value * value
-    return value
+from support.proof_arcs import on_arcs
+from support.proof_numbers import GRID, Disc, Refused, number, root, solve, turn
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -176,7 +73,7 @@ class Judge:
         for one in u:
             found.append([_inner(c, state) + number(d) * one for c, d in zip(C, D, strict=True)])
             state = [_inner(a, state) + number(b) * one for a, b in zip(A, B, strict=True)]
-            state = [Fraction(v.numerator * _GRID // v.denominator, _GRID) for v in state]
+            state = [Fraction(v.numerator * GRID // v.denominator, GRID) for v in state]
         return found
 
     def seen(self, k: int, m: int, nodes: list[Disc]) -> Disc:
@@ -188,12 +85,18 @@ class Judge:
             return _power(nodes[k], m - count)
         return _power(nodes[m].conj, k - count) if m < count else Disc(int(k == m))
 
-    def place(self, omega: str) -> tuple[Disc, list[Disc]]:
-        """Zeta and the values of the functions."""
+    def turned(self, omega: str) -> Disc:
+        """exp(-j omega T); "half" is half the sample rate."""
+        if omega == "half":
+            return Disc(-1)
         x = number(omega) * self.T
         if not 0 <= x <= 4:
             raise Refused("a frequency out of range")
-        e = turn(x)
+        return turn(x)
+
+    def place(self, omega: str) -> tuple[Disc, list[Disc]]:
+        """Zeta and the values of the functions."""
+        e = self.turned(omega)
         A, B, C, D = (self.matrices[name] for name in "ABCD")
         size = len(B)
         rows = [
@@ -309,7 +212,13 @@ class Judge:
 
     def inconsistent(self, said: Any, evidence: Any) -> bool:
         centre, radius, _ = self.sums(evidence, {})
-        return radius < centre.size - centre.error - Fraction(2, _GRID)
+        return radius < centre.size - centre.error - Fraction(2, GRID)
+
+    def arcs(self, said: Any, evidence: Any) -> bool:
+        return on_arcs(self, said, evidence, loop=False)
+
+    def loop(self, said: Any, evidence: Any) -> bool:
+        return on_arcs(self, said, evidence, loop=True)
 
     def consistent(self, said: Any, evidence: Any) -> bool:
         if set(evidence) != {"reflections", "parameters"} or set(said) != {"kind"}:
@@ -352,7 +261,7 @@ class Judge:
         """Say whether all statements are proved."""
         self.parameters()
         kinds: dict[str, Callable[[Any, Any], bool]] = {
-            name: getattr(self, name) for name in ("disc", "support", "inconsistent", "consistent")
+            name: getattr(self, name) for name in ("disc", "support", "inconsistent", "consistent", "arcs", "loop")
         }
         pairs = list(zip(self.question["statements"], self.evidence["statements"], strict=True))
         return bool(pairs) and all(kinds[said["kind"]](said, evidence) for said, evidence in pairs)
@@ -367,20 +276,6 @@ def _power(base: Disc, exponent: int) -> Disc:
     for _ in range(exponent):
         found = found * base
     return found
-
-
-def solve(rows: list[list[Disc]]) -> list[Disc]:
-    """The solution of the system [A b]."""
-    size = len(rows)
-    for p in range(size):
-        best = max(range(p, size), key=lambda a: rows[a][p].size)
-        rows[p], rows[best] = rows[best], rows[p]
-        inverse = rows[p][p].inverse
-        rows[p] = [one * inverse for one in rows[p]]
-        for a in range(size):
-            if a != p:
-                rows[a] = [one - rows[a][p] * pivot for one, pivot in zip(rows[a], rows[p], strict=True)]
-    return [row[-1] for row in rows]
 
 
 def judged(text: str) -> bool:

@@ -127,7 +127,7 @@ def mutated(text: str, rng: random.Random) -> str:
     elif kind == 3:
         text = put(rng.choice(found).group(1))
     elif kind == 4:  # claims larger, or smaller, by a millionth
-        claims = list(re.finditer(r'"(?:radius|value)": "([^"]*)"', text)) or found
+        claims = list(re.finditer(r'"(?:radius|value|bounds)": (?:\["|")([^"]*)"', text)) or found
         one = rng.choice(claims)
         value = one.group(1)
         if re.fullmatch(r"[-+.e\d]*\d", value):

@@ -45,7 +45,7 @@ def verify(
         Path | None,
         typer.Option(
             "--export",
-            help="Write the proof here, as JSON that other programs can check (of a band, or an identification).",
+            help="Write the proof here, as JSON that other programs can check (of a band, an identification or a controller).",
         ),
     ] = None,
     independent: Annotated[
@@ -75,7 +75,7 @@ def verify(
             checker()
         with telling(console) as progress:
             result = load_result(source, *_KINDS, progress=progress)
-        proof = proof_text(result) if export is not None or independent else ""
+        proof = proof_text(_provable(result)) if export is not None or independent else ""
         if isinstance(result, of_loops):
             failed = _loop_failures(console, result, exact)
         else:
@@ -98,6 +98,12 @@ def verify(
 
         screen.write(verdicts.verified(result, failed, code), console)
     raise typer.Exit(code)
+
+
+def _provable(result: Any) -> Any:
+    """The result of which a proof is written: of a design for one band its proof."""
+    proofs = getattr(result, "proofs", ())
+    return proofs[0] if len(proofs) == 1 else result
 
 
 def _independent_failures(console: Terminal, proof: str) -> list[str]:

@@ -1,0 +1,194 @@
+"""Statements of proof files on arcs of the frequency axis: bounds of a + b F, or of c/(a + b F), with arcs as fine as they need."""
+
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from robustid.core import Complex, Real, StateMatrices, normalising_feedback, scaled_states
+from robustid.errors import InputError
+from robustid.guarantees.linear.entry_band import EntryBand
+from robustid.guarantees.proof_question import NOT_YET
+
+MOST_STATES = 64  # of functions in a file
+_WIDER = 1 + 1e-8
+_CLOSE, _CLOSER = (
+    1.02,
+    1 + 5e-7,
+)  # times what the ends of an arc say: farther claims are halved; above a target, until there
+_ROUNDS, _MOST = 24, 30_000  # of halving arcs, and knots
+
+Exact = list[list[Fraction]]
+
+
+class Known(NamedTuple):
+    """Functions a, b and perhaps c of z, C (z - A)^-1 B + D, exactly."""
+
+    A: Exact
+    B: Exact
+    C: Exact
+    D: Exact
+
+    @classmethod
+    def error_of(cls, model: StateMatrices) -> Self:
+        """Return a = -model and b = 1: a + b F is the error."""
+        A, B, C, D = _scaled(model)
+        minus = [[-one for one in row] for row in (*C, *D)]
+        return cls(A, B, [minus[0], [Fraction(0)] * len(A)], [minus[1], [Fraction(1)]])
+
+    @classmethod
+    def loop_of(cls, controller: StateMatrices, gain: float, dt: float) -> Self:
+        """Return factors of a controller b/a, and c = a: c/(a + b F) is the sensitivity. `gain`: of the plant, about.
+
+        Those of its states fed back: whatever the feedback is, their quotient is the controller exactly.
+        """
+        A, B, C, D = _scaled(controller)
+        own = StateMatrices(*(np.array(one, float).reshape(shape) for one, shape in _shapes(A, B, C, D)))
+        states = StateMatrices(own.A, own.B, own.C * gain, own.D * gain)
+        g = [Fraction(one) for one in (np.ravel(normalising_feedback(states, dt)[0]) if A else np.zeros(0)).tolist()]
+        closed = [[a + b[0] * one for a, one in zip(row, g, strict=True)] for row, b in zip(A, B, strict=True)]
+        numerator = [c + D[0][0] * one for c, one in zip(C[0], g, strict=True)]
+        return cls(closed, B, [g, numerator, g], [[Fraction(1)], D[0], [Fraction(1)]])
+
+    @property
+    def text(self) -> dict[str, Any]:
+        """The functions as a file has them."""
+        found: dict[str, Any] = {name: [[_dyadic(one) for one in row] for row in getattr(self, name)] for name in "AC"}
+        return found | {name: [_dyadic(row[0]) for row in getattr(self, name)] for name in "BD"}
+
+    @property
+    def matrices(self) -> StateMatrices:
+        """In double precision."""
+        return StateMatrices(*(np.array(one, float).reshape(shape) for one, shape in _shapes(*self)))
+
+
+class Arcs(NamedTuple):
+    """Knots as angles, their names in a file, and the bound of every arc between them."""
+
+    angles: Real
+    edges: list[str]
+    bounds: list[str]
+
+
+def arcs_of(band: EntryBand, known: Known, omega: Real, target: Callable[[Real], Real], *, loop: bool) -> Arcs | None:
+    """Return arcs between frequencies, halved until their bounds are close to what their ends say, or as small as is asked for.
+
+    `target`: the bounds that are asked for on arcs with these middles. None where an arc has no bound.
+    """
+    at = Between(band, known.matrices, loop)
+    angles = at.angles(omega)
+    ends, claims = at.claims(angles)
+    for _ in range(_ROUNDS):
+        asked = target((angles[:-1] + angles[1:]) / 2)
+        with np.errstate(invalid="ignore"):
+            wide = (claims > _CLOSE * ends) | ((claims > asked) & (claims > _CLOSER * ends))
+        if not wide.any() or omega.size + wide.sum() > _MOST:
+            break
+        omega = np.union1d(omega, (omega[:-1] + omega[1:])[wide] / 2)
+        angles = at.angles(omega)
+        ends, claims = at.claims(angles)
+    if not np.all(np.isfinite(claims)):
+        return None
+    edges, bounds = list(map(repr, omega.tolist())), list(map(repr, np.multiply(claims, _WIDER).tolist()))
+    edges[0], edges[-1] = "0" if omega[0] == 0 else edges[0], "half"
+    return Arcs(angles, edges, bounds)
+
+
+class Between:
+    """Bounds that discs at knots give between them, as the checker computes it."""
+
+    def __init__(self, band: EntryBand, known: StateMatrices, loop: bool) -> None:
+        self._band, self._known, self._loop = band, known, loop
+        basis, problem = band.samples.problem.parametric, band.samples.problem
+        none = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((0, 0)), np.zeros((0, 1)))
+        self._functions = none if basis is None else StateMatrices(*map(np.asarray, basis.matrices))
+        centre, radius = band.extraction.known.centre, band.extraction.known.radius
+        self._reach = np.abs(centre) + radius
+        self._size = float(np.abs(band.extraction.known.largest).max(initial=0.0))
+        rho = problem.prior.decay_rate
+        self._of_class = problem.prior.gain_bound * rho / (rho - 1) ** 2
+
+    def angles(self, omega: Real) -> Real:
+        """Angles of frequencies, the last one half a turn."""
+        return np.append(omega[:-1] * float(self._band.samples.problem.dt or 1.0), np.pi)
+
+    def claims(self, angles: Real) -> tuple[Real, Real]:
+        """Return what the discs say at the ends of every arc, the larger of both, and what they prove on it."""
+        z = np.exp(1j * angles)
+        known = _values(self._known, z)
+        value, radius = self._band.at(np.minimum(angles, self._band.angles[-1]))
+        reach = radius * _WIDER + 1e-15 * (np.abs(value) + self._size)
+        centre, away = known[:, 0] + known[:, 1] * value, np.abs(known[:, 1]) * reach
+        with np.errstate(invalid="ignore", divide="ignore"):
+            off = self._off(z, known, value, reach)
+            if not self._loop:
+                ends = _larger(np.abs(centre) + away)
+                return ends, (ends + off[1]) * (1 + 1e-12)
+            u = centre[:-1] + centre[1:]
+            u = u / np.abs(u)
+            size, found = np.abs(known[:, 2]), list[Real]()
+            for side in (slice(None, -1), slice(1, None)):
+                least = (u.conj() * centre[side]).real - away[side] - off[1]
+                found.append(np.where(least > 0, (size[side] + off[2]) / least, np.inf))
+            least = np.abs(centre) - away
+            return _larger(np.where(least > 0, size / least, np.inf)), np.maximum(*found) * (1 + 1e-12)
+
+    def _off(self, z: Complex, known: Complex, value: Complex, reach: Real) -> list[Real]:
+        """Distances that a, a + b F and c may have from their chords."""
+        chord = np.abs(z[1:] - z[:-1])
+        eighth = np.where(chord < 1, chord**2 / (8 - 2 * chord**2), np.inf)
+        middle, half = (z[1:] + z[:-1]) / 2, chord / 2
+        off = eighth * _bends(self._known, middle, half)
+        f = eighth * (self._of_class + self._reach @ _bends(self._functions, middle, half))
+        db, df = np.abs(known[1:, 1] - known[:-1, 1]), np.abs(value[1:] - value[:-1]) + reach[1:] + reach[:-1]
+        first = np.abs(known[:-1, 1]), np.abs(value[:-1]) + reach[:-1]
+        whole = off[0] + db * df / 4 + (first[0] + db) * f + off[1] * (first[1] + df + f)
+        return [off[0], whole, off[-1]]
+
+
+def _larger(values: Real) -> Real:
+    return np.maximum(values[:-1], values[1:])
+
+
+def _resolvents(system: StateMatrices, z: Complex) -> Complex:
+    return np.asarray(np.linalg.inv(z[:, None, None] * np.eye(len(system.A)) - system.A), dtype=complex)
+
+
+def _values(system: StateMatrices, z: Complex) -> Complex:
+    """Values, (N, m)."""
+    return (system.C @ (_resolvents(system, z) @ system.B) + system.D)[:, :, 0]
+
+
+def _bends(system: StateMatrices, z: Complex, reach: Real) -> Real:
+    """Bounds of |f'| + |f''| within a distance of points, (m, N), infinite where a pole is too near."""
+    R = _resolvents(system, z)
+    size, state = np.linalg.norm(R, axis=(1, 2)), np.linalg.norm(R @ system.B, axis=(1, 2))
+    rows = np.linalg.norm(system.C @ R, axis=2).T
+    left = 1 - reach * size
+    g = np.where(left > 0, 1 / np.where(left > 0, left, 1.0), np.inf)
+    return np.where(rows > 0, rows * state * (g**2 + 2 * size * g**3), 0.0)
+
+
+def _scaled(system: StateMatrices) -> tuple[Exact, Exact, Exact, Exact]:
+    """The matrices with states scaled by powers of two, exactly."""
+    A, B, C = scaled_states(system.A, system.B, system.C)
+    if len(A) > MOST_STATES:
+        raise InputError(NOT_YET.format(f"a model of {len(A)} states, of {MOST_STATES} possible, takes part"))
+    A, B, C, D = ([[Fraction(one) for one in row] for row in part.tolist()] for part in (A, B, C, system.D))
+    return A, B, C, D
+
+
+def _shapes(A: Exact, B: Exact, C: Exact, D: Exact) -> list[tuple[Exact, tuple[int, int]]]:
+    n, m = len(A), len(D)
+    return [(A, (n, n)), (B, (n, 1)), (C, (m, n)), (D, (m, 1))]
+
+
+def _dyadic(value: Fraction) -> str:
+    return (
+        f"{value.numerator}p-{value.denominator.bit_length() - 1}" if value.denominator > 1 else f"{value.numerator}p+0"
+    )

@@ -1,0 +1,206 @@
+"""Proofs on arcs of the frequency axis: the checker in C and the judge know the answers that are known by hand, and agree."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+import robustid as rid
+from robustid.errors import InputError
+from robustid.guarantees import Band, proof_text
+from support.proof_judge import judged
+from support.proof_loops import (
+    Functions,
+    band_with_model,
+    by_hand,
+    constants,
+    controller_for,
+    last_statement,
+    loop_of,
+    polynomials,
+    shortened,
+    small_proofs,
+)
+from support.proofs import SANITIZED, SOURCE, asked, built, mutated, sealed
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("checker"))
+
+
+def both(program: Path, folder: Path, text: str) -> bool:
+    """What checker and judge say, which must be the same."""
+    status, said = asked(program, text, folder)
+    assert status in (0, 1), said
+    assert (status == 0) == judged(text), said
+    return status == 0
+
+
+@pytest.mark.quick
+def test_the_largest_distance_from_a_model_is_that_of_the_class(program, tmp_path):
+    # |F - 1/2| is 3/2 at most, and is reached at F = -1; the class bends by 4/9.
+    bend = 4 / 9 * (np.pi / 16) ** 2 / 8
+    assert both(program, tmp_path, by_hand("arcs", constants(-0.5, 1.0), 1.5 + 1.01 * bend))
+    assert not both(program, tmp_path, by_hand("arcs", constants(-0.5, 1.0), 1.5 + 0.9 * bend))
+    # 2 F - (z + 1)/z: at z = 1 the distance is 4.
+    model = polynomials([-1.0, -1.0], [2.0, 0.0])
+    assert both(program, tmp_path, by_hand("arcs", model, 4.04))
+    assert not both(program, tmp_path, by_hand("arcs", model, 4.0))
+
+
+@pytest.mark.quick
+def test_the_worst_sensitivity_of_a_gain_is_that_of_the_small_gain_theorem(program, tmp_path):
+    # 1/(1 + g F) is at most 1/(1 - g).
+    assert both(program, tmp_path, by_hand("loop", constants(1.0, 0.5, 1.0), 2.01))
+    assert not both(program, tmp_path, by_hand("loop", constants(1.0, 0.5, 1.0), 2.0))
+    # c = b: the largest input, g/(1 - g).
+    assert both(program, tmp_path, by_hand("loop", constants(1.0, 0.5, 0.5), 1.01))
+    assert not both(program, tmp_path, by_hand("loop", constants(1.0, 1.001, 0.0), 1e9))
+
+
+ZEROS: dict[str, tuple[Functions, bool]] = {
+    "inside": (polynomials([1.0, -0.5], [0.01, 0.0], [1.0, 0.0]), True),
+    "a pair inside": (polynomials([1.0, -0.8, 0.6], [0.01, 0.0, 0.0], [1.0, 0.0, 0.0]), True),
+    "outside, real": (polynomials([1.0, -2.0], [0.01, 0.0], [1.0, 0.0]), False),
+    "outside, negative": (polynomials([-1.0, -2.0], [0.01, 0.0], [1.0, 0.0]), False),
+    "two outside, the same sign at both ends": (polynomials([1.0, 0.0, -4.0], [0.01, 0.0, 0.0], [1.0, 0.0, 0.0]), False),
+    "a pair outside": (polynomials([1.0, -1.0, 4.0], [0.01, 0.0, 0.0], [1.0, 0.0, 0.0]), False),
+    "a pole outside": (([[2.0]], [1.0], [[0.1], [0.0], [0.0]], [1.0, 0.01, 1.0]), False),
+    "a pole inside": (([[0.9]], [1.0], [[0.01], [0.0], [0.0]], [1.0, 0.01, 1.0]), True),
+}  # fmt: skip
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("name", ZEROS)
+def test_zeros_and_poles_outside_of_the_circle_are_found(program, tmp_path, name):
+    functions, stable = ZEROS[name]
+    assert both(program, tmp_path, by_hand("loop", functions, 1e6, arcs=24)) == stable
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    "edges",
+    [["0", "1", "2", "3"], ["0.1", "1", "2", "half"], ["0", "2.9", "half"], ["half", "2", "1", "0"], ["0", "0.9", "0"]],
+)
+def test_a_loop_is_proved_on_the_whole_axis_and_on_short_arcs_only(program, tmp_path, edges):
+    assert not both(program, tmp_path, by_hand("loop", constants(1.0, 0.01, 1.0), 2.0, edges=edges))
+    assert both(
+        program, tmp_path, by_hand("loop", constants(1.0, 0.01, 1.0), 2.0, edges=["0", "0.9", "1.8", "2.6", "half"])
+    )
+
+
+@pytest.mark.quick
+def test_bands_around_a_model_are_proved_on_the_whole_axis_and_hardly_wider(program, tmp_path):
+    band = band_with_model(1)
+    text = proof_text(band)
+    status, said = asked(program, text, tmp_path)
+    assert status == 0, said
+    assert "from 0 to half the sample rate" in said
+    _hardly_wider(band, text)
+    middle = len(last_statement(text)["bounds"]) // 2
+    assert both(program, tmp_path, shortened(text, middle, 2))
+
+
+def _hardly_wider(band: Band, text: str) -> None:
+    said, dt = last_statement(text), float(band.problem.dt or 1.0)
+    edges = np.array([np.pi / dt if one == "half" else float(one) for one in said["edges"]])
+    circle, own = band.circle, np.array(list(map(float, said["bounds"])))
+    of = np.clip(np.searchsorted(circle.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(circle.bound) - 1)
+    assert np.all(own <= circle.entries[of, 0, 0] * (1 + 1e-6))
+
+
+@pytest.mark.quick
+def test_a_controller_is_proved_for_every_consistent_plant_and_its_peak_is_that_of_the_package(program, tmp_path):
+    found = loop_of(5)
+    text = proof_text(found)
+    status, said = asked(program, text, tmp_path)
+    assert status == 0, said
+    peak = max(map(float, last_statement(text)["bounds"]))
+    assert peak <= found.peaks["sensitivity"].value * (1 + 1e-6)
+    # The factors are the controller's, exactly where they are compared: at the knots, in double precision.
+    said = last_statement(text)["functions"]
+    A, B, C, D = (np.vectorize(_float, otypes=[float])(np.array(said[name], object)) for name in "ABCD")
+    for z in np.exp(1j * np.linspace(0.1, 3, 7)):
+        a, b, c = C @ np.linalg.solve(z * np.eye(len(A)) - A, B) + D
+        assert abs(b / a - found.controller(z)) < 1e-12 * abs(b / a)
+        assert a == c
+    # A bound below the worst one at an edge is no longer proved.
+    whole = json.loads(text)
+    bounds = whole["question"]["statements"][-1]["bounds"]
+    bounds[:] = [repr(float(one) * (1 - 1e-3)) for one in bounds]
+    assert asked(program, sealed(whole["question"], whole["evidence"]), tmp_path)[0] == 1
+
+
+def _float(text: str) -> float:
+    above, _, power = text.partition("p")
+    return int(above) * 2.0 ** int(power)
+
+
+@pytest.mark.quick
+def test_the_schema_knows_proofs_on_arcs():
+    schema = pytest.importorskip("jsonschema")
+    known = json.loads((SOURCE.parents[1] / "docs" / "proof_format.schema.json").read_text())
+    for text in small_proofs():
+        schema.validate(json.loads(text), known)
+
+
+@pytest.mark.quick
+def test_no_mutant_on_arcs_is_accepted_that_is_not_true(program, tmp_path):
+    _survive(program, tmp_path, small_proofs(), 1, 80)
+
+
+@pytest.mark.quick
+def test_mutants_on_arcs_do_not_crash_the_checker(tmp_path):
+    _survive(built(tmp_path, *SANITIZED), tmp_path, small_proofs(), 2, 25)
+
+
+def _survive(program: Path, folder: Path, texts: list[str], seed: int, count: int) -> None:
+    rng, accepted = random.Random(seed), 0
+    for text in texts:
+        assert asked(program, text, folder)[0] == 0
+    for _ in range(count):
+        text = mutated(rng.choice(texts), rng)
+        status, said = asked(program, text, folder)
+        assert status in (0, 1, 2), (said, text)
+        accepted += status == 0
+        assert status or judged(text), text
+    assert 0 < accepted < count / 2
+
+
+@pytest.mark.quick
+def test_loops_that_are_not_expressed_are_refused_with_their_reason():
+    band = band_with_model(2)
+    unstable = rid.loop_bounds(band, controller=-1e6 * controller_for(band))
+    with pytest.raises(InputError, match="not proved to stabilise"):
+        proof_text(unstable)
+    loop = rid.Loop(control.ss([], [], [], 0.1, band.problem.dt))
+    with pytest.raises(InputError, match="measured in a loop"):
+        proof_text(rid.loop_bounds(band, loop))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(200))
+def test_bands_and_controllers_of_two_hundred_problems_are_proved(program, tmp_path, seed):
+    band = band_with_model(seed)
+    text = proof_text(band)
+    status, said = asked(program, text, tmp_path)
+    assert status == 0, said
+    _hardly_wider(band, text)
+    found = rid.loop_bounds(band, controller=controller_for(band))
+    if found.guaranteed:
+        text = proof_text(found)
+        status, said = asked(program, text, tmp_path)
+        assert status == 0, said
+        assert max(map(float, last_statement(text)["bounds"])) <= found.peaks["sensitivity"].value * (1 + 1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_no_mutant_of_many_on_arcs_is_accepted_that_is_not_true(program, tmp_path, seed):
+    _survive(program, tmp_path, small_proofs(), 100 + seed, 500)
