@@ -38,7 +38,7 @@ class KeptGains:
 
 
 def _read(path: Path) -> dict[str, float]:
-    """What a file holds; nothing of one that can't be used."""
+    """Gain bounds of a file; none of one that can't be used."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         return {str(key): float(gain) for key, gain in found.items() if float(gain) >= 0}
