@@ -5,14 +5,25 @@ All seconds are of the processor, of one process.
 """
 
 import argparse
+import dataclasses
+import json
+import pathlib
 import time
+from typing import Any, NamedTuple
 
 import numpy as np
 from band_problems import FIRST, beam_halves, class_of, motor_halves, one_entry, random_problem
 
 import robustid as rid
+from robustid.core import Budget
 from robustid.guarantees.common_nominal import smallest_disc
-from support.edge_bands import KINDS, edge_plant
+from support.edge_bands import KINDS, MATRICES, edge_plant
+from support.passive import passive_edge
+
+POINTS = 10_000  # values at which a truth is judged, besides those close to solved frequencies
+MANY = ("record of two inputs", *MATRICES, "two ports")
+ONE = (*(kind for kind in KINDS if kind not in MANY), "one port")
+ORDER = ONE + ONE + MANY
 
 
 def clocked(work, *arguments, **options):
@@ -51,61 +62,111 @@ def chords(arguments):
     print(f"all: median {np.median(every):.3f}, largest {max(every):.3f} of {len(every)}")
 
 
-def edges(arguments):
-    """Plants at the edge of the class between a few solved frequencies: gain exactly K, noise at its ends, poles in corners."""
-    outside, values, gains, skipped, largest, boxes = 0, 0, [], 0, 0.0, 0
-    kinds = [kind for kind in KINDS if kind != "matrix"]
-    seed = arguments.first
-    while len(gains) < arguments.count:
-        kind, own = kinds[seed % len(kinds)], seed // len(kinds)
-        seed += 1
-        plant = edge_plant(kind, own)
-        rng = np.random.default_rng(seed)
-        result = rid.identify(plant.problem)
-        if not result.consistent:  # the statement has the poles in the middle
-            skipped += 1
-            continue
-        lines = plant.problem.frequency[0].omega
-        plain = rid.band(result, box=plant.box, knots=150)
-        try:
-            if plant.box is None:
-                polygons = rid.worst_case_error(
-                    result, omega=np.sort(rng.uniform(lines.min(), lines.max(), 3)), directions=6, rtol=0.2
-                )
-            else:
-                polygons = rid.guarantee.worst_case_over_poles(
-                    result, *plant.box, omega=np.sort(rng.uniform(lines.min(), lines.max(), 3)), directions=6, rtol=0.2,
-                    cells=1, delay=delay_of(plant),
-                )  # fmt: skip
-        except rid.InputError:
-            skipped += 1
-            continue
-        found = plain.with_polygons(polygons)
-        beside = (polygons.omega[:, None] + np.linspace(-1, 1, 21) * np.ptp(lines) / 40).ravel()
-        omega = np.concatenate([plant.frequencies(rng, 60), rng.uniform(lines.min(), lines.max(), 60), beside])
-        omega = omega[(omega >= found.range[0]) & (omega <= found.range[1])]
-        centre, radius = found.at(omega)
-        ratio = np.abs(plant.truth(omega) - centre) / radius
-        outside, values, largest = (
-            outside + int((ratio > 1).sum()),
-            values + ratio.size,
-            max(largest, float(ratio.max())),
+class Truth(NamedTuple):
+    """A plant at the very edge of a class: a problem that it keeps, the box of its poles, itself and its highest frequency."""
+
+    problem: rid.MixedProblem
+    box: Any
+    values: Any  # of frequencies, (F, ny, nu)
+    top: float
+
+
+def truth_of(kind, seed):
+    """One of edge_bands, or a passive one with one or two ports."""
+    if kind in KINDS:
+        plant = edge_plant(kind, seed)
+        box = None if kind in ("free record", "periodic record") else plant.box  # polygons over a box don't take those
+        return Truth(plant.exact, box, plant.truth, plant.top)
+    truth, problem = passive_edge(seed, "bounded", 1 + (kind == "two ports"))
+    return Truth(problem, None, lambda w: truth(1j * w), 10.0)
+
+
+def posed(problem):
+    """The identification, and the factor of all bounds at which the solver can tell that the edge is inside."""
+    result, factor = rid.identify(problem), 1.0
+    while not result.consistent and factor < 1.001:
+        factor = max(factor, result.margin) * (1 + 1e-6)
+        points, records = (
+            [one.with_bound(one.bound.inflated(factor)) for one in every] for every in (problem.frequency, problem.time)
         )
-        gains.append(float(np.median(radius / plain.at(omega)[1])))
-        boxes += plant.box is not None
-        if ratio.max() > 1:
-            print(f"seed {seed - 1}, {kind}: ratio {ratio.max():.6f}", flush=True)
+        result = rid.identify(dataclasses.replace(problem, frequency=points, time=records or None))
+    return result, factor
+
+
+def judged(kind, seed):
+    """One truth between three solved frequencies and beside them: what is written of it."""
+    start = time.process_time()
+    truth, rng = truth_of(kind, seed), np.random.default_rng([seed, 5])
+    result, factor = posed(truth.problem)
+    lines = result.problem.frequency[0].omega
+    plain, between = rid.band(result, box=truth.box, knots=150), np.sort(rng.uniform(lines.min(), lines.max(), 3))
+    least = {"omega": between, "directions": 6, "rtol": 0.2}
+    if truth.box is None:
+        polygons = rid.worst_case_error(result, **least)
+    else:
+        delay = delay_of(truth)
+        polygons = rid.guarantee.worst_case_over_poles(result, *truth.box, **least, cells=1, delay=delay)
+    directed = seed % 2 == 0  # certificates of one direction each; of all directions else
+    found = plain.between(polygons, Budget() if directed else None)
+    low, high = found.range
+    count = POINTS // (2 * result.problem.entries.count)
+    omega = np.concatenate([rng.uniform(lines.min(), lines.max(), count), rng.uniform(0, truth.top, count)])
+    beside = (between[:, None] + np.linspace(-1, 1, 101) * np.ptp(lines) / 40).ravel()
+    omega = np.concatenate([omega, beside[beside > 0]])
+    omega = omega[(omega >= low) & (omega <= high)]
+    centre, radius = found.at(omega)
+    ratio = np.abs(truth.values(omega) - centre) / radius
+    return {
+        "kind": kind, "seed": seed, "box": truth.box is not None, "directed": directed, "factor": factor,
+        "values": ratio.size, "outside": int((~(ratio <= 1)).sum()), "largest": float(ratio.max()),
+        "gain": float(np.median(radius / plain.at(omega)[1])), "seconds": time.process_time() - start,
+    }  # fmt: skip
+
+
+def edges(arguments):
+    """Plants at the edge of the class: gain exactly K, noise at its ends, poles in corners. What is kept is not done again."""
+    kept, every = pathlib.Path(arguments.kept), []
+    if kept.exists():
+        every = [json.loads(line) for line in kept.read_text().splitlines()]
+    there = {(one["kind"], one["seed"]) for one in every}
+    for number in range(arguments.count):
+        turn, place = divmod(number, len(ORDER))
+        kind = ORDER[place]
+        seed = turn * ORDER.count(kind) + ORDER[:place].count(kind)
+        if (kind, seed) in there:
+            continue
+        one = judged(kind, seed)
+        every.append(one)
+        with kept.open("a") as file:
+            file.write(json.dumps(one) + "\n")
+        print(f"{len(every):4d} {one}", flush=True)
+    told_edges(every)
+
+
+def told_edges(every):
+    """A line a kind, and of all."""
     print(
-        f"{len(gains)} truths at the edge ({boxes} over a box; {skipped} passed over), {values} values: {outside} outside,"
-        f" largest error/radius {largest:.4f}; radius over that of samples alone, median {np.median(gains):.3f}"
+        f"{'kind':<21}{'truths':>7}{'box':>5}{'values':>11}{'outside':>8}{'largest':>9}{'of samples alone':>18}{'CPU s':>7}"
+    )
+    for kind in (*dict.fromkeys(ORDER), "all"):
+        own = [one for one in every if kind in ("all", one["kind"])]
+        if own:
+            of = {name: np.array([one[name] for one in own]) for name in own[0] if name != "kind"}
+            print(
+                f"{kind:<21}{len(own):7d}{of['box'].sum():5d}{of['values'].sum():11d}{of['outside'].sum():8d}"
+                f"{of['largest'].max():9.5f}{np.median(of['gain']):18.3f}{np.mean(of['seconds']):7.1f}"
+            )
+    print(
+        f"{sum(one['directed'] for one in every)} with certificates of one direction each, the others with those of all;"
+        f" bounds up to {max(one['factor'] for one in every) - 1:.1e} larger, for the solver"
     )
 
 
-def delay_of(plant):
+def delay_of(truth):
     """Delay of the pair."""
     from robustid.guarantees.linear.functions import pairs_of
 
-    return max(max(delay for _, delay in pairs_of(plant.problem.parametric).values()), 0)
+    return max(max(delay for _, delay in pairs_of(truth.problem.parametric).values()), 0)
 
 
 def of_lines(halves):
@@ -155,7 +216,7 @@ def main():
     one.set_defaults(work=chords)
     one = commands.add_parser("edges")
     one.add_argument("count", type=int, nargs="?", default=1000)
-    one.add_argument("--first", type=int, default=0, help="seed")
+    one.add_argument("--kept", default="edges.jsonl", help="file of the truths that are done")
     one.set_defaults(work=edges)
     one = commands.add_parser("box")
     one.add_argument("cases", nargs="*", help=", ".join(BOXES))

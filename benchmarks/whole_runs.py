@@ -1,6 +1,6 @@
 """Whole runs by default, from a response to all that its page says: seconds at which every step begins, and what is proved.
 
-Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/whole_runs.py [entry motor beam mirror beam_2x2 mirror_3x3] [--gap]
+Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/whole_runs.py [CASE ...] [--gap]
 Processor seconds of one process; nothing is stated but the response. With --gap (one entry; minutes more): how far the proved error
 is above that of systems that are consistent, poles in their box, which are sought by semidefinite programs at several poles.
 """
@@ -10,12 +10,13 @@ import dataclasses
 import time
 
 import numpy as np
-from band_problems import beam_problem, mirror_response, motor_halves, one_entry, part_of
+from band_problems import beam_halves, beam_problem, mirror_halves, mirror_response, motor_halves, one_entry, part_of
 
 import robustid as rid
 from robustid.guarantees.refinement import in_order
 
 BETWEEN = 9  # frequency points at which the gap is taken, besides that of the largest error
+QUIET = 2000  # samples of a sweep before it begins
 PARTS = (1.0, 0.6, 0.3)  # of the way from the middle of the box to its border: the first whose poles are consistent
 
 CASES = {
@@ -25,7 +26,22 @@ CASES = {
     "mirror": lambda: mirror_response(part=([0], [0])),
     "beam_2x2": lambda: beam_problem().frequency[0],
     "mirror_3x3": mirror_response,
+    "beam_2x2_half": lambda: beam_halves()[0],
+    "beam_2x2_other": lambda: beam_halves()[1],
+    "beam_2x2_noise": lambda: noisier_beam(3.0),
+    "mirror_3x3_half": lambda: mirror_halves("fsm/train")[0],
+    "mirror_3x3_other": lambda: mirror_halves("fsm/train")[1],
 }
+
+
+def noisier_beam(times):
+    """The response of the beam from its sweeps with so many times the noise that is there before they begin."""
+    rng, records = np.random.default_rng(0), []
+    for record in rid.datasets.load("beam_ring"):
+        noise = record.y[:QUIET].std(axis=0) * np.sqrt(times**2 - 1)
+        y = record.y + noise * rng.standard_normal(record.y.shape)
+        records.append(rid.prepare.decimate(dataclasses.replace(record, y=y), 5))
+    return rid.estimate_frf(records).band(8, 70).select(slice(None, None, 8))
 
 
 def run(name, gap=False):

@@ -8,6 +8,7 @@ from robustid.advice.diagnosis import Diagnosis, diagnose
 from robustid.advice.experiment_corrections import Experiment, experiments, without_experiments
 from robustid.advice.gain_curve import possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
+from robustid.advice.kept_gains import KeptGains
 from robustid.advice.model_class import suggest_class
 from robustid.advice.moved_modes import moved_modes
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
@@ -34,6 +35,7 @@ __all__ = [
     "Experiment",
     "KautzImprovement",
     "KautzSuggestion",
+    "KeptGains",
     "Moved",
     "NextMeasurement",
     "PoleTrial",

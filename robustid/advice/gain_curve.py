@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.advice.smallest_gain import CEILINGS, DIGITS, TAILS, response_sizes, smallest_gain
+from robustid.advice.kept_gains import KeptGains
+from robustid.advice.smallest_gain import CEILINGS, DIGITS, TAILS, response_sizes
 from robustid.core import Budget, Interruptible, Real
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior
@@ -48,14 +49,14 @@ class GainCurve(NamedTuple):
 
 
 def smallest_gains(
-    problem: MixedProblem, part: MixedProblem, rates: Real, before: GainCurve | None, budget: Budget
+    problem: MixedProblem, part: MixedProblem, rates: Real, before: GainCurve | None, budget: Budget, kept: KeptGains
 ) -> GainCurve:
     """The curve of a part of the data, or the first of it where the time is over; `before` is that of a part of the part."""
     # Beyond 8 times the largest response nothing is said between the points: not worth minutes where there are many.
     ceilings = CEILINGS if part is problem else CEILINGS[:1]
 
     def gain_at(rate: float) -> float:
-        gain = smallest_gain(lighter(problem, part, rate), rate, problem, ceilings, budget)
+        gain = kept.gain(lighter(problem, part, rate), rate, problem, ceilings, budget)
         _log.info("decay rate %.6g: smallest gain bound %.6g", rate, gain)
         return gain
 

@@ -18,6 +18,7 @@ from robustid.advice.gain_curve import (
     possible_rates,
     smallest_gains,
 )
+from robustid.advice.kept_gains import KeptGains
 from robustid.advice.sensitivity import default_points, guaranteed
 from robustid.advice.smallest_gain import (
     CEILINGS,
@@ -192,7 +193,11 @@ def suggest_prior(
 
 @one_thread()
 def useful_prior(
-    problem: MixedProblem, *, time_limit: float | None = None, progress: Progress | None = None
+    problem: MixedProblem,
+    *,
+    time_limit: float | None = None,
+    progress: Progress | None = None,
+    kept: KeptGains | None = None,
 ) -> PriorSuggestion:
     """The prior that `suggest_prior` recommends, for those who take none that says nothing, or takes minutes with all points.
 
@@ -203,7 +208,7 @@ def useful_prior(
     except SizeError:  # with a smaller gain bound it may not be too large
         rates = None
     budget = Budget(time_limit, progress, "looking for a prior")
-    return _search(problem, rates, "slope", budget, response_sizes(problem)[0])
+    return _search(problem, rates, "slope", budget, response_sizes(problem)[0], kept)
 
 
 def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
@@ -212,16 +217,21 @@ def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
 
 
 def _search(
-    problem: MixedProblem, rates: Real | None, criterion: str, budget: Budget, most: float = np.inf
+    problem: MixedProblem,
+    rates: Real | None,
+    criterion: str,
+    budget: Budget,
+    most: float = np.inf,
+    kept: KeptGains | None = None,
 ) -> PriorSuggestion:
     """The prior from points that stand for all and those that it misses, until it misses none, or all gains exceed `most`."""
-    masks, found, stops = representatives(problem), None, Stops()
+    masks, found, stops, kept = representatives(problem), None, Stops(), kept or KeptGains()
     with stops.listening():
         while True:
             part = problem if masks is None else selected(problem, masks)
             tried = possible(part, default_rates(problem)) if rates is None else rates
             before = None if found is None or criterion == "error" else GainCurve(found.decay_rates, found.gains)
-            curve = smallest_gains(problem, part, tried, before, budget)
+            curve = smallest_gains(problem, part, tried, before, budget, kept)
             errors = np.full(curve.rates.size, np.nan)
             if criterion == "error":
                 errors = _guaranteed_errors(problem, curve.priors(problem))

@@ -141,7 +141,8 @@ class Unfinished:
                 else "Run it again for the rest."
             )
             return f"{start}. {again}"
-        return f"What stands here holds, but {late}; each kept the best so far. A larger time_limit goes further."
+        further = "goes further" + ", with resume from what is finished" * self.resumable
+        return f"What stands here holds, but {late}; each kept the best so far. A larger time_limit {further}."
 
 
 @dataclasses.dataclass(eq=False)

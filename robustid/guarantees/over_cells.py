@@ -24,7 +24,7 @@ from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_o
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import RefutationClaim, SupportClaim, norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
-from robustid.guarantees.whole_axis import discs_of_entries, whole_axis
+from robustid.guarantees.whole_axis import discs_of_entries, whole_axis, without_long_records
 from robustid.identification import MixedProblem, check_gain
 
 if TYPE_CHECKING:
@@ -231,14 +231,19 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
     @functools.cached_property
     def _by_sums(self) -> CircleBound:
         """The bound on the whole circle by linear certificates, without a solver, and by the polygons where they are smaller."""
-        problem, plane = self.problem, self.problem.plane
-        bands = EntryBands(problem, discs_of_entries(problem, self._box, self.omega, _KNOTS, Budget()))
+        plane, bands = self.problem.plane, self._discs(without_long_records(self.problem))
+        if not all(np.all(np.isfinite(one.radius)) for one in bands.bands):
+            bands = self._discs(self.problem)
         low, high = bands.bands[0].angles[[0, -1]]
         angles = plane.angles(self.omega)
         inside = (angles >= low) & (angles <= high)
         bounds = np.minimum(self.upper[inside], bands.errors_at(self.model, angles[inside]).bound)
         corners = (angles[inside], bounds) if inside.sum() > 1 else None
         return whole_axis(bands, self.model, corners, float(self.sigma_lower.max()))
+
+    def _discs(self, problem: MixedProblem) -> EntryBands:
+        """Discs by sums over the samples of a problem."""
+        return EntryBands(problem, discs_of_entries(problem, self._box, self.omega, _KNOTS, Budget()))
 
     def weight(
         self, *, kind: str = "additive", order: int | None = None, below: float | None = None

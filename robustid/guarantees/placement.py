@@ -139,9 +139,13 @@ class OverBox(Programs):
         self._kept: list[dict[float, tuple[ValueSet, ...]]] = [{} for _ in self._sets]
 
     def _cells(self, omega: Real, budget: Budget) -> Searched:
-        """As many cells as leave time for enough frequencies, and the seconds of one of them at one frequency."""
-        problem = self.identification.problem
+        """As many cells as leave time for enough frequencies, and the seconds of one of them at one; infinite without time."""
+        problem, begun = self.identification.problem, time.monotonic()
         sets, refuted = searched(problem, self._whole, omega, 1, budget)
+        if budget.left < self.entries.count * (
+            time.monotonic() - begun
+        ):  # one frequency takes longer: sides of every entry
+            return sets, refuted, np.inf
         narrow = omega[np.argsort(self._whole.slack(omega).max(axis=(1, 2)), kind="stable")]
         most, each = affordable(sets, narrow[: narrow.size // 2 + 1], self._sides, budget, self.model)
         if most > 1 and matters(self._whole, problem, omega):

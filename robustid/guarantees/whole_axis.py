@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.core import Budget, Interruptible, Real, one_thread
+from robustid.data import FrequencyResponse
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.amplitudes import extract
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 _log = logging.getLogger("robustid")
 _BEYOND = 4.0  # times the highest frequency point of continuous data: the last knot before infinity
 _COARSE = 64  # knots of the uniform grid from end to end
+_ROWS = (
+    100  # of records beside frequency points of every entry: with more of them the search takes minutes, and finds less
+)
 _FIRST = 100  # knots of every entry before any of them gets more, where time is short
 
 
@@ -38,6 +42,15 @@ def axis_ends(problem: MixedProblem, further: Real) -> tuple[float, float]:
     if basis is not None and basis.has_integrator:
         low = float(lines[lines > 0].min()) if np.any(lines > 0) else 1e-3 * problem.plane.top
     return low, problem.plane.top if problem.dt else max(_BEYOND * float(lines.max()), float(further.max(initial=0.0)))
+
+
+def without_long_records(problem: MixedProblem) -> MixedProblem:
+    """The problem without its records, if these are long and frequency points see every entry: all that it says holds still."""
+    seen = [one.bound.used.any(axis=0) for one in problem.frequency if isinstance(one, FrequencyResponse)]
+    rows = sum(record.y.size for record in problem.time if record.initial != "periodic")
+    if rows <= _ROWS or not np.any(seen, axis=0).all():
+        return problem
+    return dataclasses.replace(problem, time=None)
 
 
 def discs_of_entries(

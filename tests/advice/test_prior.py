@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice import gain_curve, prior, says_something, suggest_prior, useful_prior
+from robustid.advice import gain_curve, kept_gains, prior, says_something, suggest_prior, useful_prior
 from robustid.advice.sensitivity import guaranteed
 from robustid.advice.smallest_gain import missed, selected, thinned
 from robustid.errors import InputTypeError, SizeError
@@ -241,7 +241,7 @@ def risen(seed, monkeypatch):
         (mask,) = masks
         return None if mask.sum() == first + 32 else (mask | (~mask & (np.cumsum(~mask) <= 8)),)
 
-    monkeypatch.setattr(gain_curve, "smallest_gain", gain)
+    monkeypatch.setattr(kept_gains, "smallest_gain", gain)
     monkeypatch.setattr(prior, "missed", more)
     for module in (prior, gain_curve):
         monkeypatch.setattr(module, "lighter", lambda whole, part, rate: part)

@@ -6,8 +6,10 @@ import re
 import pytest
 
 import robustid as rid
+from robustid.advice import kept_gains
+from robustid.advice.smallest_gain import smallest_gain
 from robustid.app.cli import screen
-from robustid.core import Interruptible, Stops
+from robustid.core import Budget, Interruptible, Stops
 from support.command_line import CLASS, COMMAND
 from support.run_files import CLASS as STATED
 from support.run_files import DATA, ask
@@ -98,3 +100,43 @@ def test_an_interrupted_run_is_gone_on_with_where_something_keeps_it(folder, kep
     assert result.unfinished.resumable is kept
     if kept:
         assert rid.run(path, "out", resume=True).unfinished is None
+
+
+def test_an_interrupted_search_for_a_class_is_gone_on_with(folder, monkeypatch):
+    sought, rest = [], []
+
+    def search(data, rate, *others):
+        sought.append(rate)
+        if len(sought) == 3:
+            raise KeyboardInterrupt
+        return smallest_gain(data, rate, *others)
+
+    monkeypatch.setattr(kept_gains, "smallest_gain", search)
+    path = ask(folder, DATA, {"modes": STATED["modes"], "worst_case": {"compute": False}})
+    first = rid.run(path, "out")
+    assert first.unfinished.interrupted
+    assert first.run_file.prior.source == "stopped"
+    monkeypatch.setattr(kept_gains, "smallest_gain", lambda *asked: rest.append(asked[1]) or smallest_gain(*asked))
+    second = rid.run(path, "out", resume=True)
+    assert {*sought[:2]}.isdisjoint(rest)
+    whole = rid.run(path, "whole")
+    assert {*sought} <= {*rest}
+    assert second.unfinished is None
+    assert second.run_file.prior == whole.run_file.prior
+    assert second.run_file.prior.source == "data"
+    assert not (folder / "out" / "unfinished").exists()
+
+
+def test_only_searches_that_came_to_their_end_are_kept(tmp_path, monkeypatch):
+    frf = rid.FrequencyResponse([1.0, 2.0], [1.0, 0.5], bound=0.1, dt=0.1)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1))
+    found = iter([3.0, 2.0, 1.0])
+    monkeypatch.setattr(kept_gains, "smallest_gain", lambda *_: next(found))
+    over, path = Budget(1e-9), tmp_path / "gains.json"
+    asked = problem, 1.1, problem, (8.0,)
+    assert kept_gains.KeptGains(path).gain(*asked, over) == 3.0
+    assert not path.exists()
+    assert kept_gains.KeptGains(path).gain(*asked, Budget()) == 2.0
+    assert kept_gains.KeptGains(path).gain(*asked, over) == 2.0
+    path.write_text("{", encoding="utf-8")
+    assert kept_gains.KeptGains(path).gain(*asked, Budget()) == 1.0

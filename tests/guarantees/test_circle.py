@@ -2,17 +2,21 @@
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import response
+from robustid.core import Budget, response
 from robustid.guarantees import CircleBound, worst_case_result
 from robustid.guarantees.circle import Remembered, joined
+from robustid.guarantees.linear.entry_band import EntryBands
+from robustid.guarantees.whole_axis import discs_of_entries, whole_axis, without_long_records
 from robustid.identification import Functional
 from robustid.identification.formulation import Candidate
 from robustid.identification.model import nominal_model
 from support.cases import slow
+from support.edge_bands import edge_plant
 from support.passive import passive_edge
 from support.problems import CASES, random_experiment
 
@@ -127,3 +131,19 @@ def test_a_circle_that_is_still_unbounded_goes_on_from_its_arcs():
         remembered.take(CircleBound(np.linspace(0, np.pi, arcs + 1), bound, 0.5, False, ()))
     assert remembered.bound is not None
     assert remembered.bound.bound.size == 3
+
+
+def test_long_records_beside_responses_are_left_out_of_sums_on_the_circle():
+    """The truth stays inside of what is left; short records, and those without a response, stay in."""
+    plant = edge_plant("record", 0)
+    several = dataclasses.replace(plant.exact, time=6 * plant.exact.time)
+    lines = without_long_records(several)
+    assert not lines.time
+    assert lines.frequency == several.frequency
+    for kept in (plant.exact, dataclasses.replace(several, frequency=None)):
+        assert without_long_records(kept) is kept
+    bands = EntryBands(lines, discs_of_entries(lines, None, np.array([10.0]), 100, Budget()))
+    circle = whole_axis(bands, control.ss(0.5, 0.0, 0.0, 0.0, several.dt))
+    w = np.linspace(1.0, 0.999 * plant.top, 2000)
+    cell = np.searchsorted(circle.edges, w, side="right") - 1
+    assert np.all(np.abs(plant.truth(w)[:, 0, 0]) <= circle.bound[cell])

@@ -26,7 +26,8 @@ NEARLY = 1 - 1e-9  # an error at its bound, whatever its rounding
 class EdgePlant:
     """A problem, the box of its poles (None: they are exact), its plant at frequencies in rad/s, and the highest one to look at.
 
-    `residue` (ny, nu) is the c of its mode c/(s - p), or c x^delay/(1 - a x).
+    `residue` (ny, nu) is the c of its mode c/(s - p), or c x^delay/(1 - a x). `exact` is the problem with the poles of the plant
+    itself, with which it is consistent.
     """
 
     problem: rid.MixedProblem
@@ -34,6 +35,7 @@ class EdgePlant:
     truth: Callable[[Any], Any]
     top: float
     residue: Any
+    exact: rid.MixedProblem
 
     def frequencies(self, rng, count):
         return rng.uniform(0.001 * self.top, self.top, count)
@@ -67,14 +69,14 @@ def edge_plant(kind, seed):
         residue = size * -pole.real
         mode = fraction(lambda s: 1 / (s - pole), residue)
         truth, dt, top = (lambda w: mode(1j * w) + rest(1j * w)), None, 2 * np.pi * 100
-        basis = rid.kautz(middle, damping, dt=0)
+        basis, own = (rid.kautz(middle * by, d, dt=0) for by, d in ((1, damping), (corner[0], turn)))
     else:
         prior, rest = discrete_class(rng, kind, gain)
         a = np.exp(pole * DT)
         residue = size * (1 - abs(a))
         mode = fraction(lambda x: x**delay / (1 - a * x), residue)
         truth, dt, top = (lambda w: (lambda x: mode(x) + rest(x))(np.exp(-1j * w * DT))), DT, np.pi / DT
-        basis = rid.kautz(middle, damping, dt=DT, delay=delay)
+        basis, own = (rid.kautz(middle * by, d, dt=DT, delay=delay) for by, d in ((1, damping), (corner[0], turn)))
     values = truth(lines)
     bound = rng.choice([0.01, 0.03]) * np.abs(values) + 0.01 * gain
     values = values + bound * np.exp(2j * np.pi * rng.random(values.shape)) * NEARLY
@@ -83,7 +85,8 @@ def edge_plant(kind, seed):
         time=record(rng, kind, truth, nu, gain) if kind in IN_TIME else None,
         prior=prior, parametric=basis, symmetric=kind == "symmetric",
     )  # fmt: skip
-    return EdgePlant(problem, box if part else None, truth, top, residue)
+    exact = dataclasses.replace(problem, parametric=own) if part else problem
+    return EdgePlant(problem, box if part else None, truth, top, residue, exact)
 
 
 @functools.lru_cache(maxsize=32)

@@ -106,7 +106,8 @@ def explained(part: str) -> Any:
 
 
 _EXPLAINED = {
-    "source": "Where these values come from: stated (default), data (taken from them) or program",
+    "source": "Where these values come from: stated (default), data (taken from them), program, or stopped (data, in a search that"
+    " was ended)",
     "note": "How the program chose these values, in words",
     "digest": "Digest of the chosen values, by which changed ones are noticed",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -155,7 +156,8 @@ def with_prior(
         run, problem, found = free
     elif doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
-    prior, source, note = found.prior, Source.DATA, PRIOR_NOTE + found.reason
+    prior, note = found.prior, PRIOR_NOTE + found.reason
+    source = Source.DATA if found.complete else Source.STOPPED
     if reference and not says_something(problem, found):
         (prior, what), source = _reference(run, problem), Source.PROGRAM
         note += (
@@ -182,7 +184,7 @@ def with_larger_gain(run: RunFile, result: Identification) -> tuple[RunFile, Mix
     taken from points that stand for all, and some beside them ask for more. None where the class was stated, chosen without
     experiments that contradict the others, or is far from the data.
     """
-    chosen = run.prior.source is Source.DATA and run.prior.gain_bound is not None and not run.prior.without
+    chosen = run.prior.is_from_data and run.prior.gain_bound is not None and not run.prior.without
     if result.status is not Status.INCONSISTENT or not chosen or result.margin > SLIGHTLY:
         return None
     prior = dataclasses.replace(result.problem.prior, gain_bound=2 * float(result.problem.prior.gain_bound))
@@ -220,7 +222,7 @@ def _suggested(
     A non-parametric part that may be larger than the typical response says little; much better is half the gain bound. Where a
     `reference` class is taken in place of one that says nothing, the search goes no further than it takes to see that.
     """
-    search = useful_prior if reference else suggest_prior
+    search = functools.partial(useful_prior, kept=around.folder.gains) if reference else suggest_prior
     with around.step("looking for a prior", _PRIOR) as limit:
         found = search(problem, time_limit=limit, progress=around.told)
     something = says_something(problem, found)
@@ -245,7 +247,7 @@ def _with_integrators(
         wider = dataclasses.replace(problem, parametric=basis_of(modes, problem.dt))
         try:
             with around.step("looking for a prior beside integrators", _PRIOR) as limit:
-                found = useful_prior(wider, time_limit=limit, progress=around.told)
+                found = useful_prior(wider, time_limit=limit, progress=around.told, kept=around.folder.gains)
         except InputError:  # functions that the samples can't tell apart
             continue
         if found.complete and says_something(wider, found):

@@ -147,6 +147,11 @@ class PriorChoice:
             return self.decay is not None or self.decay_rate is not None
         return self.gain_bound is not None
 
+    @property
+    def is_from_data(self) -> bool:
+        """True if a search in the data chose it, to its end or not."""
+        return self.source in ("data", "stopped")
+
     def stated(self, dt: float | None) -> Prior | None:
         """The prior, for data of a sample time; None where it is to be chosen."""
         from robustid.identification import prior_from

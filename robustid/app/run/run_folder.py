@@ -10,6 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TypedDict
 
+from robustid.advice import KeptGains
 from robustid.app.load_save import load_result
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
@@ -93,7 +94,14 @@ class RunFolder:
                 f"the run in {self.folder} was asked something else: go on with the run file that it was started with, or choose"
                 " another folder"
             )
+        if before.prior.source == Source.STOPPED:  # it goes on from the gains that it has found
+            return dataclasses.replace(before, prior=run.prior)
         return before
+
+    @property
+    def gains(self) -> KeptGains:
+        """The gain bounds that a search for a class has found, until the run has come to its end."""
+        return KeptGains(None if self.unfinished is None else self.unfinished / "gains.json")
 
     def responses(self, frfs: tuple[FrequencyResponse, ...]) -> None:
         """Keep the frequency responses, all frequency points of them."""
@@ -179,7 +187,8 @@ class RunFolder:
         if usable and design is not None and design.controller is not None:
             save_model(design.controller, self.folder / _CONTROLLER)
         result.report(self.folder / _PAGE, static=self.static)
-        self._clear()
+        if result.unfinished is None:
+            self._clear()
 
 
 _NO_TIME = 1e-3  # seconds

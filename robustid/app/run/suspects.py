@@ -20,7 +20,7 @@ from robustid.app.run.modes import basis_of, with_modes
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
-from robustid.core import Budget, Source
+from robustid.core import Budget
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.estimation import correct
@@ -52,7 +52,7 @@ def suspected(
     asked: RunFile, run: RunFile, problem: MixedProblem, data: Measured, around: Surroundings
 ) -> dict[Experiment, str]:
     """The experiments that contradict the others, where the class that all of them ask for says nothing; what undoes each."""
-    says = run.prior.source is Source.DATA and problem.prior.gain_bound <= _LARGEST * response_sizes(problem)[0]
+    says = run.prior.is_from_data and problem.prior.gain_bound <= _LARGEST * response_sizes(problem)[0]
     if says or problem.prior.physical:
         return {}
     stated = asked.modes.hz is not None or asked.fit.order is not None

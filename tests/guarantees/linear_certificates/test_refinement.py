@@ -326,6 +326,13 @@ def test_without_time_the_discs_stand_but_where_they_are_loosest():
     assert plain().refine(omega=AT[:1], time_limit=30.0).polygons.omega.size == 1  # identified on the way
 
 
+def test_over_a_box_nothing_is_begun_that_takes_longer_than_the_time(monkeypatch):
+    monkeypatch.setattr(placement, "affordable", None)
+    found = over_box()[0].refine(identified(), time_limit=1e-6)
+    assert found.polygons is None
+    np.testing.assert_array_equal(found.radius, over_box()[0].radius)
+
+
 def test_a_frequency_that_differs_by_rounding_is_not_there_twice():
     error = rid.worst_case_error(identified(), omega=np.nextafter(OMEGA[1:3], 0), directions=4)
     found = plain().with_polygons(error)
