@@ -183,12 +183,11 @@ def _with_factors(posed: Formulation, functions: InKernels, samples: Complex, Y:
     d, count = samples.conj() / bound, len(lines)
     # Half of what a line has is that of its conjugate: the sum is real.
     every = np.concatenate([d[:count] / 2, d[:count].conj() / 2, d[count:].real])
-    gain = posed.problem.prior.gain_bound
-    left, size, right = np.linalg.svd(Y)
+    left, size, right = np.linalg.svd(Y / posed.problem.prior.gain_bound)
+    few, root = size > _DROPPED * size.max(initial=0.0), np.sqrt(size)
     pairs = [
-        {"f": functions(one * v / gain), "g": functions(u)}
-        for u, one, v in zip(left.T, size, right, strict=True)
-        if one > _DROPPED * size[0]
+        {"f": functions(v), "g": functions(u)}
+        for u, v in zip((left * root).T[few], (root[:, None] * right)[few], strict=True)
     ]
     rows = [[k, *pair(one)] for k, one in enumerate(every.tolist()) if one]
     return {"base": ["0", "0"], "factors": pairs, "multipliers": rows}
@@ -241,7 +240,8 @@ def _file(problem: MixedProblem, extraction: Extraction | None, statements: list
             NOT_YET.format(f"its multipliers have {powers} Taylor coefficients, of {MOST_POWERS} possible")
         )
     proof = json.dumps(
-        {"powers": max(powers, 0), "parameters": _parameters(problem, extraction), "statements": evidence}
+        {"powers": max(powers, 0), "parameters": _parameters(problem, extraction), "statements": evidence},
+        separators=(",", ":"),
     )
     head = f'"format": "robustid-proof", "version": {VERSION}, "digest": "{digest_of(text)}"'
     return f'{{{head},\n"question": {text},\n"evidence": {proof}}}\n'

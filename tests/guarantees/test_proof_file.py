@@ -16,7 +16,7 @@ import robustid as rid
 from robustid.errors import InputError
 from robustid.guarantees import contradiction, proof_text
 from support.proof_judge import Disc, Judge, judged, number, turn
-from support.proofs import SANITIZED, SOURCE, asked, band_of, built, mutated, problem, resealed, sealed
+from support.proofs import SANITIZED, SOURCE, asked, band_of, built, close_lines, mutated, problem, resealed, sealed
 
 SCHEMA = json.loads((SOURCE.parents[1] / "docs" / "proof_format.schema.json").read_text())
 
@@ -192,6 +192,15 @@ def test_supports_that_were_saved_are_proved_in_forms_that_leave_something_out(p
     stated = np.array([float(one["value"]) for one in parts(text)[0]["statements"]])
     room = 1e-6 if form == "taylor" else 1e-3  # of sections few functions are left, with much beyond them
     assert np.all(stated - read.values[0].support <= room * np.abs(read.values[0].support))
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(("high", "turn"), [(False, 0.133), (True, np.pi)])
+def test_supports_between_close_lines_and_at_the_ends_of_the_axis_are_proved(program, tmp_path, high, turn):
+    # The nodes are those of the decimals in the file: of the doubles these functions would be others, by many times their size.
+    found = rid.identify(close_lines(high), form="orthonormal")
+    text = proof_text(rid.worst_case_error(found, omega=[turn / 1e-3], directions=3))
+    assert asked(program, text, tmp_path)[0] == 0
 
 
 @pytest.mark.quick

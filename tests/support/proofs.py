@@ -72,6 +72,24 @@ def problem(seed: int, lines: int = 8, *, off: float = 0.0, samples: int = 0) ->
     return rid.MixedProblem(frequency=frf, time=record, prior=prior, parametric=basis)
 
 
+def close_lines(high: bool) -> rid.MixedProblem:
+    """Lines so close, at low or `high` frequencies, that coefficients along their kernels are huge; a mode and a record."""
+    rng, dt, bound, p, samples = np.random.default_rng(1), 1e-3, 0.02, np.array([0.3, -0.2]), 12
+    angles = np.concatenate([[0.0], np.linspace(0.1, 0.4, 12), [np.pi]])
+    omega = (np.pi - angles[::-1] if high else angles) / dt
+    basis = rid.kautz([0.6 / dt], [0.01], dt=dt)
+    values = 0.14 * np.exp(-1j * omega * dt) + basis.response(omega * dt) @ p
+    values = values + bound * rng.uniform(-1, 1, omega.size)
+    values[[0, -1]] = values[[0, -1]].real
+    u = rng.choice([-1.0, 1.0], samples)
+    y = np.convolve(u, 0.14 * np.eye(1, samples, 1)[0] + basis.impulse(samples) @ p)[:samples]
+    record = rid.TimeRecord(u, y + bound * rng.uniform(-1, 1, samples), bound=bound, dt=dt)
+    frf = rid.FrequencyResponse(omega, values, bound=bound, dt=dt)
+    return rid.MixedProblem(
+        frequency=frf, time=record, prior=rid.Prior(gain_bound=0.2, decay_rate=1.3), parametric=basis
+    )
+
+
 def band_of(seed: int, lines: int = 8, frequencies: int = 2) -> tuple[Band, str]:
     """A band, and its proof."""
     posed = problem(seed, lines)
