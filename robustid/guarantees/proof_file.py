@@ -1,6 +1,7 @@
 """A proof as a file that others can check: the question in full, its digest, and the evidence (`docs/proof_format.rst`).
 
-The claims are those of this package, widened by a billionth; the multipliers, in double precision, are dyadic numbers.
+The claims are those of this package, widened by a billionth, and by what a form leaves out in the norm of the file; the multipliers, in
+double precision, are dyadic numbers.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ def proof_text(result: object) -> str:
 
     Parameters
     ----------
-    result : Band, Identification or Contradiction
-        Of one input and one output in discrete time, from frequency points only, with exact poles and a class without a weight. Of
-        a band the discs of its sums at its frequencies; of an identification the system that fits, or that none does.
+    result : Band, WorstCaseError, Identification or Contradiction
+        Of one input and one output in discrete time, with exact poles and a class without a weight; records from rest. Of a band
+        the discs of its sums at its frequencies; of bounds the supports of its polygons; of an identification the system that fits, or that none does.
 
     Returns
     -------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import time
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,23 @@ import pytest
 import robustid as rid
 from robustid.errors import InputError
 from robustid.guarantees import contradiction, proof_text
+from support.example_runs import load as load_example
+from support.measured import needs
 from support.proof_judge import Disc, Judge, judged, number, turn
 from support.proofs import SANITIZED, SOURCE, asked, band_of, built, close_lines, mutated, problem, resealed, sealed
 
 SCHEMA = json.loads((SOURCE.parents[1] / "docs" / "proof_format.schema.json").read_text())
+
+# Examples of one entry in discrete time, and what of theirs the format does not express.
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "flexible_structure": (),
+    "motor_torsion": ("at rest",),
+    "proved_band": ("pole-uncertainty box",),
+    "short_records": ("several inputs",),
+    "torsion_margin": (),
+    "worst_case": (),
+}
+MEASURED = {"motor_torsion", "torsion_margin"}
 
 
 @pytest.fixture(scope="module")
@@ -322,6 +336,36 @@ def test_proofs_of_two_hundred_problems_are_proved(program, tmp_path, seed):
 @pytest.mark.parametrize("seed", range(20))
 def test_no_mutant_of_many_is_accepted_that_is_not_true(program, tmp_path, seed):
     _survives(program, [*proofs_of(seed), bare("3.000000000001", factors_of_values())], seed, 500, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_the_examples_find_is_proved(program, tmp_path, monkeypatch, name):
+    if name in MEASURED:
+        needs("two_mass/MultisineTypeA.mat")
+    found: list[Any] = []
+
+    def keeping(made: Callable[..., Any]) -> Callable[..., Any]:
+        def kept(*given: Any, **named: Any) -> Any:
+            found.append(made(*given, **named))
+            return found[-1]
+
+        return kept
+
+    for owner, made in ((rid, "identify"), (rid, "worst_case_error"), (rid, "band"), (rid.guarantee, "contradiction")):
+        monkeypatch.setattr(owner, made, keeping(getattr(owner, made)))
+    load_example(name).main(["--out", str(tmp_path)])
+    texts: list[str] = []
+    refusals: list[str] = []
+    for one in found:
+        try:
+            texts.append(proof_text(one))
+        except InputError as refusal:
+            refusals.append(str(refusal))
+    assert all(any(reason in one for reason in EXAMPLES[name]) for one in refusals), refusals
+    assert texts
+    for text in texts:
+        assert asked(program, text, tmp_path, seconds=600)[0] == 0
 
 
 @pytest.mark.slow

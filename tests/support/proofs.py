@@ -35,12 +35,16 @@ def built(folder: Path, *flags: str) -> Path:
     return program
 
 
-def asked(program: Path, text: str | bytes, folder: Path) -> tuple[int, str]:
+def asked(program: Path, text: str | bytes, folder: Path, seconds: float = 60) -> tuple[int, str]:
     """Exit status and lines of the checker."""
     path = folder / "proof.json"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     done = subprocess.run(
-        [str(program), str(path)], capture_output=True, text=True, env={"ASAN_OPTIONS": "detect_leaks=0"}, timeout=60
+        [str(program), str(path)],
+        capture_output=True,
+        text=True,
+        env={"ASAN_OPTIONS": "detect_leaks=0"},
+        timeout=seconds,
     )
     return done.returncode, done.stdout + done.stderr
 
