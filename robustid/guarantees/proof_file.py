@@ -1,7 +1,7 @@
 """A proof as a file that others can check: the question in full, its digest, and the evidence (`docs/proof_format.rst`).
 
-The claims are those of this package, widened by a billionth, and by what a form leaves out in the norm of the file; the multipliers, in
-double precision, are dyadic numbers.
+The claims are those of this package, widened by a billionth, and by what a form leaves out in the norm of the file; the
+multipliers, in double precision, are dyadic numbers.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ def proof_text(result: object) -> str:
     ----------
     result : Band, WorstCaseError, Identification or Contradiction
         Of one input and one output in discrete time, with exact poles and a class without a weight; records from rest. Of a band
-        the discs of its sums at its frequencies; of bounds the supports of its polygons; of an identification the system that fits, or that none does.
+        the discs of its sums at its frequencies; of bounds the supports of its polygons; of an identification the system that
+        fits, or that none does.
 
     Returns
     -------
@@ -143,7 +144,7 @@ def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[dict[s
 
 
 def _beyond(posed: Formulation, one: ValueSet, turn: complex, proof: SupportCertificate) -> float:
-    """What the functions that a form leaves out cost, in the norm of H2, above what the proof paid for them by Cauchy's formula.
+    """Cost of the functions that a form leaves out, in the norm of H2, above what the proof paid for them by Cauchy's formula.
 
     Those of records are in that norm already.
     """
