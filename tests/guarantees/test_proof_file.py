@@ -269,7 +269,7 @@ HOSTILE: dict[str, Any] = {
     "in Hz": lambda text: text.replace("rad/s", "Hz"),
     "a later version": lambda text: text.replace('"version": 1', '"version": 2'),
     "another kind": lambda text: text.replace('"disc"', '"arc"'),
-    "an index too large": lambda text: text.replace('"multipliers": [[', '"multipliers": [[9999'),
+    "an index too large": lambda text: text.replace('"multipliers":[[', '"multipliers":[[9999'),
 }  # fmt: skip
 
 

@@ -155,7 +155,7 @@ def mutated(text: str, rng: random.Random) -> str:
         if re.fullmatch(r"[-+.e\d]*\d", value):
             text = put(repr(float(value) * rng.choice([1 - 1e-6, 1 + 1e-6, 1 - 1e-7])))
     elif kind == 5:  # indices
-        indices = list(re.finditer(r"\[(\d+), \"", text))
+        indices = list(re.finditer(r"\[(\d+), ?\"", text))
         if indices:
             one = rng.choice(indices)
             text = put(str(rng.randrange(40)))
