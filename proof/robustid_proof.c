@@ -13,7 +13,7 @@
 
 /* What a file may ask for. */
 enum { DEPTH = 16, TEXT = 400, DIGITS = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200 };
-enum { SAMPLES = 20000, FUNCTIONS = 64, TERMS = 4096, LARGEST = 64 << 20 };
+enum { SAMPLES = 20000, FUNCTIONS = 64, TERMS = 4096, LARGEST = 256 << 20 };
 static void unreadable(const char *why, const char *what) {
     printf("not readable: %s%s%s\n", why, *what ? ": " : "", what);
     exit(2);
@@ -737,7 +737,7 @@ int main(int count, char **words_of) {
     char hex[65];
     if (!file) unreadable(count == 2 ? "cannot open" : "usage: robustid-proof FILE", count == 2 ? words_of[1] : "");
     long size = fseek(file, 0, SEEK_END) ? -1 : ftell(file);
-    if (size < 0 || size > LARGEST || fseek(file, 0, SEEK_SET)) unreadable("no file of at most 64 MiB", words_of[1]);
+    if (size < 0 || size > LARGEST || fseek(file, 0, SEEK_SET)) unreadable("no file of at most 256 MiB", words_of[1]);
     char *text = room((size_t)size, 1);
     at = text; stop = text + fread(text, 1, (size_t)size, file);
     fclose(file);

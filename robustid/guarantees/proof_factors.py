@@ -9,12 +9,12 @@ import numpy as np
 
 from robustid.bases import InputNormalPair
 from robustid.core import Real
-from robustid.guarantees.proof_question import dyadic, lines_of
+from robustid.guarantees.proof_question import lines_of
 from robustid.identification import ball_arithmetic
 from robustid.identification.formulation import ExactFormulation, Formulation
 
 _BITS = 640  # of the arithmetic: coefficients along kernels of close nodes are large, and cancel
-_LEFT = 110  # bits after the point that are written
+_LEFT = 52  # bits after the point that are written: kernels are of size (1 - rho^-2)^(-1/2), however large their coefficients
 MOST_POWERS = 4096  # Taylor coefficients that a file may use
 _NOTHING = 1e-17
 _Number = Any  # of the library of balls
@@ -49,7 +49,8 @@ class _Powers:
         self._rows, self._first = pair.taylor(min(count, MOST_POWERS + 1)), first
 
     def __call__(self, vector: Real) -> list[list[Any]]:
-        return [[self._first + s, dyadic(one), "0"] for s, one in enumerate((self._rows @ vector).tolist()) if one]
+        rounded = np.rint(self._rows @ vector * 2.0**_LEFT).tolist()
+        return [[self._first + s, _written(int(one)), "0"] for s, one in enumerate(rounded) if one]
 
 
 class _Kernels:
@@ -60,15 +61,16 @@ class _Kernels:
 
     def __init__(self, cascade: list[tuple[float, int, int] | None], dt: float, rate: float, first: int) -> None:
         with ball_arithmetic(_BITS) as flint:
-            radius = 1 / flint.arb(rate)
+            radius = 1 / _stated(flint, rate)
             self._sections = [_Section(flint, None if one is None else one[0], dt, radius) for one in cascade]
-            self._nodes: list[int] = []
+            self._places: list[tuple[int, ...]] = []
             self._rows: list[list[_Number]] = []
             for number, one in enumerate(cascade):
                 if one is None:
                     continue
                 omega, node, conjugate = one
-                self._nodes += [node] if real_node(omega * dt) else [conjugate, node]
+                # Half the sample rate is real in double precision only: the mean of both nodes is nearer to it than either.
+                self._places += [(node, conjugate)] if real_node(omega * dt) else [(conjugate,), (node,)]
                 self._rows += list(self._row(flint, number))
             self._count, self._first = sum(one is None for one in cascade), first
             self._powers = self._polynomials(flint) if self._count else []
@@ -118,12 +120,13 @@ class _Kernels:
         numbers = vector.tolist()
         with ball_arithmetic(_BITS) as flint:
             found: list[list[Any]] = []
-            places = [*self._nodes, *range(self._first, self._first + self._count)]
-            for place, row in zip(places, [*self._rows, *self._powers], strict=True):
+            places = [*self._places, *((self._first + s,) for s in range(self._count))]
+            for several, row in zip(places, [*self._rows, *self._powers], strict=True):
                 total = flint.acb(0)
                 for value, one in zip(row, numbers[: len(row)], strict=True):
                     total += value * one
-                found.append([place, _rounded(flint, total.real), _rounded(flint, total.imag)])
+                total /= len(several)
+                found += [[place, _rounded(flint, total.real), _rounded(flint, total.imag)] for place in several]
             return found
 
 
@@ -142,7 +145,7 @@ class _Section:
             self.nodes = [flint.acb(node)]
             self._a, self._b, self._c, self._d = [[node]], [root], [root], -node
             return
-        turn = flint.arb(omega) * flint.arb(dt)
+        turn = _stated(flint, omega) * _stated(flint, dt)
         self.nodes = [radius * flint.acb(turn.cos(), sign * turn.sin()) for sign in (-1, 1)]
         k = -2 * radius * turn.cos() / (1 + radius * radius), radius * radius
         s = [((1 - one) * (1 + one)).sqrt() for one in k]
@@ -193,7 +196,15 @@ class _Section:
         return self._d + zeta * sum(one * b for one, b in zip(self.states(zeta), self._b, strict=True))
 
 
+def _stated(flint: Any, value: float) -> _Number:
+    """The number that a file says, its fewest decimal digits: coefficients of close nodes feel what the double is off."""
+    return flint.arb(repr(float(value)))
+
+
 def _rounded(flint: Any, value: _Number) -> str:
     """The middle of a ball, rounded to so many bits after the point."""
-    scaled = (value.mid() * flint.arb(2) ** _LEFT + flint.arb("0.5")).floor()
-    return f"{int(scaled.unique_fmpz())}p-{_LEFT}"
+    return _written(int((value.mid() * flint.arb(2) ** _LEFT + flint.arb("0.5")).floor().unique_fmpz()))
+
+
+def _written(scaled: int) -> str:
+    return f"{scaled}p-{_LEFT}"

@@ -1,6 +1,7 @@
 """A proof as a file that others can check: the question in full, its digest, and the evidence (`docs/proof_format.rst`).
 
-The claims are those of this package, widened by a billionth; the multipliers, in double precision, are dyadic numbers.
+The claims are those of this package, widened by a billionth, and by what a form leaves out in the norm of the file; the
+multipliers, in double precision, are dyadic numbers.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from robustid.guarantees.proof_question import (
 )
 from robustid.guarantees.value_set import ValueSet
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem, as_system
+from robustid.identification import Identification, MixedProblem, SupportCertificate, as_system
 from robustid.identification.formulation import Formulation
 
 VERSION = 1
@@ -53,10 +54,11 @@ def proof_text(result: object) -> str:
     Parameters
     ----------
     result : Band, WorstCaseError, LoopBounds, Identification or Contradiction
-        Of one input and one output in discrete time, with exact poles and a class without a weight. Of a band the discs of its sums
-        at its frequencies and, around a model of at most 64 states, bounds of its error on the whole axis; of a loop with a
-        controller that every consistent plant is stabilised, and the worst sensitivity on the whole axis (a plant measured in open
-        loop); of an identification the system that fits, or that none does.
+        Of one input and one output in discrete time, with exact poles and a class without a weight; records from rest. Of a band
+        the discs of its sums at its frequencies and, around a model of at most 64 states, bounds of its error on the whole axis; of
+        bounds the supports of its polygons; of a loop with a controller that every consistent plant is stabilised, and the worst
+        sensitivity on the whole axis (a plant measured in open loop); of an identification the system that fits, or that none
+        does.
 
     Returns
     -------
@@ -183,12 +185,34 @@ def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[dict[s
     posed = consistent.posed_at(one.omega)
     functions = in_kernels(posed, (one.omega,))
     for angle, support, proof in zip(one.directions.tolist(), one.support.tolist(), one.certificates, strict=True):
-        value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound)
         turn = complex(np.exp(-1j * angle))
+        value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound) + _beyond(posed, one, turn, proof)
         yield (
             {"kind": "support", "omega": repr(one.omega), "direction": decimal(turn), "value": repr(value)},
-            _with_factors(posed, functions, proof.samples, (proof.left, proof.right)),
+            _with_factors(posed, functions, proof.samples, proof.left @ proof.right.T),
         )
+
+
+def _beyond(posed: Formulation, one: ValueSet, turn: complex, proof: SupportCertificate) -> float:
+    """Cost of the functions that a form leaves out, in the norm of H2, above what the proof paid for them by Cauchy's formula.
+
+    Those of records are in that norm already.
+    """
+    problem, form = posed.problem, posed.repeated
+    if form is None:
+        return 0.0
+    lines = lines_of(problem)
+    weights = -proof.samples[: len(lines)].conj() / [float(row[-1]) for row in lines]
+    weights, omega = np.append(weights, turn), np.array([*(float(row[0]) for row in lines), one.omega])
+    angles = problem.plane.angles(omega)
+    zeta = problem.region.points(angles)
+    left = (
+        weights / 2 * form.all_pass(zeta) ** form.repeats
+    )  # of the rest, which is all_pass^repeats times a function of H2
+    left, zeta = (np.concatenate([each, each.conj()]) for each in (left, zeta))
+    square = np.real(left @ (left.conj() / (1 - np.outer(zeta, zeta.conj()))).sum(axis=1))
+    paid = np.abs(weights) @ posed.response_tail(angles)
+    return max(problem.prior.gain_bound * float(np.sqrt(square)) - float(paid), 0.0)
 
 
 def _of_margin(result: Identification) -> str:
@@ -196,10 +220,7 @@ def _of_margin(result: Identification) -> str:
     posed, proof = result.formulation, result.certificate
     functions = in_kernels(posed, ())
     A = posed.sarason.pair.A
-    left, size, right = np.linalg.svd(A @ proof.ball @ A.T - proof.ball)
-    few = size > _DROPPED * size.max(initial=0.0)
-    factors = left[:, few] * np.sqrt(size[few]), right[few].T * np.sqrt(size[few])
-    evidence = _with_factors(posed, functions, proof.samples, factors)
+    evidence = _with_factors(posed, functions, proof.samples, A @ proof.ball @ A.T - proof.ball)
     return _file(result.problem, _extraction(result.problem), [{"kind": "inconsistent"}], [evidence])
 
 
@@ -207,19 +228,18 @@ def _extraction(problem: MixedProblem) -> Extraction:
     return extract(samples_of(problem, functions_of(problem, None), (0, 0), seen_in(problem)))
 
 
-def _with_factors(
-    posed: Formulation, functions: InKernels, samples: Complex, factors: tuple[Real, Real]
-) -> dict[str, Any]:
-    """Sums of Re<l, e> with l in units of the bounds, and of the pairs left right' of Y."""
+def _with_factors(posed: Formulation, functions: InKernels, samples: Complex, Y: Real) -> dict[str, Any]:
+    """Sums of Re<l, e> with l in units of the bounds, and of the pairs of Y that cost least: their norms add up to ||Y||_*."""
     lines, records = lines_of(posed.problem), records_of(posed.problem)
     bound = np.array([float(row[-1]) for row in lines + [row for one in records for row in one["samples"]]])
     d, count = samples.conj() / bound, len(lines)
     # Half of what a line has is that of its conjugate: the sum is real.
     every = np.concatenate([d[:count] / 2, d[:count].conj() / 2, d[count:].real])
-    gain = posed.problem.prior.gain_bound
+    left, size, right = np.linalg.svd(Y / posed.problem.prior.gain_bound)
+    few, root = size > _DROPPED * size.max(initial=0.0), np.sqrt(size)
     pairs = [
-        {"f": functions(right / gain), "g": functions(left)}
-        for left, right in zip(*(one.T for one in factors), strict=True)
+        {"f": functions(v), "g": functions(u)}
+        for u, v in zip((left * root).T[few], (root[:, None] * right)[few], strict=True)
     ]
     rows = [[k, *pair(one)] for k, one in enumerate(every.tolist()) if one]
     return {"base": ["0", "0"], "factors": pairs, "multipliers": rows}
@@ -272,7 +292,8 @@ def _file(problem: MixedProblem, extraction: Extraction | None, statements: list
             NOT_YET.format(f"its multipliers have {powers} Taylor coefficients, of {MOST_POWERS} possible")
         )
     proof = json.dumps(
-        {"powers": max(powers, 0), "parameters": _parameters(problem, extraction), "statements": evidence}
+        {"powers": max(powers, 0), "parameters": _parameters(problem, extraction), "statements": evidence},
+        separators=(",", ":"),
     )
     head = f'"format": "robustid-proof", "version": {VERSION}, "digest": "{digest_of(text)}"'
     return f'{{{head},\n"question": {text},\n"evidence": {proof}}}\n'

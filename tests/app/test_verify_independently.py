@@ -1,5 +1,7 @@
 """`robustid verify --export` and `--independent`: the proof as a file, and the checker in C beside the package's own checks."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -27,12 +29,15 @@ def test_a_proof_is_written_once_and_checked_by_another_program(saved, run, monk
     code, out, _ = run(["verify", "band", "--independent", "--export", "proof.json"])
     assert code == 0
     assert "verified   independently, in exact integers: question" in out
-    assert out.splitlines()[-1] == "verified"
+    assert out.splitlines()[-2:] == ["checked by this package, and by robustid-proof (independent)", "verified"]
     assert asked(program, (saved / "proof.json").read_text(), saved)[0] == 0
     command_line.refused(run(["verify", "band", "--export", "proof.json"]), "--force")
     code, out, _ = run(["verify", "model", "--independent"])
     assert code == 0
     assert "in exact integers: question" in out
+    for given, by in (([], "this package."), (["--independent"], "robustid-proof (independent).")):
+        code, out, _ = run(["verify", "band", "--json", *given])
+        assert by in json.loads(out)["sentence"]
 
 
 def test_a_controller_is_checked_by_another_program_with_every_plant_of_its_band(saved, run, monkeypatch):

@@ -137,15 +137,15 @@ def bounded(
     )
 
 
-def verified(result: Any, failed: Sequence[str], exit_code: int) -> Answer:
-    """The proofs of a file, evaluated again: what holds, and the names of what does not."""
+def verified(result: Any, failed: Sequence[str], exit_code: int, by: str) -> Answer:
+    """The proofs of a file, evaluated again: what holds, by whom it was checked, and the names of what does not."""
     identification = getattr(result, "identification", result)
     of_class = of_identification(identification) if isinstance(identification, Identification) else {}
     bounds = [result] if isinstance(result, Band | WorstCaseError | WorstCaseOverPoles) else []
     said = f" Its claim is: {result.status.value}." if isinstance(result, Identification) else ""
-    status, sentence = "verified", f"Every proof in the file holds.{said}"
+    status, sentence = "verified", f"Every proof in the file holds, checked by {by}.{said}"
     if failed:
-        status, sentence = "failed", f"Not verified: {'; '.join(failed)}."
+        status, sentence = "failed", f"Not verified: {'; '.join(failed)}; checked by {by}."
     elif isinstance(result, ControllerDesign) and not result.proofs:
         status, sentence = "undecided", "The file holds what a search found: it has no proof."
     of_loop = {"controllers": [controller_row("", result)]} if isinstance(result, LoopBounds) else {}

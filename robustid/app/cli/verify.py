@@ -28,6 +28,7 @@ _KINDS = (
     "interconnection",
     "controller design",
 )
+_BOTH = "this package, and by robustid-proof (independent)"
 _ASSUMED = "assumed    gain bound, decay rate, poles and bounds of the samples: data can refute them, never prove them"
 
 
@@ -89,6 +90,8 @@ def verify(
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
     assumed = [] if isinstance(result, (Band, *of_loops)) else [_ASSUMED]  # these say their own
     say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", *assumed)
+    if independent:
+        say(console, f"checked by {_BOTH}")
     for name in failed:
         console.print(f"[red]FAILED[/red]     {screen.plain(name)}", highlight=False, soft_wrap=True)
     console.print("[red]not verified[/red]" if failed else "[green]verified[/green]", highlight=False)
@@ -96,7 +99,7 @@ def verify(
     if as_json:
         from robustid.app.answers import verdicts
 
-        screen.write(verdicts.verified(result, failed, code), console)
+        screen.write(verdicts.verified(result, failed, code, _BOTH if independent else "this package"), console)
     raise typer.Exit(code)
 
 
