@@ -14,7 +14,7 @@ import numpy as np
 from robustid.app.load_save import load
 from robustid.app.run.toml import is_array
 from robustid.app.run.undoing import command_line, with_option
-from robustid.core import Frozen, Real
+from robustid.core import Frozen, Real, hz_words
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
@@ -304,7 +304,7 @@ def _range(item: Item) -> str:
             words += f" (as seconds: {1 / step:.6g} samples per second)"
         elif _AXIS.search(item.name) and not item.unit:
             top = float(finite.max())
-            words += f" (as Hz up to {top:.4g} Hz; as rad/s up to {top / (2 * np.pi):.4g} Hz)"
+            words += f" (as Hz up to {hz_words(top, 4)}; as rad/s up to {hz_words(top / (2 * np.pi), 4)})"
     return words
 
 

@@ -166,6 +166,7 @@ def _with_response(
             columns = {name: one[~idle] if isinstance(one, np.ndarray) and one.shape[:1] == idle.shape else one
                        for name, one in columns.items()}  # fmt: skip
     facts = {side: labels for side, labels in facts.items() if labels is not None}
+    facts |= {"dt": None} if quantity in _SIGNALS else {}  # nothing is sampled in a network
     remarks = {**table.remarks, "values": "made of the others"}
     return dataclasses.replace(
         table, columns=columns, facts={**table.facts, "frequency": facts}, how=how, remarks=remarks

@@ -80,9 +80,8 @@ def read_touchstone(path: Path) -> Table:
             " read; is the file cut off, or the number of ports in its ending wrong?"
         )
     table = Table(path, {"freq_hz": np.asarray(file.f), "values": np.asarray(file.s)}, how="Touchstone, S-parameters")
-    table.facts["frequency"] = {
-        side: [f"{wave}{k + 1}" for k in range(ports)] for side, wave in (("inputs", "a"), ("outputs", "b"))
-    }
+    waves = {"inputs": "a", "outputs": "b"}
+    table.facts["frequency"] = {"dt": None} | {s: [f"{w}{k + 1}" for k in range(ports)] for s, w in waves.items()}
     return table
 
 

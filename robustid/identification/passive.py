@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import Function, FunctionKind, ParametricBasis, as_basis, stack_bases
-from robustid.core import Real, StateMatrices
+from robustid.core import Real, StateMatrices, hz_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification.entries import Entries
@@ -236,7 +236,7 @@ def contradictions(problem: Any) -> tuple[str, ...]:
         limit = f"below {-slack:g}" if slack else "below 0"
     words = (
         f"The data are not passive at {len(found)} of {points} frequency points by themselves, most at"
-        f" {omega / (2 * np.pi):.5g} Hz: {what} is {limit} by {size:.3g} more than its bound."
+        f" {hz_words(omega / (2 * np.pi))}: {what} is {limit} by {size:.3g} more than its bound."
     )
     return (words, *_hints(problem))
 
