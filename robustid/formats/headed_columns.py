@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.errors import InputError
+from robustid.errors import FileFormatError, InputError
 from robustid.formats import units
 from robustid.formats.headings import Heading, heading, turned
 from robustid.formats.role_names import UNSURE, axis_role
@@ -49,6 +49,9 @@ def from_headings(table: Table, kind: str | None) -> Table:
             continue
         _check_matrix(quantity, entries, set(complete))
         return _with_response(table, axis, quantity, complete, {entry: entries[entry] for entry in complete})
+    for name, error in table.columns.items():
+        if isinstance(error, FileFormatError) and (said := heading(name)) is not None and said.quantity and said.part:
+            raise error  # a part is there, and holds text
     for (quantity, _), entries in found.items():
         if quantity and (alone := [column for parts in entries.values() for column in parts.values()]):
             raise InputError(
