@@ -29,7 +29,7 @@ def answer(command: str, status: str, sentence: str, exit_code: int, **found: An
     own |= {"sentence": sentence, "exit_code": exit_code}
     lists: dict[str, Any] = dict.fromkeys(
         (
-            *("scope", "guarantees", "not_covered", "assumed", "checks", "controllers", "faults", "causes"),
+            *("scope", "guarantees", "not_covered", "assumed", "checks", "controllers", "modes", "faults", "causes"),
             *("numbers", "contents", "files", "next", "warnings"),
         ),
         (),
