@@ -42,7 +42,7 @@ from robustid.report.loop_page import NOT_IN_LOOP, loop_stands_on
 from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
-from robustid.report.words import HZ, at_most, in_hz, in_hz_span, number, unit_label
+from robustid.report.words import HZ, at_most, in_hz, in_hz_span, number, percent, unit_label
 from robustid.report.words import title as heading
 
 if TYPE_CHECKING:
@@ -105,6 +105,7 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
             "Of each limit the largest share that any consistent plant takes, at any frequency. At 1 it would be reached."
         ),
         shares_table(design),
+        *expensive_members(design),
         Drawing(design_chart(design)),
         *(_open_loop(design) if single else []),
         Heading("The controller"),
@@ -121,6 +122,15 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
             "design-certificates",
         ),
     ]
+
+
+def expensive_members(design: ControllerDesign) -> list[Block]:
+    """Members whose plants take most of a limit, where the controller is for several."""
+    if not design.limiting_bands:
+        return []
+    dear = [f"{k + 1} ({name}, {percent(share, 3)})" for k, name, share in design.limiting_bands[:3]]
+    words = f"Most of a limit is taken by the plants of the members {', '.join(dear)} of {len(design.by_band)}, by their numbers in"
+    return [Text(f"{words} the order in which they were given.")]
 
 
 def design_verdict(design: ControllerDesign) -> Verdict:
