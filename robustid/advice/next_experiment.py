@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robustid.core import (
     Budget,
+    Options,
     Progress,
     Real,
     StateSpace,
@@ -166,7 +166,7 @@ def suggest_next(
     given = identification.identification if isinstance(identification, WorstCaseError) else identification
     problem, budget = given.problem, Budget(time_limit)
     eps = _usual_bounds(problem) if bound is None else _stated(bound, problem)
-    limits: dict[str, Any] = {"time_limit": time_limit, "progress": progress}
+    limits: Options = {"time_limit": time_limit, "progress": progress}
     if not isinstance(identification, WorstCaseError):
         omega = _between(problem) if candidates is None else candidates
         error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL, **limits)
