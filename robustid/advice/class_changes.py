@@ -10,6 +10,7 @@ import numpy as np
 from robustid.advice.causes import Cause, Kind, corrected, correction_change, mode_of, modes_of
 from robustid.advice.kautz import further_mode, suggest_kautz
 from robustid.bases import ParametricBasis, as_basis, integrators, kautz
+from robustid.core import hz_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
@@ -65,7 +66,7 @@ def found_modes(problem: MixedProblem) -> Cause | None:
         _log.info("modes of the response: left out (%s)", error)
         return None
     pairs = list(zip(found.omega, found.damping, strict=True))
-    places = ", ".join(f"{at / (2 * np.pi):.4g} Hz with damping {ratio:.2g}" for at, ratio in pairs)
+    places = ", ".join(f"{hz_words(at / (2 * np.pi), 4)} with damping {ratio:.2g}" for at, ratio in pairs)
     numbers = [", ".join(f"{value:.6g}" for value in values) for values in (found.omega, found.damping)]
     python = f"rid.kautz([{numbers[0]}], [{numbers[1]}], ...)"
     cause = f"the modes are others than stated: {places}"
@@ -94,7 +95,7 @@ def _more_modes(problem: MixedProblem) -> list[Cause]:
     if (pair := _missing_pair(problem)) is not None:
         (at, damping), basis = pair
         hz = at / (2 * np.pi)
-        where = f"at {hz:.4g} Hz with damping {damping:.2g}"
+        where = f"at {hz_words(hz, 4)} with damping {damping:.2g}"
         python = f"parametric=[..., rid.kautz({at:.6g}, {damping:.3g}, ...)]"
         option = f"--mode {hz:.6g}:{damping:.3g} beside those that are there"
         posed = _with_functions(problem, basis)

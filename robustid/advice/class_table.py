@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustid.advice.kautz import KautzSuggestion
-from robustid.core import Budget, Frozen, Options, Real, freeze
+from robustid.core import Budget, Frozen, Options, Real, freeze, hz_words
 from robustid.errors import InputError
 from robustid.guarantees import PoleCell, norm_of_bounds, worst_case_error, worst_case_over_poles
 from robustid.identification import Identification, MixedProblem, Prior, identify
@@ -190,7 +190,7 @@ class ClassSuggestion(Frozen):
                 )
         elif best.pairs:
             lines.append("The errors hold for the poles that were given, as prior knowledge.")
-        lines.append(f"next       measure around {self.next_line / (2 * np.pi):.5g} Hz: the bound is largest there")
+        lines.append(f"next       measure around {hz_words(self.next_line / (2 * np.pi))}: the bound is largest there")
         assumed = "number of modes, poles inside the pole-uncertainty box"
         return "\n".join(
             [

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from robustid.core import Frozen, Real, as_kind, freeze, one_thread
+from robustid.core import Frozen, Real, as_kind, freeze, hz_words, one_thread
 from robustid.guarantees import consistent_set
 from robustid.identification import Identification
 
@@ -62,7 +62,7 @@ class Content(Frozen):
             return ()
         found = [
             f"the band is about {self.ratio:.3g} times as wide between the frequency points as on them (relative to the"
-            f" response, widest near {self.omega[int(np.argmax(self.between / self.on))] / (2 * np.pi):.5g} Hz)"
+            f" response, widest near {hz_words(self.omega[int(np.argmax(self.between / self.on))] / (2 * np.pi))})"
         ]
         if self.separation < _APART:
             found.append(

@@ -21,7 +21,7 @@ from robustid.advice.causes import (
 from robustid.advice.class_changes import changes_of, found_modes, mode_options
 from robustid.advice.experiment_causes import causes_of_experiments
 from robustid.advice.pole_search import improve_kautz
-from robustid.core import Budget, Frozen, Interruptible, Progress, as_kind, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, as_kind, hz_words, one_thread
 from robustid.errors import InputError, SolverError
 from robustid.identification import Identification, MixedProblem, contradictions
 from robustid.identification.formulation import QUICK_EXACT
@@ -90,7 +90,7 @@ class Diagnosis(Frozen):
             else f"The data contradict the class: they are consistent once every bound is {self.inflation:.4g} times as large."
         )
         names = [
-            f"{at / (2 * np.pi):.5g} Hz ({100 * weight:.0f} %)"
+            f"{hz_words(at / (2 * np.pi))} ({100 * weight:.0f} %)"
             if kind == "frequency"
             else f"{at:.5g} s ({100 * weight:.0f} %)"
             for kind, _, at, weight in self.active[:8]
@@ -275,7 +275,7 @@ def _moved_poles(problem: MixedProblem, budget: Budget) -> Cause | None:
         _log.info("poles moved: left out (%s)", error)
         return None
     poles = zip(found.omega / (2 * np.pi), found.damping, strict=True)
-    places = ", ".join(f"{hz:.5g} Hz with damping {damping:.3g}" for hz, damping in poles)
+    places = ", ".join(f"{hz_words(hz)} with damping {damping:.3g}" for hz, damping in poles)
     if not found.moved:
         return None
     options = mode_options(found.problem)

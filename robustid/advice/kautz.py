@@ -25,7 +25,7 @@ from robustid.advice.pole_fit import (
 from robustid.advice.pole_interval import bounded_by_shown, damped_outside, pole_interval, shown_in, with_shown
 from robustid.advice.real_poles import RealPoles, explain_more, over_decades, slow_poles
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, one_thread, plane_of
+from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, hz_scale, hz_words, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import told_apart_of
@@ -92,10 +92,12 @@ class KautzSuggestion(Frozen):
         lines: list[str] = []
         for k, (w, z) in enumerate(zip(self.omega / (2 * np.pi), self.damping, strict=True)):
             low, high = self.omega_interval[k] / (2 * np.pi)
+            size, unit = hz_scale(high)
             lightest, heaviest = self.damping_interval[k]
-            text = f"mode {k + 1}: {w:.5g} Hz ({low:.5g} to {high:.5g}), damping {z:.3g} ({lightest:.3g} to {heaviest:.3g})"
+            text = f"mode {k + 1}: {w / size:.5g} {unit} ({low / size:.5g} to {high / size:.5g}),"
+            text += f" damping {z:.3g} ({lightest:.3g} to {heaviest:.3g})"
             if z == lightest == heaviest == 1:
-                lines.append(f"real pole {k + 1}: {w:.5g} Hz")
+                lines.append(f"real pole {k + 1}: {hz_words(w)}")
                 continue
             if self.level[k] > 1:
                 text += f", with bounds times {self.level[k]:.3g}"

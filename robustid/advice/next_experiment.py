@@ -18,6 +18,7 @@ from robustid.core import (
     as_count,
     as_kind,
     as_positive,
+    hz_words,
     one_thread,
 )
 from robustid.data import TimeRecord
@@ -79,7 +80,7 @@ class NextMeasurement:
         return self.upper
 
     def __str__(self) -> str:
-        place = f"{self.at / (2 * np.pi):.5g} Hz" if self.kind == "frequency" else f"time samples to {self.at:.5g} s"
+        place = hz_words(self.at / (2 * np.pi)) if self.kind == "frequency" else f"time samples to {self.at:.5g} s"
         place += f" ({self.name})" if self.name else ""
         return (
             f"{place}: worst-case error now {self.upper:.4g} (attained {self.lower:.4g}); measured to {self.bound:.4g} it loses at"

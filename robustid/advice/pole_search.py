@@ -24,6 +24,7 @@ from robustid.core import (
     as_kind,
     as_positive,
     freeze,
+    hz_words,
     one_thread,
     threads_for,
 )
@@ -124,8 +125,8 @@ class KautzImprovement(Frozen):
         """One line per pair, then the reason and the note."""
         lines: list[str] = []
         for k, (w, z) in enumerate(zip(self.omega / (2 * np.pi), self.damping, strict=True)):
-            before = f"{self.omega_before[k] / (2 * np.pi):.5g} Hz, damping {self.damping_before[k]:.3g}"
-            lines.append(f"pair {k + 1}: {before}" + (f" -> {w:.5g} Hz, damping {z:.3g}" if self.moved else ""))
+            before = f"{hz_words(self.omega_before[k] / (2 * np.pi))}, damping {self.damping_before[k]:.3g}"
+            lines.append(f"pair {k + 1}: {before}" + (f" -> {hz_words(w)}, damping {z:.3g}" if self.moved else ""))
         return "\n".join([*lines, self.reason, *([self.note] if self.note else [])])
 
 

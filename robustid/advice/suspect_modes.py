@@ -6,7 +6,7 @@ import numpy as np
 
 from robustid.advice.kautz import line_data
 from robustid.advice.pole_fit import ratios, residual_rows
-from robustid.core import Real, plane_of
+from robustid.core import Real, hz_words, plane_of
 from robustid.data import Fault, FaultKind, FrequencyResponse
 from robustid.estimation import leaving_out
 
@@ -45,7 +45,7 @@ def suspect_modes(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[F
 
 
 def _suspect(frf: FrequencyResponse, line: int, omega: float, damping: float, part: float) -> Fault:
-    words = f"the mode at {omega / (2 * np.pi):.5g} Hz with damping {damping:.3g} rests on one frequency point"
+    words = f"the mode at {hz_words(omega / (2 * np.pi))} with damping {damping:.3g} rests on one frequency point"
     evidence = (
         f"its half-width is {part:.2g} of the line spacing, and without this point the others ask for no such mode. Suspect: the"
         " point may be off; measure between the lines, or leave it out"

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from robustid.app.load_save import load
+from robustid.app.run.reading import option_words, values_of_options
 from robustid.app.run.toml import is_array
 from robustid.app.run.undoing import command_line, with_option
-from robustid.core import Frozen, Options, Real, Record
+from robustid.core import Frozen, Options, Real, Record, exponents_of, hz_words, time_words
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
-from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
+from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
 from robustid.formats import (
     FREQUENCY,
@@ -37,6 +38,7 @@ _STANDS_FOR = {"dt": 1.0, "frequency_unit": "Hz"}  # for what nobody has said
 _CORRECT = "--frequency-correct"
 _FEW = 8  # rows of a spectrum
 _SEEN = 2500  # values of a response from whose scatter a bound is taken
+_SEEN_STATES = 600  # of a model whose modes are taken
 _MANY = 12  # things that are listed
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
 _AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
@@ -110,15 +112,24 @@ class Look(Frozen):
             known = self.data.bound is not None or bool(self.bound)
             what = "a model with a proof" if known else "a model by least squares; with --frequency-bound, a proof"
             called = ["identify", "--frequency", self.path] if known else ["fit", self.path, "--order", "auto"]
+            called += self._options("frequency")
             return what, with_option(called, _CORRECT, self.correction) if self.correction else called
         if not self.kind and self.data is not None:
             model = hasattr(self.data, "nstates")
             return ("the model for another program", ["export", self.path]) if model else ("", [])
         period = next((fault.size for fault in self.faults if fault.kind is FaultKind.UNSTATED_PERIOD), None)
         if period and isinstance(self.data, TimeRecord) and self.data.u.shape[1] == 1 and not self.faulty:
-            return "the frequency response, with its bound", ["frf", self.path, "--period", f"{period:.0f}"]
+            called = ["frf", self.path, *self._options("time"), "--period", f"{period:.0f}"]
+            return "the frequency response, with its bound", called
         fault = ", with what undoes the fault" if self.correction else ""
         return f"a run file, ready to edit{fault}", ["new", self.path]
+
+    def _options(self, kind: str) -> list[str]:
+        """The arguments with which it was read, as options of a command."""
+        known = option_words(kind)
+        found = values_of_options(Remedy({name: one for name, one in self.arguments.items() if name in known}), kind)
+        pairs = [(flag, str(one)) for flag, value in found.items() for one in (value if is_array(value) else [value])]
+        return [word for pair in pairs for word in pair]
 
     @property
     def faulty(self) -> bool:
@@ -152,7 +163,7 @@ class Look(Frozen):
         """Sentences on what was made of it, and what is odd."""
         lines: list[str] = []
         if self.data is not None:
-            lines.append(f"read as {self.data!r}")
+            lines.append(f"read as {_model_words(self.data) if hasattr(self.data, 'nstates') else repr(self.data)}")
         if self.bound:
             lines.append(f"no error bound is stated; one taken from the data: {self.bound}")
         if self.refusal:
@@ -257,6 +268,19 @@ def _kind(table: Table, tried: Mapping[str, Any]) -> str:
     return origin(table, "frequency", None).kind or ""
 
 
+def _model_words(model: Any) -> str:
+    """Size of a model and its least damped modes: matrices are for programs."""
+    size = f"a model of {model.nstates} states, {model.noutputs} outputs and {model.ninputs} inputs, {time_words(model.dt)}"
+    if not 0 < model.nstates <= _SEEN_STATES:
+        return size
+    poles = exponents_of(np.asarray(model.poles(), dtype=complex), model.dt or None)
+    unstable, pairs = int(np.sum(poles.real > 0)), poles[(poles.imag > 0) & np.isfinite(poles)]
+    lightest = sorted(pairs, key=lambda s: -s.real / abs(s))[:3]
+    size += f", {unstable} of them unstable" if unstable else ""
+    modes = [f"{hz_words(abs(s) / (2 * np.pi))} (damping {-s.real / abs(s):.3g})" for s in lightest]
+    return size + (f"; least damped of {pairs.size} modes: {', '.join(modes)}" if modes else "")
+
+
 def _shape_of(record: TimeRecord) -> tuple[int, int]:
     return len(record.outputs), len(record.inputs)
 
@@ -304,7 +328,7 @@ def _range(item: Item) -> str:
             words += f" (as seconds: {1 / step:.6g} samples per second)"
         elif _AXIS.search(item.name) and not item.unit:
             top = float(finite.max())
-            words += f" (as Hz up to {top:.4g} Hz; as rad/s up to {top / (2 * np.pi):.4g} Hz)"
+            words += f" (as Hz up to {hz_words(top, 4)}; as rad/s up to {hz_words(top / (2 * np.pi), 4)})"
     return words
 
 

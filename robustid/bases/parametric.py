@@ -25,6 +25,7 @@ from robustid.core import (
     as_positive,
     as_state_space,
     freeze,
+    hz_words,
     input_states,
     time_words,
 )
@@ -275,7 +276,7 @@ def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> P
 
 
 def _mode_functions(omega: float, real: bool, repeat: int, variable: str) -> tuple[Function, ...]:
-    hz, found = f"{omega / (2 * np.pi):.4g} Hz", list[Function]()
+    hz, found = hz_words(omega / (2 * np.pi), 4), list[Function]()
     for j in range(repeat):
         power = f" ({variable}^{j})" if j else ""
         if real:

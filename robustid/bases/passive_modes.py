@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from robustid.bases.function import Function, FunctionKind
 from robustid.bases.parametric import ParametricBasis, stack_bases
-from robustid.core import as_array
+from robustid.core import as_array, hz_words
 from robustid.errors import InputError
 
 
@@ -81,4 +81,4 @@ def _passive_mode(omega: float, damping: float) -> ParametricBasis:
 
 def _functions(omega: float, *ends: str) -> tuple[Function, ...]:
     kind = FunctionKind.PASSIVE
-    return tuple(Function(f"{kind.value} {omega / (2 * np.pi):.4g} Hz{end}", kind) for end in ends)
+    return tuple(Function(f"{kind.value} {hz_words(omega / (2 * np.pi), 4)}{end}", kind) for end in ends)

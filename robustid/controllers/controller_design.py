@@ -20,7 +20,18 @@ from robustid.controllers.proved_search import searched_with_proof
 from robustid.controllers.proving import SHARES, Proof
 from robustid.controllers.questions import check_question
 from robustid.controllers.structure import Matrix, as_structure
-from robustid.core import Budget, Frozen, Progress, Savable, as_flag, as_float, as_function, as_kind, one_thread
+from robustid.core import (
+    Budget,
+    Frozen,
+    Progress,
+    Savable,
+    as_flag,
+    as_float,
+    as_function,
+    as_kind,
+    hz_words,
+    one_thread,
+)
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees import Band, LoopBounds, scope_of
@@ -222,7 +233,7 @@ def _second(pair: tuple[str, float]) -> float:
 
 
 def _near(omega: float) -> str:
-    return "" if math.isnan(omega) else f" near {omega / (2 * math.pi):.5g} Hz"
+    return "" if math.isnan(omega) else f" near {hz_words(omega / (2 * math.pi))}"
 
 
 @one_thread()

@@ -8,7 +8,7 @@ from typing import ClassVar, get_args
 
 from robustid.controllers.conditions import Discs
 from robustid.controllers.limits import Limits
-from robustid.core import as_float, as_kind
+from robustid.core import as_float, as_kind, hz_words
 from robustid.errors import InputError
 
 _FAST = 10.0  # gain of an integrator, times that of a loop with the bandwidth of the axis: a zero may stand before it
@@ -38,7 +38,7 @@ class Bandwidth:
 
     def told(self, level: float) -> str:
         """A level in plain text."""
-        return f"{level / (2 * math.pi):.5g} Hz"
+        return hz_words(level / (2 * math.pi))
 
 
 @dataclasses.dataclass(frozen=True)

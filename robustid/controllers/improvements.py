@@ -12,7 +12,7 @@ import numpy as np
 
 from robustid.controllers.designing import At, Found, Task, TimeIsOver
 from robustid.controllers.plants import Plants
-from robustid.core import Budget, Interruptible, Real, StateMatrices, points_of, response_at
+from robustid.core import Budget, Interruptible, Real, StateMatrices, hz_span, hz_words, points_of, response_at
 from robustid.guarantees import Band
 
 _ACTIVE = 0.05  # of the unit of a condition: less slack makes it one that limits
@@ -59,9 +59,11 @@ class Improvement(NamedTuple):
         elif math.isinf(self.high):
             what = f"all bounds times {self.factor:.3g}"
         else:
-            what = f"bounds times {self.factor:.3g} from {self.low / (2 * math.pi):.4g} to {self.high / (2 * math.pi):.4g} Hz"
+            what = (
+                f"bounds times {self.factor:.3g} from {hz_span(self.low / (2 * math.pi), self.high / (2 * math.pi), 4)}"
+            )
             if math.isfinite(self.point):
-                what += f", most from the point at {self.point / (2 * math.pi):.4g} Hz"
+                what += f", most from the point at {hz_words(self.point / (2 * math.pi), 4)}"
         return f"{what}: {100 * (self.ratio - 1):.3g} % more"
 
 

@@ -26,6 +26,7 @@ from robustid.core.coprime import (
 from robustid.core.description import Arrays, Options, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
+from robustid.core.hertz import hz_scale, hz_span, hz_words
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected, singular_parts
 from robustid.core.models import as_state_space, model_of
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
@@ -123,6 +124,9 @@ __all__ = [
     "fields_of",
     "fingerprint",
     "freeze",
+    "hz_scale",
+    "hz_span",
+    "hz_words",
     "input_states",
     "inverse",
     "is_well_posed",

@@ -154,8 +154,11 @@ def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) ->
         record = json.loads(text.read_text(encoding="utf-8"))
         arrays = read_arrays(numbers)
         if record["format"] not in formats:
+            _check_kind(text, str(record["format"]), list(formats.values()))
             raise ValueError(f"their format is {record['format']!r}")
         intact = record.pop("digest") == digest(arrays, record)
+    except FileFormatError:
+        raise
     except FileNotFoundError as error:
         raise FileFormatError(f"{error.filename} is missing; saved {words} is a .npz and a .json file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError, zipfile.BadZipFile) as error:
@@ -167,6 +170,13 @@ def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) ->
     with _usable(numbers, text):
         fields = {name: item for name, item in record.items() if name not in _ABOUT}
         return form_of(formats[record["format"]].cls).made(fields, arrays, progress)
+
+
+def _check_kind(text: pathlib.Path, said: str, wanted: list[_Kept]) -> None:
+    """Say what a result of another kind is, and which are needed."""
+    if (other := next((kept for kept in _RESULTS.values() if kept.format == said), None)) is not None:
+        needed = " or ".join(kept.words for kept in wanted)
+        raise FileFormatError(f"{text} holds a saved result of another kind: {other.words}; needed is: {needed}")
 
 
 @contextlib.contextmanager

@@ -7,14 +7,7 @@ from robustid.data.error_sets import bound_ratio, chance_beyond, joint_radius, s
 from robustid.data.excitation import Excitation, multisine
 from robustid.data.faults import Fault, FaultKind, PlacedFault, Undoing, as_faults
 from robustid.data.feedthrough import FeedThrough, expected_feedthrough
-from robustid.data.frequency_points import (
-    NYQUIST_SLACK,
-    SAME_FREQUENCY,
-    FrequencyPoints,
-    hz_span,
-    points_at,
-    signal_index,
-)
+from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, FrequencyPoints, points_at, signal_index
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.inverse_response import inverse_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
@@ -54,7 +47,6 @@ __all__ = [
     "detrend",
     "expected_feedthrough",
     "flexible_structure",
-    "hz_span",
     "inverse_response",
     "joint_radius",
     "multisine",

@@ -10,21 +10,14 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import ByValue, Frozen, Savable, Signal, as_array, as_positive
+from robustid.core import ByValue, Frozen, Savable, Signal, as_array, as_positive, hz_words
 from robustid.data.bound import Bound, Points
 from robustid.data.bound_checks import in_part
 from robustid.errors import InputError, InputTypeError, Remedy
 
 # Above pi/dt by a rounding error only: a grid that ends at the Nyquist frequency is legitimate.
 NYQUIST_SLACK = 1 + 1e-12
-_PREFIXES = ((1e9, "GHz"), (1e6, "MHz"), (1e3, "kHz"))
 SAME_FREQUENCY = 1e-4  # part of a frequency: numbers that are read from a plot have five digits
-
-
-def hz_span(low: float, high: float, digits: int = 5) -> str:
-    """Words for a range of frequencies in Hz: "1 to 100 Hz", "100 to 3000 MHz"."""
-    scale, unit = next((one for one in _PREFIXES if (low == 0 or low >= one[0]) and high >= 1e3 * one[0]), (1.0, "Hz"))
-    return f"{low / scale:.{digits}g} to {high / scale:.{digits}g} {unit}"
 
 
 class FrequencyPoints(ByValue, Frozen, Savable):
@@ -126,8 +119,8 @@ class FrequencyPoints(ByValue, Frozen, Savable):
         whole = int(np.sum(~self.missing.any(axis=(1, 2))))
         raise InputError(
             f"{what} needs every entry at every frequency point; {int(np.sum(self.missing))} of {self.values.size} are missing,"
-            f" the first at {self.freq_hz[k]:.6g} Hz in entry ({i}, {j}). Pick one entry by .entry(output, input), or the {whole}"
-            " complete frequency points by .select(~data.missing.any(axis=(1, 2)))"
+            f" the first at {hz_words(float(self.freq_hz[k]), 6)} in entry ({i}, {j}). Pick one entry by .entry(output, input), or"
+            f" the {whole} complete frequency points by .select(~data.missing.any(axis=(1, 2)))"
         )
 
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array, as_float, as_positive, as_signals, freeze
+from robustid.core import as_array, as_float, as_positive, as_signals, freeze, hz_span
 from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
 from robustid.data.faults import Fault, as_faults
-from robustid.data.frequency_points import as_level, as_modes, as_note, as_points, check_measured, hz_span
+from robustid.data.frequency_points import as_level, as_modes, as_note, as_points, check_measured
 from robustid.data.response_parts import ENTRIES, ResponseParts
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.core import hz_words
 from robustid.data.bound import Bound
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
@@ -56,8 +57,8 @@ def inverse_response(frf: FrequencyResponse) -> FrequencyResponse:
     flat = sizes[:, -1] <= 1e-14 * sizes[:, 0]
     if flat.any():
         raise InputError(
-            f"`frf` must be regular at every frequency; it is singular at {frf.freq_hz[np.argmax(flat)]:.6g} Hz. Leave such points"
-            " out"
+            f"`frf` must be regular at every frequency; it is singular at {hz_words(frf.freq_hz[np.argmax(flat)], 6)}. Leave such"
+            " points out"
         )
     back = np.linalg.inv(frf.values)
     bound = None if frf.bound is None else Bound(_radius(frf, np.abs(back)), **frf.bound.of_kind)
@@ -87,7 +88,7 @@ def _radius(frf: FrequencyResponse, size: np.ndarray) -> np.ndarray:
     if np.any(reach >= 1):
         k = int(np.argmax(reach))
         raise InputError(
-            f"`frf` has bounds that allow a singular response, as at {frf.freq_hz[k]:.6g} Hz, where they would have to be smaller"
-            f" by a factor of {reach[k]:.3g}. Measure these points better, or leave them out"
+            f"`frf` has bounds that allow a singular response, as at {hz_words(frf.freq_hz[k], 6)}, where they would have to be"
+            f" smaller by a factor of {reach[k]:.3g}. Measure these points better, or leave them out"
         )
     return loss @ np.linalg.solve(np.eye(size.shape[1]) - loss, size) * _ROUNDED

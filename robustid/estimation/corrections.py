@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Options, as_float, as_kind
+from robustid.core import Options, as_float, as_kind, hz_words
 from robustid.data import SAME_FREQUENCY, Bound, FrequencyResponse, TimeRecord, detrend, points_at
 from robustid.errors import InputError
 
@@ -261,7 +261,7 @@ def _left_out(frf: FrequencyResponse, *left_out_hz: float) -> FrequencyResponse:
         if not at.size:
             nearest = frf.freq_hz[int(np.argmin(np.abs(frf.freq_hz - hz)))]
             raise InputError(
-                f'"leave out {hz:.6g}": no frequency point is there; the nearest one is at {nearest:.6g} Hz'
+                f'"leave out {hz:.6g}": no frequency point is there; the nearest one is at {hz_words(nearest, 6)}'
             )
         kept[at] = False
     return _kept(frf, kept)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, as_count, one_thread
+from robustid.core import Real, as_count, hz_words, one_thread
 from robustid.data import Bound, FrequencyResponse, TimeRecord, as_frequency_response, as_probability, joint_radius
 from robustid.errors import InputError
 from robustid.estimation.noise_floor import bounds_from_noise_floor
@@ -150,7 +150,7 @@ def _of_coherence(frf: FrequencyResponse, averages: int | None, probability: flo
     c: Real = frf.coherence[:, :, None]
     if np.any(c <= 0):
         raise InputError(
-            f"the coherence is zero at {frf.freq_hz[int(np.argmin(c.min(axis=(1, 2))))]:.5g} Hz: nothing is known there"
+            f"the coherence is zero at {hz_words(frf.freq_hz[int(np.argmin(c.min(axis=(1, 2))))])}: nothing is known there"
         )
     s = np.abs(frf.values) * np.sqrt((1 - c) / (c * (averages - 1)))
     return _bounded(frf, s, float(averages - 1), probability, f"from the coherence of {averages} averages", None)

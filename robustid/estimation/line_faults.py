@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Real, hz_words
 from robustid.data import Fault, FaultKind, FrequencyResponse
 from robustid.estimation.axis_parts import Jump, jump, unexcited
 from robustid.estimation.corrections import leaving_out, written_hz
@@ -143,13 +143,11 @@ def _odd_words(frf: FrequencyResponse, odd: Sequence[Odd], lines: Sequence[int])
     count = len(lines)
     words = f"{count} frequency point{'s' * (count > 1)} ({_places(frf, lines)}{_entry_words(frf, odd)})"
     words += " are off what their neighbours say" if count > 1 else " is off what its neighbours say"
-    at = f" at {frf.freq_hz[worst.line]:.5g} Hz" if count > 1 else ""
+    at = f" at {hz_words(frf.freq_hz[worst.line])}" if count > 1 else ""
     by_bound = f"{max(bounded):.3g} times the bound and " if bounded else ""
     evidence = f"by {'up to ' * (len(odd) > 1)}{by_bound}{worst.scatter:.3g} times the scatter of the neighbours{at}"
     evidence += f"{_cause(frf, lines)}. Suspect: a mode would explain {'each' if count > 1 else 'it'} only with a half-width below"
-    evidence += (
-        f" {NARROW * _spacing(frf, lines):.3g} Hz, a quarter of the line spacing; measure between the lines, or leave"
-    )
+    evidence += f" {hz_words(NARROW * _spacing(frf, lines), 3)}, a quarter of the line spacing; measure between the lines, or leave"
     evidence += " them out" if count > 1 else " it out"
     size = max(bounded) if bounded else worst.scatter
     return Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, lines), _where(frf, odd), size=float(size))
@@ -163,14 +161,14 @@ def _cause(frf: FrequencyResponse, lines: Sequence[int]) -> str:
     times: Real = np.asarray(np.rint(hz / hz[0]), dtype=float)
     if len(lines) > 1 and np.all(times % 2 == 1) and np.all(np.abs(hz - times * hz[0]) <= spacing * (times + 1) / 2):
         said = ", ".join(f"{n:g}" for n in times.tolist())
-        return f"; they are {said} times {hz[0]:.5g} Hz: a disturbance and its odd multiples{_mains(hz[0], spacing)}"
+        return f"; they are {said} times {hz_words(hz[0])}: a disturbance and its odd multiples{_mains(hz[0], spacing)}"
     return _mains(hz[0], spacing) if len(lines) == 1 else ""
 
 
 def _mains(hz: float, spacing: float) -> str:
     """The mains, where the line nearest to their frequency is this one."""
     near = [mains for mains in _MAINS_HZ if abs(hz - mains) <= spacing / 2]
-    return f"; the mains have {near[0]:.4g} Hz" if near else ""
+    return f"; the mains have {hz_words(near[0], 4)}" if near else ""
 
 
 def _jump_words(frf: FrequencyResponse, step: Jump) -> Fault:
@@ -178,7 +176,8 @@ def _jump_words(frf: FrequencyResponse, step: Jump) -> Fault:
     seen = step.factors[np.abs(step.factors - 1) > 0]
     factor = seen[int(np.argmax(np.abs(seen - 1)))]
     turn = float(np.degrees(np.angle(factor)))
-    words = f"between {below:.5g} and {above:.5g} Hz the response jumps by a factor of {abs(factor):.3g} and {turn:.3g} degrees"
+    words = f"between {hz_words(below)} and {hz_words(above)} the response jumps by a factor of {abs(factor):.3g} and {turn:.3g}"
+    words += " degrees"
     bounds = f", {step.size:.3g} times the bound there," if np.isfinite(step.size) else ""
     evidence = (
         f"no model of lines on both sides follows it{bounds} and it goes on beyond: two measurements that were joined. Bring both"
@@ -207,7 +206,7 @@ def _noise_words(frf: FrequencyResponse, low: int, high: int) -> list[Fault]:
         if frf.bound is not None:
             share = float(np.median(frf.bound.outer_radius[part] / np.maximum(size, np.finfo(float).tiny)))
             bound = f", while their bounds are {100 * share:.2g} % of their size"
-        words = f"nothing excited the {len(size)} frequency points {side} {hz:.6g} Hz"
+        words = f"nothing excited the {len(size)} frequency points {side} {hz_words(hz, 6)}"
         evidence = f"their values are unrelated from one to the next, as noise is{bound}"
         found.append(Fault(FaultKind.NOISE_ONLY, words, evidence, f"leave out {side} {hz:.10g}", size=float(len(size))))
     return found

@@ -11,8 +11,9 @@ from robustid.estimation.innovations import order_for
 
 # What may be done about a loop, and what cannot be said without.
 WITHOUT_CONTROLLER = (
-    "Give the reference, or the controller that ran ([loop] in a run file): noise that is fed back biases the response where it is"
-    " not small beside the excitation, the bound does not know it, and no margin of the loop follows"
+    "Give the reference (--time-field reference=NAME), or the controller that ran ([loop] controller = FILE in a run file, or"
+    " identify --loop FILE with the response of the loop): noise that is fed back biases the response where it is not small"
+    " beside the excitation, the bound does not know it, and no margin of the loop follows"
 )
 _AHEAD = 5  # samples
 _CHANCE = 1e-4

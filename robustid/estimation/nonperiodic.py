@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array
+from robustid.core import as_array, hz_words
 from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError
 from robustid.estimation.common_poles import predicted
@@ -64,7 +64,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         coherence=np.clip(1 - residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
-        f" ({(2 * half + 1) / (samples * first.dt):.3g} Hz)",
+        f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)})",
         noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
         modes=() if loop else known.modes,  # the poles of a loop are not those of the plant in it
     )
@@ -241,7 +241,7 @@ def welch(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         excitations=len(records) // nu or 1,
         coherence=np.clip(1 - residual / np.where(power > 0, power, 1), 0, 1),
         rounding=np.full(values.shape, np.finfo(float).tiny),
-        source=f"Welch: what changes within {2 / (length * first.dt):.3g} Hz is smeared, and the bound does not know it",
+        source=f"Welch: what changes within {hz_words(2 / (length * first.dt), 3)} is smeared, and the bound does not know it",
         caveats=(Caveat.SMEARED,),
     )
     shared = pooled(found)

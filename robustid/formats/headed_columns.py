@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Options
-from robustid.errors import InputError
+from robustid.errors import FileFormatError, InputError
 from robustid.formats import units
 from robustid.formats.headings import Heading, heading, turned
 from robustid.formats.role_names import UNSURE, axis_role
@@ -50,6 +50,9 @@ def from_headings(table: Table, kind: str | None) -> Table:
             continue
         _check_matrix(quantity, entries, set(complete))
         return _with_response(table, axis, quantity, complete, {entry: entries[entry] for entry in complete})
+    for name, error in table.columns.items():
+        if isinstance(error, FileFormatError) and (said := heading(name)) is not None and said.quantity and said.part:
+            raise error  # a part is there, and holds text
     for (quantity, _), entries in found.items():
         if quantity and (alone := [column for parts in entries.values() for column in parts.values()]):
             raise InputError(
@@ -167,6 +170,7 @@ def _with_response(
             columns = {name: one[~idle] if isinstance(one, np.ndarray) and one.shape[:1] == idle.shape else one
                        for name, one in columns.items()}  # fmt: skip
     facts = {side: labels for side, labels in facts.items() if labels is not None}
+    facts |= {"dt": None} if quantity in _SIGNALS else {}  # nothing is sampled in a network
     remarks = {**table.remarks, "values": "made of the others"}
     return dataclasses.replace(
         table, columns=columns, facts={**table.facts, "frequency": facts}, how=how, remarks=remarks

@@ -96,9 +96,8 @@ def _response(table: Table, part: _Part, frequency_unit: str | None) -> Table:
     columns = {"omega": omega, "values": np.moveaxis(values, -1, 0)}
     if (covariance := part.numbers("CovarianceData")) is not None:
         facts["covariance"] = _covariance(part, covariance, values.shape)
-    return dataclasses.replace(
-        table, columns=columns, facts={"frequency": {k: v for k, v in facts.items() if v is not None}}
-    )
+    facts = {name: value for name, value in facts.items() if value is not None or (name == "dt" and step == 0)}
+    return dataclasses.replace(table, columns=columns, facts={"frequency": facts})
 
 
 def _frequency_scale(part: _Part, frequency_unit: str | None) -> float:

@@ -159,13 +159,17 @@ def _assigned(
 
 
 class Origin(NamedTuple):
-    """Facts that a file states itself: kind, whether the unit of its frequencies is known, sample time, and format."""
+    """Facts that a file states itself: kind, whether the unit of its frequencies is known, sample time, and format.
+
+    `continuous`: it says, or its format does, that nothing is sampled.
+    """
 
     kind: str | None
     unit_known: bool
     dt: float | None
     dt_from: str
     how: str
+    continuous: bool = False
 
 
 def origin(
@@ -174,7 +178,8 @@ def origin(
     """The `Origin` of a file, whatever `dt` and unit `read_file` is given."""
     table = read_table(path, decimal)
     if table.meta is not None and not fields:
-        return Origin(table.meta["kind"], True, table.meta["data"].get("dt"), "stored with the data", "as it was saved")
+        step = table.meta["data"].get("dt")
+        return Origin(table.meta["kind"], True, step, "stored with the data", "as it was saved", step is None)
     if not fields:
         with contextlib.suppress(InputError, FileFormatError):  # `load` has the sentence
             table = from_headings(from_structure(table, kind, None), kind)
@@ -188,7 +193,8 @@ def origin(
         else:
             samples = len(lookup.signal("u", lookup.need("u")))
             step, source = time_step(lookup, samples), "its time axis"
-    return Origin(None if fields else lookup.looks(), unit_known, step, source, table.how)
+    continuous = step is None and "dt" in table.facts.get(kind, {})
+    return Origin(None if fields else lookup.looks(), unit_known, step, source, table.how, continuous)
 
 
 def _write(path: str | os.PathLike[str], data: Measured) -> None:

@@ -18,6 +18,7 @@ from robustid.formats.table import Table, missing, said
 
 TOUCHSTONE = re.compile(r"\.s(\d+)p", re.IGNORECASE)
 SPICE = (".cir", ".sp", ".lib", ".sub")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?")
 _PAIRS = 4  # complex numbers a line of Touchstone holds at most
 
 
@@ -65,8 +66,8 @@ def read_touchstone(path: Path) -> Table:
             file = Touchstone(str(path))
     except Exception as error:  # scikit-rf raises whatever the broken bytes lead it to
         raise FileFormatError(
-            f"{path.name} can't be read as Touchstone ({said(error)}); is it cut off, or the number of ports in its"
-            " ending wrong?"
+            f"{path.name} can't be read as Touchstone ({_text_in(path) or said(error)}); is it cut off, or the number of"
+            " ports in its ending wrong?"
         ) from None
     if file.parameter != "s":
         raise FileFormatError(
@@ -80,10 +81,20 @@ def read_touchstone(path: Path) -> Table:
             " read; is the file cut off, or the number of ports in its ending wrong?"
         )
     table = Table(path, {"freq_hz": np.asarray(file.f), "values": np.asarray(file.s)}, how="Touchstone, S-parameters")
-    table.facts["frequency"] = {
-        side: [f"{wave}{k + 1}" for k in range(ports)] for side, wave in (("inputs", "a"), ("outputs", "b"))
-    }
+    waves = {"inputs": "a", "outputs": "b"}
+    table.facts["frequency"] = {"dt": None} | {s: [f"{w}{k + 1}" for k in range(ports)] for s, w in waves.items()}
     return table
+
+
+def _text_in(path: Path) -> str:
+    """The first line that begins with a number and holds a word, in words; empty where there is none."""
+    with path.open(encoding="latin-1") as file:
+        for row, line in enumerate(file, start=1):
+            words = line.partition("!")[0].split()
+            numbers = [_NUMBER.fullmatch(word) for word in words]
+            if numbers and numbers[0] and not all(numbers):
+                return f"line {row}: {words[numbers.index(None)][:40]!r} is not a number"
+    return ""
 
 
 def _touchstone_lines(path: Path) -> int:

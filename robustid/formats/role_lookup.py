@@ -127,7 +127,10 @@ class Lookup:
         """One sentence that lists the columns of the file; the shape of those that are no vectors."""
         remarks = {name: f" ({words})" for name, words in self.table.remarks.items()}
         names = [_shown(name, values) + remarks.get(name, "") for name, values in self.columns.items()]
-        return f"The file has {', '.join(names[:40])}{' …' if len(names) > 40 else ''}{self.export}"
+        unread = [f"; {error.said({})}" for error in self.columns.values() if isinstance(error, FileFormatError)]
+        return (
+            f"The file has {', '.join(names[:40])}{' …' if len(names) > 40 else ''}{self.export}{''.join(unread[:1])}"
+        )
 
     def help(self) -> list[str | Remedy]:
         """The inventory, and a line that works as far as the arrays say it: parts of a sentence."""

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Arrays, Complex, Real, one_thread
+from robustid.core import Arrays, Complex, Real, hz_words, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import independent_entries, which
 from robustid.guarantees.linear.amplitudes import Extraction, extract
@@ -105,7 +105,7 @@ def _check_apart(problem: MixedProblem, functions: Functions, rank: NDArray[np.i
             angles = np.sort(np.angle(modes.middle[first : first + count]))  # type: ignore[union-attr]
             hz = problem.plane.omega(angles[[0, -1]]) / (2 * np.pi)
             raise InputError(
-                f"the pole-uncertainty boxes of {count} modes around {hz.mean():.5g} Hz are so close that no data tell their"
+                f"the pole-uncertainty boxes of {count} modes around {hz_words(hz.mean())} are so close that no data tell their"
                 " amplitudes apart; state smaller boxes, measure more frequency points there or take fewer modes. `band` bounds"
                 " these modes together, and holds over the box all the same"
             )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Budget, Complex, Progress, Real, Savable, as_array, as_flag, as_kind, freeze, one_thread
+from robustid.core import Budget, Progress, Real, Savable, as_array, as_flag, as_kind, freeze, hz_words, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
@@ -91,7 +91,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         """The discs of the samples alone."""
         return EntryBands(self.problem, self.bands)
 
-    def at(self, omega: ArrayLike) -> tuple[Complex, Real]:
+    def at(self, omega: ArrayLike) -> tuple[NDArray[np.complex128], Real]:
         """Centres and radii of the discs at any frequencies, (F, ny, nu) each; at exactly those of polygons discs around these.
 
         See `ProvedDiscs.at`.
@@ -100,11 +100,11 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         return smaller_discs(centre, radius, self.polygons, np.atleast_1d(as_array("omega", omega)))
 
     @functools.cached_property
-    def _here(self) -> tuple[Complex, Real]:
+    def _here(self) -> tuple[NDArray[np.complex128], Real]:
         return self.at(self.omega)
 
     @property
-    def centre(self) -> Complex:
+    def centre(self) -> NDArray[np.complex128]:
         """Centres of the discs at `omega`, (F, ny, nu): estimates with the smallest worst case that linear methods reach."""
         return freeze(self._here[0])
 
@@ -129,7 +129,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         return 0 if self.model is None else self.model.nstates
 
     @property
-    def nominal(self) -> Complex:
+    def nominal(self) -> NDArray[np.complex128]:
         """Response of the model at `omega`, (F, ny, nu); the centres without one."""
         return self.centre if self.model is None else self.problem.plane.values_at(self.model, self.omega)
 
@@ -147,7 +147,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
 
     def _discs_about(
         self, model: control.StateSpace | None, omega: ArrayLike
-    ) -> tuple[Real, Bounded | None, Real, Complex]:
+    ) -> tuple[Real, Bounded | None, Real, NDArray[np.complex128]]:
         """Bounds by the discs, with polygons, frequencies and nominal values by which they may be narrowed."""
         omega = np.atleast_1d(as_array("omega", omega))
         model = self.model if model is None else check_nominal(model, self.problem)
@@ -313,7 +313,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             return f"Semidefinite programs at {asked} of {self.omega.size} frequencies narrow the band nowhere: that of sums stands"
         part = self._narrowing[self.narrowed]
         least = float(self.omega[np.argmin(self._narrowing)]) / (2 * np.pi)
-        sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {least:.5g} Hz"
+        sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {hz_words(least)}"
         others = self._narrowing[~np.isin(self.omega, self.polygons.omega)]
         further = ""
         if others.size and np.median(others) < _NARROWER:
@@ -380,7 +380,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             k = int(np.argmax(np.where(known, upper, -1.0)))
             lines = [
                 f"every consistent system is within {upper[k]:.4g} of {about}, proved {where}{poles}{self.problem.scope}",
-                f"           (median {self.relative.words}; largest at {self.omega[k] / (2 * np.pi):.5g} Hz)",
+                f"           (median {self.relative.words}; largest at {hz_words(self.omega[k] / (2 * np.pi))})",
             ]
         if known.any() and self.open_ranges:
             lines.append(

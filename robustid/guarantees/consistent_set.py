@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.bases import solve_stein
-from robustid.core import Budget, Complex, Frozen, Real
+from robustid.core import Budget, Complex, Frozen, Real, hz_words
 from robustid.errors import InconsistentDataError
 from robustid.guarantees.extremes import Extreme, PartSet, largest, part_set
 from robustid.identification import (
@@ -334,7 +334,7 @@ class Sample(NamedTuple):
     def place(self) -> str:
         """Place in words, "at 13 Hz (y1 / u1)"."""
         return (
-            f"at {self.at / (2 * np.pi):.5g} Hz" if self.kind == "frequency" else f"at {self.at:.5g} s"
+            f"at {hz_words(self.at / (2 * np.pi))}" if self.kind == "frequency" else f"at {self.at:.5g} s"
         ) + self.entry
 
     def __str__(self) -> str:

@@ -20,6 +20,7 @@ from robustid.core import (
     as_flag,
     as_kind,
     freeze,
+    hz_words,
     one_thread,
 )
 from robustid.errors import InputError
@@ -201,7 +202,7 @@ class Contradiction(Frozen, Savable):
 
     @property
     def _where(self) -> str:
-        place = f"{self.time:.5g} s" if self.omega is None else f"{self.omega / (2 * np.pi):.5g} Hz"
+        place = f"{self.time:.5g} s" if self.omega is None else hz_words(self.omega / (2 * np.pi))
         return place + which(self.problem, self.entry)
 
     def summary(self) -> str:

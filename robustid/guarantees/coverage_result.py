@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, Tabular, freeze
+from robustid.core import Frozen, Real, Tabular, freeze, hz_words
 from robustid.guarantees.next_record import Ranked, chance_of_order, ranked
 from robustid.guarantees.power import NARROW, SURE, Judgement
 
@@ -143,7 +143,7 @@ class Coverage(Frozen, Tabular):
         r, k, i, j = np.unravel_index(int(np.nanargmax(sizes)), sizes.shape)
         outputs, inputs = self.signals
         entry = "" if len(outputs) == len(inputs) == 1 else f" ({outputs[i]} / {inputs[j]})"
-        return f"{self.names[r]}, {self.omega[k] / (2 * np.pi):.5g} Hz{entry}"
+        return f"{self.names[r]}, {hz_words(self.omega[k] / (2 * np.pi))}{entry}"
 
     @property
     def scores(self) -> Real:

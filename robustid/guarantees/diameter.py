@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, Progress, Real, as_kind, freeze
+from robustid.core import Frozen, Progress, Real, as_kind, freeze, hz_words
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import MixedProblem, check_gain, identify
@@ -60,7 +60,7 @@ class Diameter(Frozen):
             [
                 f"diameter   whatever is measured, two consistent systems differ by at most {self.upper.max():.4g} at"
                 f" {self.omega.size} frequencies",
-                f"worst      {self.omega[k] / (2 * np.pi):.5g} Hz (zero data attain {self.lower[k, *entry]:.4g})",
+                f"worst      {hz_words(self.omega[k] / (2 * np.pi))} (zero data attain {self.lower[k, *entry]:.4g})",
                 "meaning    no model and no method can guarantee less than half of the attained value for every outcome",
             ]
         )

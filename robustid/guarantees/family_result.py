@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Plane, Real, freeze
+from robustid.core import Plane, Real, freeze, hz_span
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
@@ -259,7 +259,7 @@ class Family(WorstCase):
         rows = self.drivers()
         for row in sorted(rows, key=lambda row: -row.upper)[:_DRIVERS]:
             lines.append(
-                f"driven by  {row.member} from {row.low / (2 * np.pi):.5g} to {row.high / (2 * np.pi):.5g} Hz: {row.upper:.4g}"
+                f"driven by  {row.member} from {hz_span(row.low / (2 * np.pi), row.high / (2 * np.pi))}: {row.upper:.4g}"
                 f" (the others {row.second:.4g})"
             )
         if len(rows) > _DRIVERS:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, as_positive, freeze
+from robustid.core import Complex, Frozen, Real, Savable, as_positive, freeze, hz_words
 from robustid.errors import InputError
 from robustid.figures import Drawable
 
@@ -138,7 +138,7 @@ class Interconnection(Frozen, Drawable, Savable):
         return np.maximum(np.min(np.abs(1 + self.loci) - self.radius, axis=1), 0.0)
 
     def __repr__(self) -> str:
-        where = f"{self.frequency / (2 * np.pi):.5g} Hz"
+        where = hz_words(self.frequency / (2 * np.pi))
         return f"<Interconnection: {self.status.name.lower()}, margin {self.margin:.4g} at {where}>"
 
     def summary(self) -> str:
@@ -165,7 +165,7 @@ class Interconnection(Frozen, Drawable, Savable):
 
     @property
     def _margin_words(self) -> str:
-        hz = f"{self.frequency / (2 * np.pi):.5g} Hz"
+        hz = hz_words(self.frequency / (2 * np.pi))
         if np.isinf(self.margin):
             return "infinite: both sides are known, or no error that is left to them closes the loop"
         if self.margin > 1:
@@ -178,7 +178,7 @@ class Interconnection(Frozen, Drawable, Savable):
     @property
     def wanted(self) -> tuple[str, ...]:
         """Sentences on what to measure better, side by side: how narrow a band must become where nothing is proved."""
-        hz = f"{self.frequency / (2 * np.pi):.5g} Hz"
+        hz = hz_words(self.frequency / (2 * np.pi))
         if self.margin > 1:
             return ()
         found: list[str] = []

@@ -23,6 +23,7 @@ from robustid.core import (
     as_kind,
     decay_of,
     freeze,
+    hz_words,
     one_thread,
     poles_of,
     response_at,
@@ -195,7 +196,7 @@ class LoopBounds(Frozen, Drawable, Savable):
         if self.band.open_ranges:
             return f"nothing is proved from {self.band.open_words}, where the band is open"
         hz = self.peaks["sensitivity"].omega / (2 * np.pi)
-        return f"nothing is proved near {hz:.5g} Hz, where a loop of the bounds may be singular"
+        return f"nothing is proved near {hz_words(hz)}, where a loop of the bounds may be singular"
 
     def summary(self) -> str:
         """The result in plain text."""
@@ -207,7 +208,7 @@ class LoopBounds(Frozen, Drawable, Savable):
             )
         if self.stability is not None and not self.guaranteed:
             hz, size = self.stability.frequency / (2 * np.pi), self.stability.margin
-            lines.append(f"margin     {size:.4g}, limited at {hz:.5g} Hz: above 1 it would be proved")
+            lines.append(f"margin     {size:.4g}, limited at {hz_words(hz)}: above 1 it would be proved")
         lines += self._peak_lines
         low, high = self.margins.gain
         who = "this controller" if self.stability is None else "the one stated"
@@ -235,7 +236,7 @@ class LoopBounds(Frozen, Drawable, Savable):
             return lines
         return [
             f"{letters:10s} at most {self.peaks[name].value:.4g} at every frequency, for every consistent plant, near"
-            f" {self.peaks[name].omega / (2 * np.pi):.5g} Hz"
+            f" {hz_words(self.peaks[name].omega / (2 * np.pi))}"
             for name, letters in zip(MAPS, ("S", "T", "P S", "C S"), strict=True)
         ]
 

@@ -9,7 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Progress, Real, as_count, as_kind, as_positive, freeze, one_thread, threads_for
+from robustid.core import (
+    Budget,
+    Progress,
+    Real,
+    as_count,
+    as_kind,
+    as_positive,
+    freeze,
+    hz_span,
+    hz_words,
+    one_thread,
+    threads_for,
+)
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
 from robustid.guarantees.amplitude_bounds import Extractions, amplitudes_proved
 from robustid.guarantees.circle import CircleBound
@@ -173,7 +185,7 @@ class WorstCaseOverPoles(WorstCase):
         for number, (w, d, *whole) in enumerate(zip(*self.poles, *stated, strict=True), start=1):
             lines.append(f"mode {number}     {_interval(w, d)}; the box: {_interval(*whole)}")
         lines += [
-            f"next       measure around {self.next_line / (2 * np.pi):.5g} Hz: the bound is largest there",
+            f"next       measure around {hz_words(self.next_line / (2 * np.pi))}: the bound is largest there",
             "assumed    gain bound, decay rate, the number of modes, poles inside the box, bounds of the samples: data can refute"
             " them, never prove them",
         ]
@@ -185,7 +197,7 @@ Bounded = WorstCaseError | WorstCaseOverPoles  # the worst case of one plant
 
 def _interval(omega: Real, damping: Real) -> str:
     low, high = omega / (2 * np.pi)
-    return f"{low:.6g} to {high:.6g} Hz, damping {damping[0]:.5g} to {damping[1]:.5g}"
+    return f"{hz_span(low, high, 6)}, damping {damping[0]:.5g} to {damping[1]:.5g}"
 
 
 @one_thread()

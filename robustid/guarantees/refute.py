@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, as_kind, freeze, one_thread, threads_for, time_words
+from robustid.core import Complex, Frozen, Real, as_kind, freeze, hz_words, one_thread, threads_for, time_words
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.consistent_set import ConsistentSet, consistent_set, which
@@ -119,7 +119,7 @@ class Refutation(Frozen):
         kind, index, at, _, _ = self.worst
         output, input = np.concatenate([s.entries for s in self.samples])[self._worst].tolist()
         problem = self.identification.problem
-        where = f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s"
+        where = hz_words(at / (2 * np.pi)) if kind == "frequency" else f"{at:.5g} s"
         return f"{kind} experiment {index + 1} at {where}{which(problem, (output, input if kind == 'frequency' else None))}"
 
     @one_thread()

@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, rounded_up
-from robustid.data import hz_span
+from robustid.core import Complex, Frozen, Real, hz_span, hz_words, rounded_up
 from robustid.identification import MixedProblem
 
 _SAME = 1e-9  # relative: frequencies that are one
@@ -39,7 +38,7 @@ class RelativeErrors(Frozen):
         """The median in words, with what it is the median of."""
         hz = self.omega / (2 * np.pi)
         where = (
-            f"at {hz[0]:.4g} Hz"
+            f"at {hz_words(hz[0], 4)}"
             if hz.size == 1
             else f"at {hz.size} frequencies from {hz_span(float(hz[0]), float(hz[-1]), 4)}"
         )

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, StateMatrices, Tabular, as_kind, freeze, plane_of
+from robustid.core import Complex, Frozen, Real, Savable, StateMatrices, Tabular, as_kind, freeze, hz_words, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.figures import Drawable
@@ -362,7 +362,7 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         if at is None:
             return "no frequency"
         first = [*self.records, *self.usual][0]
-        hertz = f"{at.omega / (2 * np.pi):.5g} Hz"
+        hertz = hz_words(at.omega / (2 * np.pi))
         if first.values.shape[1:] == (1, 1):
             return hertz
         return f"{hertz} ({first.outputs[at.output].name} / {first.inputs[at.input].name})"

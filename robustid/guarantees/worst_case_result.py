@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, Source, Tabular, freeze, threads_for
+from robustid.core import Real, Source, Tabular, freeze, hz_words, threads_for
 from robustid.errors import InputError
 from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
@@ -244,7 +244,7 @@ class WorstCaseError(WorstCase, Tabular):
             lines.append(f"entry      at most {self.upper.max():.4g}{name}")
         for w, high, low, sample in self.worst():
             lines.append(
-                f"worst      {w / (2 * np.pi):.5g} Hz: {high:.4g} (attained {low:.4g}), active constraint: {sample}"
+                f"worst      {hz_words(w / (2 * np.pi))}: {high:.4g} (attained {low:.4g}), active constraint: {sample}"
             )
         modes = self.identification.choices.get("modes")
         if modes is not None and modes.source is Source.DATA:

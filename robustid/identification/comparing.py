@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import one_thread
+from robustid.core import hz_span, one_thread
 from robustid.data import (
     SAME_FREQUENCY,
     FrequencyResponse,
@@ -137,9 +137,7 @@ def _in_common(first: FrequencyResponse, second: FrequencyResponse) -> list[Freq
     close = np.abs(first.omega - second.omega[nearest]) <= SAME_FREQUENCY * np.abs(first.omega)
     theirs: list[int] = np.unique(nearest[close]).tolist()
     if not theirs:
-        ranges = [
-            f"{one.freq_hz.size} from {one.freq_hz[0]:.5g} to {one.freq_hz[-1]:.5g} Hz" for one in (first, second)
-        ]
+        ranges = [f"{one.freq_hz.size} from {hz_span(one.freq_hz[0], one.freq_hz[-1])}" for one in (first, second)]
         raise InputError(
             f"`a` and `b` have no frequency point in common; got {ranges[0]}, and {ranges[1]}. Estimate both from records of one"
             " length and period, or compare each with a model"

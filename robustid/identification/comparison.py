@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, as_kind, freeze
+from robustid.core import Complex, Frozen, Real, Savable, as_kind, freeze, hz_span, hz_words
 from robustid.data import FrequencyResponse, as_probability, chance_beyond, joint_radius, variances
 from robustid.errors import InputError
 from robustid.figures import Drawable
@@ -209,7 +209,7 @@ class Comparison(Frozen, Drawable, Savable):
         which = "" if self.chance.shape[1:] == (1, 1) else f" in {self.entry(i, j)}"
         return (
             f"More than noise: two measurements of one plant differ so with probability {self.by_chance:.2g} at most. Among"
-            f" {points} the difference stands out most at {self.hz:.5g} Hz{which}."
+            f" {points} the difference stands out most at {hz_words(self.hz)}{which}."
         )
 
     @property
@@ -235,13 +235,13 @@ class Comparison(Frozen, Drawable, Savable):
         share = f", {100 * size / at:.3g} % of the first" if at else ""
         lines = [
             f"{'differ' if self.differ else 'alike':<11}{self.verdict}",
-            f"largest    at {self.hz:.5g} Hz ({self.entry(i, j)}): |difference| {size:.4g}{share},"
+            f"largest    at {hz_words(self.hz)} ({self.entry(i, j)}): |difference| {size:.4g}{share},"
             f" {size / self.limit[k, i, j]:.3g} of the limit of noise; by chance {self.largest:.2g}",
         ]
         if self.together is not None:
             lines.append(f"together   all differences at once: by chance {self.together:.2g}")
         for one in self.where[:5]:
-            span = f"{one.low:.5g} Hz" if one.points == 1 else f"{one.low:.5g} to {one.high:.5g} Hz"
+            span = hz_words(one.low) if one.points == 1 else hz_span(one.low, one.high)
             lines.append(f"beyond     {span} ({self.entry(one.output, one.input)}): {one.times:.3g} times the limit")
         lines += [f"beyond     and {len(self.where) - 5} more places"] if len(self.where) > 5 else []
         faults = [f"{name}: {fault}" for name in ("first", "second") for fault in getattr(self, name).faults]

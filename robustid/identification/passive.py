@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from robustid.bases import Function, FunctionKind, ParametricBasis, as_basis, stack_bases
-from robustid.core import Complex, Plane, Real, StateMatrices
+from robustid.core import Complex, Plane, Real, StateMatrices, hz_words
 from robustid.data import FrequencyResponse, TangentialResponse
 from robustid.errors import InputError
 from robustid.identification.entries import Entries
@@ -266,7 +266,7 @@ def contradictions(problem: _Posed) -> tuple[str, ...]:
         limit = f"below {-slack:g}" if slack else "below 0"
     words = (
         f"The data are not passive at {len(found)} of {points} frequency points by themselves, most at"
-        f" {omega / (2 * np.pi):.5g} Hz: {what} is {limit} by {size:.3g} more than its bound."
+        f" {hz_words(omega / (2 * np.pi))}: {what} is {limit} by {size:.3g} more than its bound."
     )
     return (words, *_hints(problem))
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid.core import Frozen, Plane, Real, Record, as_array, as_count, as_positive, time_words
+from robustid.core import Frozen, Plane, Real, Record, as_array, as_count, as_positive, hz_words, time_words
 from robustid.errors import InputError
 from robustid.identification.weighting import ONE, PriorWeight, as_weight
 
@@ -141,7 +141,7 @@ class Prior(Frozen):
     def weight_words(self) -> str:
         """Words on how the bound depends on the frequency, to follow |G| <= K; empty where it does not."""
         if self.roll_off is not None:
-            return f", rolling off as omega^-{self.roll_off} above {self.corner / (2 * np.pi):.4g} Hz"
+            return f", rolling off as omega^-{self.roll_off} above {hz_words(self.corner / (2 * np.pi), 4)}"
         return "" if self.weight is None else f" times {self.weight}"
 
     def weight_in(self, plane: Plane) -> PriorWeight:

@@ -8,7 +8,7 @@ import functools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Choice, Frozen, Model, Numbers, Real, Savable, freeze
+from robustid.core import Choice, Frozen, Model, Numbers, Real, Savable, freeze, hz_words
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
 from robustid.errors import InconsistentDataError, InputError, SolverError, Status
 from robustid.figures import Drawable
@@ -325,7 +325,7 @@ class Identification(Frozen, Drawable, Savable):
         ]
         for residual, k, share in self.limiting(0.02)[:6]:
             at = residual.axis[k]
-            place = f"{at / (2 * np.pi):.5g} Hz" if residual.kind == "frequency" else f"{at:.5g} s"
+            place = hz_words(at / (2 * np.pi)) if residual.kind == "frequency" else f"{at:.5g} s"
             name = entry_name(problem, residual.entry)
             where = f"{residual.kind} experiment {residual.index + 1}{f' ({name})' if name else ''} at {place}"
             lines.append(f"active     {where}: {100 * share:.0f} % of the proof")
@@ -370,7 +370,7 @@ class Identification(Frozen, Drawable, Savable):
         if self.problem.entries.single:
             return []
         return [
-            f"mode       {mode.omega / (2 * np.pi):.5g} Hz, damping {mode.damping:.3g}: second singular value of its residue"
+            f"mode       {hz_words(mode.omega / (2 * np.pi))}, damping {mode.damping:.3g}: second singular value of its residue"
             f" {100 * mode.rank_ratio:.2g} % of the first"
             for mode in self.modes[:_MODES]
         ]

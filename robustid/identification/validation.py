@@ -21,6 +21,7 @@ from robustid.core import (
     as_state_space,
     balanced_scales,
     freeze,
+    hz_words,
     lengths,
     model_of,
     one_thread,
@@ -223,7 +224,7 @@ def _describe_pole(pole: complex, dt: float | None) -> str:
     if dt is True:
         return f"z = {complex(pole):.6g}"
     rate = f"real part {exponent.real:+.3g} 1/s"
-    text = f"{exponent.imag / (2 * np.pi):.4g} Hz ({rate})" if exponent.imag else f"0 Hz ({rate})"
+    text = f"{hz_words(exponent.imag / (2 * np.pi), 4)} ({rate})" if exponent.imag else f"0 Hz ({rate})"
     return text if not dt else f"{text[:-1]}, |z| = {abs(pole):.9g})"
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Frozen, Real, StateMatrices, as_float, scaled_states, threads_for
+from robustid.core import Frozen, Real, StateMatrices, as_float, hz_words, scaled_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.passivity.passivity_certificate import (
@@ -291,4 +291,4 @@ def _claim(kind: str, margin: float) -> str:
 
 
 def _hz(omega: float) -> str:
-    return "infinity" if np.isinf(omega) else f"{omega / (2 * np.pi):.6g} Hz"
+    return "infinity" if np.isinf(omega) else hz_words(omega / (2 * np.pi), 6)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Plane, Real, one_thread, plane_of
+from robustid.core import Frozen, Plane, Real, hz_words, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import continuous, modal_form
@@ -50,7 +50,7 @@ class DoubtfulMode(Frozen):
             if self.removed
             else "; some frequency points fit less well without it, and it was kept: measure more points around it"
         )
-        return f"The small model has a mode at {self.hz:.5g} Hz (damping {self.damping:.3g}) {self.why}{end}."
+        return f"The small model has a mode at {hz_words(self.hz)} (damping {self.damping:.3g}) {self.why}{end}."
 
 
 @one_thread()

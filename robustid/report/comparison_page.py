@@ -34,7 +34,7 @@ from robustid.report.curves import (
 from robustid.report.document import Block, Column, Document, Facts, Glance, Grid, Heading, Table, Text, Verdict
 from robustid.report.identified import Parts
 from robustid.report.magnitude_phase import MagnitudePhase, phase_axis
-from robustid.report.words import HZ, number, percent, title, unit_label
+from robustid.report.words import HZ, in_hz, number, percent, title, unit_label
 
 _LISTED = 20  # places at the terminal
 _FEW = 300  # points, up to which each gets a marker
@@ -134,7 +134,7 @@ def comparison_page(found: Comparison, heading: str | None, parts: Parts) -> Doc
     ]
     k, i, j = found.most
     shown = next(one for one in entries if one.name == f"entry-{i}-{j}")
-    size = ("largest difference", f"{number(float(np.abs(found.difference[k, i, j])), 3)} at {number(found.hz, 4)} Hz")
+    size = ("largest difference", f"{number(float(np.abs(found.difference[k, i, j])), 3)} at {in_hz(found.hz, 4)}")
     faults = [f"{name}: {one}" for name in ("first", "second") for one in getattr(found, name).faults]
     return Document(
         heading or title("Comparison", found.first.outputs, found.first.inputs),

@@ -12,7 +12,7 @@ from robustid.controllers import ControllerDesign, Improvement
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.report.document import Block, Column, Heading, Table, Text, of_numbers
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, in_hz_span, number
 
 _WORTH = 1.01  # of what a goal reaches, from which on an improvement is one
 _WORDS = (
@@ -69,7 +69,7 @@ def _where(row: Improvement) -> str:
         return ""
     if math.isinf(row.high):
         return "everywhere"
-    return f"from {number(row.low / HZ, 4)} to {number(row.high / HZ, 4)} Hz"
+    return f"from {in_hz_span(row.low / HZ, row.high / HZ, 4)}"
 
 
 def _more(row: Improvement) -> str:

@@ -42,7 +42,7 @@ from robustid.report.loop_page import NOT_IN_LOOP, loop_stands_on
 from robustid.report.loop_section import loop_numbers, loop_rows, peaks_table, single_loops
 from robustid.report.poles import pole_cells, pole_rows
 from robustid.report.small_model import model_chart, model_charts
-from robustid.report.words import HZ, at_most, number, unit_label
+from robustid.report.words import HZ, at_most, in_hz, in_hz_span, number, percent, unit_label
 from robustid.report.words import title as heading
 
 if TYPE_CHECKING:
@@ -105,6 +105,7 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
             "Of each limit the largest share that any consistent plant takes, at any frequency. At 1 it would be reached."
         ),
         shares_table(design),
+        *expensive_members(design),
         Drawing(design_chart(design)),
         *(_open_loop(design) if single else []),
         Heading("The controller"),
@@ -121,6 +122,15 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
             "design-certificates",
         ),
     ]
+
+
+def expensive_members(design: ControllerDesign) -> list[Block]:
+    """Members whose plants take most of a limit, where the controller is for several."""
+    if not design.limiting_bands:
+        return []
+    dear = [f"{k + 1} ({name}, {percent(share, 3)})" for k, name, share in design.limiting_bands[:3]]
+    words = f"Most of a limit is taken by the plants of the members {', '.join(dear)} of {len(design.by_band)}, by their numbers in"
+    return [Text(f"{words} the order in which they were given.")]
 
 
 def design_verdict(design: ControllerDesign) -> Verdict:
@@ -168,7 +178,7 @@ def _numbers(design: ControllerDesign) -> list[tuple[str, str]]:
 
 
 def _near(omega: float) -> str:
-    return "" if math.isnan(omega) else f", near {number(omega / HZ, 4)} Hz"
+    return "" if math.isnan(omega) else f", near {in_hz(omega / HZ, 4)}"
 
 
 def _words(design: ControllerDesign) -> str:
@@ -242,13 +252,13 @@ def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
         yield (
             template.name,
             "; ".join(
-                f"|{letters}| {sign} {number(value)}, {number(low / HZ, 3)} to {number(high / HZ, 3)} Hz"
+                f"|{letters}| {sign} {number(value)}, {in_hz_span(low / HZ, high / HZ, 3)}"
                 for one, low, high, value in limits.rows
                 if one is template
             ),
         )
     if limits.bandwidth is not None:
-        yield "bandwidth", f"|P C| ≥ 1 up to {number(limits.bandwidth / HZ)} Hz"
+        yield "bandwidth", f"|P C| ≥ 1 up to {in_hz(limits.bandwidth / HZ, 4)}"
 
 
 def _open_loop(design: ControllerDesign) -> list[Block]:
@@ -297,7 +307,7 @@ def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
     system, dt = as_system("controller", design.controller)[0], design.proofs[0].loop.dt
     integral = integral_gain(system, dt)
     size = "∞, it has an integrator" if integral else number(_at(system, 1.0 if dt else 0.0))
-    end = f"{number(_at(system, -1.0))}, at {number(0.5 / dt)} Hz" if dt else number(float(system.D[0, 0]))
+    end = f"{number(_at(system, -1.0))}, at {in_hz(0.5 / dt, 4)}" if dt else number(float(system.D[0, 0]))
     rows = [("Gain at frequency 0", size), ("Gain at the end of the axis", end)]
     return [*rows, *([("Gain of the integrator", f"{number(integral, 5)} 1/s")] if integral else [])]
 

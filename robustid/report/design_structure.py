@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from robustid.controllers import FIR, PID, ControllerDesign, Factor, Fixed, LowPass, Matrix, Notch, entries_of
 from robustid.core import Real
 from robustid.identification import as_system
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, in_hz, in_hz_span, number
 
 
 def structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
@@ -62,13 +62,12 @@ def _ends(design: ControllerDesign) -> tuple[list[str], list[str]]:
 def factor_words(factor: Factor, at: Sequence[float]) -> str:
     """A factor in words, with the numbers that were found of those that were searched; of none that was found its intervals."""
     place = " and ".join(
-        f"{number(low / HZ, 5)} Hz" if low == high else f"{number(low / HZ, 4)} to {number(high / HZ, 4)} Hz, searched"
+        in_hz(low / HZ) if low == high else f"{in_hz_span(low / HZ, high / HZ, 4)}, searched"
         for low, high in factor.free
     )
     if at:
         place = " and ".join(
-            f"{number(one / HZ, 5)} Hz"
-            + f" (searched from {number(low / HZ, 4)} to {number(high / HZ, 4)} Hz)" * (low < high)
+            in_hz(one / HZ) + f" (searched from {in_hz_span(low / HZ, high / HZ, 4)})" * (low < high)
             for one, (low, high) in zip(at, factor.free, strict=True)
         )
     if isinstance(factor, PID):

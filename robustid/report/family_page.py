@@ -48,7 +48,7 @@ from robustid.report.document import (
 from robustid.report.identification_page import findings_section, run_file_section
 from robustid.report.identified import Bounded, Parts, transfer
 from robustid.report.withheld_data import not_guaranteed, withheld_section, withheld_verdict
-from robustid.report.words import HZ, at_frequencies, at_hz, at_most, number
+from robustid.report.words import HZ, at_frequencies, at_hz, at_most, in_hz, number
 from robustid.report.words import title as heading
 
 _CURVE = 800  # frequencies of the curve of the nominal
@@ -134,9 +134,9 @@ def _glance(family: Family, entry: Chart, parts: Parts) -> Glance:
     withheld = parts.get("withheld")
     contradicted = withheld is not None and withheld.contradicted
     worst = max(family.drivers(), key=lambda row: row.upper)
-    reach = f"between {number(worst.low / HZ, 5)} and {number(worst.high / HZ, 5)} Hz"
+    reach = f"between {number(worst.low / HZ, 5)} and {in_hz(worst.high / HZ)}"
     if worst.low == worst.high:
-        reach = f"at {number(worst.low / HZ, 5)} Hz"
+        reach = f"at {in_hz(worst.low / HZ)}"
     numbers = [
         ("members", f"{len(family.members)}"),
         ("model order", f"{family.model.nstates}"),
@@ -306,7 +306,7 @@ def schedule_chart(family: Family) -> Chart:
     for k, place in enumerate(places):
         ends = np.array([_range_of(e, int(place), family) for e in family.errors])[order]
         colour, marker = (DATA, NOMINAL, ALERT, FURTHER[0])[k % 4], MARKERS[k % 3]
-        name = f"{number(float(family.omega[place]) / HZ, 5)} Hz"
+        name = in_hz(float(family.omega[place]) / HZ)
         middle, bottom, top = ends.mean(axis=1), ends[:, 0], ends[:, 1]
         bands.append(Layer(name, values[order], middle, colour, dash="dot", marker=marker, low=bottom, high=top))
     panels = [Panel("Range of the magnitude where the band is widest", x, Axis("magnitude", log=True), bands)]
@@ -322,7 +322,7 @@ def schedule_chart(family: Family) -> Chart:
                 shown = found[known, part] if part else 100 * (found[known, 0] / first - 1)
                 middle, bottom, top = shown.T
                 colour, marker = (NOMINAL, ALERT, *FURTHER)[mode % 6], MARKERS[mode % 3]
-                name, at = f"mode {mode + 1}, {number(first)} Hz", values[order][known]
+                name, at = f"mode {mode + 1}, {in_hz(first, 4)}", values[order][known]
                 layers.append(Layer(name, at, middle, colour, dash="dot", marker=marker, low=bottom, high=top))
             title = ("Natural frequency, from that of the first member", "Damping ratio")[part]
             panels.append(Panel(title, x, Axis(label), layers))

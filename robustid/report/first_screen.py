@@ -21,7 +21,7 @@ from robustid.report.loop_section import loop_glance
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
 from robustid.report.time_response import time_chart
-from robustid.report.words import HZ, at_most, number
+from robustid.report.words import HZ, at_most, in_hz, number
 
 if TYPE_CHECKING:
     from robustid.reduction import Reduction
@@ -167,7 +167,7 @@ def _next(
         return [Text("Take the withheld data into the identification, or allow for more: see “Withheld data”.")]
     if band is not None and band.bounded.any():
         upper = np.where(band.bounded, band.sigma_upper, -1.0)
-        where = f"{number(band.omega[int(np.argmax(upper))] / HZ, 5)} Hz"
+        where = in_hz(band.omega[int(np.argmax(upper))] / HZ)
         narrower = f"The error is largest near {where}: a frequency point or a smaller bound there helps first."
         if band.open_ranges:
             narrower = f"Measure frequency points from {band.open_words}: nothing is proved there."
@@ -175,7 +175,7 @@ def _next(
     if error is None or not error.omega.size:
         return [Text(f"Bound the error of the model: {bounding}", code=(bounding,))]
     at, *_, sample = error.worst(1)[0]
-    where, what = f"{number(at / HZ, 5)} Hz", sample_words(identification, sample)
+    where, what = in_hz(at / HZ), sample_words(identification, sample)
     narrower = f"The error is largest at {where}. A smaller bound of one sample helps first there: {what}."
     return [_check(f"error.{_STABLE}", design), Text(narrower)]
 

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from robustid.core import hz_scale
 from robustid.data import FrequencyResponse
 from robustid.fitting import MatrixFraction, ModeRow, continuous
 from robustid.report.charts import (
@@ -208,9 +209,10 @@ def _plane_layer(view: FitView, rigid: bool) -> Layer:
 def _words(row: ModeRow) -> str:
     if row.rigid:
         return f"rigid body, {row.count} states"
+    size, unit = hz_scale(row.hz)
     if row.count == 1:
-        return f"real pole, {with_deviation(row.hz, row.hz_std)} Hz"
-    return f"{with_deviation(row.hz, row.hz_std)} Hz, damping {with_deviation(row.damping, row.damping_std)}"
+        return f"real pole, {with_deviation(row.hz / size, row.hz_std / size)} {unit}"
+    return f"{with_deviation(row.hz / size, row.hz_std / size)} {unit}, damping {with_deviation(row.damping, row.damping_std)}"
 
 
 def with_deviation(value: float, deviation: float) -> str:

@@ -28,7 +28,7 @@ from robustid.report.fit_view import FitView
 from robustid.report.identified import Parts
 from robustid.report.order_sweep_section import order_sweep_section
 from robustid.report.small_model import matrices_section
-from robustid.report.words import HZ, drawn_words, number, title
+from robustid.report.words import HZ, drawn_words, in_hz_span, number, title
 
 _KEYS = {FitStatus.BOUNDARY: "weak", FitStatus.SLOW: "weak"} | dict.fromkeys(
     (FitStatus.LIMIT, FitStatus.TIME, FitStatus.INTERRUPTED, FitStatus.STALLED), "undecided"
@@ -184,9 +184,7 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
     fit = view.fit
     points = int(np.sum(np.any(view.used, axis=(1, 2))))
     hz = view.omega / HZ
-    data = (
-        f"{points} frequency points, {number(hz[0])} to {number(hz[-1])} Hz; {view.ny} × {view.nu} (outputs × inputs)"
-    )
+    data = f"{points} frequency points, {in_hz_span(hz[0], hz[-1], 4)}; {view.ny} × {view.nu} (outputs × inputs)"
     if points < view.omega.size:
         data += f"; {view.omega.size - points} further points have no weight"
     domain = "s" if view.dt is None else f"z, sample time {number(view.dt, 6)} s"

@@ -41,7 +41,7 @@ from robustid.report.identified import (
 )
 from robustid.report.magnitude_phase import band_around, behind, error_panel
 from robustid.report.value_sets import nyquist_chart
-from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, in_hz, number
 
 if TYPE_CHECKING:
     import control
@@ -102,7 +102,7 @@ def guarantee_sentence(error: WorstCaseError) -> str:
     model = bounded_model(error.identification, error.model)[0]
     worst = ""
     if omega.size > 1:
-        worst = f" The largest error is possible at {number(omega[np.argmax(upper)] / HZ, 5)} Hz;"
+        worst = f" The largest error is possible at {in_hz(omega[np.argmax(upper)] / HZ)};"
     return (
         "Every plant that agrees with the data and the assumptions has a response within"
         f" {in_unit(at_most(upper.max()), error.identification)} of the {model}{norm},"
@@ -117,11 +117,11 @@ def at_largest(identification: Identification, error: WorstCaseError | WorstCase
     place = int(known[np.argmax(size[known])])
     model = identification.model if error.model is None else error.model
     beside = "" if known.size == size.size else " that is bounded"
-    where = f"at the largest response{beside}, {number(error.omega[place] / HZ)} Hz"
+    where = f"at the largest response{beside}, {in_hz(error.omega[place] / HZ, 4)}"
     if error.omega[place] == 0:
         where = "at 0 Hz: the static gain"
     elif is_resonance(model, error.omega[known], size[known]):
-        where = f"at the resonance, {number(error.omega[place] / HZ)} Hz"
+        where = f"at the resonance, {in_hz(error.omega[place] / HZ, 4)}"
     return where, float(upper[place] / max(size[place], _TINY))
 
 
@@ -201,7 +201,7 @@ def circle_words(error: WorstCaseError) -> str:
         circle.edges[0] / HZ,
         "the whole circle" if error.identification.problem.dt else "the whole axis, to infinity,",
     )
-    reach = whole if start == 0 else f"all frequencies from {number(start)} Hz on"
+    reach = whole if start == 0 else f"all frequencies from {in_hz(start, 4)} on"
     rough = "" if circle.converged else " It was left coarser than asked."
     return (
         f"Over {reach} the error stays below {in_unit(at_most(circle.largest), error.identification)} (H-infinity norm of plant"

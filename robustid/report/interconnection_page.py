@@ -25,7 +25,7 @@ from robustid.report.document import (
 )
 from robustid.report.identified import Parts
 from robustid.report.loci import loci_chart
-from robustid.report.words import HZ, at_least, at_most, number, plural
+from robustid.report.words import HZ, at_least, at_most, in_hz, in_hz_span, number, plural
 
 _KEYS = {
     InterconnectionStatus.STABLE: ("consistent", "Stable for every pair"),
@@ -106,10 +106,7 @@ def _numbers(result: Interconnection) -> list[tuple[str, str]]:
     margin = "infinite" if np.isinf(result.margin) else at_least(result.margin, 3)
     found = [("factor on both errors that is allowed", margin)]
     if np.isfinite(result.margin):
-        found += [
-            ("least at", f"{number(result.frequency / HZ, 4)} Hz"),
-            ("limited most by", f"the {result.limited_by}"),
-        ]
+        found += [("least at", in_hz(result.frequency / HZ, 4)), ("limited most by", f"the {result.limited_by}")]
     if result.passive.any():
         found.append(("arcs proved by passivity", f"{int(result.passive.sum())} of {result.passive.size}"))
     return found
@@ -135,7 +132,7 @@ def _known(result: Interconnection) -> bool:
 def _open(result: Interconnection) -> tuple[str, int]:
     """Ranges in which nothing is proved, and the number of their arcs."""
     ranges = _ranges(result)
-    words = [f"{number(low / HZ, 4)} to {number(high / HZ, 4)} Hz" for low, high, _ in ranges[:3]]
+    words = [in_hz_span(low / HZ, high / HZ, 4) for low, high, _ in ranges[:3]]
     more = f" and {len(ranges) - 3} range{plural(len(ranges) - 3)} more" if len(ranges) > 3 else ""
     return ", ".join(words) + more, int(np.sum(result.margins <= 1))
 
@@ -156,7 +153,7 @@ def _next(result: Interconnection) -> list[str]:
     if _known(result):
         return ["Measure them, or state how far they are known: a band of each takes the place of its model."]
     if result.stable:
-        near = f" Its margin is least near {number(result.frequency / HZ, 4)} Hz." if np.isfinite(result.margin) else ""
+        near = f" Its margin is least near {in_hz(result.frequency / HZ, 4)}." if np.isfinite(result.margin) else ""
         return [
             f"The verdict holds for these two as they were measured; after a setting was changed measure again.{near}"
         ]
@@ -169,10 +166,7 @@ def _limit(result: Interconnection) -> list[Block]:
     """Section on what limits."""
     if np.isinf(result.margin):
         return []
-    rows = [
-        ("Frequency", f"{number(result.frequency / HZ, 5)} Hz"),
-        ("Margin", f"{at_least(result.margin)} there; 1 is needed."),
-    ]
+    rows = [("Frequency", in_hz(result.frequency / HZ)), ("Margin", f"{at_least(result.margin)} there; 1 is needed.")]
     for name, share, bound in zip(("Source", "Load"), result.shares, result.bounds, strict=True):
         if share.any():
             i, j = (int(one) for one in np.unravel_index(np.argmax(share), share.shape))
@@ -224,7 +218,7 @@ def _region(result: Interconnection, region: tuple[float, float] | None) -> list
         hz = result.omega[~out] / HZ
         words += (
             f"proved to be kept out of at {int(out.sum())} of {out.size} frequencies; not at some between"
-            f" {number(float(hz.min()), 4)} and {number(float(hz.max()), 4)} Hz."
+            f" {number(float(hz.min()), 4)} and {in_hz(float(hz.max()), 4)}."
         )
     return [Text(words, id="forbidden"), Text("Between the frequencies nothing is said of it.", "soft")]
 
@@ -234,7 +228,7 @@ def _sides(result: Interconnection) -> list[tuple[str, str]]:
     for name, side in (("Source", result.source), ("Load", result.load)):
         problem = getattr(side, "problem", None)
         if isinstance(side, Band) and problem is not None:
-            at = f"{number(float(side.omega.min()) / HZ, 4)} to {number(float(side.omega.max()) / HZ, 5)} Hz"
+            at = in_hz_span(float(side.omega.min()) / HZ, float(side.omega.max()) / HZ)
             rows.append((name, f"A band from {problem.samples} samples, {at}, about a model of order {side.order}."))
         elif problem is not None:
             rows.append((name, f"A worst-case error from {problem.samples} samples."))

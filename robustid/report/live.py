@@ -20,7 +20,7 @@ from robustid.report.identification_page import identification_verdict, margin_i
 from robustid.report.identified import Posed, about, in_unit, sample_words, shown_band, unit
 from robustid.report.proved_band import band_sentence, drawn_band, with_band
 from robustid.report.with_plotly import Drawn, plotly_figure
-from robustid.report.words import HZ, at_most, number, percent
+from robustid.report.words import HZ, at_most, in_hz, number, percent
 
 LEFT_OUT = "left out"
 _KEPT = "kept choice"
@@ -130,7 +130,7 @@ def look_words(check: SampleCheck, band: Band | None = None) -> tuple[str, str, 
         words = "No sample contradicts the others; whether all of them agree is being computed."
         return "", words, "" if band is None else _band_words(band, band)
     words = (
-        f"Inconsistent, margin at least {number(check.margin)} (proved). The sample at {number(check.worst / HZ, 5)} Hz lies where"
+        f"Inconsistent, margin at least {number(check.margin)} (proved). The sample at {in_hz(check.worst / HZ)} lies where"
         " the other samples and the assumptions leave no room for it."
     )
     return "inconsistent", words, "No band is drawn: there is no system that it could hold."

@@ -12,7 +12,7 @@ from robustid.guarantees import Interconnection, LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import ALERT, FAINT, FINE, FURTHER, NOMINAL, Chart, Layer, Panel
 from robustid.report.value_sets import TURN, plane_layer, square_panel, with_gaps
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, in_hz
 
 _MOST = 60  # discs
 _APART = 0.5  # of the larger radius: centres of discs that are drawn
@@ -33,7 +33,7 @@ def loci_chart(result: Interconnection, region: tuple[float, float] | None = Non
         else []
     )
     place = int(np.argmin(np.abs(result.omega - result.frequency)))
-    words = f"models at {number(float(result.omega[place]) / HZ, 5)} Hz, which limits"
+    words = f"models at {in_hz(float(result.omega[place]) / HZ)}, which limits"
     layers += [
         plane_layer("models", values, NOMINAL, marker="circle", size=0.25),
         *([plane_layer(words, result.loci[place], ALERT, marker="diamond")] if np.isfinite(result.margin) else []),

@@ -23,7 +23,7 @@ from robustid.report.loop_section import (
     refuting_plant,
 )
 from robustid.report.proved_band import poles_words
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, in_hz, number
 from robustid.report.words import title as heading
 
 NOT_IN_LOOP = "plants outside the class, limits of the actuator, a delay of the computer that the file does not have"
@@ -78,7 +78,7 @@ def _margin(bounds: LoopBounds) -> list[tuple[str, str]]:
     if bounds.stability is None or bounds.stability.status.name == "UNSTABLE":
         return []
     size = bounds.stability.margin
-    return [("robust stability margin", f"{number(size, 3)} at {number(bounds.stability.frequency / HZ, 4)} Hz")]
+    return [("robust stability margin", f"{number(size, 3)} at {in_hz(bounds.stability.frequency / HZ, 4)}")]
 
 
 def _words(bounds: LoopBounds) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.core import as_kind
+from robustid.core import as_kind, hz_words
 from robustid.fitting import OrderSweep, StabilisationMark
 from robustid.report.charts import (
     ALERT,
@@ -160,5 +160,5 @@ def _marks(rows: list[StabilisationMark], name: str, colour: str, marker: str) -
     if not rows:
         return []
     x, y = np.array([row.frequency / HZ for row in rows]), np.array([float(row.order) for row in rows])
-    hover = tuple(f"order {row.order}: {row.frequency / HZ:.6g} Hz, damping {row.damping:.3g}" for row in rows)
+    hover = tuple(f"order {row.order}: {hz_words(row.frequency / HZ, 6)}, damping {row.damping:.3g}" for row in rows)
     return [Layer(name, x, y, colour, marker=marker, hover=hover)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Unpack, cast
 
 from robustid.advice import CommonModes
 from robustid.controllers import ControllerDesign
-from robustid.core import Unfinished, as_flag, as_kind, atomic_write
+from robustid.core import Unfinished, as_flag, as_kind, atomic_write, hz_span
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
@@ -355,7 +355,7 @@ def _head(result: object) -> Document | None:
         return _first_screen(said, Glance(said.numbers))
     if isinstance(result, FrequencyResponse):
         low, high = result.freq_hz[[0, -1]]
-        size = ("frequency points", f"{result.omega.size}"), ("range", f"{low:.5g} to {high:.5g} Hz")
+        size = ("frequency points", f"{result.omega.size}"), ("range", hz_span(low, high))
         before = response_fault_verdict(ResponseView(result))
         return _first_screen(verdict(result), Glance([*size, _signals(result), _sample_time(result.dt)]), before)
     if isinstance(result, TimeRecord):

@@ -25,7 +25,7 @@ from robustid.report.document import (
 from robustid.report.frequency import size_panel
 from robustid.report.identified import Bounded, about, bounded_model, checked, error_label, in_unit, model_size, siso
 from robustid.report.magnitude_phase import band_around, behind, error_range
-from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, number
+from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, in_hz, number
 
 BOX = FURTHER[2]
 _ROUNDING = 1e-12  # of ends, relative: 0.7 × 0.1 is printed as 0.07
@@ -130,7 +130,7 @@ def _errors(band: WorstCaseOverPoles, fixed: WorstCaseError | None, x: Axis) -> 
 
 
 def _next(band: WorstCaseOverPoles) -> str:
-    return f"{number(band.next_line / HZ, 5)} Hz"
+    return in_hz(band.next_line / HZ)
 
 
 def box_sentence(band: WorstCaseOverPoles) -> str:

@@ -16,7 +16,7 @@ from robustid.identification import Identification, check_model
 from robustid.report.charts import DATA, FAINT, NOMINAL, Axis, Chart, Layer, Panel
 from robustid.report.document import Beside, Block, Column, Drawing, Heading, Table, Text
 from robustid.report.identified import Models, band, shown_models, siso, transfer, unit
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, in_hz, number
 
 if TYPE_CHECKING:
     import control
@@ -122,7 +122,7 @@ def describe_pole(row: PoleRow) -> str:
         return "integrator"
     if row.count == 1:
         return f"time constant {number(row.time_constant)} s"
-    return f"{number(row.hz)} Hz with damping {number(row.damping, 3)}"
+    return f"{in_hz(row.hz, 4)} with damping {number(row.damping, 3)}"
 
 
 def delay_words(basis: ParametricBasis) -> str:
@@ -298,4 +298,4 @@ def _pole_words(row: PoleRow) -> str:
     text = f"|z| = {number(row.modulus, 5)}"
     if row.hz == 0:
         return f"integrator, {text}"
-    return f"{number(row.hz)} Hz, damping {number(row.damping, 3)}, {text}"
+    return f"{in_hz(row.hz, 4)}, damping {number(row.damping, 3)}, {text}"

@@ -18,7 +18,7 @@ from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdi
 from robustid.report.frequency import Curve, entry_chart, size_panel
 from robustid.report.identified import Posed, about, error_label, in_unit, model_size, shown_band, siso
 from robustid.report.magnitude_phase import behind, error_panel
-from robustid.report.words import HZ, at_hz, at_most, number
+from robustid.report.words import HZ, at_hz, at_most, in_hz
 
 _TINY = np.finfo(float).tiny
 _ENDLESS, _TALL = 1e6, 30.0  # times the largest response: where a range without end is drawn, and where the axis ends
@@ -81,7 +81,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
     return (
         f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
         f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
-        f" the largest error is possible near {number(band.omega[np.argmax(largest)] / HZ, 5)} Hz, the median is"
+        f" the largest error is possible near {in_hz(band.omega[np.argmax(largest)] / HZ)}, the median is"
         f" {band.relative.words}."
     )
 

@@ -11,7 +11,7 @@ from robustid.report.assumptions import shared_words
 from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Panel, in_rows, lighter
 from robustid.report.document import Block, Column, Drawing, Grid, Heading, Share, Table, Text
 from robustid.report.identified import Models, Shown, band, experiment_words, hertz, shown_models, siso, transfer, where
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, in_hz, number
 
 _TOUCHES = 0.99  # of the limit: the sample is marked
 _BESIDE = 1.1  # of the axis beside the first and the last frequency point
@@ -54,7 +54,7 @@ def active_constraints(identification: Identification) -> list[Active]:
     for residual, index, share in identification.limiting():
         at = residual.axis[index]
         ratio = float(residual.ratio[residual.axis == at].max())  # of repeated points the worst
-        place = f"{number(at / HZ, 5)} Hz" if residual.kind == "frequency" else f"{number(at, 5)} s"
+        place = in_hz(at / HZ) if residual.kind == "frequency" else f"{number(at, 5)} s"
         experiment = experiment_words(identification, residual.kind, residual.index)
         rows.append(Active(experiment, where(identification, residual), place, share, ratio))
     return rows

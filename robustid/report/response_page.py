@@ -24,7 +24,7 @@ from robustid.report.document import (
 )
 from robustid.report.identified import Parts
 from robustid.report.response_charts import ResponseView, entry_charts, overview_charts, spectrum_charts
-from robustid.report.words import drawn_words, number, percent, plural, title
+from robustid.report.words import drawn_words, in_hz, in_hz_span, number, percent, plural, title
 
 _LOW_COHERENCE, _FEW_DOF = 0.8, 10
 _LISTED = 6  # entries that are named
@@ -170,13 +170,13 @@ def _numbers(view: ResponseView) -> list[tuple[str, str]]:
 def summary_rows(view: ResponseView) -> list[tuple[str, str]]:
     """Facts about the measurement, and how sure it is."""
     frf, hz = view.frf, view.frf.freq_hz
-    points = f"{number(hz[0], 5)} Hz"
+    points = in_hz(hz[0])
     if hz.size > 1:
-        points = f"{hz.size} points, {number(hz[0], 5)} to {number(hz[-1], 5)} Hz"
+        points = f"{hz.size} points, {in_hz_span(hz[0], hz[-1])}"
     steps = np.diff(hz)[np.diff(hz) > 0]
     if steps.size:
         even = steps.max() <= 1.001 * steps.min()
-        points += f", {'' if even else 'at least '}{number(float(np.min(steps)), 5)} Hz apart"
+        points += f", {'' if even else 'at least '}{in_hz(float(np.min(steps)))} apart"
     names = [", ".join(map(str, group)) for group in (frf.outputs, frf.inputs)]
     rows = [
         ("Frequency points", points),
@@ -213,7 +213,7 @@ def _coherence_words(view: ResponseView) -> str:
     for i, output in enumerate(view.frf.outputs):
         part = view.frf.coherence[:, i]
         worst = int(np.argmin(part))
-        lowest = f"lowest {number(float(part[worst]), 3)} at {number(view.frf.freq_hz[worst], 5)} Hz"
+        lowest = f"lowest {number(float(part[worst]), 3)} at {in_hz(view.frf.freq_hz[worst])}"
         words.append(f"{output.name}: median {number(float(np.median(part)), 4)}, {lowest}")
     return "; ".join(words)
 

@@ -14,7 +14,7 @@ from robustid.report.charts import ALERT, DATA, NOMINAL, Axis, Chart, Layer, Pan
 from robustid.report.curves import span_of
 from robustid.report.document import Block, Column, Drawing, Grid, Heading, Table, Text, Verdict, of_numbers
 from robustid.report.identified import unit
-from robustid.report.words import HZ, at_frequencies, at_most, number
+from robustid.report.words import HZ, at_frequencies, at_most, in_hz, number
 
 _SAME = 2e-3  # difference of two margins of one problem, at most
 _KINDS = {"gain": "gain_bound", "decay": "decay_rate", "lines": "lines"}
@@ -167,7 +167,7 @@ def content_chart(found: Content) -> Chart:
     """Width of the set between neighbouring frequency points and on them, relative to the response."""
     hz, ratios = found.omega / HZ, found.between / found.on
     hover = tuple(
-        f"{number(f, 6)} Hz: {number(100 * b, 3)} % between, {number(100 * o, 3)} % on the points beside it"
+        f"{in_hz(f, 6)}: {number(100 * b, 3)} % between, {number(100 * o, 3)} % on the points beside it"
         for f, b, o in zip(hz, found.between, found.on, strict=True)
     )
     wide = bool(np.any(ratios > 1)) and bool(found.signs)

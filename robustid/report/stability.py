@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from robustid.core import responses
+from robustid.core import hz_words, responses
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import MarginStatus, RobustStabilityMargin, StructuredWeight
 from robustid.identification import Identification
@@ -29,7 +29,7 @@ from robustid.report.document import (
     proved,
 )
 from robustid.report.identified import about, by_name
-from robustid.report.words import HZ, at_least, at_most, number, percent
+from robustid.report.words import HZ, at_least, at_most, in_hz, number, percent
 
 Margins = RobustStabilityMargin | Mapping[str, RobustStabilityMargin]
 WORDS_OF = {"full": "the whole matrix", "input": "every column", "output": "every row", "entry": "every entry"}
@@ -45,8 +45,8 @@ def stability_section(identification: Identification, margins: Margins) -> list[
         shape, nyquist = (len(problem.outputs), len(problem.inputs)), problem.plane.top
         if one.shares.shape != shape or (one.margins.size and not np.isclose(one.edges[-1], nyquist, rtol=1e-9)):
             raise InputError(
-                f"`stability`{_of(name)} must be about a model of {shape[0]} x {shape[1]} entries up to {nyquist / HZ:.6g} Hz, as"
-                " the identification reported; take it from WorstCaseError.robust_stability_margin(controller)"
+                f"`stability`{_of(name)} must be about a model of {shape[0]} x {shape[1]} entries up to {hz_words(nyquist / HZ, 6)}"
+                ", as the identification reported; take it from WorstCaseError.robust_stability_margin(controller)"
             )
     names = [[str(signal) for signal in group] for group in (problem.outputs, problem.inputs)]
     intro = f"{about(identification)}The upper bound is that of the structured singular value: below 1 at every frequency, every"
@@ -113,9 +113,9 @@ def stability_verdict(margin: RobustStabilityMargin) -> Verdict:
 
 def _rows(margin: RobustStabilityMargin) -> list[tuple[str, str]]:
     if margin.status is MarginStatus.UNSTABLE:
-        return [("Pole", f"The outermost pole of the loop lies at {number(margin.frequency / HZ, 5)} Hz.")]
+        return [("Pole", f"The outermost pole of the loop lies at {in_hz(margin.frequency / HZ)}.")]
     bound = at_most(1 / margin.margin if margin.margin else np.inf)
-    rows = [("Upper bound", f"At most {bound}, at {number(margin.frequency / HZ, 5)} Hz.")]
+    rows = [("Upper bound", f"At most {bound}, at {in_hz(margin.frequency / HZ)}.")]
     if margin.shares.size > 1:
         rows.append(("Structure", f"There it comes from the bounds of the errors of {WORDS_OF[margin.structure]}."))
     return rows
@@ -175,7 +175,7 @@ def stability_chart(margins: Margins) -> Chart:
 def _mark(margin: RobustStabilityMargin, left: float, right: float) -> Layer:
     """The largest value of the bound, at its frequency."""
     hz, largest = margin.frequency / HZ, 1 / margin.margin
-    words = f"{number(hz, 6)} Hz: at most {at_most(largest)}, margin {at_least(margin.margin)}"
+    words = f"{in_hz(hz, 6)}: at most {at_most(largest)}, margin {at_least(margin.margin)}"
     place = np.array([min(max(hz, left), right)]), np.array([largest])
     return Layer("largest", place[0], place[1], DATA, marker="diamond", hover=(words,))
 

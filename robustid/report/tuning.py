@@ -16,7 +16,7 @@ from robustid.report.design_charts import LARGEST, MAPS, SMALLEST, bounded_below
 from robustid.report.design_page import asked_in_lines
 from robustid.report.loci import open_loop_panel
 from robustid.report.with_plotly import Drawn, plotly_figure
-from robustid.report.words import HZ, at_least, at_most, number
+from robustid.report.words import HZ, at_least, at_most, in_hz, number
 
 Shares = Mapping[str, tuple[float, float]]
 _HEIGHT, _PLANE = 1080, 400  # pixels
@@ -87,7 +87,7 @@ def tuning_words(found: Sequence[WorstAt], shares: Shares, proof: Proof | None =
         hz = float(open_.omega[np.argmax(~np.isfinite(open_.largest["sensitivity"]))]) / HZ
         return (
             "inconsistent",
-            f"Not stable with every consistent plant: near {number(hz)} Hz one may have its loop at −1.",
+            f"Not stable with every consistent plant: near {in_hz(hz, 4)} one may have its loop at −1.",
         )
     over = [f"{name}, {_of_limit(*one)}" for name, one in shares.items() if one[0] > 1]
     if over:
@@ -97,7 +97,7 @@ def tuning_words(found: Sequence[WorstAt], shares: Shares, proof: Proof | None =
 
 
 def _of_limit(share: float, omega: float) -> str:
-    near = "" if math.isnan(omega) else f", near {number(omega / HZ)} Hz"
+    near = "" if math.isnan(omega) else f", near {in_hz(omega / HZ, 4)}"
     return f"{at_most(share)} times its limit{near}"
 
 

@@ -22,7 +22,7 @@ from robustid.report.charts import (
     Panel,
 )
 from robustid.report.identified import bounded_model, entry_unit, responses, shown_band, transfer
-from robustid.report.words import HZ, number
+from robustid.report.words import HZ, in_hz
 
 TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 73))
 _CLOSE_UP = 4  # frequencies drawn around the model
@@ -57,7 +57,7 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
     ].tolist()  # the same, in the same colours, of every entry
     near: list[Layer] = []
     for colour, k in zip((ALERT, *FURTHER), worst, strict=False):
-        words = f"{number(float(error.omega[k]) / HZ, 5)} Hz"
+        words = in_hz(float(error.omega[k]) / HZ)
         near.append(plane_layer(words, _outline(sets[k]) - nominal[k], colour, dash="solid"))
     points = np.concatenate([sets[k].points - nominal[k] for k in worst])
     near += [

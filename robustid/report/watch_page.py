@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
-from robustid.advice import moved_modes
+from robustid.advice import Moved, moved_modes
 from robustid.core import Real
 from robustid.errors import InputError
 from robustid.guarantees import Watch, Watched
@@ -169,7 +171,7 @@ def _moved(found: Watch) -> list[Block]:
     if not found.history or not _alarmed(found.history[-1]):
         return []
     try:
-        rows = moved_modes(found)
+        rows = _rows_of(found)
     except InputError as error:
         return [Text(f"No mode is compared: {error}.")]
     shown = [one for one in rows if one.shown]
@@ -180,6 +182,12 @@ def _moved(found: Watch) -> list[Block]:
         ]
     words = "; ".join(one.words for one in shown)
     return [Text(f"{words[0].upper()}{words[1:]}."), moved_table(rows)]
+
+
+@functools.lru_cache(maxsize=1)
+def _rows_of(found: Watch) -> tuple[Moved, ...]:
+    """The modes of the last record; screen and page of one command ask for them one after the other."""
+    return moved_modes(found)
 
 
 def _records(found: Watch) -> Table:

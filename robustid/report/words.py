@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Signal, rounded_down, rounded_up
+from robustid.core import Signal, hz_scale, hz_span, rounded_down, rounded_up
 
 HZ = 2 * np.pi  # rad/s
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -50,18 +50,30 @@ def plural(count: float) -> str:
     return "" if count == 1 else "s"
 
 
+def in_hz(hz: float, digits: int = 5) -> str:
+    """Write a frequency in Hz with its unit, "2.45 GHz"."""
+    scale, unit = hz_scale(hz, digits)
+    return f"{number(hz / scale, digits)} {unit}"
+
+
+def in_hz_span(low: float, high: float, digits: int = 5) -> str:
+    """Write a range of frequencies in Hz with its unit, "2200 to 2700 MHz"."""
+    words = hz_span(low, high, digits)
+    return words if "e" not in words else f"{number(low, digits)} to {number(high, digits)} Hz"
+
+
 def at_frequencies(omega: np.ndarray) -> str:
     """Say where a claim holds, "at 4 frequencies from 4 to 30 Hz"; `omega` in rad/s, ascending."""
     hz = omega / HZ
     if hz.size == 1:
-        return f"at {number(hz[0])} Hz"
-    return f"at {hz.size} frequencies from {number(hz[0])} to {number(hz[-1])} Hz"
+        return f"at {in_hz(hz[0], 4)}"
+    return f"at {hz.size} frequencies from {in_hz_span(hz[0], hz[-1], 4)}"
 
 
 def at_hz(hz: np.ndarray, said: str, *values: np.ndarray) -> tuple[str, ...]:
     """Words for the points of a curve: the frequency of each, and its values in the places of `said`."""
     rows = zip(hz, *values, strict=True)
-    return tuple(f"{number(at, 6)} Hz: {said.format(*map(number, row))}" for at, *row in rows)
+    return tuple(f"{in_hz(at, 6)}: {said.format(*map(number, row))}" for at, *row in rows)
 
 
 def quotient(above: str, below: str) -> str:

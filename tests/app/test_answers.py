@@ -208,6 +208,13 @@ def measured(tmp_path_factory):
         '[[frequency]]\nfile = "here.npz"\n[modes]\nhz = []\n[prior]\ngain_bound = 3.0\ndecay_rate = 1.1\n'
         "[worst_case]\nat_hz = [5.0]\ndirections = 4\n"
     )
+    (place / "family.toml").write_text(
+        "".join(
+            f'[[members]]\nname = "{name}"\namplitude = {k}.0\n[[frequency]]\nfile = "{name}.npz"\nmember = "{name}"\n'
+            for k, name in enumerate(("here", "moved"), start=1)
+        )
+        + "[modes]\nhz = []\n[prior]\ngain_bound = 3.0\ndecay_rate = 1.1\n[worst_case]\nat_hz = [1.0]\ndirections = 4\n"
+    )
     return place
 
 
@@ -215,6 +222,7 @@ ANSWERS = {
     "frf": (["frf", "one.npz", "--period", "64", "-o", "frf.npz"], "estimated"),
     "fit": (["fit", "here.npz", "--order", "1", "--feedthrough", "-o", "fit.npz"], "fitted"),
     "run": (["run", "ask.toml", "-o", "ran"], "consistent"),
+    "family": (["run", "family.toml", "-o", "ran"], "consistent"),
     "reduce": (["reduce", "plant.npz", "--order", "1", "-o", "small.npz"], "reduced"),
     "compare": (["compare", "one.npz", "two.npz", "--period", "64", "-o", "both"], "alike"),
     "differing": (["compare", "here.npz", "moved.npz"], "differ"),

@@ -31,6 +31,7 @@ def stored(tmp_path_factory):
     )
     rid.identify(refuted).save(folder / "refuted")
     rid.worst_case_error(result, omega=OMEGA, directions=4).save(folder / "bounds")
+    rid.band(result, box=None).save(folder / "bounds-band")
     box = data.modes[:, :1] * [0.999, 1.001], data.modes[:, 1:] * [0.95, 1.05]
     worst_case_over_poles(result, *box, omega=OMEGA, directions=4, cells=1).save(folder / "bounds-poles")
     return folder
@@ -47,7 +48,18 @@ def run(stored, tmp_path, capsys, monkeypatch):
 
 def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path, monkeypatch):
     monkeypatch.setattr(sys.modules[default_points.__module__], "default_points", lambda data: default_points(data)[:2])
-    kinds = ("--bounds", "bounds.npz", "--bounds", "bounds-poles", "--step", "3", "--sensitivity", "--no-reduce")
+    kinds = (
+        "--bounds",
+        "bounds.npz",
+        "--bounds",
+        "bounds-poles",
+        "--bounds",
+        "bounds-band",
+        "--step",
+        "3",
+        "--sensitivity",
+        "--no-reduce",
+    )
     code, out, _ = run("mine", *kinds, "-o", "page.html")
     assert code == 0
     assert "written: page.html" in out
@@ -60,6 +72,7 @@ def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path, monk
     ):
         assert heading in page.text
     assert "Not proved" not in page.text
+    assert "at every frequency" in page.text
     upper = next(t for t in page.figures["guarantee-0"]["data"] if t["name"] == "guaranteed error")["y"]
     np.testing.assert_array_equal(upper, rid.load(tmp_path / "bounds").upper.ravel())
     assert "at every sample until 0.02 s" in page.text
@@ -74,8 +87,12 @@ def test_without_options_no_guarantee_is_claimed(run, tmp_path):
     ("arguments", "sentence"),
     [
         (("other", "--bounds", "bounds"), "--bounds bounds is about another identification"),
+        (("other", "--bounds", "bounds-band"), "--bounds bounds-band is about another identification"),
         (("mine", "--bounds", "bounds", "--bounds", "bounds.json"), "--bounds bounds.json is the second of its kind"),
-        (("mine", "--bounds", "mine"), "mine"),
+        (
+            ("mine", "--bounds", "mine"),
+            "--bounds mine holds no bounds, but a saved identification: robustid bounds RESULT",
+        ),
         (("mine", "--bounds", "none"), "missing"),
         (("refuted", "--step", "3"), "identification is inconsistent (margin"),
         (("mine", "--bounds", "bounds", "-o", "bounds.json", "--force"), "is one of the files to be read"),

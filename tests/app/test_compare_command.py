@@ -6,6 +6,7 @@ import pytest
 
 import robustid as rid
 from support import command_line
+from support.answers import answered
 from support.report_pages import Page
 
 DT = 0.01
@@ -59,7 +60,7 @@ def setup(first):
 
 
 @pytest.mark.quick
-def test_modes_of_several_setups(run, tmp_path):
+def test_modes_of_several_setups(run, tmp_path, capsys, monkeypatch):
     for name, first in {"a": 50.0, "b": 50.0, "c": 49.5}.items():
         setup(first).save(f"{name}.npz")
     code, out, err = run("compare", "a.npz", "b.npz", "--modes", "-v")
@@ -72,6 +73,14 @@ def test_modes_of_several_setups(run, tmp_path):
     for heading in ("They contradict each other", "Modes", "c beside the others", "Modes without c", "Every setup"):
         assert heading in page.text
     assert rid.load("found").odd == "c"
+    code, out, err = command_line.main(["compare", "a.npz", "b.npz", "c.npz", "--modes", "--json"], capsys, monkeypatch)
+    assert code == 3, err
+    found = answered((code, out, err))
+    assert (found["status"], found["command"]) == ("differ", "compare")
+    assert [one["hz"] is None for one in found["modes"]] == [bool(one["contradicting"]) for one in found["modes"]]
+    assert "c" in found["modes"][0]["contradicting"]
+    low, high = found["modes"][1]["hz"]
+    assert low <= 70 / 2 / np.pi <= high
     assert run("report", "found", "-o", "again.html")[0] == 0
     code, _, err = run("compare", "a.npz", "b.npz", "c.npz")
     assert code == 2

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.formats import origin
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +38,19 @@ def test_one_command_makes_the_page(measured, run, monkeypatch):
     for words in ("Re s &gt; −α", "s-plane", "Impulse response", "continuous time"):
         assert words in page or words.replace("&gt;", ">") in page or words in json.dumps(page), words
     assert "Nyquist" not in page
+
+
+def test_formats_in_which_nothing_is_sampled_need_no_warning(measured, tmp_path):
+    frf = rid.load(measured / "frf.csv")
+    rid.save(tmp_path / "kept.csv", frf)
+    hz = np.linspace(2.2e9, 2.7e9, 20)
+    rid.save(tmp_path / "filter.s1p", rid.FrequencyResponse(2 * np.pi * hz, 0.5 + 0.1j * np.cos(hz)))
+    (tmp_path / "cell.csv").write_text(
+        "freq/Hz,Re(Z)/Ohm,-Im(Z)/Ohm\n" + "".join(f"{k},{k + 1},{k}\n" for k in range(1, 9))
+    )
+    files = {measured / "frf.csv": False, tmp_path / "kept.csv": True, tmp_path / "filter.s1p": True,
+             tmp_path / "cell.csv": True}  # fmt: skip
+    assert {path: origin(path, "frequency", None).continuous for path in files} == files
 
 
 @pytest.mark.slow

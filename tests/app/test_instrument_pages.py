@@ -113,9 +113,10 @@ def test_a_magnetic_bearing_is_measured_in_its_loop(files, run, undrawn):
     assert code == 0, errors
     assert "Stable with every consistent plant" in (files / "page.html").read_text(encoding="utf-8")
     between = np.exp(2j * np.pi * np.linspace(1, 4999, 20000) * dt)  # the mode is narrower than the steps of the sweep
-    true = 1 / (1 + response_at(StateMatrices.of(control.ss(plant * controller)), between))
+    loop = plant(between) * controller(between)  # each by itself: the states of the product are scaled too badly
+    true = 1 / (1 + loop)
     said = float(out.split("sensitivity is at most")[1].split()[0])
-    assert np.abs(true).max() < said < 3  # of zone A, as the machine is
+    assert np.abs(true).max() < said < 1.01 * np.abs(true).max()  # of zone A, as the machine is
 
 
 def test_a_stage_that_is_free_to_move_is_given_its_integrators(files, run, undrawn):

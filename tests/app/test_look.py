@@ -2,6 +2,7 @@
 
 import re
 
+import control
 import numpy as np
 import pytest
 import scipy.io
@@ -138,3 +139,26 @@ def test_a_file_is_parsed_once(name, tmp_path, monkeypatch):
     given = ["--frequency", "frf.csv", "--mode", "none", "--gain", "1", "--decay-rate", "1.1", "--no-reduce"]
     assert CliRunner().invoke(app, ["look", "frf.csv"] if name == "look" else [name, *given]).exit_code in (0, 3)
     assert parsed == ["frf.csv"]
+
+
+def test_a_large_model_is_told_by_its_size_and_modes_and_a_record_by_the_names_it_was_read_with(tmp_path):
+    poles = -np.arange(1.0, 60.0)
+    matrix = np.diag(poles)
+    matrix[:2, :2] = [[-0.5, 40.0], [-40.0, -0.5]]
+    rid.save(tmp_path / "big.npz", control.ss(matrix, np.ones((59, 2)), np.ones((3, 59)), np.zeros((3, 2))))
+    said = rid.look(tmp_path / "big.npz").summary()
+    assert (
+        "read as a model of 59 states, 3 outputs and 2 inputs, continuous time; least damped of 1 modes: 6.3667 Hz"
+        in said
+    )
+    assert len(said.splitlines()) < 12
+    u = np.tile(np.random.default_rng(2).standard_normal(50), 8)
+    rows = np.column_stack(
+        [np.arange(400) * 0.01, u, np.roll(u, 1) + 1e-3 * np.random.default_rng(3).standard_normal(400)]
+    )
+    np.savetxt(tmp_path / "bench.csv", rows, delimiter=",", header="t,force,position", comments="")
+    found = rid.look(tmp_path / "bench.csv", fields={"time": "t", "u": "force", "y": "position"})
+    assert found.step[1][2:] == [
+        *("--time-field", "time=t", "--time-field", "u=force", "--time-field", "y=position"),
+        *("--period", "50"),
+    ]

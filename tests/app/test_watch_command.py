@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.report import watch_page
 from support import command_line
 from support.report_pages import Page
 
@@ -43,7 +44,9 @@ def run(files, tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.quick
-def test_a_watch_goes_on_in_its_file_and_alarms_once(run, tmp_path):
+def test_a_watch_goes_on_in_its_file_and_alarms_once(run, tmp_path, monkeypatch):
+    asked, compared = [], watch_page.moved_modes
+    monkeypatch.setattr(watch_page, "moved_modes", lambda found: asked.append(found) or compared(found))
     code, out, err = run("watch", "known", "--usual", "monday.npz", "--alarm-rate", "0.01", "-o", "stage")
     assert code == 0, err
     assert "Nothing watched yet" in out
@@ -52,6 +55,7 @@ def test_a_watch_goes_on_in_its_file_and_alarms_once(run, tmp_path):
     assert code == 3, err
     found = json.loads(out)
     assert (found["command"], found["status"]) == ("watch", "refuted")
+    assert len(asked) == 1  # for screen and page together
     page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
     for heading in ("Refuted", "History", "Where in frequency", "Which mode moved", "What the alarms mean"):
         assert heading in page.text

@@ -11,6 +11,7 @@ from robustid.controllers.structure import as_structure, basis_of
 from robustid.core import StateMatrices, described, made
 from robustid.design import FIR, PID, Attenuation, Bandwidth, Fixed, LeadLag, LeastControl, Limits, LowPass, Notch
 from robustid.errors import FileFormatError
+from robustid.report.design_page import expensive_members
 from support.command_line import words
 from support.design_cases import DT, band_of
 from support.forging import forge, kept
@@ -159,4 +160,7 @@ def test_of_several_bands_the_one_whose_plants_take_most_of_a_limit_is_named():
     assert (number, other) == (1, 0)
     assert (limit, share) == (both.limited_by[0], both.shares[limit][0])
     assert share > less
+    (said,) = expensive_members(both)
+    assert said.text.startswith(f"Most of a limit is taken by the plants of the members 2 ({limit}, ")
     assert small_design().limiting_bands == ()
+    assert expensive_members(small_design()) == []

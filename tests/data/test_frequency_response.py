@@ -8,7 +8,8 @@ import control
 import numpy as np
 import pytest
 
-from robustid.data import Bound, FrequencyResponse, TimeRecord, hz_span
+from robustid.core import hz_span, hz_words
+from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from support.mimo_data import KINDS, response, same
 from support.refusals import refusals
@@ -290,7 +291,8 @@ def test_scaling_by_powers_of_two_is_exact(power):
     [
         (1.0, 1e4, "1 to 10000 Hz"),
         (1e3, 1e6, "1 to 1000 kHz"),
-        (999.0, 1e6, "999 to 1e+06 Hz"),
+        (999.0, 1e6, "999 Hz to 1 MHz"),
+        (5e5, 3e9, "500 kHz to 3 GHz"),
         (1e8, 3e9, "100 to 3000 MHz"),
         (0.0, 2e9, "0 to 2000 MHz"),
         (26.5e9, 40e12, "26.5 to 40000 GHz"),
@@ -298,3 +300,12 @@ def test_scaling_by_powers_of_two_is_exact(power):
 )
 def test_ranges_of_frequencies_are_said_in_the_unit_that_fits(low, high, words):
     assert hz_span(low, high) == words
+
+
+@pytest.mark.parametrize(
+    ("hz", "digits", "words"),
+    [(97.25, 5, "97.25 Hz"), (22050.0, 5, "22050 Hz"), (22050.0, 4, "22.05 kHz"), (2.45e9, 5, "2.45 GHz"), (0.0, 5, "0 Hz"),
+     (1e-7, 5, "1e-07 Hz"), (float("inf"), 5, "inf Hz")],
+)  # fmt: skip
+def test_a_frequency_is_said_without_a_power_of_ten(hz, digits, words):
+    assert hz_words(hz, digits) == words

@@ -73,6 +73,12 @@ BAD_FILES = {
     "empty.csv": (text(""), "is empty"),
     "comment.csv": (text("# nothing\n"), "holds no data"),
     "header.csv": (text("time,u,y\n"), "holds no data"),
+    "text.s1p": (text("# GHz S RI R 50\n1 .5 .1\n2 .5 x\n"), "line 3: 'x' is not a number"),
+    "cell.csv": (
+        text("freq/Hz,Re(Z)/Ohm,-Im(Z)/Ohm\n1,2,3\n2,OVL,4\n"),
+        r"line 3, column 'Re\(Z\)/Ohm': 'OVL' is not a number",
+    ),
+    "text.zma": (text("* box\n20 80 10\n30 8x 1\n40 83 12\n"), r"line 3, column '\|Z\| \[Ohm\]': '8x' is not a number"),
     "words.csv": (text("time,u,y\n0,1,2\n1,one,2\n"), "line 3, column 'u': 'one' is not a number"),
     "cut.csv": (text("time,u,y\n0,1,2\n0.1,1,2\n0.2,1"), "line 4: 2 cells where the lines above have 3"),
     "image.csv": (lambda path: path.write_bytes(PNG), "isn't UTF-8 text"),

@@ -157,7 +157,7 @@ def test_identify_of_data_alone_names_what_takes_them():
         rid.identify(3)
 
 
-# Ten jobs: what an engineer types first; the answer must be that, or a message whose name works.
+# Ten jobs and eight of loops and fleets: what an engineer types first; the answer must be that, or a message whose name works.
 JOBS = {
     "load": ["rid.load", "rid.read_csv", "rid.load_csv", "rid.read"],
     "response from noise": ["rid.estimate_frf", "rid.tfestimate", "rid.frf", "record.frf"],
@@ -168,6 +168,20 @@ JOBS = {
     "design": ["rid.design_controller", "rid.hinf", "rid.pidtune", "rid.hinfsyn"],
     "margin": ["rid.loop_bounds", "rid.margins", "rid.diskmargin", "rid.stability_margins"],
     "compare two records": ["rid.compare", "rid.diff", "rid.compare_records", "record.compare"],
+    "controller": ["rid.design_controller", "rid.pid", "rid.tune_pid", "rid.design_pid", "rid.notch", "rid.lead_lag"],
+    "limits": ["rid.design.Limits", "rid.limits", "rid.specs"],
+    "loop": ["rid.Loop", "rid.loop", "rid.closed_loop", "rid.feedback", "rid.loop_response"],
+    "loop of every plant": [
+        "rid.loop_bounds",
+        "rid.robust_stability",
+        "rid.stability",
+        "rid.step_envelope",
+        "rid.nugap",
+    ],
+    "two parts": ["rid.interconnection", "rid.connect", "rid.interconnect", "rid.impedance_ratio"],
+    "watch": ["rid.watch", "rid.monitor", "rid.drift", "rid.anomaly", "rid.alarm", "rid.changed"],
+    "fleet": ["rid.run", "rid.fleet", "rid.batch", "rid.run_all"],
+    "setups": ["rid.advise.common_modes", "rid.common_modes", "rid.setups", "rid.merge", "rid.compare_modes"],
     "plot": ["frf.plot", "record.plot", "rid.bode", "rid.plot_bode", "frf.bode", "rid.plot.bode"],
 }
 

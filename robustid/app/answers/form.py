@@ -30,7 +30,7 @@ def answer(command: str, status: str, sentence: str, exit_code: int, **found: ob
     own |= {"sentence": sentence, "exit_code": exit_code}
     lists: Record = dict.fromkeys(
         (
-            *("scope", "guarantees", "not_covered", "assumed", "checks", "controllers", "faults", "causes"),
+            *("scope", "guarantees", "not_covered", "assumed", "checks", "controllers", "modes", "faults", "causes"),
             *("numbers", "contents", "files", "next", "warnings"),
         ),
         (),

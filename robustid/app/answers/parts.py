@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.advice import Cause
+from robustid.advice import Cause, CommonModes
 from robustid.core import Choice, Record
 from robustid.data import Fault
 from robustid.guarantees import Band, LoopBounds, RobustStabilityMargin, WorstCaseError, WorstCaseOverPoles
@@ -47,6 +47,22 @@ def difference_row(found: Comparison) -> Record:
         for one in found.where
     ]
     return {"points": found.omega.size, "by_chance": found.by_chance, "at_hz": found.hz, "places": places}
+
+
+def mode_rows(found: CommonModes) -> list[Record]:
+    """Modes by several setups: what all leave, and which two contradict each other."""
+    pairs = {one.mode: list(one.setups) for one in found.disagreements}
+    rows = zip(found.freq_hz_interval, found.damping_interval, found.used, found.probability, strict=True)
+    return [
+        {
+            "hz": None if mode in pairs else hz,
+            "damping": None if mode in pairs else damping,
+            "setups": [name for name, shows in zip(found.names, used, strict=True) if shows],
+            "probability": probability,
+            "contradicting": pairs.get(mode, []),
+        }
+        for mode, (hz, damping, used, probability) in enumerate(rows)
+    ]
 
 
 def of_identification(result: Identification) -> Record:

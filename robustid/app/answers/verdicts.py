@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robustid.advice import CommonModes
 from robustid.app.answers.form import Answer, answer, refusal
 from robustid.app.answers.parts import (
     ASSUMED,
@@ -17,6 +18,7 @@ from robustid.app.answers.parts import (
     difference_row,
     faults_of,
     margin_row,
+    mode_rows,
     model_row,
     of_guarantees,
     of_identification,
@@ -271,6 +273,15 @@ def compared(found: Comparison, head: Document, exit_code: int, files: Iterable[
     """Two measurements."""
     own = {"difference": difference_row(found), "faults": faults_of([*found.first.faults, *found.second.faults])}
     word = "differ" if found.differ else "alike"
+    return concluded("compare", word, head, exit_code, files, **own, summary=found.summary())
+
+
+def setups_compared(
+    found: CommonModes, faults: Iterable[Fault], head: Document, exit_code: int, files: Iterable[Path | None]
+) -> Answer:
+    """Modes of several setups."""
+    own = {"modes": mode_rows(found), "faults": faults_of(faults), "assumed": found.assumed}
+    word = "undecided" if not found.compared else "differ" if found.disagreements else "alike"
     return concluded("compare", word, head, exit_code, files, **own, summary=found.summary())
 
 

@@ -78,6 +78,7 @@ def bounds(
     nothing to bound), 70 an error of the program, 130 interrupted.
     """
     from robustid.app.load_save import load_result
+    from robustid.app.run.controllers import read_controllers
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import bounded, circled, proved
@@ -91,7 +92,7 @@ def bounds(
     written_files.check_static(report, static)
     read = [*written_files.sources(source), *(controller or [])]
     written_files.check_outputs([*found.files(how.over_poles), report], read, force)
-    found.loops = {path.stem: _controller(path) for path in controller or []}
+    found.loops = read_controllers(controller or [], "--controller")
     identification = load_result(source, "identification")
     if not identification.verification.passed:
         identification.require()
@@ -229,15 +230,6 @@ class _Bounds:
             if work.band.polygons is not None:
                 self.said.append(f"band       {work.band.polygon_words}")
             work.band.save(self.beside("-band"))
-
-
-def _controller(path: Path) -> control.StateSpace:
-    """The controller that a file holds."""
-    from robustid.app.load_save import load
-
-    if not path.is_file():
-        raise InputError(f"--controller {path}: there is no such file")
-    return load(path, kind="model")
 
 
 def _over_box(work: Work, suggested: KautzSuggestion | None) -> None:

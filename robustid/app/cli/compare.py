@@ -73,8 +73,6 @@ def compare(
     if further and not modes:
         raise InputError(f"{len(paths)} files are compared by their modes: give --modes, or two files")
     files = [] if output is None else list(written_files.result_files(output))
-    if modes and as_json:
-        raise InputError("--json has no answer for --modes yet: leave one of them out; -o keeps the modes as a file")
     written_files.check_outputs([*files, report], [one for path in paths for one in written_files.sources(path)], force)
     console = screen.console(stderr=as_json, verbose=verbose)
     words = words_of(compare, a=str(first), b=str(second), first=str(first), second=str(second), data="the measurement")
@@ -101,12 +99,15 @@ def compare(
         status, sides = _of_modes(found), things
     else:
         status, sides = Status.INCONSISTENT if found.differ else Status.CONSISTENT, [found.first, found.second]
-    open_faults = [fault for one in sides for fault in one.faults if not fault.undone]
-    code = screen.exit_code(status, bool(open_faults))
-    if as_json and isinstance(found, Comparison):
+    faults = [fault for one in sides for fault in one.faults]
+    code = screen.exit_code(status, any(not fault.undone for fault in faults))
+    if as_json:
         from robustid.app.answers import verdicts
 
-        screen.write(verdicts.compared(found, head, code, [*files, report]), console)
+        if isinstance(found, CommonModes):
+            screen.write(verdicts.setups_compared(found, faults, head, code, [*files, report]), console)
+        else:
+            screen.write(verdicts.compared(found, head, code, [*files, report]), console)
     raise typer.Exit(code)
 
 

@@ -91,10 +91,12 @@ def _one_or_all(values: list[float] | None) -> list[float] | float | None:
 
 
 def _described(play: Excitation, realisations: int) -> list[str]:
+    from robustid.core import hz_span
+
     experiments, period, inputs = play.u.shape
     seconds = period * play.dt
     lines = [
-        f"{play.lines.size} line{'s' * (play.lines.size > 1)}, {play.freq_hz[0]:.5g} to {play.freq_hz[-1]:.5g} Hz; period"
+        f"{play.lines.size} line{'s' * (play.lines.size > 1)}, {hz_span(play.freq_hz[0], play.freq_hz[-1])}; period"
         f" {period} samples, {seconds:.6g} s",
         f"{inputs} input{'s' * (inputs > 1)}, {realisations} realisation{'s' * (realisations > 1)}: {experiments}"
         f" experiment{'s' * (experiments > 1)} of {play.periods} period{'s' * (play.periods > 1)},"

@@ -250,7 +250,9 @@ class Stabilisation:
         return [*out, f"so far order {sweep.suggested} {sweep.reason}"]
 
     def _axis(self) -> list[str]:
-        ends = [f"{omega / (2 * math.pi):.4g} Hz" for omega in (self.low, self.high)]
+        from robustid.core import hz_words
+
+        ends = [hz_words(omega / (2 * math.pi), 4) for omega in (self.low, self.high)]
         return [
             "poles by order: o as in the order before, + only the frequency, . new",
             f"order  {ends[0]}{ends[1]:>{_WIDTH - len(ends[0])}}",

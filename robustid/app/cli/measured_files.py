@@ -14,8 +14,8 @@ from robustid.app.cli.screen import say, warn
 from robustid.app.run.checks import options
 from robustid.app.run.reading import Data, Tables, in_options, option_words, read_source, values_of_options
 from robustid.app.run.sources import RecordSource, ResponseSource
-from robustid.core import Signal
-from robustid.data import FrequencyResponse, TimeRecord, hz_span
+from robustid.core import Signal, hz_span, hz_words
+from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.estimation import BOUND_SOURCES, response_faults
 from robustid.formats import Origin, origin
@@ -111,7 +111,7 @@ class Files(Generic[S]):
             warn(out, f"{path.name}: {fault}")
         if found.unit_known and unit is not None and getattr(how, "step", None) is None:
             warn(out, f"--frequency-unit is ignored: {path.name} says the unit of its frequencies")
-        if self.bounded and data.dt is None:
+        if self.bounded and data.dt is None and not found.continuous:
             warn(
                 out,
                 f"{path.name} has no sample time: it is taken as a response of continuous time; give --dt for a sampled one",
@@ -209,7 +209,7 @@ def _named(path: Path, kind: str) -> Generator[None]:
         if error.argument == "omega":
             got, nyquist = error.got / (2 * np.pi), error.remedy["omega"] / (2 * np.pi)
             error = InputError(
-                f"a frequency point at {got:.5g} Hz lies above the Nyquist frequency of {nyquist:.5g} Hz; check --dt, and"
+                f"a frequency point at {hz_words(got)} lies above the Nyquist frequency of {hz_words(nyquist)}; check --dt, and"
                 " --frequency-unit: an omega column is in rad/s unless it says Hz"
             )
         options = option_words(kind)

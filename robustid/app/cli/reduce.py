@@ -157,7 +157,9 @@ def _truncated(console: Terminal, model: control.StateSpace, asked: Options) -> 
         with step(console, "largest error over all frequencies"):
             error = hinf_error(model, reduction.model)
         # Between the stable parts: the unstable ones are kept as they are.
-        where = "at infinite frequency" if np.isinf(error.omega) else f"at {error.omega / (2 * np.pi):.4g} Hz"
+        from robustid.core import hz_words
+
+        where = "at infinite frequency" if np.isinf(error.omega) else f"at {hz_words(error.omega / (2 * np.pi), 4)}"
         screen.say(console, f"largest error over all frequencies: {error.value:.6g}, {where}")
     return reduction
 

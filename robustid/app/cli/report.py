@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from robustid.advice import Sensitivity
     from robustid.app.run.work import Work
     from robustid.core import Progress
-    from robustid.guarantees import ResponseTube
+    from robustid.guarantees import Band, ResponseTube, WorstCaseError, WorstCaseOverPoles
     from robustid.report import Parts
 
 
@@ -31,7 +31,8 @@ def report(
         ),
     ],
     bounds: Annotated[
-        list[Path] | None, typer.Option(help="Add what robustid bounds saved of it: NAME, and NAME-poles. Repeatable.")
+        list[Path] | None,
+        typer.Option(help="Add what robustid bounds saved of it: NAME, NAME-poles and NAME-band. Repeatable."),
     ] = None,
     steps: Annotated[
         int | None, typer.Option("--step", min=1, help="Add the guaranteed range of the step response over N samples.")
@@ -128,20 +129,38 @@ def _of_identifications(given: dict[str, bool]) -> None:
 
 def _take_bounds(work: Work, paths: list[Path]) -> None:
     """The bounds that were saved of the identification."""
-    from robustid.app.load_save import load_result
-    from robustid.guarantees import WorstCaseOverPoles
+    from robustid.core import fingerprint
+    from robustid.guarantees import Band, WorstCaseOverPoles
     from robustid.report import same
 
     for file in paths:
-        bound = load_result(file, "worst-case error", "band over poles")
-        if (work.over_poles if isinstance(bound, WorstCaseOverPoles) else work.error) is not None:
-            raise InputError(f"--bounds {file} is the second of its kind; give NAME once, and NAME-poles once")
-        if not same(bound.identification, work.identification):
-            raise InputError(f"--bounds {file} is about another identification than the one reported")
-        if isinstance(bound, WorstCaseOverPoles):
-            work.over_poles = bound
+        bound = _bounds_in(file)
+        kind = "over_poles" if isinstance(bound, WorstCaseOverPoles) else "band" if isinstance(bound, Band) else "error"
+        if getattr(work, kind) is not None:
+            raise InputError(
+                f"--bounds {file} is the second of its kind; give NAME, NAME-poles and NAME-band once each"
+            )
+        if isinstance(bound, Band):
+            alike = fingerprint(bound.problem) == fingerprint(work.identification.problem)
         else:
-            work.error = bound
+            alike = same(bound.identification, work.identification)
+        if not alike:
+            raise InputError(f"--bounds {file} is about another identification than the one reported")
+        setattr(work, kind, bound)
+
+
+def _bounds_in(file: Path) -> WorstCaseError | WorstCaseOverPoles | Band:
+    """The bounds that a file of --bounds holds."""
+    from robustid.app.load_save import load_result
+    from robustid.core import saved_kind
+
+    kinds = "worst-case error", "band over poles", "band"
+    if saved_kind(file) not in (None, "result", *kinds):
+        raise InputError(
+            f"--bounds {file} holds no bounds, but a saved {saved_kind(file)}: robustid bounds RESULT -o NAME writes NAME and"
+            " NAME-band, which it takes"
+        )
+    return load_result(file, *kinds)
 
 
 def _tube(work: Work, samples: int) -> ResponseTube:

@@ -155,11 +155,11 @@ def _begun(
     controller: Path | None,
     how: tuple[Estimate, RecordSource, ResponseSource],
 ) -> Watch:
-    from robustid.app.load_save import load
+    from robustid.app.run.controllers import controller_in
     from robustid.guarantees import watch as watched
 
     before = [_response(console, path, *how) for path in usual]
-    model: Any = None if controller is None else load(controller, kind="model")
+    model: Any = None if controller is None else controller_in(controller, getattr(band, "dt", None))
     with step(console, "beginning the watch"):
         return watched(band, usual=before, rate=rate, controller=model)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import StateMatrices, as_array, as_positive, as_state_space, input_states, model_of
+from robustid.core import StateMatrices, as_array, as_positive, as_state_space, hz_words, input_states, model_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.formats import is_network, scattering_model, scattering_of, write_spice, write_touchstone
@@ -95,7 +95,7 @@ def _passive(waves: StateMatrices) -> StateMatrices:
         worst = max(proof.bands, key=lambda band: band.amount)
         raise InputError(
             f"the model isn't passive: the largest singular value of its scattering matrix is {1 + worst.amount:.6g} at"
-            f" {worst.omega / (2 * np.pi):.6g} Hz. make_passive(model, ...) makes it so"
+            f" {hz_words(worst.omega / (2 * np.pi), 6)}. make_passive(model, ...) makes it so"
         )
     return waves
 

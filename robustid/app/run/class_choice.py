@@ -30,7 +30,7 @@ from robustid.app.run.reading import D, Data
 from robustid.app.run.run_file import PRIOR_NOTE, RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.bases import ParametricBasis
-from robustid.core import Options, Source
+from robustid.core import Options, Source, hz_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify, prior_from
@@ -208,8 +208,8 @@ def _with_roll_off(problem: MixedProblem, around: Surroundings) -> tuple[MixedPr
         return problem, "No roll-off: none leaves a gain bound nearly as small and half of it at the highest frequency."
     corner = prior.corner / (2 * np.pi)
     words = (
-        f"Roll-off: K = {prior.gain_bound:.4g} falls as frequency^-{prior.roll_off} above {corner:.4g} Hz, twice the smallest that"
-        " fits; what lies above the data is assumed too"
+        f"Roll-off: K = {prior.gain_bound:.4g} falls as frequency^-{prior.roll_off} above {hz_words(corner, 4)}, twice the"
+        " smallest that fits; what lies above the data is assumed too"
     )
     return dataclasses.replace(problem, prior=prior), words
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.app.run.settings import Modes
 from robustid.bases import FunctionKind
-from robustid.core import Record
+from robustid.core import Record, hz_words
 from robustid.identification import MixedProblem, told_apart_functions
 
 _BY_MODE = ("hz", "damping", "hz_interval", "damping_interval")
@@ -47,7 +47,7 @@ def without_mode(modes: Modes, number: int) -> Modes:
         note = f"{modes.note}\n{_WORDS}: the {kind}."
         return dataclasses.replace(modes, integrators=modes.integrators - 1, note=note)
     hz, damping = (modes.hz or ())[number], (modes.damping or ())[number]
-    note = f"{modes.note}\n{_WORDS}: {hz:.5g} Hz, damping {damping:.3g}."
+    note = f"{modes.note}\n{_WORDS}: {hz_words(hz)}, damping {damping:.3g}."
     return dataclasses.replace(modes, **without_number(modes, number), note=note)
 
 

@@ -13,7 +13,7 @@ from robustid.app.run.designed import NOT_DESIGNED, design_words
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
 from robustid.app.run.work import Work
-from robustid.core import Real, Source
+from robustid.core import Real, Source, hz_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.guarantees import (
@@ -117,7 +117,7 @@ def plant_words(plant: PlantReduction, looped: LoopBounds | None) -> str:
     away = np.linalg.norm(centre - model, 2, axis=(1, 2)) + radius
     share = 100 * float(np.median(away / np.linalg.norm(model, 2, axis=(1, 2))))
     found += f" Every consistent plant is within {at_most(share, 3)} % of this model's response in the median of {omega.size}"
-    found += f" frequencies up to {omega.max() / (2 * np.pi):.4g} Hz{looped.band.problem.scope}."
+    found += f" frequencies up to {hz_words(omega.max() / (2 * np.pi), 4)}{looped.band.problem.scope}."
     return (
         f"{found} With every consistent plant the sensitivity is at most {peak.value:.4g} (zone {looped.zone} of ISO 14839-3:2006),"
         f" and the loop is stable for gains from {low:.3g} to {high:.3g} times that of the controller and phases up to"
@@ -266,7 +266,7 @@ def of_entry(data: FrequencyResponse | MixedProblem, output: int | None, input: 
 
 
 def _place(kind: str, at: float, of: str = "") -> str:
-    return (f"{at / (2 * np.pi):.5g} Hz" if kind == "frequency" else f"{at:.5g} s") + of
+    return (hz_words(at / (2 * np.pi)) if kind == "frequency" else f"{at:.5g} s") + of
 
 
 def _named(outside: list[tuple[float, str]]) -> str:
@@ -280,7 +280,7 @@ def error_words(error: WorstCaseError, withheld: Coverage | None = None) -> str:
     upper = error.upper
     k, i, j = np.unravel_index(np.argmax(upper), upper.shape)
     problem = error.identification.problem
-    place = f"{error.omega[k] / (2 * np.pi):.5g} Hz{of_entry(problem, int(i), int(j))}"
+    place = f"{hz_words(error.omega[k] / (2 * np.pi))}{of_entry(problem, int(i), int(j))}"
     entries = "" if upper[0].size == 1 else " in every entry"
     text = (
         f"Every consistent system is within {at_most(upper.max())} of the small model{entries} at {len(upper)}"

@@ -19,10 +19,11 @@ from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import USES, RecordSource, ResponseSource
 from robustid.controllers import Factor, Matrix
-from robustid.core import Source, digest
+from robustid.core import Source, digest, hz_words
 from robustid.data import Fault, FrequencyResponse, TimeRecord, decimate, detrend, points_at
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import bounds_from_noise_floor, estimate_delay, response_faults
+from robustid.formats import origin
 from robustid.identification import Loop
 
 if TYPE_CHECKING:
@@ -167,7 +168,9 @@ def without_points(data: Measured, left_out_hz: Sequence[float]) -> Measured:
         return data
     rest = data.each_response(without)
     if missing := [hz for hz in left_out_hz if hz not in found]:
-        raise InputError(f"[frequency_points] leave_out_hz: no response has a frequency point at {missing[0]:.6g} Hz")
+        raise InputError(
+            f"[frequency_points] leave_out_hz: no response has a frequency point at {hz_words(missing[0], 6)}"
+        )
     return rest
 
 
@@ -205,12 +208,12 @@ def _responses(
         place = f"[[frequency]] {k}, {source.file}"
         with _said_of(place):
             found = read_source(source, folder, tables, bounded=True)
-            frf = found.data[0]
+            frf, table = found.data[0], tables.of(folder / source.file, source.decimal)
         around.say(f"read {source.file}: {frf.omega.size} frequency points; {found.how}")
         sources.append(_with_digest(dataclasses.replace(source, bound=found.bound), found.corrected, place))
         for fault in response_faults(found.corrected[0]):
             around.say(f"{source.file}: {fault}")
-        if frf.dt is None:
+        if frf.dt is None and not origin(table, source.kind, source.fields).continuous:
             around.say(
                 f"{source.file} has no sample time: it is taken as a response of continuous time (dt = ... says otherwise)"
             )

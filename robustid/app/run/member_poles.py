@@ -12,7 +12,7 @@ from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import RunFolder, Surroundings
 from robustid.app.run.settings import Modes
 from robustid.app.run.sources import MemberChoice
-from robustid.core import Source
+from robustid.core import Source, hz_words
 from robustid.errors import InputError
 
 _NO_BOX = {"damping": None, "hz_interval": None, "damping_interval": None}
@@ -48,7 +48,7 @@ def _with_own(run: RunFile, asked: RunFile, data: dict[str, Measured], around: S
             words.append(f"{member.name}: those of {first}; its own data show no such number of modes.")
             continue
         found[k] = dataclasses.replace(member, **{name: getattr(modes, name) for name in POLES})
-        words.append(f"{member.name}: {', '.join(f'{hz:.5g} Hz' for hz in modes.hz or ())}, from its own data.")
+        words.append(f"{member.name}: {', '.join(hz_words(hz) for hz in modes.hz or ())}, from its own data.")
     return dataclasses.replace(run, members=tuple(found)).changed("modes", note="\n".join(map(str, words)))
 
 

@@ -19,7 +19,7 @@ from robustid.app.run.settings import Modes
 from robustid.app.run.sources import MemberChoice
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
-from robustid.core import Budget, Real, Source, pass_on
+from robustid.core import Budget, Real, Source, hz_scale, hz_words, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation import response_faults
@@ -171,7 +171,7 @@ def stated_modes(modes: object) -> dict[str, object]:
     rigid = sum(row.count for row in rows if row.rigid)
     rows = [row for row in rows if not row.rigid]
     if bad := [row for row in rows if not 0 < row.damping <= 1 or not row.hz > 0]:
-        raise InputError(f"`modes`: the fit has a pole that is not damped, at {bad[0].hz:.5g} Hz; leave its row out")
+        raise InputError(f"`modes`: the fit has a pole that is not damped, at {hz_words(bad[0].hz)}; leave its row out")
     found: dict[str, object] = {"hz": [row.hz for row in rows], "damping": [row.damping for row in rows]}
     return found | ({"integrators": rigid} if rigid else {})
 
@@ -228,7 +228,9 @@ def with_fit(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     words = f"a matrix fraction of order {len(fit.poles)}{why}, weighted by {fit.weight_choice}."
     words += f" {left} of its poles lie beside the band or are not damped, and are left out." if left else ""
     lines = [
-        f"  {row.hz:.5g} Hz (± {row.hz_std:.2g}), damping {row.damping:.3g} (± {row.damping_std:.2g})" for row in modes
+        f"  {row.hz / size:.5g} {unit} (± {row.hz_std / size:.2g}), damping {row.damping:.3g} (± {row.damping_std:.2g})"
+        for row in modes
+        for size, unit in [hz_scale(row.hz)]
     ]
     hz_interval, damping_interval = _box(modes) or (None, None)
     found = Modes(
@@ -312,7 +314,7 @@ def modes_of_records(
         )
     else:
         words = f"output error of order {order}, of least description length; residuals up to {ratio:.3g} times their bounds."
-    lines = [f"  {row.hz:.5g} Hz, damping {row.damping:.3g}" for row in rows]
+    lines = [f"  {hz_words(row.hz)}, damping {row.damping:.3g}" for row in rows]
     return tuple(rows), "\n".join([words, *lines])
 
 

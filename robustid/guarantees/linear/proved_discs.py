@@ -8,7 +8,7 @@ import functools
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Complex, Frozen, Real, as_array, as_count, freeze, one_thread
+from robustid.core import Complex, Frozen, Real, as_array, as_count, freeze, hz_span, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
 from robustid.guarantees.linear.functions import Box
@@ -80,7 +80,7 @@ class ProvedDiscs(Frozen):
     @property
     def open_words(self) -> str:
         """The open ranges in words, in Hz; empty where there are none."""
-        hz = [f"{low / (2 * np.pi):.5g} to {high / (2 * np.pi):.5g} Hz" for low, high in self.open_ranges]
+        hz = [hz_span(low / (2 * np.pi), high / (2 * np.pi)) for low, high in self.open_ranges]
         return " and ".join(hz)
 
     @property

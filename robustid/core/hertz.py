@@ -1,0 +1,25 @@
+"""Frequencies in words, with the prefix that keeps their digits readable."""
+
+from __future__ import annotations
+
+_PREFIXES = ((1e9, "GHz"), (1e6, "MHz"), (1e3, "kHz"))
+
+
+def hz_scale(hz: float, digits: int = 5) -> tuple[float, str]:
+    """Unit in which so many digits of a frequency in Hz need no power of ten, and its size in Hz."""
+    if "e+" not in f"{hz:.{digits}g}":
+        return 1.0, "Hz"
+    return next((one for one in _PREFIXES if hz >= one[0]), (1.0, "Hz"))
+
+
+def hz_words(hz: float, digits: int = 5) -> str:
+    """Words for a frequency in Hz: "97.3 Hz", "2.45 GHz"."""
+    scale, unit = hz_scale(hz, digits)
+    return f"{hz / scale:.{digits}g} {unit}"
+
+
+def hz_span(low: float, high: float, digits: int = 5) -> str:
+    """Words for a range of frequencies in Hz: "1 to 100 Hz", "100 to 3000 MHz", "50 kHz to 3 GHz"."""
+    scale, unit = next((one for one in _PREFIXES if (low == 0 or low >= one[0]) and high >= 1e3 * one[0]), (1.0, "Hz"))
+    words = f"{low / scale:.{digits}g} to {high / scale:.{digits}g} {unit}"
+    return f"{hz_words(low, digits)} to {hz_words(high, digits)}" if "e+" in words else words
