@@ -11,7 +11,8 @@ from bands import modal_model
 
 import robustid as rid
 from robustid.design import PID, Attenuation, LowPass, Notch
-from robustid.guarantees import Band, CircleBound
+from robustid.guarantees import Band, CircleBound, ErrorSets
+from support.design_cases import values_of
 
 FIRST = ([0], [0])
 THINNED, LINES = 16, 8  # lines of the mirror: every so manieth shows the modes, and is used
@@ -159,10 +160,22 @@ class BandOfArcs(Band):
         return self.arcs
 
 
-def with_arcs(band, edges, bound):
+def with_arcs(band, edges, bound, sets=None):
     """The band with the bounds of arcs in place of its own."""
     given = {one.name: getattr(band, one.name) for one in dataclasses.fields(Band) if one.init}
-    return BandOfArcs(**given, arcs=CircleBound(edges, bound, 0.0, True, ()))
+    return BandOfArcs(**given, arcs=CircleBound(edges, bound, 0.0, True, (), sets=sets))
+
+
+def with_corners(band, count=12, narrow=0.4):
+    """The band with polygons on every arc, about ellipses in its discs: drawn, not solved, for times alone."""
+    circle = band.circle
+    middle = (circle.edges[1:] + circle.edges[:-1]) / 2
+    along = np.angle(values_of(band.model, middle))[:, None]
+    theta, sets = 2 * np.pi * np.arange(count) / count, circle.sets
+    reach = np.hypot(np.cos(theta - along), narrow * np.sin(theta - along)) * sets.radius[:, 0]
+    supports = (sets.centre[:, 0] * np.exp(-1j * theta)).real + reach
+    held = ErrorSets.of_supports(sets.bound, sets.centre, sets.radius, supports)
+    return with_arcs(band, circle.edges, circle.bound, held)
 
 
 def of_weight(band, order=None):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +31,7 @@ _BETWEEN = 8  # parts of the way from one frequency to the next that are looked 
 _LOWER = (1.0, 0.998, 0.995, 0.99, 0.97)  # of a level that failed its proof
 _PART = 0.25  # of the corner of a loop that is wanted, up to which it has a second integrator
 _BACK = (0.7,)  # of a level that was reached, from which the search begins once more
+_AHEAD = (1.25, 1.05)  # of a level that was reached, up to which a controller for the models alone leads
 _SEARCH = (1.5, 1.2, 1.07)  # factors that searched numbers are moved by
 
 
@@ -48,6 +50,10 @@ class TimeIsOver(Exception):
 
 def _everywhere(omega: Real) -> Real:
     return np.ones(omega.shape)
+
+
+def _nowhere(omega: Real) -> Real:
+    return np.zeros(omega.shape)
 
 
 def unheard(found: Found) -> None:
@@ -176,7 +182,7 @@ class Task:
                         if other is not None and other.level > best.level * _FINE:
                             best, moved = other, True
                             break
-        return best
+        return At(self, best.at).raised(best) if any(low < high for low, high in self.intervals) else best
 
 
 class At:
@@ -215,7 +221,7 @@ class At:
     def best(self, least: float, near: Found) -> Found | None:
         """The controller of the highest level; None where none is found above `least`."""
         found = self.found(least, near)
-        return None if found is None else self.raised(found)
+        return None if found is None else self._climbed(found, self.ends[1], 1.5)
 
     def near(self, best: Found) -> Found | None:
         """The controller of about the level of another one, with these frequencies."""
@@ -225,7 +231,7 @@ class At:
         return None
 
     def raised(self, found: Found, high: float | None = None) -> Found:
-        """A controller of a higher level; from the middle of what a lower level leaves possible other directions may open."""
+        """A controller of a higher level: other directions open from the middle of what a lower level leaves, or for the models."""
         high = self.ends[1] if high is None else high
         best = self._climbed(found, high, 1.5)
         for part in _BACK:
@@ -233,7 +239,20 @@ class At:
             other = None if lower is None else self._climbed(lower, high, 1 / part)
             if other is not None and other.level > best.level * _FINE:
                 best = other
+        alone = self._alone()
+        for step in _AHEAD:
+            level = best.level * step
+            lead = alone.found(level, best) if level <= high else None
+            other = None if lead is None else self.found(level, lead)
+            best = best if other is None else self._climbed(other, high, step)
         return best
+
+    def _alone(self) -> At:
+        """The same search for the models alone."""
+        alone = copy.copy(self)
+        alone.task = dataclasses.replace(self.task, smaller=_nowhere, heard=unheard)
+        alone.discs = self.discs.smaller(_nowhere(self.discs.omega))
+        return alone
 
     def _climbed(self, found: Found, high: float, step: float) -> Found:
         """A controller of a higher level, in ever smaller steps."""

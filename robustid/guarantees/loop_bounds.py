@@ -150,6 +150,7 @@ class LoopBounds(Frozen, Drawable, Savable):
         """Largest `nu_gap` of consistent plants from that of the band's model, on the whole axis; 1 where nothing is known.
 
         A controller whose `ncf_margin` with that plant is larger stabilises all of them. It depends on the units of the signals.
+        Of matrices it is bounded by norms of the largest errors of the entries, of which polygons count their farthest corners.
         """
         return farthest_plant(self.band, self.loop, _nominal(self.band))
 

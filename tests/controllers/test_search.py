@@ -1,5 +1,7 @@
 """Programs for given directions: distances along them, and the few conditions that limit against all of them."""
 
+import pathlib
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from robustid.controllers.search import _solved, _solved_some, _spread
 from support.cases import slow
 from support.design_cases import STRUCTURES, band_of, matrix_band_of
 
+BENCHMARKS = pathlib.Path(__file__).parents[2] / "benchmarks"
 LIMITS = Limits(sensitivity_peak=1.8, complementary_peak=1.5, roll_off=((200.0, 300.0, 0.5),))
 CASES = [(band_of, 0), (band_of, 1), slow(band_of, 2), (matrix_band_of, 0)]
 
@@ -54,3 +57,21 @@ def test_the_conditions_that_limit_give_the_slack_of_all(make, seed):
         assert reached >= most - 0.03 * abs(most) - 1e-5
         assert sum(map(np.sum, asked)) < 0.5 * sum(map(np.size, asked))
         turns = question.directions(values)
+
+
+@pytest.mark.slow
+@pytest.mark.realdata
+@pytest.mark.skipif(not BENCHMARKS.exists(), reason="benchmarks are not part of the source archive")
+def test_a_climb_that_is_stuck_is_led_on_by_the_model_alone(monkeypatch):
+    """Two pairs of poles for a beam within a wide weight: C = 0 is where it begins, and 2.07 what is known to be reachable."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    from control_problems import beams, of_weight
+
+    machine = next(beams())
+    structure, goal = machine.structures["two pairs"]
+    task = Task.of([Plants.of(of_weight(machine.band)[0])], tuple(structure), Limits(sensitivity_peak=2.0), goal)
+    here = At(task, task.middle)
+    found = here.first()
+    assert found.level < 1.01
+    assert here._climbed(found, here.ends[1], 1.5).level < 1.01  # what directions of the loop itself lead to
+    assert here.raised(found).level > 2.0

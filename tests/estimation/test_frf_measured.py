@@ -63,14 +63,14 @@ def test_mirror():
 
 
 @pytest.mark.parametrize(
-    ("about", "widest", "least"),
-    [("mean", 0.17, 0.99), pytest.param("next record", 0.265, 1.0, marks=pytest.mark.slow)],
+    ("about", "widest", "least"), [("mean", 0.17, 0.99), pytest.param("next record", 0.29, 1.0, marks=pytest.mark.slow)]
 )
 def test_bounds_of_the_mirror_hold_for_other_realisations(about, widest, least):
-    """Six realisations: the mean's bound at most half of 34 %, that for the next block 1.25 of what any needs.
+    """Six realisations: the mean's bound at most half of 34 %, that for the next block 1.35 of what any needs.
 
-    34 % was the bound for the next block before (20 % for the mean). With a known variance of normal distortion 95 % jointly over
-    34 551 entries needs 21 % for the next block, and 12 % for the mean.
+    34 % was the bound for the next block before (20 % for the mean). Measured 28.1 % and 16.2 %; 25.6 % and 14.8 % while variances
+    that lines share were taken for certain, which held less often than it said. With a known variance of normal distortion 95 %
+    jointly over 34 551 entries needs 21 % for the next block, and 12 % for the mean.
     """
     train, test = (rid.datasets.load(f"fsm/{part}") for part in ("train", "test"))
     seen = response_alone(test, period=8192)

@@ -344,13 +344,13 @@ def limiting(work: Work) -> None:
 
 
 def sharpened(work: Work) -> None:
-    """The band of R with polygons where they limit the loop; over a box of poles, where they gain most, if the time is limited."""
+    """The band of R with polygons where they limit the loop; over a box of poles, where they gain most."""
     if work.loop is None or work.band is None:
         return
     if work.band.box is None:
         limiting(work)
         refined(work)
-    elif not math.isinf(work.around.budget.left):
+    else:
         narrowed(work)
 
 
