@@ -165,7 +165,7 @@ def _constant(record: TimeRecord, inputs: list[Real]) -> list[Fault]:
         step = record.initial == "rest" and signal[0] != 0 and np.all(record.u == record.u[0])
         step = step or (record.initial == "rest" and record.bound is not None and bool(np.any(record.u)))
         if not step and all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
-            words = f"input {channel.name} is constant ({signal[0]:.6g}): it excites nothing"
+            words = f"input {channel.name} is constant ({signal[0] + 0.0:.6g}): it excites nothing"
             found.append(Fault(FaultKind.CONSTANT, words, where=f"input {channel.name}", size=float(signal[0])))
     for signal, channel in zip(record.y.T, record.outputs, strict=True):
         if np.all(signal == signal[0]):
