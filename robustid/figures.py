@@ -40,13 +40,13 @@ class Modes:
         return robustid.fits.mode_table(self)  # type: ignore[arg-type] # a fit
 
 
-def led_on(thing: Any, name: str) -> str:
+def led_on(thing: object, name: str) -> str:
     """Sentence on an attribute that an object has not, with what is meant."""
     front = importlib.import_module("robustid")  # through the front door, where all names are known
     return importlib.import_module("robustid.spellings").attribute_words(thing, name, front._known())
 
 
-def head(result: Any) -> str | None:
+def head(result: object) -> str | None:
     """Head of the page about a result, for notebooks; None where it has none."""
     return importlib.import_module("robustid.report.pages").notebook_head(
         result

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from robustid.advice.kautz import KautzSuggestion
-from robustid.core import Budget, Frozen, Real, freeze
+from robustid.core import Budget, Frozen, Options, Real, freeze
 from robustid.errors import InputError
 from robustid.guarantees import PoleCell, norm_of_bounds, worst_case_error, worst_case_over_poles
 from robustid.identification import Identification, MixedProblem, Prior, identify
@@ -99,7 +98,7 @@ class ClassCandidate(Frozen):
         result, entries = identify(self.problem, time_limit=time_limit), self.problem.entries
         grid, place = np.unique(omega, return_inverse=True)
         upper = np.full((grid.size, *entries.shape), np.nan)
-        options: dict[str, Any] = {"omega": grid, "directions": _DIRECTIONS, "rtol": 0.1, "time_limit": budget.seconds}
+        options: Options = {"omega": grid, "directions": _DIRECTIONS, "rtol": 0.1, "time_limit": budget.seconds}
         if result.consistent:
             if self.modes is not None and self.pairs and self.cell is None:
                 box = self.modes.omega_interval, self.modes.damping_interval

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Progress, Real, StateSpace, as_array, as_count, as_kind, as_positive, one_thread
+from robustid.core import (
+    Budget,
+    Options,
+    Progress,
+    Real,
+    StateSpace,
+    as_array,
+    as_count,
+    as_kind,
+    as_positive,
+    one_thread,
+)
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees import WorstCaseError, bounds_of_entries, output_errors, worst_case_error
@@ -155,7 +165,7 @@ def suggest_next(
     given = identification.identification if isinstance(identification, WorstCaseError) else identification
     problem, budget = given.problem, Budget(time_limit)
     eps = _usual_bounds(problem) if bound is None else _stated(bound, problem)
-    limits: dict[str, Any] = {"time_limit": time_limit, "progress": progress}
+    limits: Options = {"time_limit": time_limit, "progress": progress}
     if not isinstance(identification, WorstCaseError):
         omega = _between(problem) if candidates is None else candidates
         error = worst_case_error(given, omega=omega, directions=_DIRECTIONS, rtol=_RTOL, **limits)

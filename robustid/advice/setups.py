@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -108,12 +108,12 @@ def common_modes(setups: Setups, *, probability: float = 0.95) -> CommonModes:
     )
 
 
-def _named(setups: Any) -> tuple[tuple[str, ...], list[FrequencyResponse]]:
+def _named(setups: object) -> tuple[tuple[str, ...], list[FrequencyResponse]]:
     if isinstance(setups, Mapping):
-        given = cast("Mapping[Any, Any]", setups)
+        given = cast("Mapping[object, object]", setups)
         names, items = [str(name) for name in given], list(given.values())
     elif isinstance(setups, Sequence) and not isinstance(setups, str):
-        items = list(cast("Sequence[Any]", setups))
+        items = list(cast("Sequence[object]", setups))
         names = [f"setup {k + 1}" for k in range(len(items))]
     else:
         raise InputTypeError(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -202,7 +203,7 @@ class CommonModes(Frozen, Tabular, Savable):
     def _quantities(self) -> tuple[tuple[Literal["frequency", "damping"], Real], ...]:
         return ("frequency", self.freq_hz_intervals), ("damping", self.damping_intervals)
 
-    def table(self) -> dict[str, list[Any]]:
+    def table(self) -> dict[str, list[object]]:
         """Columns of the modes: what all setups leave, and by how many each is shown."""
         hz, damping = self.freq_hz_interval, self.damping_interval
         return {
@@ -312,7 +313,7 @@ def ends_words(ends: Interval, gap: float = np.inf) -> str:
     return f"{rounded_down(ends[0], digits):.{digits}g} to {rounded_up(ends[1], digits):.{digits}g}"
 
 
-def _listed(things: list[Any]) -> str:
+def _listed(things: Sequence[object]) -> str:
     *most, last = [str(one) for one in things] or [""]
     return f"{', '.join(most)} and {last}" if most else last
 

@@ -38,20 +38,22 @@ class Reading(TypedDict, total=False):
 
 @overload
 def load(
-    path: Any, *, kind: Literal["frequency"], axes: str | None = None, **how: Unpack[Reading]
+    path: object, *, kind: Literal["frequency"], axes: str | None = None, **how: Unpack[Reading]
 ) -> FrequencyResponse: ...
 @overload
-def load(path: Any, *, kind: Literal["time"], axes: None = None, **how: Unpack[Reading]) -> TimeRecord: ...
+def load(path: object, *, kind: Literal["time"], axes: None = None, **how: Unpack[Reading]) -> TimeRecord: ...
 @overload
-def load(path: Any, *, kind: Literal["time"], axes: str, **how: Unpack[Reading]) -> TimeRecord | list[TimeRecord]: ...
+def load(
+    path: object, *, kind: Literal["time"], axes: str, **how: Unpack[Reading]
+) -> TimeRecord | list[TimeRecord]: ...
 @overload
-def load(path: Any, *, kind: Literal["model"], axes: None = None, **how: Unpack[Reading]) -> control.StateSpace: ...
+def load(path: object, *, kind: Literal["model"], axes: None = None, **how: Unpack[Reading]) -> control.StateSpace: ...
 @overload
-def load(path: Any, *, kind: str | None = None, axes: str | None = None, **how: Unpack[Reading]) -> Any: ...
+def load(path: object, *, kind: str | None = None, axes: str | None = None, **how: Unpack[Reading]) -> Any: ...
 
 
 def load(
-    path: Any,
+    path: object,
     *,
     kind: str | None = None,
     fields: Mapping[str, object] | None = None,
@@ -179,7 +181,7 @@ def load(
     return load_result(path, progress=as_function("progress", progress))
 
 
-def _of_name(path: Any) -> Any:
+def _of_name(path: object) -> object:
     """NAME as NAME.npz, where only that is there: a model or measurements that were saved so."""
     if not _is_place(path) or os.path.exists(path) or core.saved_kind(path) is not None:
         return path

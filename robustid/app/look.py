@@ -14,7 +14,7 @@ import numpy as np
 from robustid.app.load_save import load
 from robustid.app.run.toml import is_array
 from robustid.app.run.undoing import command_line, with_option
-from robustid.core import Frozen, Real
+from robustid.core import Frozen, Options, Real, Record
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
@@ -80,7 +80,7 @@ class Look(Frozen):
     data: object = None
     refusal: str = ""
     argument: str | None = None
-    arguments: dict[str, Any] = dataclasses.field(default_factory=dict[str, Any])
+    arguments: Options = dataclasses.field(default_factory=Record)
     bound: str = ""
     unknown: tuple[str, ...] = ()
     records: tuple[dict[str, str], ...] = ()
@@ -206,7 +206,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     except (InputError, InputTypeError, FileFormatError) as error:
         tried, unknown = _tried(error, {"fields": apart[0]} if apart else options)
         kind = _kind(table, tried)
-        told: dict[str, Any] = {
+        told: Options = {
             "arguments": tried,
             "unknown": unknown,
             "records": tuple(apart),
@@ -239,7 +239,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     return Look(path=str(path), how=how, rows=rows, faults=tuple(odd), data=data, bound=own, **told)
 
 
-def _tried(error: RobustIdError, given: dict[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ...]]:
     """Arguments of `load` to try after a refusal, and those of them that stand for what nobody has said."""
     remedy = error.remedy if "fields" in error.remedy else {}
     unknown = tuple(name for name in _STANDS_FOR if name == error.argument or (name == "dt" and name in remedy))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,18 @@ from robustid.controllers.limits import TEMPLATES, Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import proof_of
 from robustid.controllers.structure import Matrix, basis_of, entries_of, free_of
-from robustid.core import Progress, Real, Record, StateMatrices, fields_of, keep, points_of, response_at, stored
+from robustid.core import (
+    Options,
+    Progress,
+    Real,
+    Record,
+    StateMatrices,
+    fields_of,
+    keep,
+    points_of,
+    response_at,
+    stored,
+)
 from robustid.guarantees import Band
 from robustid.identification import Loop, as_system
 
@@ -56,7 +66,7 @@ def design_again(
     progress: Progress | None = None,
 ) -> ControllerDesign:
     """The design with its proof, judged again: that it is proved counts for nothing, that a search found none is recorded."""
-    asked: dict[str, Any] = {"goal": goal, "limits": limits, "structure": structure, "searched": searched}
+    asked: Options = {"goal": goal, "limits": limits, "structure": structure, "searched": searched}
     asked |= {"bounds": bounds_factor, "finished": finished, "level": level}
     if len(bands) != len(loops):
         raise ValueError("every band needs its loop")

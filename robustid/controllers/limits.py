@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Real, as_float, as_positive
+from robustid.core import Options, Real, Record, as_float, as_positive
 from robustid.errors import InputError
 from robustid.guarantees import Balls
 
@@ -130,7 +130,7 @@ class Limits:
 
     def closer(self, spare: float) -> Limits:
         """Limits of which a share is left: what is found at frequencies is then within the limits between them."""
-        own: dict[str, Any] = self._scaled(spare) | {"bandwidth": self.bandwidth, "integral_gain": self.integral_gain}
+        own: Options = self._scaled(spare) | {"bandwidth": self.bandwidth, "integral_gain": self.integral_gain}
         if self.gain_margin is not None:
             own["gain_margin"] = self.gain_margin / spare
         if self.phase_margin is not None:
@@ -153,9 +153,9 @@ class Limits:
         values = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         return [name for name, value in values.items() if value not in (None, (), [])]
 
-    def _scaled(self, factor: float) -> dict[str, Any]:
+    def _scaled(self, factor: float) -> Record:
         """Upper limits times a factor, lower ones divided by it: of a gain margin what is above 1."""
-        found: dict[str, Any] = {name: getattr(self, name) for name in (*_PEAKS, *_LOWER, "gain_margin")}
+        found: Record = {name: getattr(self, name) for name in (*_PEAKS, *_LOWER, "gain_margin")}
         for name, value in found.items():
             if value is not None:
                 found[name] = value * factor if name in _PEAKS else value / factor

@@ -22,7 +22,7 @@ from robustid.core.coprime import (
     series,
     stabilised_by,
 )
-from robustid.core.description import Arrays, Record, described, digest, fields_of, fingerprint, made, stored
+from robustid.core.description import Arrays, Options, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected, singular_parts
@@ -31,6 +31,7 @@ from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_
 from robustid.core.progress import Budget, Interruptible, Pace, Progress, Stops, Unfinished, pass_on, show_progress
 from robustid.core.rounding import rounded_down, rounded_up
 from robustid.core.state_space import (
+    Array,
     Complex,
     Model,
     Numbers,
@@ -65,6 +66,7 @@ from robustid.core.validation import (
 from robustid.core.workers import Workers, worker_pool
 
 __all__ = [
+    "Array",
     "Arrays",
     "Balancing",
     "Budget",
@@ -76,6 +78,7 @@ __all__ = [
     "Interruptible",
     "Model",
     "Numbers",
+    "Options",
     "Pace",
     "Plane",
     "Progress",

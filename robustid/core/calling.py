@@ -32,7 +32,7 @@ def _arguments(code: CodeType) -> _Arguments:
     return _Arguments(code.co_argcount, names, frozenset(names), *takes)
 
 
-def check_call(name: str, function: FunctionType, given: tuple[Any, ...], named: dict[str, Any]) -> None:
+def check_call(name: str, function: FunctionType, given: tuple[object, ...], named: dict[str, object]) -> None:
     """Refuse a call that the function would refuse for arguments without a name, or for names that it has not."""
     own = _arguments(function.__code__)
     if len(given) > own.placed and not own.any_placed:
@@ -41,7 +41,9 @@ def check_call(name: str, function: FunctionType, given: tuple[Any, ...], named:
         raise InputTypeError(_unknown(name, own, min(named.keys() - own.known)))
 
 
-def _unnamed(name: str, function: FunctionType, own: _Arguments, given: tuple[Any, ...], named: dict[str, Any]) -> str:
+def _unnamed(
+    name: str, function: FunctionType, own: _Arguments, given: tuple[object, ...], named: dict[str, object]
+) -> str:
     """Say which names the arguments beyond the places most likely have: those first that are needed."""
     itself = own.names[:1] in (("self",), ("cls",))  # of a method, which nobody writes
     free = [one for one in own.names[own.placed :] if one not in named]
@@ -62,7 +64,7 @@ def _unknown(name: str, own: _Arguments, unknown: str) -> str:
     return f"`{unknown}` is no argument of {name}; {hint}It has {', '.join(names)}"
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = repr(value) if isinstance(value, bool | int | float | complex | str) else "..."
     return text if len(text) <= _LONG else "..."
 

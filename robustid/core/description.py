@@ -23,7 +23,8 @@ from robustid.core.progress import Progress
 from robustid.errors import InputTypeError
 
 Arrays = dict[str, np.ndarray]
-Record = dict[str, Any]
+Record = dict[str, Any]  # an object as text has it: numbers, texts, lists and records by their names
+Options = dict[str, Any]  # arguments of a call by their names
 _TOLD = "progress"  # an argument that is no field
 _NUMBERS = {float: (int, float), complex: (int, float, complex), int: (int,)}
 

@@ -9,6 +9,7 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import IO, Any
 
+from robustid.core.description import Record
 from robustid.errors import InputError
 
 
@@ -49,7 +50,7 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Generator[IO[
         raise InputError(f"{target} is a folder; give the name of a file in it")
     # A plain open() rather than tempfile: the file then gets the permissions that the user's umask asks for.
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-    text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
+    text: Record = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     try:
         file = open(temporary, mode.replace("w", "x"), **text)  # noqa: SIM115
     except OSError as error:

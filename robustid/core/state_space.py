@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Numbers = NDArray[np.inexact]  # real or complex
+Array = NDArray[Any]
 
 _BLOCK = 1024  # columns worked on at once: they stay in the cache
 _KEPT = 200  # states, up to which the last Schur forms are kept: a megabyte each

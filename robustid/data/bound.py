@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from robustid.core import Frozen, as_array, as_count, as_positive, freeze
+from robustid.core import Frozen, Record, as_array, as_count, as_positive, freeze
 from robustid.data.bound_checks import as_probability, as_radius, broadcast, projected
 from robustid.data.error_sets import as_ellipsoid, as_tilt, bound_ratio, correlations, stacked
 from robustid.errors import InputError
@@ -338,7 +338,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         return said
 
     @property
-    def of_kind(self) -> dict[str, Any]:
+    def of_kind(self) -> Record:
         """Arguments of another bound about the same: kind, probability, degrees of freedom, excitations and caveats."""
         return {name: getattr(self, name) for name in ("kind", "excitations", "caveats", *_OF_PROBABLE)}
 

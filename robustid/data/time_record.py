@@ -144,7 +144,7 @@ class TimeRecord(ByValue, Frozen, Tabular, Drawable, Savable):
 
     __iter__: ClassVar[None] = None  # no sequence: neither loops nor arrays go through the samples one by one
 
-    def __getitem__(self, samples: Any) -> TimeRecord:
+    def __getitem__(self, samples: object) -> TimeRecord:
         """Some samples, outputs and inputs: ``record[100:500]``, ``record[:, "angle"]``; what was before the samples is unknown.
 
         Inputs that are left out must be zero. `window` keeps what the input did before; it takes seconds.

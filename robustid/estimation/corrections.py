@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import as_float, as_kind
+from robustid.core import Options, as_float, as_kind
 from robustid.data import SAME_FREQUENCY, Bound, FrequencyResponse, TimeRecord, detrend, points_at
 from robustid.errors import InputError
 
@@ -147,7 +147,7 @@ def _integrated(frf: FrequencyResponse) -> FrequencyResponse:
 
 
 def _conjugated(frf: FrequencyResponse) -> FrequencyResponse:
-    changes: dict[str, Any] = {"values": frf.values.conj()}
+    changes: Options = {"values": frf.values.conj()}
     if frf.covariance is not None:
         changes["covariance"] = frf.covariance.conj()
     if isinstance(frf.bound, Bound):
@@ -160,7 +160,7 @@ def _transposed(frf: FrequencyResponse) -> FrequencyResponse:
     if isinstance(frf.bound, Bound) and frf.bound.joint != "entry":
         raise InputError(f'"transpose" needs a bound of every entry; this one is of the {frf.bound.joint}')
     arrays = {name: getattr(frf, name) for name in ("values", "noise", "distortion")}
-    changes: dict[str, Any] = {name: part.transpose(0, 2, 1) for name, part in arrays.items() if part is not None}
+    changes: Options = {name: part.transpose(0, 2, 1) for name, part in arrays.items() if part is not None}
     if isinstance(frf.bound, Bound):
         tilt = None if frf.bound.tilt is None else frf.bound.tilt.transpose(0, 2, 1)
         changes["bound"] = dataclasses.replace(frf.bound, radius=frf.bound.radius.transpose(0, 2, 1), tilt=tilt)
@@ -180,7 +180,7 @@ def _inverted(frf: FrequencyResponse) -> FrequencyResponse:
     v, bound = frf.values, frf.bound
     if bound is None and not np.all(v):
         raise InputError('"exchange" takes one over values that are 0 at one frequency point; leave it out')
-    changes: dict[str, Any] = {"inputs": frf.outputs, "outputs": frf.inputs}
+    changes: Options = {"inputs": frf.outputs, "outputs": frf.inputs}
     if bound is None:
         return dataclasses.replace(_bare(frf), values=1 / v, **changes)
     r = bound.outer_radius

@@ -8,14 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import as_float, as_positive
+from robustid.core import Options, as_float, as_positive
 from robustid.data import FrequencyResponse, TimeRecord, uniform_step
 from robustid.errors import InputError, Remedy
 from robustid.formats import units
 from robustid.formats.addresses import TIME_AXES
 from robustid.formats.role_lookup import Lookup, flat, seconds
 from robustid.formats.role_names import axis_role
-from robustid.formats.table import Options
 
 _log = logging.getLogger("robustid")
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import as_flag, explain
+from robustid.core import Options, as_flag, explain
 from robustid.data import flexible_structure
 from robustid.errors import DatasetNotFoundError, FileFormatError, InputError
 from robustid.formats.catalogue import BEAM_RING, DAISY, DATASETS, FSM, MODELS, TWO_MASS, Dataset
 from robustid.formats.measurement_files import read_file
-from robustid.formats.table import Options, said
+from robustid.formats.table import said
 
 __all__ = ["DATASETS", "NAMES", "VARIABLE", "Dataset", "describe", "fetch", "find", "flexible_structure", "load"]
 
@@ -184,15 +184,15 @@ def load(name: str, **options: Any) -> Any:
     raise InputError(f"`name` = {name!r} is no record of one experiment; load 'fsm/train' or 'fsm/test'")
 
 
-def _record(files: list[str], options: Options) -> Any:
+def _record(files: list[str], options: Options) -> object:
     return read_file(fetch(files[0]), **{**DATASETS[files[0]].options, **options})
 
 
-def _records(files: list[str], options: Options) -> Any:
+def _records(files: list[str], options: Options) -> object:
     return [_record([file], options) for file in files]
 
 
-def _mirror(files: list[str], options: Options) -> Any:
+def _mirror(files: list[str], options: Options) -> object:
     """Arrays of (samples a period, signals, realisations, periods)."""
     _no_options(files, {name: value for name, value in options.items() if name != "bound"})
     arrays = {role: np.load(fetch(file), allow_pickle=False) for role, file in zip("uy", files, strict=True)}
@@ -203,7 +203,7 @@ def _mirror(files: list[str], options: Options) -> Any:
     return read_file(arrays, axes=axes, dt=_FSM_STEP, inputs=inputs, outputs=outputs, **options)
 
 
-def _short(files: list[str], options: Options) -> Any:
+def _short(files: list[str], options: Options) -> object:
     """One matrix whose columns are the signals, inputs first; the record begins in the middle of the experiment."""
     name = Path(files[0]).stem
     dt, inputs, outputs = _SHORT[name]
@@ -212,7 +212,7 @@ def _short(files: list[str], options: Options) -> Any:
     return read_file(fetch(files[0]), **{**known, **options})
 
 
-def _model(files: list[str], options: Options) -> Any:
+def _model(files: list[str], options: Options) -> object:
     _no_options(files, options)
     model = read_file(fetch(files[0]), kind="model")
     model.name = Path(files[0]).stem
@@ -224,7 +224,7 @@ def _no_options(files: list[str], options: Options) -> None:
         raise InputError(f"{files[0]} is read in one way; leave out {', '.join(sorted(options))}")
 
 
-_SETS: dict[str, tuple[tuple[str, ...], Callable[[list[str], Options], Any]]] = {
+_SETS: dict[str, tuple[tuple[str, ...], Callable[[list[str], Options], object]]] = {
     "two_mass": ((TWO_MASS,), _record),
     "beam_ring": (BEAM_RING, _records),
     "fsm": (FSM["fsm/train"], _mirror),

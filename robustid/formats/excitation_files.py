@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from robustid.core import as_array, atomic_write, written_by
+from robustid.core import Options, as_array, atomic_write, written_by
 from robustid.data import Excitation
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.readers import read_table
-from robustid.formats.table import Options, Table
+from robustid.formats.table import Table
 
 _MARK = "# robustid.excitation "
 _FACTS = ("dt", "periods", "seed")

@@ -11,6 +11,7 @@ import numpy as np
 from robustid.errors import FileFormatError
 from robustid.formats.table import Table, check_growth, said
 
+_Item = Any  # of h5py, which states no types: a group, a data set, or a file
 _NUMBERS = {"double", "single"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 
 
@@ -22,9 +23,9 @@ def read_hdf5(path: Path) -> Table:
     try:
         # visititems follows no soft and no external links: a file from a stranger opens no other file.
         with h5py.File(path, "r") as file:
-            found: list[tuple[str, Any]] = []
+            found: list[tuple[str, _Item]] = []
 
-            def keep(name: str, item: Any) -> None:
+            def keep(name: str, item: _Item) -> None:
                 found.append((name, item))
 
             file.visititems(keep)
@@ -42,7 +43,7 @@ def read_hdf5(path: Path) -> Table:
     return table
 
 
-def _from_matlab73(name: str, item: Any, file: Any, table: Table) -> None:
+def _from_matlab73(name: str, item: _Item, file: _Item, table: Table) -> None:
     import h5py
 
     kind = _word(item.attrs.get("MATLAB_class", ""))
@@ -63,7 +64,7 @@ def _from_matlab73(name: str, item: Any, file: Any, table: Table) -> None:
             table.texts[name] = [_characters(_read(name, i, table)) for i in items]
 
 
-def _from_hdf5(name: str, item: Any, _: Any, table: Table) -> None:
+def _from_hdf5(name: str, item: _Item, _: _Item, table: Table) -> None:
     """Read an item of a file that MATLAB didn't write: axes as they are stored, the unit from an attribute `units`."""
     import h5py
 
@@ -76,13 +77,13 @@ def _from_hdf5(name: str, item: Any, _: Any, table: Table) -> None:
         table.columns[f"{name} [{unit}]" if unit else name] = _complex(_read(name, item, table))
 
 
-def _attributes(prefix: str, item: Any, table: Table) -> None:
+def _attributes(prefix: str, item: _Item, table: Table) -> None:
     for key, value in item.attrs.items():
         if np.size(value) == 1 and np.asarray(value).dtype.kind in "iuf":
             table.columns[f"{prefix}{key}"] = np.asarray(value).reshape(1)
 
 
-def _read(name: str, item: Any, table: Table) -> np.ndarray:
+def _read(name: str, item: _Item, table: Table) -> np.ndarray:
     if item.external or item.is_virtual:
         raise FileFormatError(
             f"{table.path.name}: {name} lies in other files, which are never opened; copy it into one"
@@ -105,6 +106,6 @@ def _characters(codes: np.ndarray) -> str:
 
 
 def _word(value: object) -> str:
-    one: Any = value
+    one: _Item = value
     one = one.item() if isinstance(value, np.ndarray) and one.size == 1 else one
     return one.decode("utf-8", "replace") if isinstance(one, bytes) else one if isinstance(one, str) else ""

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robustid.core import Options
 from robustid.errors import InputError
 from robustid.formats import units
 from robustid.formats.headings import Heading, heading, turned
 from robustid.formats.role_names import UNSURE, axis_role
-from robustid.formats.table import Options, Table
+from robustid.formats.table import Table
 
 _ORDER = "dqpn123456789"  # of outputs and inputs
 _ROUNDED = 0.01  # of a phase, in rad: instruments write a tenth of a degree

@@ -20,6 +20,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from robustid.core import Record
 from robustid.errors import FileFormatError
 from robustid.formats.matlab_objects import Subsystem, plain
 from robustid.formats.table import Table, check_growth, said
@@ -238,10 +239,10 @@ def _open(objects: dict[str, _Object], content: bytes, order: str, table: Table)
         if isinstance(one.value, np.ndarray):
             found = system.of_reference(one.value)
             if isinstance(found, dict):
-                _keep_plain(name, cast("dict[str, Any]", found), table)
+                _keep_plain(name, cast("Record", found), table)
 
 
-def _keep_plain(name: str, properties: dict[str, Any], table: Table) -> None:
+def _keep_plain(name: str, properties: Record, table: Table) -> None:
     """Keep the numbers and texts of an object; it is no longer one that can't be read where they are a response or a model."""
     fields = plain(properties)
     if any(set(parts) <= set(fields) for parts in _READABLE):

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
+
+from robustid.core import Record
 
 REFERENCE = 0xDD000000  # first number of an array that stands for objects
 _HEADER = 10  # numbers: version, count of names, beginnings of eight regions
@@ -22,7 +24,7 @@ _MOST = 2000  # objects that are followed in one file
 _NAMES = {"Response": "ResponseData", "FreqUnits": "FrequencyUnit", "FreqUnit": "FrequencyUnit", "Delay.Input": "InputDelay",
           "Delay.Output": "OutputDelay", "Delay.IO": "IODelay"}  # fmt: skip
 _INNER = ("Data", "lti")  # what stands in these belongs to the object itself
-_DEFAULTS: dict[str, dict[str, Any]] = {
+_DEFAULTS: dict[str, Record] = {
     "frd": {"FrequencyUnit": ["rad/TimeUnit"], "TimeUnit": ["seconds"]},
     "idfrd": {"FrequencyUnit": ["rad/TimeUnit"], "TimeUnit": ["seconds"]},
 }  # properties that have their default aren't stored
@@ -44,7 +46,7 @@ class Subsystem:
         A table that doesn't fit together.
     """
 
-    def __init__(self, cells: Sequence[Any], order: str) -> None:
+    def __init__(self, cells: Sequence[object], order: str) -> None:
         table = np.ascontiguousarray(cells[0]).reshape(-1).view(np.uint8).tobytes()
         header = np.frombuffer(table, f"{order}u4", _HEADER)
         begins = [int(at) for at in header[2:]]
@@ -61,23 +63,23 @@ class Subsystem:
     def _name(self, index: int) -> str:
         return self.names[index - 1] if index else ""
 
-    def properties(self, number: int) -> dict[str, Any]:
+    def properties(self, number: int) -> Record:
         """The stored properties of an object, those of objects in it included."""
         self.followed += 1
         if not 0 < number < len(self.objects) or self.followed > _MOST:
             raise ValueError("an object refers to none, or to too many")
         kind, _, _, saved, plain, _ = (int(value) for value in self.objects[number])
-        found: dict[str, Any] = dict(_DEFAULTS.get(self.classes[kind].rpartition(".")[2], {}))
+        found: Record = dict(_DEFAULTS.get(self.classes[kind].rpartition(".")[2], {}))
         for name, how, value in self.saved[saved] if saved else self.plain[plain]:
             found[self._name(name)] = self._value(how, value)
         return found
 
-    def _value(self, how: int, value: int) -> Any:
+    def _value(self, how: int, value: int) -> object:
         if how == _NAME:
             return [self._name(value)]
         return self.of_reference(self.cells[_FIRST_CELL + value]) if how == _CELL else np.array([[value]])
 
-    def of_reference(self, value: Any) -> Any:
+    def of_reference(self, value: object) -> object:
         """The properties of the object that an array of numbers stands for; several are a tuple; anything else as it is."""
         if not isinstance(value, np.ndarray):
             return value
@@ -103,15 +105,15 @@ def _blocks(words: np.ndarray) -> list[list[tuple[int, int, int]]]:
     return found
 
 
-def plain(properties: Mapping[str, Any]) -> dict[str, Any]:
+def plain(properties: Mapping[str, object]) -> Record:
     """The same by the names that structures have: inner objects opened, cells of one thing replaced by it."""
-    found: dict[str, Any] = {}
+    found: Record = {}
     for name, value in properties.items():
         name = name.removesuffix("_")
-        while isinstance(value, tuple) and len(cast("tuple[Any, ...]", value)) == 1:
-            value = cast("tuple[Any, ...]", value)[0]
+        while isinstance(value, tuple) and len(cast("tuple[object, ...]", value)) == 1:
+            value = cast("tuple[object, ...]", value)[0]
         if isinstance(value, Mapping):
-            inner = plain(cast("Mapping[str, Any]", value))
+            inner = plain(cast("Mapping[str, object]", value))
             if name in _INNER:
                 found = {**found, **inner}
             else:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from robustid.core import Options
 from robustid.errors import FileFormatError, InputError
-from robustid.formats.table import Options, Table
+from robustid.formats.table import Table
 from robustid.formats.units import FREQUENCY, TIME, factor
 
 STRUCTURE_TIME = {**TIME, **{f"{word}seconds": scale for word, scale in (("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))},

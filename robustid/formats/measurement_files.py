@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
-from robustid.core import as_positive, written_by
+from robustid.core import Options, as_positive, written_by
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.addresses import axis_names
@@ -22,20 +22,20 @@ from robustid.formats.readers import read_table
 from robustid.formats.role_lookup import Lookup
 from robustid.formats.role_names import NAMES
 from robustid.formats.saved import CLASSES, WRITERS, Measured, unpack
-from robustid.formats.table import Options, Table
+from robustid.formats.table import Table
 from robustid.formats.units import FREQUENCY, factor
 
 Loaded = TypeVar("Loaded")
 _log = logging.getLogger("robustid")
 
 
-def read_file(path: Any, **options: Any) -> Any:
+def read_file(path: object, **options: Any) -> Any:
     """Measurements, an excitation or a model: `robustid.load` of a file that holds no saved result, with its arguments."""
     return read_said(path, **options)[0]
 
 
 def read_said(
-    path: Any,
+    path: object,
     *,
     kind: str | None = None,
     fields: Mapping[str, object] | None = None,

@@ -13,12 +13,12 @@ from typing import cast
 
 import numpy as np
 
-from robustid.core import Arrays, Complex, Record, atomic_write, described, made
+from robustid.core import Arrays, Complex, Options, Record, atomic_write, described, made
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError
 from robustid.formats.readers import FORMAT
 from robustid.formats.role_lookup import Lookup
-from robustid.formats.table import Options, Table
+from robustid.formats.table import Table
 
 Measured = FrequencyResponse | TangentialResponse | TimeRecord
 CLASSES: dict[str, type[Measured]] = {

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from robustid.core import Options
 from robustid.errors import FileFormatError
 
 # Deflate, the densest code of these formats, can't shrink data to less than 1/1032.
@@ -17,8 +18,6 @@ _LARGE = 2**30  # bytes; what expands to less does no harm
 
 NAMELESS = ""  # of the one array of a file that gives it no name
 MOST_TEXTS = 10_000  # texts in an array
-
-Options = dict[str, Any]  # arguments of `load` or of a class by their names
 
 
 @dataclasses.dataclass(frozen=True)

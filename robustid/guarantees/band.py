@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from robustid.core import Arrays, Budget, Progress, Real, as_count
+from robustid.core import Array, Arrays, Budget, Progress, Real, as_count
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import independent_entries
@@ -126,7 +126,7 @@ def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedPr
     return problem, None if model is None else check_nominal(model, problem)
 
 
-Multipliers = tuple[Real, NDArray[Any], NDArray[Any], Arrays, bool]
+Multipliers = tuple[Real, Array, Array, Arrays, bool]
 
 
 def band_of_multipliers(

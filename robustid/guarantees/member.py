@@ -98,7 +98,7 @@ class Member(Frozen):
         return dataclasses.replace(self, result=result, poles=None)
 
 
-def as_members(members: Any) -> tuple[Member, ...]:
+def as_members(members: object) -> tuple[Member, ...]:
     """Two members or more, each with a name of its own, of one class and of different data, consistent with it.
 
     InputError, InputTypeError or InconsistentDataError say which members don't fit, and what to do.
@@ -186,7 +186,7 @@ def _unlike(first: Member, other: Member, what: str, one: str, two: str, advice:
     return InputError(f"`members` {first.name!r} and {other.name!r} have different {what}: {one} and {two}; {advice}")
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 

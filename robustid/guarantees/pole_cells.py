@@ -6,13 +6,12 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Complex, Frozen, Real, as_array, exponents_of, freeze
+from robustid.core import Array, Complex, Frozen, Real, as_array, exponents_of, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.amplitude_bounds import Extractions, extractions_over, largest_amplitudes
@@ -158,7 +157,7 @@ class PoleCell(Frozen):
         size = 2 * self.amplitude * self._each(self.radius**REPEAT)
         return size * self._each(ways) * self._each(largest ** np.maximum(k - REPEAT, 0))
 
-    def _each(self, array: NDArray[Any]) -> Real:
+    def _each(self, array: Array) -> Real:
         """An array whose last axis goes with the modes, with an axis more for each of the entries."""
         return array.reshape(*array.shape, *(1,) * (self.amplitude.ndim - 1))
 

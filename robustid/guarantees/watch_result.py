@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,7 +228,7 @@ class Watch(Frozen, Tabular, Drawable, Savable):
         """Number of records in a row, each with a larger score than all before it, that give the alarm of a drift."""
         return fewest_to_alarm(len(self.usual) + len(self.records), self.rate)
 
-    def table(self) -> dict[str, list[Any]]:
+    def table(self) -> dict[str, list[object]]:
         """Columns of the history: a row a record."""
         return {
             "record": [one.name for one in self.history],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Frozen, Real, as_count, as_float, as_positive, freeze, one_thread
+from robustid.core import Frozen, Options, Real, as_count, as_float, as_positive, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.bilinear import ControlPair, Image, bilinear
 from robustid.guarantees.cascade import arcs, cascade, factors, highest_ratio, lowest_ratio
@@ -185,7 +185,7 @@ def uncertainty_weight(
     >>> weight.order, weight.certified
     (0, True)
     """
-    options: dict[str, Any] = {"kind": kind, "order": order, "tightness": tightness, "below": below}
+    options: Options = {"kind": kind, "order": order, "tightness": tightness, "below": below}
     if (image := Image.of(nominal, edges)) is not None:
         found = uncertainty_weight(image.model("nominal", nominal), image.edges, bound, **options)
         own = image.continuous(found.model)

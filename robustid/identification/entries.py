@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, freeze
+from robustid.core import Array, Frozen, freeze
 
 HALF = float(np.sqrt(0.5))  # what each of two equal entries is of their unknown
 
@@ -57,7 +56,7 @@ class Entries(Frozen):
         """The words " an entry" behind a number of coefficients; nothing for SISO."""
         return "" if self.single else " an entry"
 
-    def as_given(self, matrices: NDArray[Any]) -> NDArray[Any]:
+    def as_given(self, matrices: Array) -> Array:
         """Matrices (k, p, q, ...) as users see them: (k, ...) for SISO."""
         return matrices[:, 0, 0] if self.single else matrices
 

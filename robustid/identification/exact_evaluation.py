@@ -11,6 +11,7 @@ import functools
 import itertools
 import math
 from collections.abc import Generator, Iterable
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.formulation.taylor import ShiftMap
 from robustid.identification.formulation.taylor_columns import ShiftColumns
 
+_Ball = Any  # of FLINT, which states no types: a number or a matrix
 _BITS = 128  # products of doubles take 106
 _EPS = float(np.finfo(float).eps)
 
@@ -74,7 +76,7 @@ def enclose_margin(samples: Numbers, ball: Real, upper: float, rows: Rows, saras
         return -_above(-total / weight)
 
 
-def _sizes(samples: Numbers, rows: Rows) -> list[Any]:
+def _sizes(samples: Numbers, rows: Rows) -> list[_Ball]:
     """|l| of every bound."""
     flint = _flint()
     if rows.cone is None:
@@ -86,14 +88,14 @@ def _sizes(samples: Numbers, rows: Rows) -> list[Any]:
 
 
 @contextlib.contextmanager
-def ball_arithmetic(bits: int = _BITS) -> Generator[Any]:
+def ball_arithmetic(bits: int = _BITS) -> Generator[ModuleType]:
     """The library FLINT, with as many bits as products of doubles take, or with so many."""
     flint = _flint()
     with flint.ctx.workprec(bits):
         yield flint
 
 
-def _flint() -> Any:
+def _flint() -> ModuleType:
     try:
         import flint
     except ImportError:
@@ -101,7 +103,7 @@ def _flint() -> Any:
     return flint
 
 
-def _above(x: Any) -> float:
+def _above(x: _Ball) -> float:
     """A double that is surely not below."""
     top = float(x.upper())
     if x == top:  # exactly
@@ -113,28 +115,28 @@ def _parts(values: Numbers) -> list[tuple[float, float]]:
     return list(zip(np.real(values).tolist(), np.imag(values).tolist(), strict=True))
 
 
-def _matrix(values: Numbers) -> Any:
+def _matrix(values: Numbers) -> _Ball:
     """The array, of one or two dimensions, as exact numbers."""
     values = np.real(values).reshape(values.shape[0], -1)
     return _flint().arb_mat(*values.shape, values.ravel().tolist())
 
 
-def _sum(terms: Iterable[Any], kind: Any = None) -> Any:
+def _sum(terms: Iterable[_Ball], kind: _Ball = None) -> _Ball:
     return sum(terms, (kind or _flint().arb)(0))
 
 
-def _frobenius(matrix: Any) -> Any:
+def _frobenius(matrix: _Ball) -> _Ball:
     return _sum(a * a for a in matrix.entries()).sqrt()
 
 
-def _inner(left: Numbers, right: Numbers) -> Any:
+def _inner(left: Numbers, right: Numbers) -> _Ball:
     """Re <left, right>."""
     pairs = zip(real_rows(left).tolist(), real_rows(right).tolist(), strict=True)
     return _sum(_flint().arb(a) * b for a, b in pairs)
 
 
 @functools.singledispatch
-def _largest_product(sarason: SarasonMap, S: Real, level: float) -> Any:
+def _largest_product(sarason: SarasonMap, S: Real, level: float) -> _Ball:
     """Above ||Y||_*, Y = S - A S A': with any U, s, V it is at most sum|s| ||U|| ||V|| + sqrt(n) ||Y - U diag(s) V'||_F."""
     arb = _flint().arb
     if not S.size:
@@ -148,7 +150,7 @@ def _largest_product(sarason: SarasonMap, S: Real, level: float) -> Any:
 
 
 @_largest_product.register
-def _(sarason: PassiveMap, S: Real, level: float) -> Any:
+def _(sarason: PassiveMap, S: Real, level: float) -> _Ball:
     """<Y, X> <= tr(N) + sqrt(n) ||Y + N||_F ||X|| with any N = U diag(s) U', s >= 0, since X + X' >= -2 I."""
     arb = _flint().arb
     if not S.size:
@@ -163,26 +165,26 @@ def _(sarason: PassiveMap, S: Real, level: float) -> Any:
 
 
 @functools.singledispatch
-def _moved(sarason: SarasonMap, S: Real) -> Any:
+def _moved(sarason: SarasonMap, S: Real) -> _Ball:
     """A S A', for MIMO with A (x) I."""
     (p, q), A = sarason.entries.shape, sarason.pair.A
     return _matrix(np.kron(A, np.eye(p))) * _matrix(S) * _matrix(np.kron(A, np.eye(q))).transpose()
 
 
 @_moved.register
-def _(sarason: ShiftMap, S: Real) -> Any:
+def _(sarason: ShiftMap, S: Real) -> _Ball:
     p, q = sarason.entries.shape
     return _matrix(np.pad(S[p:, q:], ((0, p), (0, q))))
 
 
-def _norm_above(Q: Any) -> Any:
+def _norm_above(Q: _Ball) -> _Ball:
     """Above ||Q|| of an almost orthogonal matrix: ||Q||^2 <= 1 + ||Q'Q - I||."""
     n = Q.ncols()
     identity = _flint().arb_mat(n, n, np.eye(n).ravel().tolist())
     return (1 + _frobenius(Q.transpose() * Q - identity)).sqrt()
 
 
-def _mismatched(samples: Numbers, S: Real, rows: Rows, sarason: SarasonMap, level: float, wanted: Real) -> Any:
+def _mismatched(samples: Numbers, S: Real, rows: Rows, sarason: SarasonMap, level: float, wanted: Real) -> _Ball:
     """Above r ||wanted + E'l - c S||, r the largest norm of x."""
     arb, entries = _flint().arb, sarason.entries
     if not wanted.size:
@@ -194,7 +196,7 @@ def _mismatched(samples: Numbers, S: Real, rows: Rows, sarason: SarasonMap, leve
     if not entries.symmetric:
         column = [proved[k] for k in row.ravel()]
     else:
-        column: list[Any] = []
+        column: list[_Ball] = []
         for a, b in itertools.combinations_with_replacement(range(entries.outputs), 2):
             for one, two in zip(row[a, b], row[b, a], strict=True):
                 column.append(proved[one] if a == b else (proved[one] + proved[two]) * HALF)
@@ -204,14 +206,14 @@ def _mismatched(samples: Numbers, S: Real, rows: Rows, sarason: SarasonMap, leve
 
 
 @functools.singledispatch
-def _adjoint(E: Columns, samples: Numbers) -> Any:
+def _adjoint(E: Columns, samples: Numbers) -> _Ball:
     """Re E^H l, as a column."""
     re, im = _transposed(E)
     return re * _matrix(np.real(samples)) + im * _matrix(np.imag(samples))
 
 
 @_adjoint.register
-def _(E: BlockColumns, samples: Numbers) -> Any:
+def _(E: BlockColumns, samples: Numbers) -> _Ball:
     total = [_flint().arb(0)] * E.shape[1]
     for part in E.parts:
         found = _adjoint(part.block, samples[part.rows]).entries()
@@ -221,17 +223,17 @@ def _(E: BlockColumns, samples: Numbers) -> Any:
 
 
 @functools.lru_cache(maxsize=16)
-def _transposed(E: Columns) -> tuple[Any, Any]:
+def _transposed(E: Columns) -> tuple[_Ball, _Ball]:
     return _matrix(np.real(E.dense()).T), _matrix(np.imag(E.dense()).T)
 
 
 @_adjoint.register
-def _(E: ShiftColumns, samples: Numbers) -> Any:
+def _(E: ShiftColumns, samples: Numbers) -> _Ball:
     """decay_j Re sum_k gain_k conj(l_k + kappa_k conj(l_k)) exp(-i theta_k j), by powers, and the rows that are stored."""
     flint = _flint()
     lines = E.angles.size
-    terms: list[Any] = []
-    turns: list[Any] = []
+    terms: list[_Ball] = []
+    turns: list[_Ball] = []
     tilts = np.zeros(lines, complex) if E.tilt is None else E.tilt
     for angle, gain, tilt, sample in zip(
         E.angles.tolist(), _parts(E.gain), _parts(tilts), _parts(samples[:lines]), strict=True
@@ -240,7 +242,7 @@ def _(E: ShiftColumns, samples: Numbers) -> Any:
         weight = at + flint.acb(*tilt) * at.conjugate()
         terms.append(flint.acb(*gain) * weight.conjugate())
         turns.append(flint.acb(0, -flint.arb(angle)).exp())
-    total: list[Any] = []
+    total: list[_Ball] = []
     for decay in E.decay.tolist():
         total.append(decay * _sum(terms, flint.acb).real)
         terms = [term * turn for term, turn in zip(terms, turns, strict=True)]
@@ -248,7 +250,7 @@ def _(E: ShiftColumns, samples: Numbers) -> Any:
     return column + _matrix(E.real.T) * _matrix(np.real(samples[lines:])) if E.real.shape[0] else column
 
 
-def _leaked(samples: Numbers, rows: Rows, upper: float, largest: float, wanted: Real) -> Any:
+def _leaked(samples: Numbers, rows: Rows, upper: float, largest: float, wanted: Real) -> _Ball:
     """Above (wanted + P'l)'p over all parameters in their intervals, the free ones of margin <= upper."""
     arb, held = _flint().arb, rows.held
     if not held.size:
@@ -265,7 +267,7 @@ def _leaked(samples: Numbers, rows: Rows, upper: float, largest: float, wanted: 
     return total + (free * _parameter_bound(upper, largest, rows) if not held.all() else arb(0))
 
 
-def _parameter_bound(upper: float, largest: float, rows: Rows) -> Any:
+def _parameter_bound(upper: float, largest: float, rows: Rows) -> _Ball:
     """Above ||p|| of the free parameters with margin <= upper."""
     # p = L P p + (I - L P) p with any L, hence ||p|| <= ||L|| ||P p|| / (1 - ||I - L P||), and P p = y - E x - e - (the
     # others).
@@ -283,11 +285,11 @@ def _parameter_bound(upper: float, largest: float, rows: Rows) -> Any:
     return _norm(inverse) * reach / (1 - off)
 
 
-def _norm(values: Numbers) -> Any:
+def _norm(values: Numbers) -> _Ball:
     """Above the Frobenius norm."""
     return _larger(float(np.linalg.norm(values)), values.size)
 
 
-def _larger(norm: float, count: int) -> Any:
+def _larger(norm: float, count: int) -> _Ball:
     """A norm of so many numbers, computed in doubles, with its rounding."""
     return _flint().arb(norm) * (1 + 4 * (count + 2) * _EPS)

@@ -3,22 +3,52 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from robustid.bases import Function, FunctionKind, ParametricBasis, as_basis, stack_bases
-from robustid.core import Real, StateMatrices
-from robustid.data import FrequencyResponse
+from robustid.core import Complex, Plane, Real, StateMatrices
+from robustid.data import FrequencyResponse, TangentialResponse
 from robustid.errors import InputError
 from robustid.identification.entries import Entries
 from robustid.identification.prior import Prior
+from robustid.identification.region import Region
+from robustid.identification.weighting import Weighting
 
 _GENEROUS = 100.0  # bounds by which data may be off before the coefficients of passive modes feel it
 _LOUD = 2.0  # magnitude of most values at which they are no scattering parameters
 
 
-def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], time: tuple[Any, ...]) -> None:
+class _Posed(Protocol):
+    """Parts of a problem (which imports this file) that are read here."""
+
+    @property
+    def prior(self) -> Any: ...
+    @property
+    def frequency(self) -> tuple[FrequencyResponse, ...]: ...
+    @property
+    def parametric(self) -> Any: ...
+    @property
+    def parameter_bounds(self) -> Any: ...
+    @property
+    def functions(self) -> int: ...
+    @property
+    def entries(self) -> Entries: ...
+    @property
+    def plane(self) -> Plane: ...
+    @property
+    def region(self) -> Region: ...
+    @property
+    def weighting(self) -> Weighting: ...
+
+
+def check_passive(
+    prior: Prior,
+    entries: Entries,
+    frequency: tuple[FrequencyResponse | TangentialResponse, ...],
+    time: tuple[object, ...],
+) -> None:
     """Refuse data of another kind than passive classes are about: time records, samples along directions, other inputs than
     outputs.
     """
@@ -41,7 +71,7 @@ def check_passive(prior: Prior, entries: Entries, frequency: tuple[Any, ...], ti
         )
 
 
-def centred(problem: Any) -> tuple[Prior, ParametricBasis, Real]:
+def centred(problem: _Posed) -> tuple[Prior, ParametricBasis, Real]:
     """The class with its scale, and the constant (K - slack) I as the parametric part: F = it + K g, 1 + g positive real.
 
     Of negative-imaginary plants both are divided by s. Refuses free coefficients: with them the plant is not passive.
@@ -84,7 +114,7 @@ def _around_semidefinite(highest: Real) -> Real:
     return np.stack([lowest, largest], axis=-1)
 
 
-def _passive_modes(problem: Any) -> ParametricBasis | None:
+def _passive_modes(problem: _Posed) -> ParametricBasis | None:
     """The positive-real modes that were given, in s, without the constant of the class; None for none."""
     given, name = problem.parametric, type(problem.prior).__name__
     if given is None:
@@ -108,7 +138,7 @@ def _passive_modes(problem: Any) -> ParametricBasis | None:
     return basis
 
 
-def _highest(modes: ParametricBasis, frequency: tuple[Any, ...], problem: Any) -> Real:
+def _highest(modes: ParametricBasis, frequency: tuple[FrequencyResponse, ...], problem: _Posed) -> Real:
     """Largest coefficients (m, p) at every port with which the data, within 100 of their bounds, leave a real part to the rest."""
     highest = np.full((modes.size, problem.entries.outputs), np.inf)
     for frf in frequency:
@@ -126,7 +156,7 @@ def _with_scale(prior: Prior, size: float) -> Prior:
     return dataclasses.replace(prior, gain_bound=size if size > 0 else 1.0)
 
 
-def check_gain(problem: Any, what: str) -> None:
+def check_gain(problem: _Posed, what: str) -> None:
     """Refuse a positive-real class where something rests on a gain bound.
 
     Raises
@@ -139,7 +169,7 @@ def check_gain(problem: Any, what: str) -> None:
         )
 
 
-def modes_reach(frf: Any, problem: Any) -> Real:
+def modes_reach(frf: FrequencyResponse, problem: _Posed) -> Real:
     """Largest magnitude of the modes of a passive class at every frequency point, (F,)."""
     count = problem.functions
     if not count:
@@ -149,7 +179,7 @@ def modes_reach(frf: Any, problem: Any) -> Real:
     return sizes @ np.linalg.norm(highest, 2, axis=(1, 2))
 
 
-def class_value(problem: Any, low: float, high: float) -> float:
+def class_value(problem: _Posed, low: float, high: float) -> float:
     """Bound of the norm of every consistent G on an arc of angles, before its weight.
 
     K for the ball; of positive-real H = F + slack, |H| <= |Im W_i| + (1 + d)/(1 - d) Re W_i with the numbers of `class_size`.
@@ -166,7 +196,7 @@ def class_value(problem: Any, low: float, high: float) -> float:
     )
 
 
-def class_size(problem: Any, low: float, high: float) -> float:
+def class_size(problem: _Posed, low: float, high: float) -> float:
     r"""The K for which `Region.bend` bounds the curvature of every consistent G on an arc of angles, (ny, nu) entry by entry.
 
     That of the ball; of positive-real H = F + slack, where in the Herglotz formula |H^(n)| <= 2 n! Re H/((1-|zeta|)^n (1+|zeta|)),
@@ -187,7 +217,7 @@ def class_size(problem: Any, low: float, high: float) -> float:
     return 2 * best * (1 + 1e-6)
 
 
-def _real_parts(frf: Any, problem: Any) -> tuple[Real, Any]:
+def _real_parts(frf: FrequencyResponse, problem: _Posed) -> tuple[Real, Complex]:
     """Bound of the norm of the Hermitian part of F at the points where the whole matrix was measured, and their zeta."""
     whole = frf.bound.used.all(axis=(1, 2))
     values = positive_values(frf, problem)[whole]
@@ -198,7 +228,7 @@ def _real_parts(frf: Any, problem: Any) -> tuple[Real, Any]:
     return sizes, problem.region.points(problem.plane.angles(frf.omega[whole]))
 
 
-def positive_values(frf: Any, problem: Any) -> Any:
+def positive_values(frf: FrequencyResponse, problem: _Posed) -> Complex:
     """The values (F, p, p) of the positive-real function at the frequency points: of a displacement the velocity."""
     weighting = problem.weighting
     return (
@@ -208,7 +238,7 @@ def positive_values(frf: Any, problem: Any) -> Any:
     )
 
 
-def error_sizes(frf: Any, problem: Any) -> Real:
+def error_sizes(frf: FrequencyResponse, problem: _Posed) -> Real:
     """Frobenius norm of the largest errors that the bounds allow `positive_values` at every frequency point, (F,)."""
     radius = np.asarray(frf.bound.radius)
     if frf.bound.tilt is not None:
@@ -218,7 +248,7 @@ def error_sizes(frf: Any, problem: Any) -> Real:
     return sizes if weighting.trivial else sizes / weighting.sizes(problem.plane.angles(frf.omega))
 
 
-def contradictions(problem: Any) -> tuple[str, ...]:
+def contradictions(problem: _Posed) -> tuple[str, ...]:
     """Sentences on how data contradict a passive class at single frequency points, or that they do it only together."""
     found = [(size, float(frf.omega[k])) for frf in problem.frequency for k, size in _excess(frf, problem)]
     if not found:
@@ -241,9 +271,9 @@ def contradictions(problem: Any) -> tuple[str, ...]:
     return (words, *_hints(problem))
 
 
-def _hints(problem: Any) -> list[str]:
+def _hints(problem: _Posed) -> list[str]:
     """Sentences on what the numbers look like, where it is not what a passive class is about."""
-    values: Any = np.concatenate([frf.values[frf.bound.used] for frf in problem.frequency])
+    values: Complex = np.concatenate([frf.values[frf.bound.used] for frf in problem.frequency])
     if not np.any(values.imag):
         return ["All values are real: are they magnitudes, in decibels perhaps, without their phase?"]
     if not problem.prior.positive_real and np.median(np.abs(values)) > _LOUD:
@@ -254,7 +284,7 @@ def _hints(problem: Any) -> list[str]:
     return []
 
 
-def _excess(frf: Any, problem: Any) -> list[tuple[int, float]]:
+def _excess(frf: FrequencyResponse, problem: _Posed) -> list[tuple[int, float]]:
     """Frequency points at which the whole matrix was measured and contradicts the class, with how far beyond the bounds."""
     found: list[tuple[int, float]] = []
     prior, values, errors = problem.prior, frf.values, error_sizes(frf, problem)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, ClassVar
 
-from robustid.core import Plane, as_positive
+from robustid.core import Plane, Record, as_positive
 from robustid.errors import InputError
 from robustid.identification.prior import Prior, decay_argument
 from robustid.identification.weighting import PriorWeight
@@ -181,7 +181,7 @@ PASSIVE: dict[str, type[Prior]] = {kind.passive: kind for kind in (PositiveReal,
 PASSIVE_NAMES = tuple(PASSIVE)
 
 
-def prior_from(fields: dict[str, Any]) -> Prior:
+def prior_from(fields: Record) -> Prior:
     """The prior of such fields; a gain bound of None of a passive class is left to it."""
     fields = dict(fields)
     kind = fields.pop("passive", None)

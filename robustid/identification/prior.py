@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid.core import Frozen, Plane, Real, as_array, as_count, as_positive, time_words
+from robustid.core import Frozen, Plane, Real, Record, as_array, as_count, as_positive, time_words
 from robustid.errors import InputError
 from robustid.identification.weighting import ONE, PriorWeight, as_weight
 
@@ -232,12 +232,12 @@ def decay_argument(prior: Prior) -> str:
     return f"decay_rate={prior.decay_rate!r}" if prior.decay is None else f"decay={prior.decay!r}"
 
 
-def any_prior(dt: float | None, scaling: Any = None, **shape: Any) -> Prior:
+def any_prior(dt: float | None, scaling: object = None, **shape: Any) -> Prior:
     """A prior without meaning but for scaling and roll-off, where a problem needs one, for data of a sample time or without."""
     return Prior(gain_bound=1.0, scaling=scaling, **({"decay_rate": 1.05} if dt else {"decay": 1.0}), **shape)
 
 
-def _as_scaling(value: Any) -> tuple[tuple[float, ...], ...]:
+def _as_scaling(value: object) -> tuple[tuple[float, ...], ...]:
     """The matrix, as numbers that can be compared."""
     matrix = as_array("scaling", value, ndim=2)
     if not np.all(matrix > 0):
@@ -245,7 +245,7 @@ def _as_scaling(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in matrix)
 
 
-def prior_fields(prior: Prior) -> dict[str, Any]:
+def prior_fields(prior: Prior) -> Record:
     """Fields from which a prior was made, for storage and copies; `passive` names the property of passive classes."""
     fields = {field.name: getattr(prior, field.name) for field in dataclasses.fields(prior)}
     del fields["decay" if prior.decay is None else "decay_rate"]

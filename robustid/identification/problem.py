@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.bases import as_basis
+from robustid.bases import ParametricBasis, as_basis
 from robustid.core import Frozen, Plane, Real, Signal, ZPlane, as_array, as_flag, as_kind, freeze, plane_of
 from robustid.data import Fault, FrequencyResponse, PlacedFault, TangentialResponse, TimeRecord, as_faults
 from robustid.errors import InputError, InputTypeError
@@ -253,7 +253,9 @@ class MixedProblem(Frozen):
         """The weight of the class on the circle."""
         return Weighting(self.prior.weight_in(self.plane), self.plane)
 
-    def _set_class(self, frequency: tuple[Any, ...], time: tuple[Any, ...]) -> None:
+    def _set_class(
+        self, frequency: tuple[FrequencyResponse | TangentialResponse, ...], time: tuple[TimeRecord, ...]
+    ) -> None:
         """Check what a passive class asks of the data, and pose it about its constant."""
         if not self.prior.physical:
             return
@@ -308,7 +310,7 @@ def check_sampled(problem: MixedProblem, what: str) -> None:
         )
 
 
-def posed_alone(frequency: Any, time: Any, scaling: Any = None) -> MixedProblem:
+def posed_alone(frequency: object, time: object, scaling: object = None) -> MixedProblem:
     """Data with a prior of no meaning, to be chosen from them; whatever is wrong with the data is refused."""
     items: list[Any] = []
     for given in (frequency, time):
@@ -324,7 +326,7 @@ def excited_lines(record: TimeRecord) -> NDArray[np.intp]:
     return np.flatnonzero(spectrum > _EXCITED * spectrum.max(initial=0.0))
 
 
-def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple[Any, ...]:
+def _experiments(name: str, value: object, kinds: tuple[type, ...]) -> tuple[Any, ...]:
     if value is None:
         return ()
     items: tuple[Any, ...] = tuple(cast("Sequence[Any]", value)) if isinstance(value, Sequence) else (value,)
@@ -340,7 +342,7 @@ def _experiments(name: str, value: Any, kinds: tuple[type, ...]) -> tuple[Any, .
     return items
 
 
-def _intervals(value: Any, basis: Any, entries: Entries) -> Real:
+def _intervals(value: object, basis: ParametricBasis | None, entries: Entries) -> Real:
     """The parameter bounds, checked."""
     if basis is None:
         raise InputError(

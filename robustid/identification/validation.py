@@ -15,6 +15,7 @@ from robustid.core import (
     Model,
     Numbers,
     Real,
+    Record,
     StateMatrices,
     as_kind,
     as_state_space,
@@ -165,7 +166,7 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
     predicted = _simulate_record(system, data) if isinstance(data, TimeRecord) else _evaluate(system, data)
     residuals = measured - predicted
     used = _used(data)
-    result: dict[str, Any] = {}
+    result: Record = {}
     if data.bound is not None:
         ratios = data.ratio(residuals)
         worst = tuple(int(i) for i in np.unravel_index(np.argmax(ratios), ratios.shape))

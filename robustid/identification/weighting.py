@@ -17,6 +17,7 @@ from robustid.core import (
     Numbers,
     Plane,
     Real,
+    Record,
     StateMatrices,
     as_state_space,
     points_of,
@@ -108,7 +109,7 @@ class PriorWeight(Frozen):
         return np.inf
 
     @property
-    def fields(self) -> dict[str, Any]:
+    def fields(self) -> Record:
         """Numbers from which it can be made again, as they are stored (`as_weight`)."""
         zeros, poles = ([[float(a.real), float(a.imag)] for a in side] for side in (self.zeros, self.poles))
         return {"zeros": zeros, "poles": poles, "gain": float(self.gain), "dt": float(self.dt)}
@@ -254,7 +255,7 @@ def as_weight(value: object) -> PriorWeight:
     if isinstance(value, PriorWeight):
         return value
     if isinstance(value, dict):
-        stored = cast("dict[str, Any]", value)
+        stored = cast("Record", value)
         zeros, poles = (tuple(complex(*root) for root in stored[name]) for name in ("zeros", "poles"))
         return PriorWeight(zeros, poles, float(stored["gain"]), float(stored["dt"]))
     value = value if isinstance(value, control.TransferFunction) else as_state_space("weight", value)

@@ -13,19 +13,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from robustid.bases import Sections
-from robustid.core import Budget, Complex, DampedSteps, Real, singular_parts
+from robustid.core import Array, Budget, Complex, DampedSteps, Real, singular_parts
 from robustid.reduction.gramians import Parts, gramian_factors
 from robustid.reduction.sample_map import SampleMap, Samples, Signals
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
 
-Poles = NDArray[Any]  # complex, or real where all of them are
+Poles = Array  # complex, or real where all of them are
 
 _STEPS = 40  # of one descent
 _NONE = np.zeros(0, complex)

@@ -78,7 +78,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
-def of(result: Any, **options: Any) -> Figure:
+def of(result: object, **options: Any) -> Figure:
     """Draw the figure that shows a result best; ``result.plot()`` is this.
 
     Of a ResponseTube the `time_response`, of an OrderSweep, or a Reduction from `reduce_within_bounds`, the `orders`, of a

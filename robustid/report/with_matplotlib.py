@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from robustid.core import Options, Record
 from robustid.errors import InputError, InputTypeError
 from robustid.report.charts import MATPLOTLIB, NOMINAL, Chart, Layer, Panel
 from robustid.report.words import number
@@ -43,7 +44,7 @@ def draw(chart: Chart, ax: object = None) -> Figure:
     with matplotlib.rc_context(MATPLOTLIB):
         figure = Figure(figsize=(width, height * rows + 0.5), layout="constrained", dpi=120)
         axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if chart.linked else "none").ravel()
-        handles: dict[str, Any] = {}
+        handles: Record = {}
         for k, (one, panel) in enumerate(zip(axes, chart.panels, strict=True)):
             for layer in panel.layers:
                 handles.setdefault(layer.name, _draw_layer(one, layer))
@@ -77,7 +78,7 @@ def _draw_on(chart: Chart, ax: object) -> Figure:
             f"`ax` must have one pair of axes for each of the {len(panels)} panels of this figure; got {len(axes)}"
         )
     for one, panel in zip(axes, panels, strict=True):
-        handles: dict[str, Any] = {}
+        handles: Record = {}
         for layer in panel.layers:
             handles.setdefault(layer.name, _draw_layer(one, layer))
         box = one.get_window_extent()
@@ -89,7 +90,7 @@ def _draw_on(chart: Chart, ax: object) -> Figure:
 
 def _draw_layer(ax: Axes, layer: Layer) -> Any:
     marker = _MARKERS.get(layer.marker.removesuffix("-open"), "none")
-    style: dict[str, Any] = {"color": layer.colour, "linestyle": _DASHES[layer.dash], "marker": marker}
+    style: Options = {"color": layer.colour, "linestyle": _DASHES[layer.dash], "marker": marker}
     if layer.marker.endswith("-open"):
         style["markerfacecolor"] = "none"
     style["markersize"] = 3.6 * layer.size

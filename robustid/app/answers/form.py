@@ -11,6 +11,7 @@ from typing import Any, cast
 
 from robustid._version import __version__
 from robustid.app.run.toml import is_array
+from robustid.core import Record
 from robustid.errors import RobustIdError
 
 FORMAT = "robustid answer 1"
@@ -18,16 +19,16 @@ SCHEMA = Path(__file__).with_name("answer.schema.json")
 Answer = dict[str, Any]
 
 
-def schema() -> dict[str, Any]:
+def schema() -> Record:
     """The published schema, JSON Schema 2020-12."""
     return json.loads(SCHEMA.read_text(encoding="utf-8"))
 
 
-def answer(command: str, status: str, sentence: str, exit_code: int, **found: Any) -> Answer:
+def answer(command: str, status: str, sentence: str, exit_code: int, **found: object) -> Answer:
     """An answer with every field of the schema: what was found, null or nothing for the rest."""
     own = {"format": FORMAT, "program": f"robustid {__version__}", "command": command, "status": status}
     own |= {"sentence": sentence, "exit_code": exit_code}
-    lists: dict[str, Any] = dict.fromkeys(
+    lists: Record = dict.fromkeys(
         (
             *("scope", "guarantees", "not_covered", "assumed", "checks", "controllers", "faults", "causes"),
             *("numbers", "contents", "files", "next", "warnings"),
@@ -64,7 +65,7 @@ def ended(command: str, status: str, sentence: str, exit_code: int, error: Robus
     return answer(command, status, sentence, exit_code, refusal=about if status == "refused" else None)
 
 
-def refusal(argument: str | None = None, got: Any = None, remedy: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def refusal(argument: str | None = None, got: object = None, remedy: Mapping[str, Any] | None = None) -> Record:
     """The argument that is wrong or missing, what was got, and arguments that would do.
 
     A sample time in a remedy stands for one that nobody has said: it is named among the `unknown`, and no value.

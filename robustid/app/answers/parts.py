@@ -5,12 +5,12 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robustid.advice import Cause
-from robustid.core import Choice
+from robustid.core import Choice, Record
 from robustid.data import Fault
 from robustid.guarantees import Band, LoopBounds, RobustStabilityMargin, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Comparison, Identification, MixedProblem
@@ -27,13 +27,13 @@ _KINDS = {Band: "band", WorstCaseError: "frequencies", WorstCaseOverPoles: "freq
 _MARGINS = "gain_margin", "phase_margin_degrees", "delay_margin_s", "modulus_margin", "disk_margin"
 
 
-def model_row(model: control.StateSpace, error: float | None = None) -> dict[str, Any]:
+def model_row(model: control.StateSpace, error: float | None = None) -> Record:
     """Size of a model, and what is known beforehand of its error."""
     size = {"order": model.nstates, "outputs": model.noutputs, "inputs": model.ninputs}
     return size | {"dt": model.dt or None, "error_at_most": error}
 
 
-def difference_row(found: Comparison) -> dict[str, Any]:
+def difference_row(found: Comparison) -> Record:
     """Two measurements beside each other."""
     outputs, inputs = found.first.outputs, found.first.inputs
     places = [
@@ -49,7 +49,7 @@ def difference_row(found: Comparison) -> dict[str, Any]:
     return {"points": found.omega.size, "by_chance": found.by_chance, "at_hz": found.hz, "places": places}
 
 
-def of_identification(result: Identification) -> dict[str, Any]:
+def of_identification(result: Identification) -> Record:
     """Margin, scope and checks of an identification."""
     checks = [
         {"name": one.name, "measured": one.measured, "limit": one.limit, "holds": one.holds}
@@ -64,7 +64,7 @@ def of_identification(result: Identification) -> dict[str, Any]:
     }
 
 
-def of_guarantees(found: Sequence[Band | WorstCaseError | WorstCaseOverPoles]) -> dict[str, Any]:
+def of_guarantees(found: Sequence[Band | WorstCaseError | WorstCaseOverPoles]) -> Record:
     """Guaranteed errors, and what none of them covers."""
     rows = [_guarantee(one) for one in found]
     missing = [words for row in rows for words in row.pop("not_covered")]
@@ -72,7 +72,7 @@ def of_guarantees(found: Sequence[Band | WorstCaseError | WorstCaseOverPoles]) -
     return {"guarantees": [*rows, *circles], "not_covered": list(dict.fromkeys(missing))}
 
 
-def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> dict[str, Any]:
+def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> Record:
     """One bound of the largest singular value of the error, at the frequency where it is largest."""
     upper, over_box = found.sigma_upper, isinstance(found, WorstCaseOverPoles)
     missing: list[str] = []
@@ -103,7 +103,7 @@ def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> dict[str, A
     }
 
 
-def _circle(error: WorstCaseError) -> dict[str, Any]:
+def _circle(error: WorstCaseError) -> Record:
     """The bound between the frequencies too."""
     circle = error.circle
     return {
@@ -126,7 +126,7 @@ def circle_words(error: WorstCaseError) -> str:
     return text + f" (attained: {found.lower:.4g})" + ("" if found.converged else "; to less accuracy than asked")
 
 
-def margin_row(name: str, found: RobustStabilityMargin | None, status: enum.Enum | None = None) -> dict[str, Any]:
+def margin_row(name: str, found: RobustStabilityMargin | None, status: enum.Enum | None = None) -> Record:
     """A controller: the verdict, and its robust stability margin with where it is limited."""
     verdict = status or (None if found is None else found.status)
     return {
@@ -141,7 +141,7 @@ def margin_row(name: str, found: RobustStabilityMargin | None, status: enum.Enum
     }
 
 
-def controller_row(name: str, found: LoopBounds) -> dict[str, Any]:
+def controller_row(name: str, found: LoopBounds) -> Record:
     """The same with peaks and margins that hold for every consistent plant, and the plant that refutes it."""
     row, margins = margin_row(name, found.stability, found.status), found.margins
     row["peaks"] = {
@@ -160,13 +160,13 @@ def _unit(problem: MixedProblem) -> str | None:
     return f"{output.unit}/{input_.unit}" if single and output.unit and input_.unit else None
 
 
-def problem_of(result: Any) -> MixedProblem | None:
+def problem_of(result: object) -> MixedProblem | None:
     """Statement that a result, or its band, is about."""
     found = getattr(result, "problem", None) or getattr(getattr(result, "band", None), "problem", None)
     return found if isinstance(found, MixedProblem) else None
 
 
-def faults_of(faults: Iterable[Fault]) -> list[dict[str, Any]]:
+def faults_of(faults: Iterable[Fault]) -> list[Record]:
     """Probable faults of the data."""
     return [
         {
@@ -182,7 +182,7 @@ def faults_of(faults: Iterable[Fault]) -> list[dict[str, Any]]:
     ]
 
 
-def cause_row(one: Cause) -> dict[str, Any]:
+def cause_row(one: Cause) -> Record:
     """Cause of a contradiction, and what would help."""
     return {
         "sentence": one.cause,
@@ -194,6 +194,6 @@ def cause_row(one: Cause) -> dict[str, Any]:
     }
 
 
-def choice_row(one: Choice) -> dict[str, Any]:
+def choice_row(one: Choice) -> Record:
     """Value that was left to the program."""
     return {"value": one.value, "source": one.source.value, "reason": one.reason}

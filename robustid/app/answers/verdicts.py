@@ -27,6 +27,7 @@ from robustid.app.run.reading import option_words, values_of_options
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.work import Work
 from robustid.controllers import ControllerDesign
+from robustid.core import Options, Record
 from robustid.data import Fault, FrequencyResponse
 from robustid.errors import Remedy
 from robustid.fitting import MatrixFraction
@@ -80,7 +81,7 @@ def looked(found: Sequence[Look], exit_code: int) -> Answer:
     )
 
 
-def _open_question(found: Look) -> dict[str, Any]:
+def _open_question(found: Look) -> Record:
     """The refusal of a file as `identify` would have it: its arguments by their options."""
     kind = found.kind or ("frequency" if found.argument == "frequency_unit" else "time")
     argument = found.argument or next(iter(found.unknown), None)
@@ -167,7 +168,7 @@ def contradicted(found: Refutation | Coverage, faults: Iterable[Fault], exit_cod
     status, sentence = verdict_of(found)
     if isinstance(found, Refutation):
         kind, index, at, ratio, attainable = found.worst
-        worst: dict[str, Any] = {"kind": kind, "experiment": index + 1, "ratio": ratio, "attainable": attainable}
+        worst: Record = {"kind": kind, "experiment": index + 1, "ratio": ratio, "attainable": attainable}
         worst |= {"at_hz": at / (2 * np.pi), "at_s": None} if kind == "frequency" else {"at_hz": None, "at_s": at}
         count, of_class = found.ratio, of_identification(found.identification)
     else:
@@ -232,7 +233,7 @@ def tried(found: Mapping[str, LoopBounds], files: Iterable[Path], exit_code: int
 
 
 def concluded(
-    command: str, status: str, head: Document, exit_code: int, files: Iterable[Path | None], **found: Any
+    command: str, status: str, head: Document, exit_code: int, files: Iterable[Path | None], **found: object
 ) -> Answer:
     """A command by the first screen of what it found, which says the same to people; `found`: what is typed besides."""
     said, numbers = head.verdict, [{"what": what, "words": words} for what, words in head.numbers]
@@ -274,7 +275,7 @@ def compared(found: Comparison, head: Document, exit_code: int, files: Iterable[
 
 
 def connected(
-    found: Interconnection, parts: Iterable[Any], head: Document, exit_code: int, files: Iterable[Path | None]
+    found: Interconnection, parts: Iterable[object], head: Document, exit_code: int, files: Iterable[Path | None]
 ) -> Answer:
     """Two parts of a loop, every pair of them."""
     problems = [problem for one in parts if (problem := problem_of(one)) is not None]
@@ -287,7 +288,7 @@ def connected(
 
 def ran(result: IdentifiedReduced | FamilyRun, status: str, exit_code: int, files: Iterable[Path]) -> Answer:
     """A whole run: of one plant with everything that is guaranteed of it."""
-    found: dict[str, Any] = {"unfinished": None if result.unfinished is None else result.unfinished.sentence}
+    found: Record = {"unfinished": None if result.unfinished is None else result.unfinished.sentence}
     found["model"] = None if result.model is None else model_row(result.model)
     identifications = (
         [result.identification] if isinstance(result, IdentifiedReduced) else result.identifications.values()
@@ -333,6 +334,6 @@ def designed(found: ControllerDesign, head: Document, exit_code: int, files: Ite
     rows = [controller_row("", one) for one in found.proofs]
     model = None if found.controller is None or found.status.name == "NONE" else model_row(found.controller)
     faults = [fault for one in found.proofs for fault in one.band.problem.data_faults]
-    how: dict[str, Any] = {"controllers": rows, "model": model, "faults": faults_of(faults), "assumed": [ASSUMED]}
+    how: Options = {"controllers": rows, "model": model, "faults": faults_of(faults), "assumed": [ASSUMED]}
     status = found.status.name.lower()
     return concluded("control", status, head, exit_code, files, **how, summary=found.summary())

@@ -8,13 +8,16 @@ import inspect
 import typing
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from robustid.app.run.checks import Option, options
 from robustid.app.run.settings import PARTS
 from robustid.errors import RobustIdError
+
+if TYPE_CHECKING:
+    from robustid.core import Options
 
 FILES = "Files and screen"  # headings of the help
 _READING, _CLASS, _USED = "How files are read", "The class", "Data that are used"
@@ -155,7 +158,7 @@ def _parameter(option: Option, kind: Any, default: Any, section: Any) -> inspect
     )
 
 
-def _built(kind: Any, fields: dict[str, tuple[str, Option]], given: dict[str, Any]) -> Any:
+def _built(kind: Any, fields: dict[str, tuple[str, Option]], given: Options) -> Any:
     """The section with what was given, every value checked under the name of its option."""
     values = {}
     for name, (title, option) in fields.items():

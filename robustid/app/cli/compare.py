@@ -18,6 +18,7 @@ from robustid.errors import InputError, Status
 if TYPE_CHECKING:
     from robustid.advice import CommonModes
     from robustid.app.cli.screen import Terminal
+    from robustid.core import Record
     from robustid.identification import Validation
 
 _FILE = "A time record, a frequency response, a model or a saved result."
@@ -109,7 +110,7 @@ def compare(
     raise typer.Exit(code)
 
 
-def _compared(console: Terminal, paths: Sequence[Path], things: list[Any], how: Estimate, modes: bool) -> Any:
+def _compared(console: Terminal, paths: Sequence[Path], things: list[object], how: Estimate, modes: bool) -> Any:
     """Comparison of two things or more; responses take the place of records where modes are compared."""
     from robustid.advice import common_modes
     from robustid.identification import compare as compared
@@ -122,7 +123,7 @@ def _compared(console: Terminal, paths: Sequence[Path], things: list[Any], how: 
         return common_modes(_by_name(paths, things), probability=how.probability)
 
 
-def _by_name(paths: Sequence[Path], things: Sequence[Any]) -> dict[str, Any]:
+def _by_name(paths: Sequence[Path], things: Sequence[object]) -> Record:
     """Setups by the names of their files; by the whole path where two names are one."""
     names = [path.stem for path in paths]
     if len(set(names)) < len(names):
@@ -132,7 +133,7 @@ def _by_name(paths: Sequence[Path], things: Sequence[Any]) -> dict[str, Any]:
     return dict(zip(names, things, strict=True))
 
 
-def response_of(console: Terminal, path: Path, found: Any, period: int | None) -> Any:
+def response_of(console: Terminal, path: Path, found: object, period: int | None) -> Any:
     """The response of what was read; of records the estimate of all of them."""
     from robustid.data import FrequencyResponse, TimeRecord
     from robustid.estimation import estimate_frf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +18,7 @@ from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
     from robustid.controllers import ControllerDesign
+    from robustid.core import Options
     from robustid.guarantees import Band
 
 _NAMED = 3  # sources of several that limit most
@@ -73,7 +74,7 @@ def control(
         for one in source:
             progress(f"reading {one}", 0, 0)
             plants.append(MeasuredPlant.of(one, progress))
-        how: dict[str, Any] = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
+        how: Options = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
         found = design_controller([one.plants for one in plants], structure, **how)
         found.save(output)
         usable = found.status.name in (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from robustid.core import Options
     from robustid.data import Excitation, FrequencyResponse, TimeRecord, Undoing
 
 _SAME_STEP = 1e-6  # part of a sample time
@@ -74,7 +75,7 @@ def excite(
     written_files.check_outputs([output], [], force)
     console = screen.console()
     with in_words(words_of(excite, band_hz="--band", path="--output")):
-        asked: dict[str, Any] = {"band_hz": low_high("--band", band), "period": period, "spacing": spacing}
+        asked: Options = {"band_hz": low_high("--band", band), "period": period, "spacing": spacing}
         asked |= {"lines_per_decade": lines_per_decade, "inputs": inputs, "realisations": realisations}
         asked |= {"periods": periods, "amplitude": _one_or_all(amplitude), "rms": _one_or_all(rms)}
         with step(console, "choosing phases" + " for a small crest factor" * minimise_crest):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from robustid.app.run.reading import Tables
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.work import Work
-    from robustid.core import Progress
+    from robustid.core import Options, Progress
     from robustid.data import SimulatedExperiment
 
 _SIDES = 6  # of the polygons around the errors of the demo at each frequency
@@ -127,7 +127,7 @@ def _asked(console: Terminal, files: list[Path], stated: _Stated, tables: Tables
     named = [os.path.relpath(one, files[0].parent) for one in files]
     title = ", ".join(one.name for one in files)
     # All that is shown is used.
-    how: dict[str, Any] = {"entry": entry, "frequency_points": stated.points, "withheld": Withheld(every=0)}
+    how: Options = {"entry": entry, "frequency_points": stated.points, "withheld": Withheld(every=0)}
     if set(kinds) == {"time"} or fields is not None:
         asked = Files(paths=files, source=stated.record, entry=entry, tables=tables)
         sources = tuple(dataclasses.replace(stated.record, file=name, use="response") for name in named)

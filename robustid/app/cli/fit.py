@@ -6,7 +6,7 @@ import dataclasses
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from robustid.app.cli.terminal import Terminal
-    from robustid.core import Real
+    from robustid.core import Options, Real
     from robustid.data import FrequencyResponse
     from robustid.fitting import MatrixFraction, OrderSweep, RollOff, Weight
 
@@ -99,7 +99,7 @@ def fit(
     written_files.check_outputs([*model_files, report], [source], force)
     console = screen.console(stderr=as_json, verbose=verbose)
     (frf,) = asked_files.read(console)
-    asked: dict[str, Any] = {"form": form, "domain": domain, "method": method} | _constraints(roll_off)
+    asked: Options = {"form": form, "domain": domain, "method": method} | _constraints(roll_off)
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
     words |= {"frf": source.name, "values": source.name}
     with in_words(words_of(fit, **words)):
@@ -196,7 +196,7 @@ def _model_files(output: Path) -> list[Path]:
     return list(written_files.result_files(output))
 
 
-def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: dict[str, Any]) -> MatrixFraction:
+def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: Options) -> MatrixFraction:
     """The fit; at a terminal every iteration is shown."""
     from robustid.fitting import fit_mfd
 
@@ -211,7 +211,7 @@ def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: dict[s
         return fit_mfd(frf, order=order, progress=progress, **asked)
 
 
-def _swept(console: Terminal, frf: FrequencyResponse, asked: dict[str, Any]) -> OrderSweep:
+def _swept(console: Terminal, frf: FrequencyResponse, asked: Options) -> OrderSweep:
     """A sweep over the order on all cores; if everything is asked for, the stabilisation diagram grows with it."""
     from robustid.core import worker_pool
     from robustid.fitting import suggest_order

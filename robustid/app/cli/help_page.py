@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from typer import Context
 from typer.core import TyperCommand
 
 _NAMES = 26  # characters of the first column; longer names stand on a line of their own
@@ -23,12 +24,12 @@ class Explained(TyperCommand):
         show_help(self, ctx, parameters(self, ctx))
 
 
-def parameters(command: Any, ctx: Any) -> list[tuple[Any, str, str]]:
+def parameters(command: Any, ctx: Context) -> list[tuple[Any, str, str]]:
     """The parameters with their names and help."""
     return [(param, _names(param, ctx), _help(param, ctx)) for param in command.get_params(ctx)]
 
 
-def show_help(command: Any, ctx: Any, rows: list[tuple[Any, str, str]], names_width: int = _NAMES) -> None:
+def show_help(command: Any, ctx: Context, rows: list[tuple[Any, str, str]], names_width: int = _NAMES) -> None:
     """Print usage, words, and rows of names and help under the heading of each."""
     from rich.console import Console
     from rich.text import Text
@@ -67,7 +68,7 @@ def _heading(thing: Any) -> str:
     return getattr(thing, "rich_help_panel", None) or "Options"
 
 
-def _names(param: Any, ctx: Any) -> str:
+def _names(param: Any, ctx: Context) -> str:
     """The names of a parameter, with what its value is."""
     if param.param_type_name == "argument":
         return param.metavar or str(param.name).upper()
@@ -78,7 +79,7 @@ def _names(param: Any, ctx: Any) -> str:
     return f"{names} {param.metavar or next((word for name, word in _KINDS.items() if name in shown.lower()), shown)}"
 
 
-def _help(param: Any, ctx: Any) -> str:
+def _help(param: Any, ctx: Context) -> str:
     """The help of a parameter, with its default."""
     words = getattr(param, "help", None) or ""
     if param.name == "help" or param.is_eager:

@@ -11,9 +11,12 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from robustid.app.cli.steps import INTERRUPTED, SILENCE, Step, send
+
+if TYPE_CHECKING:
+    from robustid.core import Record
 
 _PATIENCE = (
     0.35  # seconds, and of processor time, after Ctrl-C in which a command answers; one compiled call may take minutes
@@ -84,7 +87,7 @@ class _Watch:
 
     def __init__(self, child: int, of_steps: int) -> None:
         self._child, self._of_steps, self._rest = child, of_steps, b""
-        self._step: dict[str, Any] = {"text": "", "kept": False, "stderr": False}
+        self._step: Record = {"text": "", "kept": False, "stderr": False}
         self._began = self._shown = time.monotonic()
         self._asked: float | None = None  # when Ctrl-C came that nobody has been told of yet
         self._spent = 0.0  # processor time then

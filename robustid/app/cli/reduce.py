@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import control
 
     from robustid.app.cli.terminal import Terminal
+    from robustid.core import Options
     from robustid.identification import Identification
     from robustid.reduction import Reduction
 
@@ -73,7 +74,7 @@ def reduce(
 
     written_files.check_ending(output, (".npz", ".mat", ".m", ".json", ".h", ".sos", ".zpk"))
     match = "static gain" if static_gain else None
-    asked: dict[str, Any] = {"order": order, "tol": tol, "match": match, "horizon": horizon}
+    asked: Options = {"order": order, "tol": tol, "match": match, "horizon": horizon}
     asked["band_hz"] = None if band is None else low_high("--band", band)
     written_files.check_outputs([output], [*written_files.sources(source), *([weight] if weight else [])], force)
     if weight is not None:
@@ -142,7 +143,7 @@ def _within_bounds(console: Terminal, identification: Identification, time_limit
     return reduction
 
 
-def _truncated(console: Terminal, model: control.StateSpace, asked: dict[str, Any]) -> Reduction:
+def _truncated(console: Terminal, model: control.StateSpace, asked: Options) -> Reduction:
     import numpy as np
 
     from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error

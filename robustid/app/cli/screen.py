@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from robustid.app.cli.steps import tell
 from robustid.errors import InputError, InputTypeError, SolverError, Status
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.status import Status as RichStatus
 
     from robustid.app.cli.terminal import Terminal
-    from robustid.core import Progress
+    from robustid.core import Progress, Record
     from robustid.data import Undoing
     from robustid.report import Document
 
@@ -27,7 +27,7 @@ class Context(Protocol):
     """Context of a command, as far as it is needed here."""
 
     @property
-    def meta(self) -> dict[str, Any]:
+    def meta(self) -> Record:
         """Values that commands and their parents share."""
         ...
 
@@ -84,7 +84,7 @@ def warn(out: Terminal, text: str) -> None:
     out.say(text, "warning: ", "yellow")
 
 
-def write(answer: dict[str, Any], out: Terminal | None = None) -> None:
+def write(answer: Record, out: Terminal | None = None) -> None:
     """Write an answer as JSON on stdout, with the warnings that were printed and the commands to go on with."""
     from robustid.app.answers.form import text_of
 

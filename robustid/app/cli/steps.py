@@ -7,7 +7,11 @@ import json
 import os
 import sys
 import time
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robustid.core import Record
+
 
 INTERRUPTED = 130  # exit code
 SILENCE = 2.5  # seconds without a line after which one says that the step goes on
@@ -47,7 +51,7 @@ def lasting(text: str) -> str:
     return f"{text}, {seconds()} s so far" if seconds() else text
 
 
-def send(message: dict[str, Any]) -> None:
+def send(message: Record) -> None:
     """Send a message to the process that watches, where there is one."""
     if Step.to is not None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # nobody reads

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from robustid.app.explore.quantities import STEPS, Quantity, quantities
 from robustid.app.explore.session import Session
+from robustid.core import Record
 
 if TYPE_CHECKING:
     from dash.development.base_component import Component
@@ -179,6 +180,6 @@ def row(one: Quantity, number: object = None) -> Component:
     return html.Div(parts, className="row")
 
 
-def named(words: str) -> dict[str, Any]:
+def named(words: str) -> Record:
     """The name of a part for those who don't see it."""
     return {"aria-label": words}

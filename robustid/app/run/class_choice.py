@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from robustid.app.run.reading import D, Data
 from robustid.app.run.run_file import PRIOR_NOTE, RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.bases import ParametricBasis
-from robustid.core import Source
+from robustid.core import Options, Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify, prior_from
@@ -91,7 +90,7 @@ def placeholder(run: RunFile, data: Measured) -> Prior:
     return any_prior(data.dt, run.prior.scaling, **run.prior.shape(data.dt))
 
 
-def _default_prior(data: Sequence[Data], shape: dict[str, Any] | None = None) -> Prior:
+def _default_prior(data: Sequence[Data], shape: Options | None = None) -> Prior:
     """A prior of no meaning but its shape and scaling, the sizes of the entries of a MIMO response."""
     several = bool(data) and (len(data[0].outputs), len(data[0].inputs)) != (1, 1)
     scaling = suggest_scaling(data) if several else None

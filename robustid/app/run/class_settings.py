@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robustid.app.run.checks import (
     AUTO,
@@ -22,6 +22,7 @@ from robustid.app.run.checks import (
     whole,
 )
 from robustid.app.run.toml import is_table
+from robustid.core import Options, Record
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ class PriorChoice:
         fields = {name: value for name in names if (value := getattr(self, name)) is not None}
         return prior_from({**fields, "scaling": self.scaling, **self.shape(dt)})
 
-    def shape(self, dt: float | None) -> dict[str, Any]:
+    def shape(self, dt: float | None) -> Options:
         """The roll-off or weight, as a prior takes it for data of a sample time; empty where there is none."""
         if self.weight is not None:
             return {"weight": _covering(self.weight, dt or None)}
@@ -227,7 +228,7 @@ class PriorChoice:
                 )
 
 
-def prior_keys(prior: Prior, asked: PriorChoice | None = None) -> dict[str, Any]:
+def prior_keys(prior: Prior, asked: PriorChoice | None = None) -> Record:
     """The keys of a prior in a run file: without the gain bound that a passive class doesn't ask for.
 
     A weight is stated by the table that was asked for, where there is one, else by its zeros and poles.

@@ -9,6 +9,7 @@ import numpy as np
 
 from robustid.app.run.settings import Modes
 from robustid.bases import FunctionKind
+from robustid.core import Record
 from robustid.identification import MixedProblem, told_apart_functions
 
 _BY_MODE = ("hz", "damping", "hz_interval", "damping_interval")
@@ -50,7 +51,7 @@ def without_mode(modes: Modes, number: int) -> Modes:
     return dataclasses.replace(modes, **without_number(modes, number), note=note)
 
 
-def without_number(stated: Any, number: int) -> dict[str, Any]:
+def without_number(stated: Any, number: int) -> Record:
     """Frequencies, damping ratios and boxes, of modes or of a member, without those of one mode."""
     kept = {name: getattr(stated, name) for name in _BY_MODE}
     return {name: None if values is None else values[:number] + values[number + 1 :] for name, values in kept.items()}

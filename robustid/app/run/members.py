@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sequence import diagnosis_of, identified
 from robustid.app.run.work import Untouched
+from robustid.core import Options, Record
 from robustid.data import PlacedFault, Undoing
 from robustid.errors import InconsistentDataError, InputError
 from robustid.guarantees import Member, called_otherwise, family, frequencies_of, otherwise_words
@@ -81,7 +81,7 @@ def _named_alike(name: str, mine: Measured, first: Measured) -> tuple[Measured, 
     The arrays of its files may be called otherwise; units of their own stay.
     """
     one, own = (next(iter((*data.responses, *data.records))) for data in (first, mine))
-    names: dict[str, Any] = {}
+    names: Record = {}
     said: list[str] = []
     for side in ("outputs", "inputs"):
         theirs, ours = getattr(one, side), getattr(own, side)
@@ -95,7 +95,7 @@ def _named_alike(name: str, mine: Measured, first: Measured) -> tuple[Measured, 
     return (mine.each(named) if names else mine), said
 
 
-def _poles(run: RunFile, name: str) -> dict[str, Any]:
+def _poles(run: RunFile, name: str) -> Record:
     """The keys of the poles of a member."""
     modes = modes_of(run, name)
     return {key: getattr(modes, key) for key in POLES}
@@ -161,7 +161,7 @@ def _united(
     run = with_frequencies(run, frequencies_of(members), tuple(poles), plane, withheld)
     around.folder.choices(run)
     omega = 2 * np.pi * np.array(run.worst_case.at_hz)
-    how: dict[str, Any] = asked.arguments | {"order": run.family.order}
+    how: Options = asked.arguments | {"order": run.family.order}
     words = "bounding the members at every frequency"
     spread = around.counted(words)
     how |= {"omega": omega, "schedule": run.family.schedule, "interval": run.family.interval}

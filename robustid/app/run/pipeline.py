@@ -28,7 +28,7 @@ from robustid.app.run.sequence import from_data, from_problem
 from robustid.app.run.settings import SECTIONS, General
 from robustid.app.run.toml import is_array
 from robustid.app.run.undoing import command_line, in_run_file, in_run_file_of_member
-from robustid.core import Budget, Progress, as_flag, as_function, one_thread
+from robustid.core import Budget, Options, Progress, Record, as_flag, as_function, one_thread
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting import MatrixFraction, ModeRow, RecordFit
@@ -66,11 +66,11 @@ def _described(name: str, kind: str | type, default: object, option: Option) -> 
     return f"    {name} : {kind}, default {default!r}\n{textwrap.indent(textwrap.fill(text, 120), 8 * ' ')}\n"
 
 
-def _stated(given: Mapping[str, object]) -> dict[str, Any]:
+def _stated(given: Mapping[str, object]) -> Options:
     """Arguments by section and key of the run file, checked under their own name."""
     _, *known = inspect.signature(identify_reduced).parameters
     refuse_unknown(given, known, "identify_reduced", "argument", InputTypeError)
-    content: dict[str, Any] = {section: {} for section in SECTIONS}
+    content: Record = {section: {} for section in SECTIONS}
     for name, value in given.items():
         section, field, option = _KEYWORDS[name]
         if value is not None or field.default is not None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar, overload
+from typing import Generic, NamedTuple, TypeVar, overload
 
 from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.app.run.toml import is_array, write_toml
+from robustid.core import Record
 from robustid.data import Fault, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, Remedy
 from robustid.estimation import BOUND_SOURCES, correct, default_bound, operating_point
@@ -127,9 +128,9 @@ def in_options(remedy: Remedy, kind: str) -> str:
     )
 
 
-def values_of_options(remedy: Remedy, kind: str) -> dict[str, Any]:
+def values_of_options(remedy: Remedy, kind: str) -> Record:
     """The same as values by their options; of fields a list."""
-    found: dict[str, Any] = {}
+    found: Record = {}
     for name, value in remedy.arguments.items():
         if name == "fields":
             several = {role: names if is_array(names) else [names] for role, names in value.items()}

@@ -6,7 +6,7 @@ import dataclasses
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from robustid._version import __version__
 from robustid.app.run.checks import AUTO, options, refuse_unknown, section
@@ -28,7 +28,7 @@ from robustid.app.run.settings import (
 )
 from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
 from robustid.app.run.toml import is_array, is_table, read_toml, write_toml
-from robustid.core import Choice, Frozen, Source, digest
+from robustid.core import Choice, Frozen, Record, Source, digest
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -307,7 +307,7 @@ def read_run_file(
 def _run_file(content: Mapping[str, object]) -> RunFile:
     plain = {field.name: option.check for field, option in options(RunFile)}
     refuse_unknown(content, [*plain, *LISTS, *SECTIONS], "the file")
-    parts: dict[str, Any] = {name: plain[name](name, content[name]) for name in plain if name in content}
+    parts: Record = {name: plain[name](name, content[name]) for name in plain if name in content}
     for name, kind in LISTS.items():
         items = content.get(name, [])
         if not is_array(items):

@@ -28,6 +28,7 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.loop_settings import LoopChoice
 from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
+from robustid.core import Options
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ class Fit:
     )
 
     @property
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> Options:
         """The keyword arguments of `robustid.fit_mfd` and of `suggest_order`, but for the order."""
         from robustid.fitting import Modal, RigidBody
 
@@ -262,7 +263,7 @@ class Identify:
     )
 
     @property
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> Options:
         """The keyword arguments of `robustid.identify`, but for the time limit."""
         return {name: getattr(self, name) for name in ("objective", "solver", "accuracy", "form")}
 
@@ -329,7 +330,7 @@ class WorstCase:
     )
 
     @property
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> Options:
         """The keyword arguments of a bound at many frequencies, but for the time limit."""
         return {name: getattr(self, name) for name in ("directions", "rtol")}
 

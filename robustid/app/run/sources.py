@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 from robustid.app.run.checks import Check, Described, either, key, listed, number, roles, several, table, text, whole
+from robustid.core import Options
 from robustid.errors import InputError
 
 USES = ("response", "samples", "noise_floor")
@@ -157,7 +158,7 @@ class RecordSource:
     kind: ClassVar = "time"
 
     @property
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> Options:
         """The keyword arguments of `robustid.load`."""
         return _arguments(self) | {"initial": self.initial}
 
@@ -205,12 +206,12 @@ class ResponseSource:
     kind: ClassVar = "frequency"
 
     @property
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> Options:
         """The keyword arguments of `robustid.load`."""
         return _arguments(self) | {"frequency_unit": self.unit, "start": self.start, "step": self.step}
 
 
-def _arguments(source: RecordSource | ResponseSource) -> dict[str, Any]:
+def _arguments(source: RecordSource | ResponseSource) -> Options:
     """Arguments for both kinds; a word for a bound asks for one that is taken from the data."""
     given = {name: getattr(source, name) for name in _READ}
     return given | {

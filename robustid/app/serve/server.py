@@ -15,6 +15,7 @@ from robustid.app.cli.steps import INTERRUPTED
 from robustid.app.run.toml import is_array, is_table
 from robustid.app.serve.process import started, warm
 from robustid.app.serve.tools import TOOLS
+from robustid.core import Options
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ class Tools:
             is_error=found["status"] in _FAILED,
         )
 
-    async def _answer(self, context: ServerRequestContext[Any], name: str, given: dict[str, Any]) -> Answer:
+    async def _answer(self, context: ServerRequestContext[Any], name: str, given: Options) -> Answer:
         tool = TOOLS.get(name)
         if tool is None:
             return ended(name, "refused", f"there is no tool {name!r}; these are known: {', '.join(TOOLS)}", MISUSE)
@@ -108,7 +109,7 @@ class Tools:
             _end(process)
 
 
-def _bare(found: Any) -> Any:
+def _bare(found: object) -> object:
     """A schema without its descriptions, which every tool would repeat: they are in the published one."""
     if is_table(found):
         return {name: _bare(one) for name, one in found.items() if name != "description"}

@@ -22,7 +22,7 @@ from robustid.app.cli.refute import refute
 from robustid.app.cli.verify import verify
 from robustid.app.run.checks import refuse_unknown
 from robustid.app.run.toml import is_array
-from robustid.core import paths
+from robustid.core import Record, paths
 from robustid.errors import InputError, InputTypeError
 
 # No arguments of a tool: how the answer is written, what replaces files or starts processes, and options that name files as text.
@@ -43,19 +43,19 @@ class Argument(NamedTuple):
     default: Any
 
     @property
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Record:
         """JSON Schema of its values."""
-        one: dict[str, Any] = {"type": _TYPES[self.kind]}
+        one: Record = {"type": _TYPES[self.kind]}
         found = {"type": "array", "items": one, "minItems": 1} if self.several else one
         return found | {"description": self.help}
 
-    def fits(self, value: Any) -> bool:
+    def fits(self, value: object) -> bool:
         """Return whether a value, or every item, is of the kind."""
         if self.several:
             return is_array(value) and len(value) > 0 and all(self._fits(one) for one in value)
         return self._fits(value)
 
-    def _fits(self, value: Any) -> bool:
+    def _fits(self, value: object) -> bool:
         if isinstance(value, bool):
             return self.kind is bool
         numbers = isinstance(value, int | float) and math.isfinite(value)
@@ -78,7 +78,7 @@ class Tool(NamedTuple):
         return _arguments(self.command)
 
     @property
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Record:
         """JSON Schema of all arguments."""
         return {
             "type": "object",

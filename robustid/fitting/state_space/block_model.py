@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, StateMatrices, freeze
+from robustid.core import Array, Complex, Frozen, Real, StateMatrices, freeze
 from robustid.fitting.modal.modal_form import poles_in_pairs
 from robustid.fitting.state_space.given_poles import diagonal_blocks
 from robustid.fitting.state_space.integrator_chains import chain
@@ -168,7 +167,7 @@ class BlockModel(Frozen):
         products = self._pole_changes(np.stack(rows)[:power], np.stack(states)[:power][::-1])
         return np.concatenate([products.sum(axis=0), self._input_changes(rows[-1][None])[0]], axis=2)
 
-    def _pole_changes(self, rows: NDArray[Any], states: NDArray[Any]) -> NDArray[Any]:
+    def _pole_changes(self, rows: Array, states: Array) -> Array:
         """``rows dA states`` (F, ny, c, 2 m + r) for rows (F, ny, n) and states (F, n, c)."""
         flexible, m = 2 * self.centre.size, self.single.size
         left, right = rows[:, :, None, :], states.transpose(0, 2, 1)[:, None]
@@ -180,11 +179,11 @@ class BlockModel(Frozen):
         ]
         return np.concatenate(parts, axis=3)
 
-    def _input_changes(self, rows: NDArray[Any], directions: Complex | None = None) -> NDArray[Any]:
+    def _input_changes(self, rows: Array, directions: Complex | None = None) -> Array:
         """``rows dB directions`` (F, ny, c, T - 2 m - r); directions (F, nu, c) of the inputs, or every input alone."""
         lines, outputs, nu = *rows.shape[:2], self.inputs.shape[2]
         flexible, m, count = 2 * self.centre.size, self.single.size, len(self.directions)
-        parts: list[NDArray[Any]] = []
+        parts: list[Array] = []
         pair_moves, single_moves = self.input_moves()
         blocks = rows[:, :, :flexible].reshape(lines, outputs, -1, 2)
         blocks = np.einsum("fomr,mruq->foumq", blocks, pair_moves, optimize=True)

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real
+from robustid.core import Array, Complex, Frozen, Real
 from robustid.data import TimeRecord
 from robustid.guarantees.linear.functions import Functions
 from robustid.identification import MixedProblem, excited_lines
@@ -103,7 +103,7 @@ class Samples(Frozen):
         """Most that the series leave out of every point, (N, amplitudes)."""
         return self._of_components(np.abs(self.v), self.functions.left_out(self.angles))
 
-    def _of_components(self, weights: NDArray[Any], own: NDArray[Any]) -> NDArray[Any]:
+    def _of_components(self, weights: Array, own: Array) -> Array:
         """Weights (N, C) of the components times columns (N, k) that each has, and zeros for transients."""
         every = (weights[:, :, None] * own[:, None, :]).reshape(len(own), weights.shape[1] * own.shape[1])
         return np.concatenate([every, np.zeros((len(own), self.transients), every.dtype)], axis=1)

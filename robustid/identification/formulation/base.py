@@ -7,13 +7,13 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, Sections
-from robustid.core import Frozen, Numbers, StateMatrices
+from robustid.core import Array, Frozen, Numbers, StateMatrices
 from robustid.errors import Remedy, SizeError
 from robustid.identification.formulation.convex import ConvexData
 from robustid.identification.formulation.functions import Functions
@@ -27,7 +27,7 @@ from robustid.identification.truncation import BalancedContraction
 LARGEST_EXACT = 200  # coefficients: the exact form is dense, n^4 work per Newton step
 
 Family = Interpolants | TaylorInterpolants
-States = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]  # A, B, C, D
+States = tuple[Array, Array, Array, Array]  # A, B, C, D
 Realisation = Callable[[float], tuple[States, float]]
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Numbers
+from robustid.core import Array, Frozen, Numbers
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
@@ -115,6 +114,6 @@ class Candidate:
 
     x: NDArray[np.float64]  # (n,), coefficients of the non-parametric part, all entries
     p: NDArray[np.float64]  # (m,), scaled parameters
-    samples: NDArray[Any]  # (N,), multipliers of the samples
+    samples: Array  # (N,), multipliers of the samples
     ball: NDArray[np.float64]  # (np, nq), multiplier of the contraction X
     solver: str

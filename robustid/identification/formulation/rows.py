@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -34,7 +33,7 @@ class Rows(Frozen):
     y: Numbers  # (N,)
     E: Columns  # (N, n), of the coefficients x of G/K in the orthonormal basis
     # (N, m), of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
-    P: NDArray[Any]
+    P: Numbers
     fixed: Real  # (M,), part of each (unit) bound that does not grow with K; below 1 only where an unknown past input widens it
     tail: Real  # (M,), zero where n coefficients determine the samples (the exact form)
     discs: int  # number of complex samples

@@ -8,23 +8,25 @@ import functools
 import itertools
 import logging
 import warnings
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, Record
 from robustid.errors import InputError, SolverError
 from robustid.identification.formulation.ball import Inequalities
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.rows import Rows
 
+_Expression = Any  # or a constraint or a program of cvxpy, which states no types
 _log = logging.getLogger("robustid.identification.solver")
 
 _CLARABEL = {"tol_gap_abs": 1e-9, "tol_gap_rel": 1e-9, "tol_feas": 1e-9, "accept_unknown": True}
 # Settings that ask each solver for more digits than its default, tried in turn. The data are scaled already:
 # Clarabel's own equilibration makes its first step fail on some of these problems.
-_SETTINGS: dict[str, list[dict[str, Any]]] = {
+_SETTINGS: dict[str, list[Record]] = {
     "CLARABEL": [_CLARABEL | {"equilibrate_enable": False}, _CLARABEL],
     "CVXOPT": [{"abstol": 1e-9, "reltol": 1e-9, "feastol": 1e-9}, {}],
     "SCS": [{"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iters": 50000}],
@@ -34,7 +36,7 @@ _SEMIDEFINITE = ("CLARABEL", "SCS", "CVXOPT", "MOSEK", "SDPA", "COPT")
 _NAMES = {"auto": "CLARABEL", "cvxpy": "CLARABEL"}
 
 
-def _cvxpy() -> Any:
+def _cvxpy() -> ModuleType:
     """The package: its types are incomplete, and it is loaded on first use."""
     import cvxpy
 
@@ -90,7 +92,7 @@ def solve_conic(
     limits = [_limit(reach, residual, samples, *group) for group in groups]
     cones = [] if condition is None else _ball_cones(condition, unknown, ball)
     inside = [cp.abs(a - B @ q) <= 1] if a.size else []
-    cost: Any = level
+    cost: _Expression = level
     if objective == "order":
         half = data.sarason.pair.order // 2
         block = data.sarason.unit_matrices[
@@ -111,7 +113,7 @@ def solve_conic(
     return Candidate(coefficients, parameters, multipliers, _ball_multiplier(cones, condition, data), name)
 
 
-def _run(program: Any, name: str, seconds: float) -> None:
+def _run(program: _Expression, name: str, seconds: float) -> None:
     failure: BaseException | None = None
     limit = {_LIMITS[name]: max(seconds, 1e-3)} if name in _LIMITS and np.isfinite(seconds) else {}
     for settings in _SETTINGS.get(name, [{}]):
@@ -147,8 +149,13 @@ def _sample_groups(rows: Rows) -> list[_Group]:
 
 
 def _limit(
-    reach: Any, residual: Any, samples: int, bounds: NDArray[np.intp], members: NDArray[np.intp], complex_: bool
-) -> list[Any]:
+    reach: _Expression,
+    residual: _Expression,
+    samples: int,
+    bounds: NDArray[np.intp],
+    members: NDArray[np.intp],
+    complex_: bool,
+) -> list[_Expression]:
     """The constraints |e| <= reach of a group."""
     cp = _cvxpy()
 
@@ -158,18 +165,18 @@ def _limit(
     return [cp.SOC(reach[bounds], parts, axis=0)]
 
 
-def _ball_cones(condition: Inequalities, unknown: Any, ball: Any) -> list[Any]:
+def _ball_cones(condition: Inequalities, unknown: _Expression, ball: _Expression) -> list[_Expression]:
     """||X|| <= ball as semidefinite constraints."""
     cp = _cvxpy()
 
-    cones: list[Any] = []
+    cones: list[_Expression] = []
     for constant, coefficients in zip(condition.constants, condition.coefficients, strict=True):
         flat, shape = coefficients.reshape(coefficients.shape[0], -1), constant.shape
         cones.append(ball * constant + cp.reshape(flat.T @ unknown, shape, order="C") >> 0)
     return cones
 
 
-def _sample_multipliers(limits: list[list[Any]], groups: list[_Group], samples: int) -> Complex:
+def _sample_multipliers(limits: list[list[_Expression]], groups: list[_Group], samples: int) -> Complex:
     """Multipliers l with Re<l, e> <= s sum|l|, in the order of the samples."""
     out = np.zeros(samples, complex)
     for constraints, (_, members, complex_) in zip(limits, groups, strict=True):
@@ -185,7 +192,7 @@ def _sample_multipliers(limits: list[list[Any]], groups: list[_Group], samples: 
     return out
 
 
-def _ball_multiplier(cones: list[Any], condition: Inequalities | None, data: ConvexData) -> Real:
+def _ball_multiplier(cones: list[_Expression], condition: Inequalities | None, data: ConvexData) -> Real:
     """Y with <Y, X> <= ||Y||_* on the ball, from the multipliers of the semidefinite blocks."""
     if condition is None or any(c.dual_value is None for c in cones):
         return np.zeros(data.sarason.shape)
