@@ -10,14 +10,13 @@ import numpy as np
 
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
-from robustid.estimation import PoleFit
+from robustid.estimation import PoleFit, most_delay
 
 _log = logging.getLogger("robustid")
 
 _FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
 _FAST = 0.7  # decay of a real pole per sample that the gain bound holds as well
 _HEAVY = 0.5
-_LATEST = 100  # samples of delay
 _SLOWEST = 0.1  # part of the lowest frequency point: a slower pole is a drift, or a machine that is free to move
 _POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
 # Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
@@ -69,7 +68,7 @@ def slow_poles(frf: FrequencyResponse, delay: int | None = None) -> RealPoles | 
     """
     if not frf.dt or frf.omega.size < 2 * _POINTS_A_POLE:
         return None
-    delays = range(_most(frf, frf.dt) + 1) if delay is None else (delay,)
+    delays = range(most_delay(frf, frf.dt) + 1) if delay is None else (delay,)
     found = [_behind(frf, frf.dt, one) for one in delays]
     best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
@@ -85,16 +84,6 @@ def _behind(frf: FrequencyResponse, dt: float, delay: int) -> RealPoles:
     turned = frf.values * np.exp(1j * delay * dt * frf.omega)[:, None, None]
     ahead = dataclasses.replace(frf, values=turned)
     return _fractions(ahead, PoleFit(ahead, feedthrough=True), 1)._replace(delay=delay)
-
-
-def _most(frf: FrequencyResponse, dt: float) -> int:
-    """Largest delay in samples to try: the mean slope of the phase of an entry, which lags behind a dead time of its own accord."""
-    used = ~frf.missing.any(axis=(1, 2))
-    if used.sum() < 2:
-        return 0
-    omega, phase = frf.omega[used], np.unwrap(np.angle(frf.values[used]), axis=0)
-    slope = (phase[0] - phase[-1]).max() / (omega[-1] - omega[0])
-    return int(np.clip(slope / dt, 0, _LATEST))
 
 
 def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:

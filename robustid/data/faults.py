@@ -40,6 +40,7 @@ class FaultKind(enum.StrEnum):
     OFFSET = "offset"  # a point of operation from which nothing is counted
     TRANSIENT = "transient"
     LATE = "late"  # a channel, by samples
+    DELAY = "delay"  # that nobody stated: a channel that comes late, or the plant's
     CLOCK = "clock"  # of the output, unlike that of the input
     JITTER = "jitter"
     OTHER_PLANT = "other plant"
@@ -131,6 +132,21 @@ class Fault(NamedTuple):
         return f"{of}{self.words}"
 
     @property
+    def asks(self) -> bool:
+        """True for what may be right: a question, which a statement or the correction answers."""
+        return self.kind is FaultKind.DELAY
+
+    @property
+    def heading(self) -> str:
+        """Words that come before it."""
+        return "Question about the data" if self.asks else "Fault of the data"
+
+    @property
+    def step(self) -> str:
+        """Words that come before what undoes it."""
+        return "Take the delay out, where a channel comes late" if self.asks else "Undo the fault of the data"
+
+    @property
     def of_records(self) -> bool:
         """True for what records show, also where a response brings it: their correction is theirs, not that of the response."""
         return self.record > 0 or (bool(self.where) and self.kind not in _OF_RESPONSES)
@@ -163,9 +179,10 @@ class Undoing(NamedTuple):
     @property
     def said(self) -> str:
         """One sentence with all of it."""
+        what = self.fault.step
         if not self.place:
-            return f"Undo the fault of the data: {self.paste}"
-        return f"Undo the fault of the data: {self.paste} in {self.place}; then {self.then}"
+            return f"{what}: {self.paste}"
+        return f"{what}: {self.paste} in {self.place}; then {self.then}"
 
 
 def as_faults(name: str, value: Iterable[Sequence[Any]]) -> tuple[Fault, ...]:

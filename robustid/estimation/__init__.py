@@ -1,6 +1,7 @@
 """From records to responses, delays, noise levels and bounds; faults of data and their corrections."""
 
 from robustid.estimation.corrections import MISTAKES, correct, leaving_out
+from robustid.estimation.dead_time import delay_fault, most_delay
 from robustid.estimation.default_bound import BOUND_SOURCES, default_bound, estimate_bound
 from robustid.estimation.delay import Delay, DelayedModel, estimate_delay, with_delay
 from robustid.estimation.experiment_faults import experiment_faults
@@ -21,11 +22,13 @@ __all__ = [
     "bounds_from_noise_floor",
     "correct",
     "default_bound",
+    "delay_fault",
     "estimate_bound",
     "estimate_delay",
     "estimate_frf",
     "experiment_faults",
     "leaving_out",
+    "most_delay",
     "operating_point",
     "record_faults",
     "response_alone",

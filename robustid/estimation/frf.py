@@ -202,7 +202,13 @@ def _period(records: list[TimeRecord], method: str, period: int | None) -> int |
 
 
 def _refuse_dead(records: list[TimeRecord]) -> None:
-    """Outputs that say nothing in any experiment are refused."""
+    """Inputs that excite nothing, and outputs that say nothing, in any experiment are refused."""
+    for k, channel in enumerate(records[0].inputs if records[0].reference is None else ()):
+        if all(np.all(r.u[:, k] == r.u[0, k]) for r in records):
+            raise InputError(
+                f"`record`: input {channel.name} is constant ({records[0].u[0, k] + 0.0:.6g}): it excites nothing, and no"
+                " response to it can be estimated; leave that signal out, or take a part of the record in which it moves"
+            )
     for k, channel in enumerate(records[0].outputs):
         if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):
             raise InputError(

@@ -19,6 +19,7 @@ from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, 
 _REPEATS, _DIFFERS = 0.15, 0.5  # share of a signal's power by which periods may differ; by which something else does
 _SHORTEST = 8  # samples of a period that is looked for
 _DIPS, _ALIKE = 3, 0.1  # places that are looked at; part of what the earlier ones differ by
+_SAME_LAG = 0.5  # samples by which the periods of an early and of a late part may differ
 _BETTER = 10  # times less, by another period than the one that is stated
 _CLOSELY = 0.01  # share of the power by which periods may differ whose mean is taken out
 _WRONG = 0.3  # share of the input's power by which its periods differ, from which on they are none
@@ -165,7 +166,7 @@ def _constant(record: TimeRecord, inputs: list[Real]) -> list[Fault]:
         step = record.initial == "rest" and signal[0] != 0 and np.all(record.u == record.u[0])
         step = step or (record.initial == "rest" and record.bound is not None and bool(np.any(record.u)))
         if not step and all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
-            words = f"input {channel.name} is constant ({signal[0]:.6g}): it excites nothing"
+            words = f"input {channel.name} is constant ({signal[0] + 0.0:.6g}): it excites nothing"
             found.append(Fault(FaultKind.CONSTANT, words, where=f"input {channel.name}", size=float(signal[0])))
     for signal, channel in zip(record.y.T, record.outputs, strict=True):
         if np.all(signal == signal[0]):
@@ -291,12 +292,36 @@ def found_period(record: TimeRecord) -> int | None:
         best = first + int(np.argmin(apart[first : max(dip, first + 1)]))
         # Of noise in a narrow band only the first cycles are alike, and the later ones less than the first.
         if apart[best] < limit and not np.any(apart[best::best] > _DIFFERS):
-            return best
+            return None if _sweeps(signal, best) else best
         limit = min(limit, _ALIKE * float(apart[best]))
         repeats = repeats[repeats > max(dip, first)]
         if repeats.size == 0:
             break
     return None
+
+
+def _sweeps(signal: Real, lag: int) -> bool:
+    """Return whether early samples come again after another lag than late ones: cycles of a sweep become shorter, or longer."""
+    reach = max(lag // 8, 2)
+    pairs = len(signal) - lag - reach
+    half = pairs // 2
+    if half < _SHORTEST:
+        return False
+    lags = np.arange(lag - reach, lag + reach + 1)
+    ends = [
+        np.array([np.sum((signal[k : k + half] - signal[k + d : k + d + half]) ** 2) for d in lags])
+        for k in (0, pairs - half)
+    ]
+    return abs(_lowest(ends[0]) - _lowest(ends[1])) > _SAME_LAG
+
+
+def _lowest(values: Real) -> float:
+    """Place of the smallest value, between the numbers by a parabola."""
+    k = int(np.argmin(values))
+    if k in (0, len(values) - 1):
+        return float(k)
+    before, at, after = values[k - 1 : k + 2]
+    return k + 0.5 * float(before - after) / max(float(before - 2 * at + after), np.finfo(float).tiny)
 
 
 def _levels(records: list[TimeRecord]) -> list[Fault]:

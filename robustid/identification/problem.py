@@ -390,5 +390,7 @@ def _check_same_time(items: Sequence[Any]) -> None:
 
 def common_scope(problems: Sequence[MixedProblem]) -> str:
     """Words that follow a claim about the data of several problems: each once, where it is due to any of them."""
-    one, faulty = any(each.of_one_excitation for each in problems), any(each.open_faults for each in problems)
-    return ", for this excitation" * one + ", from data with a fault" * faulty
+    one, open_ = any(each.of_one_excitation for each in problems), [f for each in problems for f in each.open_faults]
+    asked = bool(open_) and all(fault.asks for fault in open_)
+    faulty = ", with a delay that nobody stated" if asked else ", from data with a fault" if open_ else ""
+    return ", for this excitation" * one + faulty

@@ -26,7 +26,7 @@ def fault_verdict(faults: Sequence[Fault]) -> list[Verdict]:
     numbers += [("further faults", f"{len(open_) - 1}, see the warnings")] if len(open_) > 1 else []
     said = f"{first.words[0].upper()}{first.words[1:]}{':' if first.evidence else '.'}"
     more = f"{first.evidence}." if first.evidence else ""
-    return [Verdict("undecided", "Fault of the data", said, tuple(numbers), id="data-fault", ahead=True, more=more)]
+    return [Verdict("undecided", first.heading, said, tuple(numbers), id="data-fault", ahead=True, more=more)]
 
 
 def steps_with_faults(faults: Sequence[PlacedFault], undoing: Undoing | None, others: Sequence[Text]) -> list[Text]:
@@ -47,15 +47,13 @@ def undoing_steps(faults: Sequence[PlacedFault], undoing: Undoing | None) -> lis
     data, flag = ("record", "--time-correct") if of_record else ("response", "--frequency-correct")
     words = f'rid.prepare.correct({data}, "{fault.correction}")'
     option, line = f'{flag} "{fault.correction}"', f'correct = ["{fault.correction}"]'
-    return [
-        Text(f"Undo the fault of the data: {words}; {option}; or {line} in a run file.", code=(words, option, line))
-    ]
+    return [Text(f"{fault.step}: {words}; {option}; or {line} in a run file.", code=(words, option, line))]
 
 
 def further_faults(faults: Sequence[Fault]) -> list[str]:
     """Sentences on the faults beside the one that the verdict is on."""
     open_ = [fault for fault in faults if not fault.undone]
-    return [f"Fault of the data: {fault}." for fault in faults if fault not in open_[:1]]
+    return [f"{fault.heading}: {fault}." for fault in faults if fault not in open_[:1]]
 
 
 def problem_verdict(problem: MixedProblem) -> list[Verdict]:

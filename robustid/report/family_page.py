@@ -123,9 +123,7 @@ def _fault_warnings(family: Family) -> list[Text]:
     faults = [(m.name, fault) for m in family.members for fault in m.identification.problem.data_faults]
     first = next((k for k, (_, fault) in enumerate(faults) if not fault.undone), None)
     return [
-        Text(f"Fault of the data of {name}: {fault}.", "warning")
-        for k, (name, fault) in enumerate(faults)
-        if k != first
+        Text(f"{fault.heading} of {name}: {fault}.", "warning") for k, (name, fault) in enumerate(faults) if k != first
     ]
 
 

@@ -181,7 +181,7 @@ def test_nothing_is_overwritten_unless_forced(files, run):
         (["plain1.csv", "--time-field", "u=iq", "--time-field", "y=c"], "--time-field y = 'c' isn't in the file"),
         (["plain1.csv", "--time-field", "u"], "--time-field must be ROLE=NAME, such as u=current; got 'u'"),
         (["plain1.csv", "--time-field", "dt=a", "--time-field", "dt=b"], "--time-field dt is given 2 times"),
-        (["still.npz", "--period", "100"], "RECORD: no spectral line is excited in every input"),
+        (["still.npz", "--period", "100"], "RECORD: input u is constant (0): it excites nothing"),
         (["run1.csv", "run2.csv", "--initial", "soon"], "--initial must be one of rest, free, periodic; got 'soon'"),
         (["run1.csv", "run2.csv", "-o", "frf.uff"], "--output frf.uff must end in .npz, .csv or .mat"),
         (["run1.csv", "run2.csv", "-o", "run1.csv", "--force"], "run1.csv is one of the files to be read"),

@@ -251,7 +251,7 @@ def pair(second):
     return [good(u=first), good(u=second(first))]
 
 
-TWO_INPUTS, RECORD = np.ones((256, 2)), "`record` must be a TimeRecord or a sequence of them"
+TWO_INPUTS, RECORD = np.tile(np.arange(64.0)[:, None], (4, 2)), "`record` must be a TimeRecord or a sequence of them"
 
 test_estimate_frf_refuses = refusals(
     ({"method": "fft"}, "`method` must be one of"),
@@ -266,8 +266,8 @@ test_estimate_frf_refuses = refusals(
     ({"lines": [1.5]}, "`lines` must be whole numbers"),
     ({"lines": []}, "`lines` must be whole numbers"),
     ({"lines": [2, 2]}, "`lines` must be all different"),
-    ({"record": good(u=np.zeros(256))}, "no spectral line is excited in every input"),
-    ({"record": good(u=np.zeros(256)), "lines": [3]}, "an input is zero at a spectral line"),
+    ({"record": good(u=np.zeros(256))}, "input u is constant .0.: it excites nothing"),
+    ({"record": good(u=np.tile([1.0, 0.0, -1.0, 0.0], 64)), "lines": [3]}, "an input is zero at a spectral line"),
     ({"record": good(y=np.full(256, 3.0))}, r"output y is constant \(3\): a sensor that is not connected"),
     ({"record": []}, f"{RECORD}; got list", InputTypeError),
     ({"record": "record"}, f"{RECORD}; got str", InputTypeError),

@@ -88,6 +88,15 @@ def test_a_wrong_period_is_named():
     assert words.endswith("from one period of 120 samples to the next; it repeats every 100 samples")
 
 
+@pytest.mark.parametrize("cycles", [4.0, 6.0])
+def test_a_slow_sweep_does_not_repeat(cycles):
+    """Its last cycle is a twentieth shorter than the first; a sine of as many cycles repeats."""
+    time = np.arange(1000) / 1000
+    sine, sweep = (np.sin(2 * np.pi * cycles * (time + part * time**2 / 2)) for part in (0.0, 0.05))
+    assert found_period(rid.TimeRecord(sine, sine, dt=DT)) == pytest.approx(1000 / cycles, abs=1)
+    assert found_period(rid.TimeRecord(sweep, sweep, dt=DT)) is None
+
+
 @pytest.mark.parametrize("kind", ["noise", "sweep", "step", "ramp", "one period"])
 def test_no_period_is_found_where_there_is_none(kind):
     rng, t = np.random.default_rng(3), np.arange(2000) / 2000

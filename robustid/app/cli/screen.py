@@ -138,10 +138,12 @@ def next_lines(undoing: Undoing | None, steps: Sequence[Next | str]) -> list[str
     """Lines that undo a fault of the data, as they are pasted; else those of the steps."""
     if undoing is None:
         return [line for one in steps for line in (one.lines if isinstance(one, Next) else [f"next: {one}"])]
+    step = undoing.fault.step
+    what = f"next: {step[0].lower()}{step[1:]}"
     if undoing.place:
-        head = f"next: undo the fault of the data, in {undoing.place}:"
+        head = f"{what}, in {undoing.place}:"
         return [head, f"  {undoing.paste}", "then:", f"  {undoing.then}"]
-    return ["next: undo the fault of the data:", f"  {undoing.paste}"]
+    return [f"{what}:", f"  {undoing.paste}"]
 
 
 def conclude(

@@ -128,7 +128,7 @@ def plant_words(plant: PlantReduction, looped: LoopBounds | None) -> str:
 def class_words(run: RunFile, result: Identification) -> list[str]:
     """Sentences that say whether the data fit, and if not, that nothing was done about it."""
     factor = run.identify.inflate
-    about = [*result.problem.about, *(f"Fault of the data: {fault}." for fault in result.problem.data_faults)]
+    about = [*result.problem.about, *(f"{fault.heading}: {fault}." for fault in result.problem.data_faults)]
     wider = "" if factor == 1 else f", with every bound {factor:.4g} times as large as measured"
     if result.status is not Status.INCONSISTENT:
         return [*about, f"The data are {result.status.value}{wider} (margin {result.margin:.4g})."]

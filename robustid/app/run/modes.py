@@ -20,9 +20,9 @@ from robustid.app.run.sources import MemberChoice
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
 from robustid.core import Budget, Real, Source, hz_scale, hz_words, pass_on
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.data import FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
-from robustid.estimation import response_faults
+from robustid.estimation import delay_fault, response_faults
 from robustid.fitting import (
     MatrixFraction,
     ModeRow,
@@ -99,6 +99,19 @@ def with_faults(run: RunFile, data: Measured, around: Surroundings) -> Measured:
         if found:
             responses[k] = dataclasses.replace(frf, faults=(*frf.faults, *found))
     return data._replace(responses=tuple(responses))
+
+
+def with_questions(run: RunFile, data: Measured, asked: Modes, around: Surroundings) -> Measured:
+    """The data with the delay that the response shows by whole samples, where poles are chosen and nobody stated a delay."""
+    own = run.modes.source is Source.DATA and asked.delay is None and not run.delay.seconds and data.loop is None
+    if not own or not data.responses or data.dt is None:
+        return data
+    frf, read = data.responses[0], data.origins.responses[:1] != (None,)
+    if any(fault.kind is FaultKind.LATE for fault in frf.faults) or (fault := delay_fault(frf, read)) is None:
+        return data
+    around.say(str(fault))
+    first = dataclasses.replace(frf, faults=(*frf.faults, fault))
+    return data._replace(responses=(first, *data.responses[1:]))
 
 
 def box_of_modes(modes: Modes) -> Box | None:

@@ -19,7 +19,7 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.fewer_modes import without_dependent
 from robustid.app.run.kept_out import split_points
 from robustid.app.run.measurements import Measured
-from robustid.app.run.modes import basis_of, with_faults, with_fit, with_modes
+from robustid.app.run.modes import basis_of, with_faults, with_fit, with_modes, with_questions
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.settings import Modes
@@ -84,7 +84,7 @@ def _posed(
     """The same, of a class that all data are taken for."""
     asked, folder = run.modes, around.folder
     run = with_modes(with_fit(run, data, around), data, around)
-    data = with_faults(run, data, around)
+    data = with_faults(run, with_questions(run, data, asked, around), around)
     run, problem, left = told_apart(run, data, asked)
     run = with_inflation(run, problem, around)
     problem = inflated_problem(problem, run)

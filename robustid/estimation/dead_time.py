@@ -1,0 +1,110 @@
+"""Dead time of a response in whole samples, behind which fewer poles describe it, and the question whose it is."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.data import Fault, FaultKind, FrequencyResponse
+from robustid.estimation.pole_fit import PoleFit
+
+_LATEST = 100  # samples
+_POINTS = 200  # frequency points that stand for all
+_HIGHEST, _PATIENCE = 16, 3  # order; orders in a row that don't pay
+_FEWEST = 16
+_STEP = 0.5  # in units of pi over the highest omega: delays that are tried first
+_OUTPUTS = 4  # that are looked at
+_LEAST = 2  # samples: one may be that of the hold
+_SURE = float(np.log(1e4))  # nats by which the description is shorter: odds of one in so many that it is chance
+_EXACT = 1e-24
+
+
+def most_delay(frf: FrequencyResponse, dt: float) -> int:
+    """Largest delay in samples to try: the mean slope of the phase of an entry, which lags behind a dead time of its own accord."""
+    used = ~frf.missing.any(axis=(1, 2))
+    if used.sum() < 2:
+        return 0
+    omega, phase = frf.omega[used], np.unwrap(np.angle(frf.values[used]), axis=0)
+    slope = (phase[0] - phase[-1]).max() / (omega[-1] - omega[0])
+    return int(np.clip(slope / dt, 0, _LATEST))
+
+
+def delay_fault(frf: FrequencyResponse, read: bool) -> Fault | None:
+    """The question whose a delay is that a response holds; of one that was not `read` the records are late. None without one.
+
+    The largest entry of every output is looked at; outputs with different delays have no correction that is of all.
+    """
+    size = np.linalg.norm(np.where(frf.missing, 0, frf.values), axis=0)
+    names = [one.name for one in frf.outputs]
+    late = {
+        i: dead_time(frf.entry(i, int(np.argmax(size[i])))) for i in np.argsort(-size.max(axis=1))[:_OUTPUTS].tolist()
+    }
+    found = {i: late[i] for i in sorted(late) if late[i]}
+    if not found or frf.dt is None:
+        return None
+    samples, of = max(found.values()), f"output{'s' * (len(found) > 1)} {', '.join(names[i] for i in found)}"
+    verb, seconds = "answers" if len(found) == 1 else "answer", samples * frf.dt
+    words = (
+        f"{of} {verb} about {samples} samples ({seconds:.4g} s) late, and nobody stated a delay: it is the plant's, or a channel"
+        " comes late"
+    )
+    evidence = (
+        "fewer poles describe the response behind this delay than without it, and the data cannot tell the two apart. If it"
+        f" is the plant's, state delay = {samples} in [modes] (--delay {samples}), or seconds = {seconds:.6g} in [delay], which"
+        " takes it out of the data; if not, undo it"
+    )
+    correction = f"advance {samples}" if len(set(late.values())) == 1 else ""
+    return Fault(FaultKind.DELAY, words, evidence, correction, "" if read else of, size=float(samples))
+
+
+def dead_time(frf: FrequencyResponse) -> int:
+    """Samples of delay that a response holds, 2 at least; 0 where a plant without any is as short a description.
+
+    To the sample where the frequency points reach far enough; a few poles take over a part of it where they don't.
+
+    Partial fractions of rising order behind every delay up to the slope of the phase, by the shortest description (MDL); those
+    behind at most one sample must be longer by ``ln 10^4``.
+    """
+    seen = _seen(frf)
+    most = most_delay(seen, seen.dt) if seen.dt else 0
+    if most < _LEAST or seen.omega.size < _FEWEST:
+        return 0
+    points = np.unique(np.linspace(0, seen.omega.size - 1, _POINTS).astype(int))
+    fit = PoleFit(dataclasses.replace(seen.select(points), bound=None), feedthrough=True)
+    step = max(1, int(_STEP * np.pi / (float(fit.omega[-1]) * float(fit.dt or 1))))
+    lengths = _lengths(fit, sorted({0, 1, *range(_LEAST, most + 1, step)}))
+    best = min(lengths, key=lambda d: lengths[d])
+    lengths |= _lengths(
+        fit, [d for d in range(best - step + 1, best + step) if _LEAST <= d <= most and d not in lengths]
+    )
+    best = min(lengths, key=lambda d: lengths[d])
+    return best if best >= _LEAST and min(lengths[0], lengths[1]) > lengths[best] + _SURE else 0
+
+
+def _lengths(fit: PoleFit, delays: list[int]) -> dict[int, float]:
+    """Length of the shortest description behind each delay, in nats."""
+    found = dict.fromkeys(delays, np.inf)
+    seconds: Real = np.array(delays) * float(fit.dt or 1)
+    worse = 0
+    for order in range(1, _HIGHEST + 1) if delays else ():
+        if worse == _PATIENCE or fit.unknowns(order) >= 2 * fit.samples:
+            break
+        before = min(found.values())
+        costs, _ = fit.search(order, seconds)
+        for delay, cost in zip(delays, costs.tolist(), strict=True):
+            length = fit.samples * np.log(cost / fit.samples + _EXACT) + fit.unknowns(order) / 2 * np.log(
+                2 * fit.samples
+            )
+            found[delay] = min(found[delay], float(length))
+        worse = 0 if min(found.values()) < before else worse + 1
+    return found
+
+
+def _seen(frf: FrequencyResponse) -> FrequencyResponse:
+    """The frequency points that say something: measured, and larger than their bound."""
+    size = np.linalg.norm(frf.values, axis=(1, 2))
+    least = np.zeros(size.size) if frf.bound is None else np.linalg.norm(frf.bound.outer_radius, axis=(1, 2))
+    seen = ~frf.missing.any(axis=(1, 2)) & (size > least)
+    return frf.select(seen) if seen.any() else frf.select(slice(0, 1))
