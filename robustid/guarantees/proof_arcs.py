@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Complex, Real, StateMatrices, normalising_feedback, scaled_states
+from robustid.core import Complex, Real, Record, StateMatrices, normalising_feedback, scaled_states
 from robustid.errors import InputError
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.proof_question import NOT_YET
@@ -56,9 +56,9 @@ class Known(NamedTuple):
         return cls(closed, B, [g, numerator, g], [[Fraction(1)], D[0], [Fraction(1)]])
 
     @property
-    def text(self) -> dict[str, Any]:
+    def text(self) -> Record:
         """The functions as a file has them."""
-        found: dict[str, Any] = {name: [[_dyadic(one) for one in row] for row in getattr(self, name)] for name in "AC"}
+        found: Record = {name: [[_dyadic(one) for one in row] for row in getattr(self, name)] for name in "AC"}
         return found | {name: [_dyadic(row[0]) for row in getattr(self, name)] for name in "BD"}
 
     @property

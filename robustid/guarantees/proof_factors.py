@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ _LEFT = 52  # bits after the point that are written: kernels are of size (1 - rh
 MOST_POWERS = 4096  # Taylor coefficients that a file may use
 _NOTHING = 1e-17
 _Number = Any  # of the library of balls
-InKernels = Callable[[Real], list[list[Any]]]
+InKernels = Callable[[Real], list[list[_Number]]]
 
 
 def in_kernels(posed: Formulation, further: tuple[float, ...]) -> InKernels:
@@ -48,7 +49,7 @@ class _Powers:
         count = pair.order if depth == 0 else pair.order + int(np.log(_NOTHING) / np.log(depth))
         self._rows, self._first = pair.taylor(min(count, MOST_POWERS + 1)), first
 
-    def __call__(self, vector: Real) -> list[list[Any]]:
+    def __call__(self, vector: Real) -> list[list[_Number]]:
         rounded = np.rint(self._rows @ vector * 2.0**_LEFT).tolist()
         return [[self._first + s, _written(int(one)), "0"] for s, one in enumerate(rounded) if one]
 
@@ -75,7 +76,7 @@ class _Kernels:
             self._count, self._first = sum(one is None for one in cascade), first
             self._powers = self._polynomials(flint) if self._count else []
 
-    def _row(self, flint: Any, number: int) -> Iterator[list[_Number]]:
+    def _row(self, flint: ModuleType, number: int) -> Iterator[list[_Number]]:
         """Return for each node of a section what the functions of the unit vectors up to it have along its kernel."""
         own = self._sections[number]
         for which, pole in enumerate(own.nodes):
@@ -90,7 +91,7 @@ class _Kernels:
                 through *= earlier.all_pass(at)
             yield row
 
-    def _polynomials(self, flint: Any) -> list[list[_Number]]:
+    def _polynomials(self, flint: ModuleType) -> list[list[_Number]]:
         """Coefficients 0 to T - 1 of every unit vector's function, less those of what it has along the kernels."""
         sections = self._sections
         size = sum(len(one.nodes) for one in sections)
@@ -116,10 +117,10 @@ class _Kernels:
                 power *= pole
         return found
 
-    def __call__(self, vector: Real) -> list[list[Any]]:
+    def __call__(self, vector: Real) -> list[list[_Number]]:
         numbers = vector.tolist()
         with ball_arithmetic(_BITS) as flint:
-            found: list[list[Any]] = []
+            found: list[list[_Number]] = []
             places = [*self._places, *((self._first + s,) for s in range(self._count))]
             for several, row in zip(places, [*self._rows, *self._powers], strict=True):
                 total = flint.acb(0)
@@ -138,7 +139,7 @@ def real_node(turn: float) -> bool:
 class _Section:
     """The all-pass function with the zeros radius exp(-+j omega T), one where they are real or 0, as `line_section` has it."""
 
-    def __init__(self, flint: Any, omega: float | None, dt: float, radius: _Number) -> None:
+    def __init__(self, flint: ModuleType, omega: float | None, dt: float, radius: _Number) -> None:
         if omega is None or real_node(omega * dt):
             node = flint.arb(0) if omega is None else radius if omega == 0 else -radius
             root = (1 - node * node).sqrt()
@@ -196,12 +197,12 @@ class _Section:
         return self._d + zeta * sum(one * b for one, b in zip(self.states(zeta), self._b, strict=True))
 
 
-def _stated(flint: Any, value: float) -> _Number:
+def _stated(flint: ModuleType, value: float) -> _Number:
     """The number that a file says, its fewest decimal digits: coefficients of close nodes feel what the double is off."""
     return flint.arb(repr(float(value)))
 
 
-def _rounded(flint: Any, value: _Number) -> str:
+def _rounded(flint: ModuleType, value: _Number) -> str:
     """The middle of a ball, rounded to so many bits after the point."""
     return _written(int((value.mid() * flint.arb(2) ** _LEFT + flint.arb("0.5")).floor().unique_fmpz()))
 

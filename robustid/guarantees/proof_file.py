@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Complex, Real, StateMatrices, response_at
+from robustid.core import Complex, Real, Record, StateMatrices, response_at
 from robustid.errors import InputError, Status
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import ConsistentSet
@@ -88,8 +88,8 @@ def _of_band(band: Band) -> str:
     """Discs at the frequencies of a band where its sums say something."""
     check_expressed(band.problem)
     omega, one = np.asarray(band.omega), band.bands[0]
-    statements: list[Any] = []
-    evidence: list[Any] = []
+    statements: list[Record] = []
+    evidence: list[Record] = []
     known = one.extraction.known
     size = float(np.abs(known.largest).max(initial=0.0))
     for frequency, angle in zip(omega.tolist(), band.problem.plane.angles(omega).tolist(), strict=True):
@@ -110,7 +110,7 @@ def _of_band(band: Band) -> str:
     return _file(band.problem, one.extraction, statements, evidence)
 
 
-def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Any, Any]]:
+def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Record, Record]]:
     """Statement and evidence of a bound of the error of the model on every arc of the axis, where the sums bound all of them."""
     circle, one = band.circle, band.bands[0]
     angles = band.problem.plane.angles(circle.edges)
@@ -143,7 +143,7 @@ def _of_loop(found: LoopBounds) -> str:
     return _file(found.band.problem, one.extraction, [statement], [evidence])
 
 
-def _arcs(one: EntryBand, known: Known, arcs: Arcs, kind: str) -> tuple[Any, Any]:
+def _arcs(one: EntryBand, known: Known, arcs: Arcs, kind: str) -> tuple[Record, Record]:
     bases = targets_at(one.samples, arcs.angles).base.tolist()
     places = zip(bases, arcs.angles.tolist(), strict=True)
     knots = [_sums(one.samples, base, *_multipliers(one, angle)) for base, angle in places]
@@ -171,8 +171,8 @@ def _of_contradiction(found: Contradiction) -> str:
 def _of_polygons(found: WorstCaseError) -> str:
     """Supports of the values at every frequency, by multipliers of the matrix inequality."""
     check_expressed(found.problem)
-    statements: list[Any] = []
-    evidence: list[Any] = []
+    statements: list[Record] = []
+    evidence: list[Record] = []
     for one in found.values:
         for statement, sums in _supports(found.consistent_set, one):
             statements.append(statement)
@@ -180,7 +180,7 @@ def _of_polygons(found: WorstCaseError) -> str:
     return _file(found.problem, _extraction(found.problem), statements, evidence)
 
 
-def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[Record, Record]]:
     """Statement and evidence of every side of a polygon."""
     posed = consistent.posed_at(one.omega)
     functions = in_kernels(posed, (one.omega,))
@@ -228,7 +228,7 @@ def _extraction(problem: MixedProblem) -> Extraction:
     return extract(samples_of(problem, functions_of(problem, None), (0, 0), seen_in(problem)))
 
 
-def _with_factors(posed: Formulation, functions: InKernels, samples: Complex, Y: Real) -> dict[str, Any]:
+def _with_factors(posed: Formulation, functions: InKernels, samples: Complex, Y: Real) -> Record:
     """Sums of Re<l, e> with l in units of the bounds, and of the pairs of Y that cost least: their norms add up to ||Y||_*."""
     lines, records = lines_of(posed.problem), records_of(posed.problem)
     bound = np.array([float(row[-1]) for row in lines + [row for one in records for row in one["samples"]]])
@@ -282,7 +282,9 @@ def _reflections(result: Identification) -> Real:
     return found
 
 
-def _file(problem: MixedProblem, extraction: Extraction | None, statements: list[Any], evidence: list[Any]) -> str:
+def _file(
+    problem: MixedProblem, extraction: Extraction | None, statements: list[Record], evidence: list[Record]
+) -> str:
     text = json.dumps(question_of(problem, statements))
     used = [one[name] for sums in evidence for one in sums.get("factors", []) for name in ("f", "g")]
     nodes = 2 * len(lines_of(problem)) + 2
@@ -299,7 +301,7 @@ def _file(problem: MixedProblem, extraction: Extraction | None, statements: list
     return f'{{{head},\n"question": {text},\n"evidence": {proof}}}\n'
 
 
-def _parameters(problem: MixedProblem, extraction: Extraction | None) -> dict[str, Any]:
+def _parameters(problem: MixedProblem, extraction: Extraction | None) -> Record:
     """Evidence on the parameters: their discs, a combination each."""
     known = None if extraction is None else extraction.known
     if extraction is None or known is None or not np.all(np.isfinite(known.radius)):
@@ -312,7 +314,7 @@ def _parameters(problem: MixedProblem, extraction: Extraction | None) -> dict[st
     }
 
 
-def _sums(samples: Samples, base: complex, points: Any, d: Complex) -> dict[str, Any]:
+def _sums(samples: Samples, base: complex, points: Any, d: Complex) -> Record:
     numbers = [*np.asarray(points).tolist(), *_places(samples)]
     rows = zip(numbers, np.asarray(d, complex).tolist(), strict=True)
     return {"base": pair(complex(base)), "factors": [], "multipliers": [[k, *pair(one)] for k, one in rows if one]}

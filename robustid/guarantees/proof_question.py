@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import ZPlane
+from robustid.core import Record, ZPlane
 from robustid.errors import InputError
 from robustid.identification import MixedProblem, Prior
 
@@ -19,7 +19,7 @@ NOT_YET = (
 )
 
 
-def question_of(problem: MixedProblem, statements: list[Any]) -> dict[str, Any]:
+def question_of(problem: MixedProblem, statements: list[Record]) -> Record:
     """Return what a file is about; InputError where version 1 can't state it."""
     check_expressed(problem)
     prior = problem.prior
@@ -72,7 +72,7 @@ def lines_of(problem: MixedProblem) -> list[list[str]]:
     return rows
 
 
-def _functions(basis: ParametricBasis | None) -> dict[str, Any]:
+def _functions(basis: ParametricBasis | None) -> Record:
     if basis is None:
         return {"A": [], "B": [], "C": [], "D": []}
     A, B, C, D = (np.asarray(one).tolist() for one in basis.matrices)
@@ -83,9 +83,9 @@ def _functions(basis: ParametricBasis | None) -> dict[str, Any]:
     } | columns
 
 
-def records_of(problem: MixedProblem) -> list[dict[str, Any]]:
+def records_of(problem: MixedProblem) -> list[Record]:
     """Return the input of every record, and its samples that are used: number, value and bound."""
-    found: list[dict[str, Any]] = []
+    found: list[Record] = []
     for item in problem.time:
         used = np.flatnonzero(item.bound.used[:, 0])
         rows = zip(used.tolist(), item.y[used, 0].tolist(), item.bound.radius[used, 0].tolist(), strict=True)
