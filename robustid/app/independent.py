@@ -6,8 +6,9 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from robustid.errors import InputError
 
@@ -39,6 +40,19 @@ def checker() -> str:
             f" on the PATH or name it in {_PLACE}"
         )
     return found
+
+
+def provable(result: Any) -> Any:
+    """Return what a proof file is about: of a design for one band its proof, else the result."""
+    proofs = getattr(result, "proofs", ())
+    return proofs[0] if len(proofs) == 1 else result
+
+
+def proved_independently(named: Mapping[str, object]) -> dict[str, bool]:
+    """Ask the checker about saved results by their names: whether it proves each of them; InputError as `check_independently`."""
+    from robustid.guarantees import proof_text
+
+    return {name: check_independently(proof_text(provable(one))).proved for name, one in named.items()}
 
 
 def check_independently(text: str) -> Finding:

@@ -34,6 +34,7 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
+    checked_by_another,
     of_numbers,
     proved,
 )
@@ -68,7 +69,11 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
     curves = next((block.chart for block in body if isinstance(block, Drawing)), None)
     return Document(
         title or "Controller",
-        head=[*shown_faults([one.band.problem for one in design.proofs]), design_verdict(design)],
+        head=[
+            *shown_faults([one.band.problem for one in design.proofs]),
+            design_verdict(design),
+            *checked_by_another(parts.get("independent")),
+        ],
         body=[
             *body,
             *(improvements_section(design, improved) if improved else []),

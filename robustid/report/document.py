@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 from robustid.core import Unfinished
@@ -261,6 +261,18 @@ def in_short(words: str) -> tuple[str, str]:
     """The first sentence of a text, and the rest of it."""
     first, *rest = _SENTENCE_END.split(words, maxsplit=1)
     return first[0].upper() + first[1:], "".join(rest)
+
+
+def checked_by_another(proved: Mapping[str, bool] | None) -> list[Verdict]:
+    """Verdict of another program on the proofs of what the names say; none where it was not asked."""
+    if not proved:
+        return []
+    word, not_proved = "Checked by another program", [name for name, holds in proved.items() if not holds]
+    if not_proved:
+        sentence = f"robustid-proof, which counts in exact integers, does not prove {' and '.join(not_proved)}."
+        return [Verdict("failed", "Not proved by another program", sentence, id="independent")]
+    sentence = f"robustid-proof, which counts in exact integers, proves {' and '.join(proved)} too."
+    return [Verdict("consistent", word, sentence, id="independent")]
 
 
 def checks_table(checks: Sequence[Check]) -> Table:

@@ -26,6 +26,7 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
+    checked_by_another,
     checks_table,
     unfinished_notice,
 )
@@ -58,7 +59,11 @@ def identification_head(identification: Identification, title: str | None, parts
     advice = [] if diagnosis is None else diagnosis.next_steps
     return Document(
         title or words.title("Identification", problem.outputs, problem.inputs),
-        head=[*_verdicts(identification, parts), *_warnings(identification, parts.get("loop") is None)],
+        head=[
+            *_verdicts(identification, parts),
+            *checked_by_another(parts.get("independent")),
+            *_warnings(identification, parts.get("loop") is None),
+        ],
         body=[],
         foot=_foot(identification),
         glance=glance(identification, margin_interval(identification), parts, advice),
@@ -90,7 +95,7 @@ def identification_page(identification: Identification, title: str | None, parts
         *poles_section(identification, shown),
         *_matrices(identification, reduction),
         Heading("Verification"),
-        Text("Every claim was evaluated again from the numbers, along other paths than it was found."),
+        Text("This package evaluated every claim again from the numbers, along other paths than it was found."),
         checks_table(identification.verification.checks),
         *_parameters_section(identification),
     ]

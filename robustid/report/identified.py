@@ -62,6 +62,7 @@ class Parts(TypedDict, total=False):
     candidates: Mapping[str, LoopBounds] | None
     design: ControllerDesign | None
     forbidden: tuple[float, float] | None
+    independent: Mapping[str, bool] | None
 
 
 class Posed(Protocol):

@@ -10,7 +10,18 @@ import numpy as np
 from robustid.guarantees import LoopBounds, LoopStatus
 from robustid.report.charts import first_panel
 from robustid.report.data_faults import shown_faults
-from robustid.report.document import Block, Document, Drawing, Facts, Glance, Heading, Text, Verdict, proved
+from robustid.report.document import (
+    Block,
+    Document,
+    Drawing,
+    Facts,
+    Glance,
+    Heading,
+    Text,
+    Verdict,
+    checked_by_another,
+    proved,
+)
 from robustid.report.identified import Parts
 from robustid.report.loci import open_loop_chart
 from robustid.report.loop_section import (
@@ -53,7 +64,12 @@ def loop_page(bounds: LoopBounds, title: str | None, parts: Parts) -> Document:
     ]
     return Document(
         title or heading("Loop", problem.outputs, problem.inputs),
-        head=[*shown_faults([problem]), loop_verdict(bounds), *_others(bounds, candidates)],
+        head=[
+            *shown_faults([problem]),
+            loop_verdict(bounds),
+            *_others(bounds, candidates),
+            *checked_by_another(parts.get("independent")),
+        ],
         body=body,
         glance=Glance(
             numbers=[*loop_numbers(bounds), *_margin(bounds)],

@@ -131,6 +131,9 @@ def write_report(
     sensitivity : Sensitivity or sequence of Improvement, optional
         From `sensitivity(identification.problem)`: adds how the guarantee moves with the assumptions. Of a design from its
         `improvements()`: adds what smaller bounds and wider limits would bring, and where to measure.
+    independent : mapping of str to bool, optional
+        Whether another program than this package proved what the names say; adds a verdict. Of an identification, LoopBounds or a
+        ControllerDesign.
     data : FrequencyResponse, optional
         What the matrix fraction was fitted to: names of the signals, and the noise.
     order_sweep : OrderSweep, optional
@@ -222,9 +225,9 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
     FrequencyResponse: (response_page, ("records", "undoing")),
     Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing", "design")),
-    LoopBounds: (loop_page, ("candidates",)),
+    LoopBounds: (loop_page, ("candidates", "independent")),
     Interconnection: (interconnection_page, ("forbidden",)),
-    ControllerDesign: (design_page, ("sensitivity",)),
+    ControllerDesign: (design_page, ("sensitivity", "independent")),
     Comparison: (comparison_page, ()),
     CommonModes: (setups_page, ()),
     Watch: (watch_page, ()),

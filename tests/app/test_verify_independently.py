@@ -60,3 +60,34 @@ def test_a_checker_that_is_not_there_or_says_no_is_named(saved, run, monkeypatch
         code, out, err = run(["verify", "model", "--independent"])
         assert code == status
         assert said in out + err
+
+
+def test_the_page_says_by_which_program_it_was_checked(saved, run, monkeypatch):
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    rid.load(saved / "band.npz").with_model(rid.load(saved / "model.npz").model).save("judged")
+    with_band = ["report", "model", "--bounds", "judged", "--no-reduce", "--independent"]
+    code, out, _ = run([*with_band, "-o", "page.html"])
+    assert "proves the identification and the band too" in (saved / "page.html").read_text()
+    assert "\nproved by robustid-proof: the band\n" in out
+    assert run([*with_band[:-1], "-o", "alone.html"])[0] == code
+    alone = (saved / "alone.html").read_text()
+    assert "This package evaluated every claim again" in alone
+    assert "exact integers" not in alone
+    liar = saved / "liar"
+    liar.write_text("#!/bin/sh\necho question\nexit 1\n")
+    liar.chmod(0o755)
+    monkeypatch.setenv("ROBUSTID_PROOF", str(liar))
+    denied, out, _ = run([*with_band, "-o", "denied.html"])
+    assert denied == 1
+    assert "NOT proved by robustid-proof: the identification" in out
+    assert "does not prove the identification and the band" in (saved / "denied.html").read_text()
+    rid.compare(problem(1).frequency[0], problem(1).frequency[0]).save("same")
+    command_line.refused(run(["report", "same", "--independent", "-o", "other.html"]), "needs proofs")
+
+
+@pytest.mark.slow
+def test_the_page_of_a_loop_says_by_which_program_it_was_checked(saved, run, monkeypatch):
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    loop_of(5).save("loop")
+    assert run(["report", "loop", "--independent", "-o", "page.html"])[0] == 0
+    assert "proves the loop too" in (saved / "page.html").read_text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,11 +12,12 @@ from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Static, Verbose
 from robustid.app.cli.control import design_exit
 from robustid.app.cli.identify import everything, next_of
-from robustid.app.cli.screen import telling
+from robustid.app.cli.screen import in_words, say, telling
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
     from robustid.advice import Sensitivity
+    from robustid.app.cli.terminal import Terminal
     from robustid.app.run.work import Work
     from robustid.core import Progress
     from robustid.guarantees import Band, ResponseTube, WorstCaseError, WorstCaseOverPoles
@@ -47,6 +49,13 @@ def report(
     ] = False,
     output: Annotated[Path, typer.Option("--output", "-o", help="The HTML page.")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
+    independent: Annotated[
+        bool,
+        typer.Option(
+            "--independent",
+            help="Say whether the checker in C proves it too (robustid-proof): an identification, its bounds, a loop or a design.",
+        ),
+    ] = False,
     reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
     static: Static = False,
     force: Force = False,
@@ -56,45 +65,88 @@ def report(
 
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
+    from robustid.app.independent import checker
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import diagnosed, reduced
     from robustid.app.run.work import Work
     from robustid.controllers import ControllerDesign
+    from robustid.guarantees import LoopBounds
     from robustid.identification import Identification
     from robustid.report import first_screen, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
     console = screen.console(verbose=verbose)
+    if independent:
+        checker()
     with telling(console) as progress:
         result = _loaded(source, progress)
         if isinstance(result, ControllerDesign):
             _of_identifications({"--bounds": bool(bounds), "--step": steps is not None, "--no-reduce": not reduce})
             progress("searching what would help" if sensitivity else "drawing the report", 0, 0)
             helping = result.improvements() if sensitivity else ()
-            write_report(result, output, title=title, static=static, sensitivity=helping or None)
-            head, said = first_screen(result, sensitivity=helping or None), [row.sentence for row in helping]
+            more: Parts = {
+                "sensitivity": helping or None,
+                "independent": _asked(console, independent, {"the controller": result}),
+            }
+            write_report(result, output, title=title, static=static, **more)
+            head, said = first_screen(result, **more), [row.sentence for row in helping]
             screen.conclude(console, head, lambda: [result.summary(), *said], written=[output])
-            raise typer.Exit(design_exit(result))
+            raise typer.Exit(_with(more["independent"], design_exit(result)))
         if not isinstance(result, Identification):
             _other(result, source, {"--bounds": bounds, "--step": steps, "--sensitivity": sensitivity or None})
-            write_report(result, output, title=title, static=static)
+            if independent and not isinstance(result, LoopBounds):
+                raise InputError(
+                    f"--independent needs proofs, and a {type(result).__name__} has none that a file can hold"
+                )
+            asked = _asked(console, independent, {"the loop": result}) if isinstance(result, LoopBounds) else None
+            write_report(result, output, title=title, static=static, independent=asked)
             said = result.summary() if hasattr(result, "summary") else repr(result)
-            screen.conclude(console, first_screen(result), lambda: [said], written=[output])
-            return
+            screen.conclude(console, first_screen(result, independent=asked), lambda: [said], written=[output])
+            raise typer.Exit(_with(asked, 0))
         work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
         _take_bounds(work, bounds or [])
         if reduce:
             reduced(work)
         shown: Parts = {"tube": None if steps is None else _tube(work, steps)}
         shown["sensitivity"] = _sensitivity(work) if sensitivity else None
+        shown["independent"] = asked = _asked(console, independent, _proofs(work))
         diagnosed(work)
         work.around.say("verifying every certificate")
         write_report(result, output, title=title, static=static, **{**work.parts, **shown})
-    head = first_screen(result, **work.parts)
+    head = first_screen(result, **{**work.parts, "independent": asked})
     screen.conclude(console, head, lambda: everything(work), written=[output], steps=next_of(work, source, []))
-    raise typer.Exit(screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
+    code = screen.exit_code(result.verified_status, bool(result.problem.open_faults))
+    raise typer.Exit(_with(asked, code))
+
+
+def _asked(console: Terminal, independent: bool, named: Mapping[str, object]) -> dict[str, bool] | None:
+    """Answers of the checker in C on the results, printed, if it is asked for."""
+    from robustid.app.independent import proved_independently
+
+    if not independent:
+        return None
+    with in_words({"independent": "--independent", "result": "--independent"}):
+        found = proved_independently(named)
+    say(console, *(f"{'' if holds else 'NOT '}proved by robustid-proof: {name}" for name, holds in found.items()))
+    return found
+
+
+def _proofs(work: Work) -> dict[str, object]:
+    """Results of which the page states proofs, by their names."""
+    named = (
+        ("identification", work.identification),
+        ("bounds", work.error),
+        ("band", work.band),
+        ("box", work.over_poles),
+    )
+    return {f"the {name}": one for name, one in named if one is not None}
+
+
+def _with(asked: Mapping[str, bool] | None, code: int) -> int:
+    """Exit code of a report: 1 where another program proves less."""
+    return code if all((asked or {}).values()) else 1
 
 
 def _loaded(source: Path, progress: Progress) -> Any:

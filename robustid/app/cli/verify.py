@@ -63,7 +63,7 @@ def verify(
     Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
     130 interrupted.
     """
-    from robustid.app.independent import checker
+    from robustid.app.independent import checker, provable
     from robustid.app.load_save import load_result
     from robustid.controllers import ControllerDesign
     from robustid.core import atomic_write
@@ -76,7 +76,7 @@ def verify(
             checker()
         with telling(console) as progress:
             result = load_result(source, *_KINDS, progress=progress)
-        proof = proof_text(_provable(result)) if export is not None or independent else ""
+        proof = proof_text(provable(result)) if export is not None or independent else ""
         if isinstance(result, of_loops):
             failed = _loop_failures(console, result, exact)
         else:
@@ -101,12 +101,6 @@ def verify(
 
         screen.write(verdicts.verified(result, failed, code, _BOTH if independent else "this package"), console)
     raise typer.Exit(code)
-
-
-def _provable(result: Any) -> Any:
-    """The result of which a proof is written: of a design for one band its proof."""
-    proofs = getattr(result, "proofs", ())
-    return proofs[0] if len(proofs) == 1 else result
 
 
 def _independent_failures(console: Terminal, proof: str) -> list[str]:
