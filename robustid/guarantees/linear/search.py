@@ -20,6 +20,9 @@ _FARTHER = 1.8  # times the change of the logarithm of a weight
 _SELDOM = 3  # steps after which the weights of most functions are taken anew: half of the arithmetic is theirs
 _STACK = 4e5  # complex numbers in the matrices of a stack: what a cache holds
 _FLOOR = 1e-3  # least part of the largest multiplier, and of the radius, that a weight is made of
+_EXACT = (
+    1e-100  # radius for weights where it is zero: of a sample that sees nothing yet, which none is needed to predict
+)
 _STABLE = 1e-13  # of the diagonal: what the Gram matrix of nodes close together loses to rounding
 
 
@@ -105,9 +108,8 @@ class _Stack:
     def weights(self, d: Complex) -> list[Real]:
         """Weights 1/t of multipliers, of the class and of functions: t the moduli at d."""
         (total, square, missed), sizes, radius = self.kept(d), np.abs(d), self.radius
-        total = np.where(
-            np.isfinite(total), total, (sizes * self.bound).sum(axis=1)
-        )  # infinite where a series does not converge
+        # It is infinite where a series does not converge.
+        total = np.maximum(np.where(np.isfinite(total), total, (sizes * self.bound).sum(axis=1)), _EXACT)
         least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
         return [
             self.bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + 1e-300),
