@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Pieces, Real
 from robustid.guarantees.linear.certificate import Amplitudes, Chosen, Radii, Targets, choose, class_square, mismatch
 from robustid.guarantees.linear.samples import Samples
 
@@ -53,10 +53,11 @@ def search(
     points: int | NDArray[np.intp] = POINTS,
     steps: int = STEPS,
     start: tuple[NDArray[np.intp], Complex] | None = None,
+    budget: Budget | None = None,
 ) -> tuple[NDArray[np.intp], Complex]:
     """Points (B, n) and multipliers (B, n + T) with small radii, from a start with radii that are at least as large, if given.
 
-    `points` are so many of the nearest, or these.
+    `points` are so many of the nearest, or these. Where the budget is over the multipliers are those that were found by then.
     """
     if start is not None:
         points = start[0]
@@ -68,9 +69,12 @@ def search(
     found = np.zeros((targets.base.size, size), complex)
     for first in range(0, targets.base.size, stack):
         part = slice(first, first + stack)
-        chosen = choose(samples, targets[part], chosen_points[part])
         before = None if start is None else start[1][part]
-        found[part] = reweighted(samples, chosen, targets[part], known, steps=steps, start=before)
+        if first and budget is not None and budget.over:
+            found[part] = 0 if before is None else before
+            continue
+        chosen = choose(samples, targets[part], chosen_points[part])
+        found[part] = reweighted(samples, chosen, targets[part], known, steps=steps, start=before, budget=budget)
     return chosen_points, found
 
 
@@ -142,12 +146,14 @@ def reweighted(
     steps: int = STEPS,
     start: Complex | None = None,
     one: Complex | None = None,
+    budget: Budget | None = None,
 ) -> Complex:
     r"""Multipliers of the smallest radius along the way; unbounded functions and `one` (B, S), to 1, are matched exactly.
 
     A sum of moduli is at most the sum of |d|^2/(2 t) + t/2: with t the moduli of the last step that is least squares. Weights 1/t
-    that go `_FARTHER` than that, in their logarithms, take half of the steps.
+    that go `_FARTHER` than that, in their logarithms, take half of the steps. None begins that takes longer than the budget.
     """
+    pieces = Pieces(budget)
     stack = _Stack(samples, chosen, targets, known, one)
     L, adjoint = stack.soft.swapaxes(1, 2), stack.soft.conj()  # (B, m, S), (B, S, m)
     gram, at = chosen.gram.swapaxes(1, 2), np.arange(stack.size)
@@ -158,6 +164,8 @@ def reweighted(
     parts = [(group, every, adjoint[:, :, group], L[:, group]) for group, every in stack.groups]
     v = np.array(used[2])
     for step in range(steps):
+        if not pieces.begins():  # what comes before the first step takes about as long as one
+            break
         q, w, latest = used
         for k, (group, every, left, right) in enumerate(parts):
             if group.size and (step == 0 or (step - 1) % every == 0):  # the first weights are on a scale of their own

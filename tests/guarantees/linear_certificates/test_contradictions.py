@@ -141,7 +141,8 @@ def test_a_sample_before_the_input_moves_is_predicted_exactly():
     assert rid.guarantee.contradiction(problem) is None
     moved = rid.TimeRecord(u, 0.1 * u + 0.5 * np.eye(1, 20)[0], dt=1.0, bound=0.01)
     found = rid.guarantee.contradiction(dataclasses.replace(problem, time=moved))
-    assert found is not None and found.time == 0 and found.verify()
+    assert found.time == 0
+    assert found.verify()
 
 
 def test_bad_input():
