@@ -77,22 +77,30 @@ class Programs(abc.ABC):
 
 
 class OfExactPoles(Programs):
-    """Poles as they are stated."""
+    """Poles as they are stated; of every solution at `least` so many frequencies whatever the time is."""
 
     together = _ROUND
 
     def __init__(
-        self, identification: Identification, model: control.StateSpace, sides: tuple[int, float] = _SIDES
+        self,
+        identification: Identification,
+        model: control.StateSpace,
+        sides: tuple[int, float] = _SIDES,
+        least: int = 1,
     ) -> None:
         super().__init__(identification, model)
-        self._consistent = consistent_set(identification)
+        self._least = least
+        self.consistent = consistent_set(identification)
         self._directions, rtol = sides
         self._gap = gap_of(rtol, self._directions, self.entries.single)
         self._values: dict[float, tuple[ValueSet, ...]] = {}
 
     def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
         """As `Programs.solve`."""
-        found = by_frequency(value_sets(self._consistent, omega, self._directions, self._gap, means, self.model, known))
+        how = self._directions, self._gap, means, self.model, known, self._least
+        found = by_frequency(value_sets(self.consistent, omega, *how))
+        if not found:
+            return omega[:0], np.zeros((0, *self.entries.shape))
         self._values |= found
         result = self.polygons()
         at = np.isin(result.omega, list(found))
@@ -105,7 +113,7 @@ class OfExactPoles(Programs):
             identification=self.identification,
             model=self.model,
             values=values,
-            parameters=parameter_intervals(self._consistent, None, Budget(_NO_TIME)),
+            parameters=parameter_intervals(self.consistent, None, Budget(_NO_TIME)),
             directions=self._directions,
             gap=self._gap,
         )
