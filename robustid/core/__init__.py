@@ -30,7 +30,17 @@ from robustid.core.hertz import hz_scale, hz_span, hz_words
 from robustid.core.least_squares import DampedSteps, Projection, lengths, projected, singular_parts
 from robustid.core.models import as_state_space, model_of
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
-from robustid.core.progress import Budget, Interruptible, Pace, Progress, Stops, Unfinished, pass_on, show_progress
+from robustid.core.progress import (
+    Budget,
+    Interruptible,
+    Pace,
+    Pieces,
+    Progress,
+    Stops,
+    Unfinished,
+    pass_on,
+    show_progress,
+)
 from robustid.core.rounding import rounded_down, rounded_up
 from robustid.core.state_space import (
     Array,
@@ -82,6 +92,7 @@ __all__ = [
     "Numbers",
     "Options",
     "Pace",
+    "Pieces",
     "Plane",
     "Progress",
     "Projection",

@@ -68,6 +68,28 @@ class Budget:
         self.tell(done, count)
 
 
+class Pieces:
+    """Pieces of work that take about equally long: none begins that takes longer than the time that is left.
+
+    Parameters
+    ----------
+    budget : Budget or None
+        None: all of them begin.
+    """
+
+    def __init__(self, budget: Budget | None) -> None:
+        self._budget = budget
+        self._longest, self._last = 0.0, 0.0 if budget is None else time.monotonic()
+
+    def begins(self) -> bool:
+        """Tell whether the next one may begin; what was done since this was asked last is the one before."""
+        if self._budget is None:
+            return True
+        now = time.monotonic()
+        self._longest, self._last = max(self._longest, now - self._last), now
+        return self._budget.left > self._longest
+
+
 class Interruptible:
     """Ctrl-C in a loop that returns the best so far: kept back where something is there, else raised.
 

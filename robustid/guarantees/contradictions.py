@@ -37,6 +37,7 @@ from robustid.identification import MixedProblem
 _MOST = 4 * POINTS  # points of a combination of all samples together
 _STEPS = 30
 _TRIED = 3  # predictions from which such combinations start
+_LINES = 0.5  # of the time that is left, where it is limited: the records come after
 _HOPE = 0.5  # ratio of the worst prediction below which they are not tried: they are seldom twice as large
 _INSIDE = 1.0, 0.9  # times the zeta of these: from farther inside more of the circle counts
 _BELOW = 1 - 1e-9  # the factor on the bounds: what is proved, just below where the combination is as large as allowed
@@ -295,10 +296,10 @@ def contradiction(
             if budget.over:
                 break
             budget.tell(done, len(entries))
-            samples = samples_of(problem, functions, entry, seen)
+            samples, mine = samples_of(problem, functions, entry, seen), budget.share(1 / (len(entries) - done))
             if samples.components not in known:
-                known[samples.components] = extract(samples)
-            one = _largest(problem, stated, dataclasses.replace(known[samples.components], samples=samples), budget)
+                known[samples.components] = extract(samples, mine)
+            one = _largest(problem, stated, dataclasses.replace(known[samples.components], samples=samples), mine)
             found += [one] if one is not None and one.excess > 1 else []
         else:
             budget.tell(len(entries), len(entries))
@@ -314,17 +315,18 @@ def _largest(problem: MixedProblem, box: Box | None, extraction: Extraction, bud
     samples = extraction.samples
     if not np.all(np.isfinite(extraction.known.radius)) or samples.angles.size + samples.rows < 2:
         return None
-    each = [*predicted_lines(extraction, lines_of(samples)), *predicted_rows(extraction)]
+    lines = predicted_lines(extraction, lines_of(samples), budget=budget.share(_LINES))
+    each = [*lines, *predicted_rows(extraction, budget)]
     worst = [(float(part.ratio[k]), part.proof(k)) for part in each for k in np.argsort(-part.ratio)[:_TRIED].tolist()]
     worst = sorted(worst, key=lambda one: -one[0])[:_TRIED]
     found = [Contradiction(problem=problem, box=box, extraction=extraction, **proof) for _, proof in worst]
-    if worst and worst[0][0] > _HOPE:
+    if worst and worst[0][0] > _HOPE and not budget.over:
         starts = [dataclasses.replace(one, base=part * one.base) for one in found for part in _INSIDE]
-        found += [_together(one) for one in starts if not budget.over]
+        found += [_together(one, budget) for one in starts if not budget.over]
     return max(found, key=lambda one: one.excess, default=None)
 
 
-def _together(start: Contradiction) -> Contradiction:
+def _together(start: Contradiction, budget: Budget) -> Contradiction:
     """Search the combination of all samples that is 1 and of the smallest radius, from a prediction on."""
     extraction, samples = start.extraction, start.samples
     count, base = start.points.size, np.array([start.base])
@@ -339,7 +341,9 @@ def _together(start: Contradiction) -> Contradiction:
     size = complex(seen[0] @ d)
     if size == 0:
         return start
-    d = reweighted(samples, chosen, targets, extraction.known, steps=_STEPS, start=d[None] / size, one=seen)[0]
+    d = reweighted(
+        samples, chosen, targets, extraction.known, steps=_STEPS, start=d[None] / size, one=seen, budget=budget
+    )[0]
     sample = int(np.argmax(np.abs(d) * chosen.bound[0]))
     if d[sample] == 0:
         return start

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from robustid.core import Budget, Progress, Real, StateMatrices
 from robustid.guarantees.band_result import Band
-from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.loop_axis import LoopAxis
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.parameters import parameter_intervals
@@ -36,13 +35,14 @@ def limiting_polygons(
 ) -> WorstCaseError | None:
     """Polygons at those of some frequencies that limit a peak or a margin of the loop that ran, as of `worst_case_error`.
 
-    A few at a time: the largest sizes of each that are above all that have a polygon, until there are none. Of exact poles.
+    A few at a time: the largest sizes of each that are above all that have a polygon, until there are none. Of exact poles. None
+    where the time is over before there is one.
     """
-    model = as_nominal(band.model, identification)
+    budget, model = Budget(time_limit), as_nominal(band.model, identification)
     low, high = band.range
     omega = omega[(omega >= low) & (omega <= high)]
     around, found = loop.about(StateMatrices.of(model), None), band.with_model(model)
-    programs, budget = OfExactPoles(identification, model, (directions, rtol)), Budget(time_limit)
+    programs = OfExactPoles(identification, model, (directions, rtol), least=0)
     means = Means(executor, progress, resume, budget)
     solved = np.zeros(omega.size, dtype=bool)
     each = _EACH
@@ -60,7 +60,7 @@ def limiting_polygons(
     if not solved.any():
         return None
     workers = None if identification.problem.entries.single else executor
-    intervals = parameter_intervals(consistent_set(identification), workers, budget)
+    intervals = parameter_intervals(programs.consistent, workers, budget)
     return dataclasses.replace(programs.polygons(), parameters=intervals)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robustid.core import Budget, Frozen, Real, freeze
+from robustid.core import Budget, Frozen, Pieces, Real, freeze
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries, which
 from robustid.guarantees.sweep import Processes, answers
 from robustid.guarantees.value_set import SupportClaim
@@ -64,11 +64,11 @@ def parameter_intervals(
     wanted = [(entry, index) for entry in independent_entries(problem.entries) for index in range(size)]
     found: dict[tuple[Entry, int], tuple[Extreme, Extreme]] = {}
     if budget is None or not budget.over:
-        name = "parameter {0[1]} of entry {0[0]}".format
+        name, pieces = "parameter {0[1]} of entry {0[0]}".format, Pieces(budget if executor is None else None)
         with contextlib.closing(answers(_both_ends, consistent, wanted, executor, name)) as each:
             for one, both in each:
                 found[one] = both
-                if budget is not None and budget.over:
+                if budget is not None and (budget.over or not pieces.begins()):
                     break
     wanted = [one for one in wanted if one in found]
     for entry, index in wanted:

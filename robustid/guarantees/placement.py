@@ -77,22 +77,30 @@ class Programs(abc.ABC):
 
 
 class OfExactPoles(Programs):
-    """Poles as they are stated."""
+    """Poles as they are stated; of every solution at `least` so many frequencies whatever the time is."""
 
     together = _ROUND
 
     def __init__(
-        self, identification: Identification, model: control.StateSpace, sides: tuple[int, float] = _SIDES
+        self,
+        identification: Identification,
+        model: control.StateSpace,
+        sides: tuple[int, float] = _SIDES,
+        least: int = 1,
     ) -> None:
         super().__init__(identification, model)
-        self._consistent = consistent_set(identification)
+        self._least = least
+        self.consistent = consistent_set(identification)
         self._directions, rtol = sides
         self._gap = gap_of(rtol, self._directions, self.entries.single)
         self._values: dict[float, tuple[ValueSet, ...]] = {}
 
     def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
         """As `Programs.solve`."""
-        found = by_frequency(value_sets(self._consistent, omega, self._directions, self._gap, means, self.model, known))
+        how = self._directions, self._gap, means, self.model, known, self._least
+        found = by_frequency(value_sets(self.consistent, omega, *how))
+        if not found:
+            return omega[:0], np.zeros((0, *self.entries.shape))
         self._values |= found
         result = self.polygons()
         at = np.isin(result.omega, list(found))
@@ -105,7 +113,7 @@ class OfExactPoles(Programs):
             identification=self.identification,
             model=self.model,
             values=values,
-            parameters=parameter_intervals(self._consistent, None, Budget(_NO_TIME)),
+            parameters=parameter_intervals(self.consistent, None, Budget(_NO_TIME)),
             directions=self._directions,
             gap=self._gap,
         )
@@ -131,7 +139,7 @@ class OverBox(Programs):
                 f"no system with poles in the pole-uncertainty box fits the data: all {len(self._refuted)} cells of it are"
                 " refuted; loosen the bounds, the prior or the box"
             )
-        if any(one is None for _, one in self._sets):
+        if any(one is None for _, one in self._sets) and np.isfinite(self._each):
             raise InputError(
                 "a cell of the pole-uncertainty box is so wide that no sample says anything of all its poles at once: the discs of"
                 " `band` stand alone; measure more frequency points around the modes, or state a smaller box"
@@ -141,15 +149,17 @@ class OverBox(Programs):
     def _cells(self, omega: Real, budget: Budget) -> Searched:
         """As many cells as leave time for enough frequencies, and the seconds of one of them at one; infinite without time."""
         problem, begun = self.identification.problem, time.monotonic()
-        sets, refuted = searched(problem, self._whole, omega, 1, budget)
-        if budget.left < self.entries.count * (
-            time.monotonic() - begun
-        ):  # one frequency takes longer: sides of every entry
+        margins = Budget(budget.seconds)
+        sets, refuted = searched(problem, self._whole, omega, 1, budget, margins)
+        # One frequency, with sides of every entry, takes longer.
+        if budget.left < self.entries.count * (time.monotonic() - begun):
             return sets, refuted, np.inf
         narrow = omega[np.argsort(self._whole.slack(omega).max(axis=(1, 2)), kind="stable")]
         most, each = affordable(sets, narrow[: narrow.size // 2 + 1], self._sides, budget, self.model)
         if most > 1 and matters(self._whole, problem, omega):
-            sets, refuted = searched(problem, self._whole, omega, min(most, _CELLS), budget.share(_SEARCH))
+            most = min(most, _CELLS)
+            sets, refuted = searched(problem, self._whole, omega, most, budget.share(_SEARCH), margins)
+            each = np.inf if margins.over else each
         return sets, refuted, each
 
     def added(self, omega: Real) -> Real:

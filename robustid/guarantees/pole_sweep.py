@@ -54,11 +54,12 @@ def matters(cell: PoleCell, problem: MixedProblem, grid: Real) -> bool:
 
 
 def searched(
-    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget
+    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget, margins: Budget | None = None
 ) -> tuple[Cells, list[RefutedCell]]:
     """Split cells until their relaxation costs little; leave out what is refuted.
 
-    A cell is split where the time suffices for both halves and all that wait, by the longest that one has taken.
+    A cell is split where the time suffices for both halves and all that wait, by the longest that one has taken. Where that of
+    `margins` is over the margin ends, and the cell has no set.
     """
     waiting = [whole]
     kept: Cells = []
@@ -72,7 +73,7 @@ def searched(
         widest = int(np.argmax(costs))
         cell = waiting.pop(widest)
         posed = posed_relaxation(cell, problem)
-        claim, passed = (None, []) if posed is None else prove_margin(posed.data, "structured", 1e-3)
+        claim, passed = (None, []) if posed is None else prove_margin(posed.data, "structured", 1e-3, margins)
         if claim is not None and claim.certificate.value > 1:
             refuted.append(RefutedCell(cell, claim.certificate))
             continue
@@ -81,7 +82,7 @@ def searched(
             waiting += cell.split(problem, grid)
             continue
         consistent = None
-        if posed is not None and claim is not None:
+        if posed is not None and claim is not None and not (margins is not None and margins.over):
             consistent = set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
         kept.append((cell, consistent))
         _log.info("%d cells kept, %d refuted, %d waiting", len(kept), len(refuted), len(waiting))

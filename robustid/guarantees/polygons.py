@@ -8,18 +8,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Pieces, Real
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
 from robustid.guarantees.value_set import FINE, ValueSet, along, corners, directions_at
 from robustid.identification import Functional
 from robustid.identification.solver import Place
 
 _FIRST = 4  # directions of an entry of a matrix to begin with
-_WITHIN, _ALL, _SHARP = (
-    2.5,
-    5.0,
-    1.0,
-)  # gaps from corners to what is reached: in a part, by consistent systems, for singular values
+# Gaps from corners to what is reached: in a part, by consistent systems, for singular values.
+_WITHIN, _ALL, _SHARP = 2.5, 5.0, 1.0
 _FINER = 0.25  # part of the gap, where the largest singular value asks for it
 _WORTH = 3.0  # gaps that tighter bounds of the entries may make up for
 _NEARLY = 2.0  # gaps of systems that are far in several entries from what there is
@@ -39,18 +36,26 @@ def bisected(count: int) -> list[int]:
 
 
 def value_sets_at(
-    consistent: ConsistentSet, omega: float, directions: int, gap: float, about: Complex | None = None
+    consistent: ConsistentSet,
+    omega: float,
+    directions: int,
+    gap: float,
+    about: Complex | None = None,
+    budget: Budget | None = None,
 ) -> tuple[ValueSet, ...]:
     """Support function and attained points at one frequency, of every independent entry.
 
     SISO: in all directions. MIMO: in as many as the corner of every polygon that is farthest from a nominal value `about` (ny, nu)
-    asks for; by default the value at the centre.
+    asks for; by default the value at the centre. Nothing where the budget is over before its end.
     """
     here = consistent.with_node(omega)
-    if not here.posed.problem.entries.single:
-        angles = directions_at(omega, here.posed.problem.dt, FINE * directions)
-        return _Search(here, omega, angles, gap, about).mimo()
-    return (_Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap, about).siso(),)
+    single = here.posed.problem.entries.single
+    angles = directions_at(omega, here.posed.problem.dt, directions if single else FINE * directions)
+    search = _Search(here, omega, angles, gap, about, Pieces(budget))
+    try:
+        return (search.siso(),) if single else search.mimo()
+    except _TimeIsOver:
+        return ()
 
 
 def value_set(
@@ -58,7 +63,13 @@ def value_set(
 ) -> ValueSet:
     """Support function and attained points at one frequency of a SISO plant; `told` is called after every direction."""
     here = consistent.with_node(omega)
-    return _Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap, None).siso(told)
+    return _Search(here, omega, directions_at(omega, here.posed.problem.dt, directions), gap, None, Pieces(None)).siso(
+        told
+    )
+
+
+class _TimeIsOver(Exception):
+    """The end of a search whose next program would take longer than the time that is left."""
 
 
 @dataclasses.dataclass
@@ -147,8 +158,11 @@ class _Polygon:
 class _Search:
     """The values of all entries at one frequency."""
 
-    def __init__(self, here: ConsistentSet, omega: float, angles: Real, gap: float, about: Complex | None):
+    def __init__(
+        self, here: ConsistentSet, omega: float, angles: Real, gap: float, about: Complex | None, pieces: Pieces
+    ) -> None:
         self._here, self._omega, self._angles, self._gap, self._about = here, omega, angles, gap, about
+        self._pieces = pieces
         entries = here.posed.problem.entries
         self._entries, self._shape = entries, entries.shape
         parts = [here.value_weights(omega, entry) for entry in np.ndindex(*self._shape)]
@@ -156,12 +170,18 @@ class _Search:
         self._members: list[Complex] = []
         self._enough = 1 - _ALL * gap
 
+    def _begin(self) -> ConsistentSet:
+        """The set for one more program, if there is time for it."""
+        if not self._pieces.begins():
+            raise _TimeIsOver
+        return self._here
+
     def siso(self, told: Callable[[], None] | None = None) -> ValueSet:
         """The only entry, in all directions."""
         sides: dict[int, Extreme] = {}
         for direction in bisected(self._angles.size):
             functional, near = self._functional((0, 0), direction), self._beside(sides, direction)
-            sides[direction] = self._here.extreme(functional, self._gap, near=near, early=True)
+            sides[direction] = self._begin().extreme(functional, self._gap, near=near, early=True)
             if told is not None:
                 told()
         found, tail = [sides[k] for k in range(self._angles.size)], self._tail[0]
@@ -256,7 +276,7 @@ class _Search:
 
     def _find(self, functional: Functional, gap: float) -> Complex | None:
         """The value of a consistent system that is almost extreme, one of the members from now on."""
-        point = self._here.member(functional, gap)
+        point = self._begin().member(functional, gap)
         if point is not None:
             self._members.append(self._response(*point))
         return None if point is None else self._members[-1]
@@ -294,9 +314,9 @@ class _Search:
     def _side(self, polygon: _Polygon, direction: int, whole: bool = False) -> None:
         """Add a side, or the bound and the system from the whole problem to one that is there."""
         functional, before = self._functional(polygon.entry, direction), polygon.sides.get(direction)
-        found = None if whole else self._here.bounded(functional, self._gap)
+        found = None if whole else self._begin().bounded(functional, self._gap)
         if found is None:
-            found = self._here.extreme_of_all(functional, self._gap)
+            found = self._begin().extreme_of_all(functional, self._gap)
             self._take(found)
             polygon.whole.add(direction)
         reached = complex(self._value(found)[polygon.entry])
@@ -311,11 +331,8 @@ class _Search:
     def _close(self, polygon: _Polygon) -> None:
         """Bounds and systems from the whole problem, where they are farthest apart."""
         while not self._met(polygon):
-            left = [
-                k
-                for k in (polygon.farthest, *polygon.beside, polygon.between)
-                if k is not None and k not in polygon.whole
-            ]
+            near = polygon.farthest, *polygon.beside, polygon.between
+            left = [k for k in near if k is not None and k not in polygon.whole]
             if not left:
                 return
             self._side(polygon, left[0], whole=True)
@@ -365,9 +382,8 @@ class _Search:
         parts = [self._functional(one.entry, one.farthest) for one in polygons]
         size = [1 / (one.extent or one.radius) for one in polygons]
         x, p = (sum(s * getattr(part, name) for s, part in zip(size, parts, strict=True)) for name in ("x", "p"))
-        return Functional(
-            np.asarray(x), np.asarray(p), float(sum(s * part.tail for s, part in zip(size, parts, strict=True)))
-        )
+        tail = float(sum(s * part.tail for s, part in zip(size, parts, strict=True)))
+        return Functional(np.asarray(x), np.asarray(p), tail)
 
     def _value_set(self, polygon: _Polygon) -> ValueSet:
         order, nothing = polygon.order, np.full(self._shape, np.nan, complex)

@@ -134,11 +134,13 @@ def value_sets(
     means: Means,
     model: control.StateSpace | None = None,
     known: Known | None = None,
+    least: int = 1,
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is told of them.
 
     Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; a folder holds
-    those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, one at least.
+    those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, of the budget so
+    many at `least`; one that is begun in this process is given up there.
     """
     executor, progress, resume, budget = means
     store = None if resume is None else _Store(resume, consistent, directions, gap)
@@ -156,9 +158,16 @@ def value_sets(
         try:
             # Closed at once, whatever happens: the processes of our own end with it.
             about = {} if model is None else _values_of(model, missing, consistent)
-            ask = functools.partial(_one, directions=directions, gap=gap, about=about)
-            with contextlib.closing(answers(ask, consistent, missing, executor, "{:.9g} rad/s".format)) as each:
+            whole = functools.partial(_one, directions=directions, gap=gap, about=about)
+
+            def ask(here: ConsistentSet, w: float) -> Sets:
+                return whole(here, w, budget=budget if len(found) >= least else None)
+
+            each = answers(ask if executor is None else whole, consistent, missing, executor, "{:.9g} rad/s".format)
+            with contextlib.closing(each):
                 for w, value in each:
+                    if not value:
+                        break
                     if store is not None:
                         store.write(value)
                     found[w] = value
@@ -229,8 +238,15 @@ def _values_of(model: control.StateSpace, omega: list[float], consistent: Consis
     return dict(zip(omega, problem.plane.values_at(model, np.array(omega)), strict=True))
 
 
-def _one(consistent: ConsistentSet, omega: float, directions: int, gap: float, about: Mapping[float, Complex]) -> Sets:
-    return value_sets_at(consistent, omega, directions, gap, about.get(omega))
+def _one(
+    consistent: ConsistentSet,
+    omega: float,
+    directions: int,
+    gap: float,
+    about: Mapping[float, Complex],
+    budget: Budget | None = None,
+) -> Sets:
+    return value_sets_at(consistent, omega, directions, gap, about.get(omega), budget)
 
 
 class _Store:

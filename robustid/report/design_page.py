@@ -49,6 +49,7 @@ from robustid.report.words import title as heading
 if TYPE_CHECKING:
     import control
 
+_ROUNDING = 1e-13  # relative: of a sum of a few terms
 _KEPT = "\u00a0"  # a space that no line ends with
 _KEYS = {
     DesignStatus.PROVED: ("consistent", "Proved"),
@@ -324,7 +325,12 @@ def _least_gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
 
 
 def _at(system: StateMatrices, point: float) -> float:
-    return float(response_at(system, np.array([point]))[0, 0, 0].real)
+    """Value at a real point; 0 where rounding of the terms C_i x_i and D that it is the sum of is as large."""
+    A, B, C, D = system
+    value = float(response_at(system, [point])[0, 0, 0].real)
+    states = response_at((A, B, np.eye(len(A)), np.zeros(B.shape)), [point])[0, :, 0]
+    terms = np.abs(C[0]) @ np.abs(states) + abs(D[0, 0])
+    return 0.0 if abs(value) <= _ROUNDING * terms else value
 
 
 def _roots_table(design: ControllerDesign) -> Table:

@@ -2,6 +2,7 @@
 
 import html
 import re
+import time
 
 import pytest
 
@@ -9,10 +10,11 @@ import robustid as rid
 from robustid.advice import kept_gains
 from robustid.advice.smallest_gain import smallest_gain
 from robustid.app.cli import screen
+from robustid.app.run import sequence
 from robustid.core import Budget, Interruptible, Stops
 from support.command_line import CLASS, COMMAND
 from support.run_files import CLASS as STATED
-from support.run_files import DATA, ask
+from support.run_files import DATA, QUICK, ask
 
 
 def first_screen(page):
@@ -75,6 +77,20 @@ def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):
     assert "Unfinished: What stands here holds" in before
     assert "Consistent" in after
     assert result.band.certified
+
+
+def test_a_search_for_a_contradiction_has_a_share_of_the_time_and_says_that_it_is_over(folder, monkeypatch):
+    limits = []
+
+    def late(problem, time_limit=None, progress=None):
+        limits.append(time_limit)
+        time.sleep(time_limit)
+
+    monkeypatch.setattr(sequence, "contradiction", late)
+    result = rid.run(ask(folder, DATA, STATED, {"time_limit": 1.0}, QUICK), "out")
+    assert 0 < limits[0] < 0.25
+    assert "looking for samples that no system explains" in result.unfinished.steps
+    assert "looking for samples that no system explains" in result.summary()
 
 
 def test_a_run_in_its_time_leaves_nothing_out(folder):

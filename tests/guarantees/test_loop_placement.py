@@ -5,10 +5,13 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import StateMatrices
+from robustid.core import Budget, StateMatrices
+from robustid.core import progress as clocks
 from robustid.guarantees import limiting_polygons
+from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
 from robustid.guarantees.loop_axis import LoopAxis
 from robustid.guarantees.loop_placement import _binding
+from robustid.guarantees.sweep import Means, value_sets
 
 DT = 0.01
 PLANT = control.ss([[1.1, 0.3], [0.0, 0.4]], [[0.2], [1.0]], [[1.0, 0.5]], 0.0, DT)  # unstable
@@ -55,6 +58,30 @@ def test_peaks_hold_where_the_time_is_over(measured):
         assert peak.value <= ended.peaks[name].value < np.inf
     assert ended.peaks["sensitivity"].value > whole.peaks["sensitivity"].value
     assert ended.margins.phase <= whole.margins.phase
+
+
+def test_polygons_are_given_up_where_the_time_is_over(measured, monkeypatch):
+    loop, result, band, _ = measured
+    monkeypatch.setattr(ConsistentSet, "extreme", None)
+    assert limiting_polygons(band, loop, result, band.omega, directions=8, rtol=0.1, time_limit=1e-6) is None
+
+
+def test_a_frequency_is_given_up_between_two_programs(measured, monkeypatch):
+    """By a clock that goes on by a second whenever it is read; the first frequency is finished whatever the time is."""
+    seconds, programs, own = iter(range(10**6)), [], ConsistentSet.extreme
+    monkeypatch.setattr(clocks.time, "monotonic", lambda: float(next(seconds)))
+    monkeypatch.setattr(ConsistentSet, "extreme", lambda *one, **how: programs.append(1) or own(*one, **how))
+    consistent, omega, counts = consistent_set(measured[1]), measured[2].omega[1:5], {}
+    for least, limit in ((0, 9.0), (1, 2.0), (1, 12.0), (1, None)):
+        programs.clear()
+        found = value_sets(consistent, omega, 8, 0.1, Means(budget=Budget(limit)), least=least)
+        counts[least, limit] = len(found), len(programs)
+        assert all(one.support.size == 8 for one in found)
+    assert counts[0, 9.0][0] == 0 < counts[0, 9.0][1] < 8
+    assert counts[1, 2.0] == (1, 8)
+    assert counts[1, 12.0][0] == 1
+    assert 8 < counts[1, 12.0][1] < 16
+    assert counts[1, None] == (4, 32)
 
 
 def test_those_above_all_that_are_solved_come_first_and_no_others():

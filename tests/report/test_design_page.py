@@ -15,7 +15,7 @@ from robustid.design import FIR, PID, Bandwidth, Fixed, Improvement, LeadLag, Li
 from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
 from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode
-from robustid.report.design_page import design_verdict, shares_table
+from robustid.report.design_page import _at, design_verdict, shares_table
 from robustid.report.design_steps import step_chart
 from robustid.report.design_structure import factor_words, structure_rows
 from support.design_cases import DT, band_of, matrix_band_of
@@ -52,6 +52,17 @@ def test_the_curves_hold_the_plant_itself_and_keep_the_limits_that_are_drawn():
     assert largest[(x * HZ >= 0.5) & (x * HZ <= 3.0)].max() <= 0.5
     assert layer(panels["T"], "limit").y[0] == 0.9
     assert [one.name for one in panels["P S"].layers] == ["largest with any consistent plant"]
+
+
+def test_a_gain_that_is_only_rounding_is_zero():
+    """A low-pass after Tustin ends at 0, which the sum over its states misses by a few digits; one that is small does not."""
+    low, lead = control.tf([1], [1 / 700.0**2, 1.2 / 700.0, 1]), control.tf([1 / 90.0, 1], [1 / 900.0, 1])
+    system = control.ss(control.sample_system(7.0 * low * lead, 4e-4, method="tustin"))
+    parts = StateMatrices.of(system)
+    assert response_at(parts, [-1.0])[0, 0, 0] != 0
+    assert _at(parts, -1.0) == 0
+    small = parts._replace(D=parts.D + 1e-9)
+    assert _at(small, -1.0) == pytest.approx(1e-9, rel=1e-3)
 
 
 ROWS = (

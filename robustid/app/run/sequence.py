@@ -48,7 +48,8 @@ from robustid.reduction import (
 _PREDICTED = 2000  # samples that are compared with what the others leave, before the margin
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
-_MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5  # of the time that is left when a step begins
+_SUMS = 0.2  # of the time that is left when a step begins, as those of the next line
+_MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5
 # What narrows a band that is proved at every frequency already ends within this part of the time of the whole run: a run that has
 # taken long is not made much longer for it. And the least, of the time that is left.
 _NARROWED, _LEAST = 0.1, 0.03
@@ -128,13 +129,15 @@ def decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surrou
 
 
 def _refuted(problem: MixedProblem, around: Surroundings) -> Contradiction | None:
-    """A contradiction between the data and the class that sums show, said at once; None where they show none.
+    """A contradiction between the data and the class that sums show, said at once; None where they show none in their time.
 
     Of very many samples they take as long as the margin, and are left to it.
     """
     if problem.prior.positive_real or problem.samples > _PREDICTED:
         return None
-    found = contradiction(problem)
+    words = "looking for samples that no system explains"
+    with around.step(words, _SUMS) as limit:
+        found = contradiction(problem, time_limit=limit, progress=around.progress(words))
     if found is not None:
         around.say(found.summary())
     return found

@@ -10,7 +10,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, freeze
+from robustid.core import Budget, Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.certificate import Amplitudes, Targets, choose, class_radius, mismatch
 from robustid.guarantees.linear.samples import Samples
 from robustid.guarantees.linear.search import POINTS, nearest_points, search
@@ -57,11 +57,11 @@ def amplitude_targets(samples: Samples) -> Targets:
     return Targets(base_of(samples), np.zeros(count, complex), values, np.zeros((count, count)))
 
 
-def extract(samples: Samples) -> Extraction:
+def extract(samples: Samples, budget: Budget | None = None) -> Extraction:
     """Search combinations that extract the amplitudes, each round as far as what the last one proved asks for.
 
     The first matches all functions exactly; where that proves nothing, since many terms of a series ask for large multipliers, it
-    begins with discs that are surely too large.
+    begins with discs that are surely too large. Where the budget is over: the best of those so far.
     """
     targets = amplitude_targets(samples)
     fit = guess(samples, targets)
@@ -70,14 +70,15 @@ def extract(samples: Samples) -> Extraction:
     for start in (np.full(large.size, np.inf), *(factor * large for factor in _LARGER)):
         known = Amplitudes(fit, start)
         for _ in range(_ROUNDS):
-            points, d = search(samples, targets, known, points=POINTS + samples.amplitude_of.size)
+            points, d = search(samples, targets, known, points=POINTS + samples.amplitude_of.size, budget=budget)
             found = Extraction(samples, known.centre, points, d)
             if best is None or found.known.radius.sum() < best.known.radius.sum():
                 best = found
-            if not np.all(np.isfinite(found.known.radius)):
+            over = budget is not None and budget.over
+            if over or not np.all(np.isfinite(found.known.radius)):
                 break
             known = found.known
-        if np.all(np.isfinite(best.known.radius)):  # type: ignore[union-attr]
+        if over or np.all(np.isfinite(best.known.radius)):  # type: ignore[union-attr]
             break
     return best  # type: ignore[return-value]  # there is a round
 

@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Record, freeze, one_thread
+from robustid.core import Budget, Complex, Frozen, Real, Record, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.certificate import Chosen, Targets, centres, choose, radii
@@ -59,16 +59,21 @@ def lines_of(samples: Samples) -> NDArray[np.intp]:
     return np.flatnonzero(np.argmax(samples.v[:half] != 0, axis=1) == samples.target)
 
 
-def predicted_lines(extraction: Extraction, lines: NDArray[np.intp], points: int | None = None) -> list[Predictions]:
-    """Lines as so many points of all others predict them."""
+def predicted_lines(
+    extraction: Extraction, lines: NDArray[np.intp], points: int | None = None, budget: Budget | None = None
+) -> list[Predictions]:
+    """Lines as so many points of all others predict them; within a budget the first of them."""
     samples = extraction.samples
     half = samples.angles.size // 2
     points = POINTS + min(int(samples.first.sum()), POINTS) if points is None else points
     real = np.abs(samples.nodes[lines] - samples.nodes[lines + half]) == 0  # they see the same as their conjugates
-    return [_near(extraction, lines[real == twins], twins, points) for twins in (False, True) if np.any(real == twins)]
+    groups = [(lines[real == twins], twins) for twins in (False, True) if np.any(real == twins)]
+    return [_near(extraction, group, twins, points, budget) for group, twins in groups]
 
 
-def _near(extraction: Extraction, lines: NDArray[np.intp], twins: bool, count: int) -> Predictions:
+def _near(
+    extraction: Extraction, lines: NDArray[np.intp], twins: bool, count: int, budget: Budget | None
+) -> Predictions:
     samples = extraction.samples
     total, base = samples.angles.size, samples.nodes[lines]
     count = min(count, total - 1 - twins)
@@ -78,34 +83,42 @@ def _near(extraction: Extraction, lines: NDArray[np.intp], twins: bool, count: i
     for row, (k, every) in enumerate(zip(lines.tolist(), near, strict=True)):
         out = (k, k + total // 2) if twins else (k,)
         points[row, 1:] = every[~np.isin(every, out)][:count]
-    return _found(extraction, base, points, np.zeros(lines.size, int))
+    return _found(extraction, base, points, np.zeros(lines.size, int), budget)
 
 
-def predicted_rows(extraction: Extraction) -> list[Predictions]:
-    """Some samples of the records as all others predict them."""
+def predicted_rows(extraction: Extraction, budget: Budget | None = None) -> list[Predictions]:
+    """Some samples of the records as all others predict them; within a budget the first of these."""
     samples = extraction.samples
     if not samples.rows:
         return []
     rows = np.unique(np.linspace(0, samples.rows - 1, _ROWS).round().astype(int))
     base = np.zeros(rows.size, complex)
     points = nearest_points(samples, base, POINTS)
-    return [_found(extraction, base, points, points.shape[1] + rows)]
+    return [_found(extraction, base, points, points.shape[1] + rows, budget)]
 
 
-def _found(extraction: Extraction, base: Complex, points: NDArray[np.intp], own: NDArray[np.intp]) -> Predictions:
-    """Search what predicts the samples number `own` (B,) among the points (B, n) and the rows, stack by stack."""
+def _found(
+    extraction: Extraction, base: Complex, points: NDArray[np.intp], own: NDArray[np.intp], budget: Budget | None
+) -> Predictions:
+    """Search what predicts the samples number `own` (B,) among the points (B, n) and the rows, stack by stack.
+
+    Within a budget: the first stacks, one at least.
+    """
     samples, known = extraction.samples, extraction.known
     size = points.shape[1] + samples.rows
     stack = max(int(_STACK / (size * (3 * size + 2 * samples.amplitude_of.size + 1))), 1)
     multipliers: Complex = np.full((base.size, size), -1, complex)
     numbers: list[tuple[Complex, Real, Complex, Real]] = []
     for first in range(0, base.size, stack):
+        if first and budget is not None and budget.over:
+            base, points, own, multipliers = base[:first], points[:first], own[:first], multipliers[:first]
+            break
         part = slice(first, first + stack)
         targets, at = nothing(samples, base[part]), own[part, None]
         chosen = choose(samples, targets, points[part])
         rest, predicted, others = without(chosen, base[part], own[part])
         d = multipliers[part]
-        np.put_along_axis(d, others, reweighted(samples, rest, predicted, known), axis=1)
+        np.put_along_axis(d, others, reweighted(samples, rest, predicted, known, budget=budget), axis=1)
         bound = chosen.bound + chosen.left_out @ known.largest
         y, own_bound = (np.take_along_axis(one, at, axis=1)[:, 0] for one in (chosen.y, bound.astype(complex)))
         discs = centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Pieces, Real
 from robustid.guarantees.linear.certificate import Amplitudes, Chosen, Radii, Targets, choose, class_square, mismatch
 from robustid.guarantees.linear.samples import Samples
 
@@ -20,6 +20,9 @@ _FARTHER = 1.8  # times the change of the logarithm of a weight
 _SELDOM = 3  # steps after which the weights of most functions are taken anew: half of the arithmetic is theirs
 _STACK = 4e5  # complex numbers in the matrices of a stack: what a cache holds
 _FLOOR = 1e-3  # least part of the largest multiplier, and of the radius, that a weight is made of
+_EXACT = (
+    1e-100  # radius for weights where it is zero: of a sample that sees nothing yet, which none is needed to predict
+)
 _STABLE = 1e-13  # of the diagonal: what the Gram matrix of nodes close together loses to rounding
 
 
@@ -50,10 +53,11 @@ def search(
     points: int | NDArray[np.intp] = POINTS,
     steps: int = STEPS,
     start: tuple[NDArray[np.intp], Complex] | None = None,
+    budget: Budget | None = None,
 ) -> tuple[NDArray[np.intp], Complex]:
     """Points (B, n) and multipliers (B, n + T) with small radii, from a start with radii that are at least as large, if given.
 
-    `points` are so many of the nearest, or these.
+    `points` are so many of the nearest, or these. Where the budget is over the multipliers are those that were found by then.
     """
     if start is not None:
         points = start[0]
@@ -65,9 +69,12 @@ def search(
     found = np.zeros((targets.base.size, size), complex)
     for first in range(0, targets.base.size, stack):
         part = slice(first, first + stack)
-        chosen = choose(samples, targets[part], chosen_points[part])
         before = None if start is None else start[1][part]
-        found[part] = reweighted(samples, chosen, targets[part], known, steps=steps, start=before)
+        if first and budget is not None and budget.over:
+            found[part] = 0 if before is None else before
+            continue
+        chosen = choose(samples, targets[part], chosen_points[part])
+        found[part] = reweighted(samples, chosen, targets[part], known, steps=steps, start=before, budget=budget)
     return chosen_points, found
 
 
@@ -105,9 +112,8 @@ class _Stack:
     def weights(self, d: Complex) -> list[Real]:
         """Weights 1/t of multipliers, of the class and of functions: t the moduli at d."""
         (total, square, missed), sizes, radius = self.kept(d), np.abs(d), self.radius
-        total = np.where(
-            np.isfinite(total), total, (sizes * self.bound).sum(axis=1)
-        )  # infinite where a series does not converge
+        # It is infinite where a series does not converge.
+        total = np.maximum(np.where(np.isfinite(total), total, (sizes * self.bound).sum(axis=1)), _EXACT)
         least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
         return [
             self.bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + 1e-300),
@@ -140,12 +146,14 @@ def reweighted(
     steps: int = STEPS,
     start: Complex | None = None,
     one: Complex | None = None,
+    budget: Budget | None = None,
 ) -> Complex:
     r"""Multipliers of the smallest radius along the way; unbounded functions and `one` (B, S), to 1, are matched exactly.
 
     A sum of moduli is at most the sum of |d|^2/(2 t) + t/2: with t the moduli of the last step that is least squares. Weights 1/t
-    that go `_FARTHER` than that, in their logarithms, take half of the steps.
+    that go `_FARTHER` than that, in their logarithms, take half of the steps. None begins that takes longer than the budget.
     """
+    pieces = Pieces(budget)
     stack = _Stack(samples, chosen, targets, known, one)
     L, adjoint = stack.soft.swapaxes(1, 2), stack.soft.conj()  # (B, m, S), (B, S, m)
     gram, at = chosen.gram.swapaxes(1, 2), np.arange(stack.size)
@@ -156,6 +164,8 @@ def reweighted(
     parts = [(group, every, adjoint[:, :, group], L[:, group]) for group, every in stack.groups]
     v = np.array(used[2])
     for step in range(steps):
+        if not pieces.begins():  # what comes before the first step takes about as long as one
+            break
         q, w, latest = used
         for k, (group, every, left, right) in enumerate(parts):
             if group.size and (step == 0 or (step - 1) % every == 0):  # the first weights are on a scale of their own

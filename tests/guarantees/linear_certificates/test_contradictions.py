@@ -131,6 +131,20 @@ def test_saved_and_loaded_it_is_the_same(tmp_path, kind):
     assert (again.excess, again.factor, again.summary()) == (found.excess, found.factor, found.summary())
 
 
+def test_a_sample_before_the_input_moves_is_predicted_exactly():
+    """The system says nothing there, and the weights of a radius of zero are finite all the same."""
+    u = np.concatenate([np.zeros(3), np.random.default_rng(0).normal(size=17)])
+    basis = rid.kautz([0.5], [0.1], dt=1.0)
+    record = rid.TimeRecord(u, 0.1 * u, dt=1.0, bound=0.01)
+    prior = rid.Prior(gain_bound=1.0, decay_rate=1.5)
+    problem = rid.MixedProblem(time=record, prior=prior, parametric=basis)
+    assert rid.guarantee.contradiction(problem) is None
+    moved = rid.TimeRecord(u, 0.1 * u + 0.5 * np.eye(1, 20)[0], dt=1.0, bound=0.01)
+    found = rid.guarantee.contradiction(dataclasses.replace(problem, time=moved))
+    assert found.time == 0
+    assert found.verify()
+
+
 def test_bad_input():
     passive = rid.MixedProblem(
         frequency=rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0], bound=0.1, dt=0.1),

@@ -13,9 +13,10 @@ import robustid as rid
 from robustid.app.run.sequence import refined_band
 from robustid.core import Budget
 from robustid.errors import FileFormatError, InputTypeError
-from robustid.guarantees import placement
+from robustid.guarantees import placement, pole_sweep
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.sweep import Means
+from robustid.identification import margin
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
 from support.refusals import refused
@@ -331,6 +332,16 @@ def test_over_a_box_nothing_is_begun_that_takes_longer_than_the_time(monkeypatch
     found = over_box()[0].refine(identified(), time_limit=1e-6)
     assert found.polygons is None
     np.testing.assert_array_equal(found.radius, over_box()[0].radius)
+
+
+def test_the_margin_over_a_box_ends_with_the_time(monkeypatch):
+    """The first point that it looks at is the last; nothing is made of what it has shown by then."""
+    seen, own = [], margin._candidates
+    monkeypatch.setattr(margin, "_candidates", lambda *one: (seen.append(1) or each for each in own(*one)))
+    monkeypatch.setattr(pole_sweep, "set_of", None)
+    found = over_box()[0].refine(identified(), time_limit=1e-6)
+    assert len(seen) == 1
+    assert found.polygons is None
 
 
 def test_a_frequency_that_differs_by_rounding_is_not_there_twice():

@@ -7,6 +7,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import progress as clocks
+from robustid.guarantees.linear import search
 
 TWO_PI = 2 * np.pi
 DT, RHO, GAIN = 1e-3, 1.05, 0.05
@@ -133,3 +134,18 @@ def test_a_search_for_contradictions_can_be_watched_and_stopped(ticking):
             raise KeyboardInterrupt
 
     assert rid.guarantee.contradiction(bad, progress=stop).excess == found.excess
+
+
+def test_a_search_for_contradictions_looks_at_its_time_at_every_step(ticking, monkeypatch):
+    """Of one entry too: a record of many samples takes minutes in it."""
+    steps, own = [], search._solved
+    monkeypatch.setattr(search, "_solved", lambda *one: steps.append(1) or own(*one))
+    smooth = rid.FrequencyResponse(PROBLEM.frequency[0].omega, np.ones(20), bound=0.01, dt=DT)
+    one = dataclasses.replace(PROBLEM, frequency=smooth)
+    counts = []
+    for limit in (1.0, 40.0, None):
+        steps.clear()
+        rid.guarantee.contradiction(one, time_limit=limit)
+        counts.append(len(steps))
+    assert counts[0] == 0
+    assert 5 < counts[1] < 40 < counts[2]
