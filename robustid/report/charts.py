@@ -123,9 +123,9 @@ def frequency_axis(omega: np.ndarray) -> Axis:
     return Axis("frequency [Hz]", range=(float(omega.min()) / HZ - 0.02 * high, 1.02 * high))
 
 
-def order_axis(low: float, high: float, beyond: float) -> Axis:
+def whole_axis(low: float, high: float, beyond: float, label: str = "order [–]") -> Axis:
     """Axis of whole numbers, at most some fifteen ticks."""
-    return Axis("order [–]", range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
+    return Axis(label, range=(low - beyond, high + beyond), tick=float(max(1, np.ceil((high - low) / 14))))
 
 
 def named(panel: Panel, name: str) -> Layer:

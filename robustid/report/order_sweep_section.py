@@ -17,7 +17,7 @@ from robustid.report.charts import (
     Layer,
     Panel,
     frequency_axis,
-    order_axis,
+    whole_axis,
 )
 from robustid.report.curves import rounded, span_of, thinned
 from robustid.report.document import Block, Drawing, Heading, Text
@@ -124,7 +124,7 @@ def _criteria(sweep: OrderSweep) -> Panel:
 
 
 def _axis(sweep: OrderSweep, beyond: float) -> Axis:
-    return order_axis(float(sweep.orders.min()), float(sweep.orders.max()), beyond)
+    return whole_axis(float(sweep.orders.min()), float(sweep.orders.max()), beyond)
 
 
 def _suggested(sweep: OrderSweep, span: tuple[float, float]) -> Layer:

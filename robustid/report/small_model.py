@@ -21,8 +21,8 @@ from robustid.report.charts import (
     Layer,
     Panel,
     frequency_axis,
-    order_axis,
     side_by_side,
+    whole_axis,
 )
 from robustid.report.curves import low_quantile, magnitude_range, phase_curves, resolved, span_of, spread, with_gaps
 from robustid.report.document import Block, Code, Drawing, Heading, Text, Verdict
@@ -84,7 +84,7 @@ def margin_chart(reduction: Reduction) -> Chart:
         if np.any(mask):
             hover = tuple(np.array(words)[mask])
             layers.append(Layer(name, orders[mask], shown[mask], colour, marker=marker, hover=hover))
-    x = order_axis(float(orders.min()), float(orders.max()), 0.5)
+    x = whole_axis(float(orders.min()), float(orders.max()), 0.5)
     layers.append(Layer("bound", np.array(x.range), np.ones(2), ALERT, dash="dash"))
     span = min(0.5, float(shown.min()) / 2), max(2.0, 2 * float(shown.max()))
     panel = Panel(
@@ -185,7 +185,7 @@ def worth_chart(found: ModelWorth) -> Chart:
     name = f"order {found.carried}, which the data carry"
     layers.append(Layer(name, np.full(2, float(found.carried)), np.array(span), DATA, dash="dot"))
     orders = np.append(found.orders, [point[0] for point in points])
-    x = order_axis(float(orders.min()), float(orders.max()), 0.7)
+    x = whole_axis(float(orders.min()), float(orders.max()), 0.7)
     panels = [Panel("Misfit", x, Axis("misfit [–]", log=True, range=span), layers)]
     judged = np.isfinite(found.withheld)
     if np.any(judged):

@@ -10,7 +10,19 @@ from robustid.advice import Moved, moved_modes
 from robustid.core import Real
 from robustid.errors import InputError
 from robustid.guarantees import Watch, Watched
-from robustid.report.charts import ALERT, DATA, FAINT, NOMINAL, Axis, Chart, Layer, Panel, first_panel, frequency_axis
+from robustid.report.charts import (
+    ALERT,
+    DATA,
+    FAINT,
+    NOMINAL,
+    Axis,
+    Chart,
+    Layer,
+    Panel,
+    first_panel,
+    frequency_axis,
+    whole_axis,
+)
 from robustid.report.curves import magnitude_range, positive, rounded
 from robustid.report.document import (
     Block,
@@ -45,7 +57,9 @@ def history_chart(found: Watch) -> Chart:
     """Scores of the records in their order, and the evidence of a drift against the limit of the alarm."""
     count = np.arange(1, len(found.records) + 1)
     before = np.arange(1 - len(found.usual), 1)
-    axis = Axis("record (0 and before: from before the watch)" if found.usual else "record")
+    ends = np.array([float(before[0]) if before.size else 1.0, float(count[-1]) if count.size else 1.0])
+    label = "record (0 and before: from before the watch)" if found.usual else "record"
+    axis = whole_axis(ends[0], ends[1], 0.5, label)
     layers: list[Layer] = []
     if found.usual:
         layers.append(Layer("before the watch", before, rounded(found.usual_scores), FAINT, marker="circle"))
@@ -58,7 +72,6 @@ def history_chart(found: Watch) -> Chart:
         mask = np.array(alarmed, dtype=bool)
         if mask.any():
             layers.append(Layer(word, count[mask], rounded(found.scores[mask]), ALERT, marker=marker, size=1.4))
-    ends = np.array([float(before[0]) if before.size else 1.0, float(count[-1]) if count.size else 1.0])
     layers.append(Layer("band and bound", ends, np.ones(2), FAINT, dash="dash"))
     scores = np.concatenate([found.usual_scores, found.scores, [1.0]])
     sizes = Panel(

@@ -13,10 +13,11 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.run import fleet, fleet_item
+from robustid.app.run import fleet, fleet_item, reading
 from robustid.core import Workers
 from robustid.errors import InputError
 from robustid.guarantees import FleetState
@@ -107,6 +108,53 @@ def test_force_runs_what_failed_or_was_asked_something_else_and_nothing_more(tmp
     assert run_them([same, changed, wrong], tmp_path / "out", force=True).states == {FleetState.CONSISTENT: 3}
     assert set(computed) == {"m001", "m002"}
     assert rid.load(tmp_path / "out" / "m001" / "identification").prior.gain_bound == 0.3
+
+
+@pytest.fixture
+def parsed(monkeypatch):
+    """Names of the files that are parsed, in a process that has parsed none yet."""
+    names, original = [], reading.read_table
+
+    def counted(path, decimal=None):
+        names.append(path.name)
+        return original(path, decimal)
+
+    monkeypatch.setattr(reading, "read_table", counted)
+    monkeypatch.setattr(reading, "_LAST", reading._Last())
+    return names
+
+
+@pytest.mark.usefixtures("unproved", "unreduced")
+def test_a_file_of_several_machines_is_parsed_once_and_again_when_it_was_changed(tmp_path, parsed):
+    common = [{"file": "common.csv"}]
+    files = machines(tmp_path / "runs", 2, frequency=common)
+    shared, other = tmp_path / "runs" / "common.csv", tmp_path / "runs" / "m001.csv"
+    (tmp_path / "runs" / "m000.csv").rename(shared)
+    assert run_them(files, tmp_path / "out").states == {FleetState.CONSISTENT: 2}
+    assert parsed == ["common.csv"]
+    assert numbers(tmp_path / "out" / "m000") == numbers(tmp_path / "out" / "m001")
+    first = rid.load(tmp_path / "out" / "m001" / "identification").problem.frequency[0]
+    times = shared.stat()
+    shared.write_bytes(other.read_bytes())
+    os.utime(shared, ns=(times.st_atime_ns, times.st_mtime_ns))
+    rid.run(files[1], tmp_path / "changed")
+    changed = rid.load(tmp_path / "changed" / "identification").problem.frequency[0]
+    assert parsed == ["common.csv"] * 2
+    assert (changed.values != first.values).any()
+
+
+def test_a_process_keeps_few_tables_and_none_that_is_large(tmp_path, parsed, monkeypatch):
+    paths = [tmp_path / f"{k}.npy" for k in range(6)]
+    for k, path in enumerate(paths):
+        np.save(path, np.full((9, 2), k))
+    for path in [*paths, paths[5], paths[2], paths[1]]:  # the last four are there, the one before them no longer
+        assert reading.Tables().of(path).numbers("")[0, 0] == int(path.stem)
+    assert parsed == [path.name for path in [*paths, paths[1]]]
+    monkeypatch.setattr(reading, "_BYTES", 100)  # a table has 144
+    parsed.clear()
+    for _ in range(2):
+        reading.Tables().of(paths[0])
+    assert parsed == ["0.npy"] * 2
 
 
 class Deadly(ThreadPoolExecutor):

@@ -60,6 +60,8 @@ def test_a_watch_goes_on_in_its_file_and_alarms_once(run, tmp_path, monkeypatch)
     for heading in ("Refuted", "History", "Where in frequency", "Which mode moved", "What the alarms mean"):
         assert heading in page.text
     kept = rid.load("stage")
+    for panel in watch_page.history_chart(kept).panels:  # records are counted, from one before the watch to the second
+        assert (panel.x.range, panel.x.tick) == ((-0.5, 2.5), 1)
     assert kept.names == ("tuesday.npz", "far.npz")
     assert kept.rate == 0.01
     code, out, err = run("watch", "stage", "far.npz")  # not twice, and nothing is lost

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,6 +22,7 @@ from robustid.errors import InputError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from robustid.app.cli.terminal import Terminal
     from robustid.app.run.results import FamilyRun, IdentifiedReduced
 
 # Not as arguments of Python, nor as options of other commands: keys of the run file.
@@ -57,9 +59,10 @@ def _show_keys(wanted: bool) -> None:
 
 def run(
     config: Annotated[
-        list[Path],
+        list[str],
         typer.Argument(
-            help="The run file, TOML; of several, or of a folder with run files, each is the run of one machine."
+            help="The run file, TOML; of several, or of a folder with run files, each is the run of one machine. Also an address"
+            " (s3://…), which fsspec opens: pip install 'robustid\\[remote]'."
         ),
     ],
     output: Annotated[
@@ -157,13 +160,26 @@ def run(
     """
     with in_words(_WORDS), contextlib.ExitStack() as stack:
         executor: Executor | int | None = _executor(stack, workers, cluster)
-        if len(config) > 1 or config[0].is_dir():
+        files = _here(config, output, screen.console(stderr=as_json, verbose=verbose))
+        if len(files) > 1 or files[0].is_dir():
             how: dict[str, bool] = {"static": static, "force": force, "verbose": verbose, "as_json": as_json}
-            raise typer.Exit(fleet(config, output, executor, table, **how))
+            raise typer.Exit(fleet(files, output, executor, table, **how))
         if table is not None:
             raise InputError("--table is of several machines; give several run files, or a folder of them")
         how = {"resume": resume, "static": static, "force": force, "verbose": verbose, "as_json": as_json}
-        _run(config[0], output, executor, **how)
+        _run(files[0], output, executor, **how)
+
+
+def _here(config: Sequence[str], output: Path | None, console: Terminal) -> list[Path]:
+    """The run files and folders, those of an address as copies in a folder beside the results."""
+    from robustid.app.run.fetched import fetched, is_url
+
+    def copied(address: str) -> Path:
+        name = output or Path(address.partition("::")[0]).stem.strip(":")
+        return fetched(address, Path(f"{name}-inputs"), progress)
+
+    with telling(console) as progress:
+        return [copied(one) if is_url(one) else Path(one) for one in config]
 
 
 def _executor(stack: contextlib.ExitStack, workers: int | None, address: str | None) -> Executor | int | None:

@@ -22,10 +22,10 @@ from robustid.app.run.checks import (
     whole,
 )
 from robustid.app.run.toml import is_table
-from robustid.core import Options, Record
 from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
+    from robustid.core import Options, Record
     from robustid.identification import Prior, PriorWeight
 
 

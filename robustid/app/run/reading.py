@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 import shlex
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar, overload
@@ -11,18 +14,51 @@ from robustid.app.run.sources import RecordSource, ResponseSource
 from robustid.app.run.toml import is_array, write_toml
 from robustid.core import Record
 from robustid.data import Fault, FrequencyResponse, TimeRecord
-from robustid.errors import InputError, Remedy
+from robustid.errors import FileFormatError, InputError, Remedy
 from robustid.estimation import BOUND_SOURCES, correct, default_bound, operating_point
 from robustid.formats import NAMES, Table, datasets, read_said, read_table
 
 Data = FrequencyResponse | TimeRecord
 D = TypeVar("D", FrequencyResponse, TimeRecord)
 _KEYS = {"frequency_unit": "unit"}
+_KEPT, _BYTES = 4, 2**27  # tables that a process keeps, and the size of all of them
 RUN_FILE = {name: f"{name} = ..." for name in ("bound", "averages")}
 
 
+class _Last:
+    """The tables that a process has parsed last, for its later runs: found by name and content of their files."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, str | None, bytes], Table] = {}
+        self._one = threading.Lock()
+
+    def of(self, path: Path, decimal: str | None) -> Table:
+        """The arrays of a file as it is now."""
+        try:
+            with path.open("rb") as file:
+                key = os.path.abspath(path), decimal, hashlib.file_digest(file, "sha256").digest()
+        except (OSError, ValueError):  # the reader has the sentence
+            return read_table(path, decimal)
+        with self._one:
+            table = self._kept.pop(key, None)
+        if table is None:
+            table = read_table(path, decimal)
+        with self._one:
+            self._kept[key] = table
+            while len(self._kept) > _KEPT or sum(map(_bytes, self._kept.values())) > _BYTES:
+                del self._kept[next(iter(self._kept))]
+        return table
+
+
+def _bytes(table: Table) -> int:
+    return sum(0 if isinstance(one, FileFormatError) else one.nbytes for one in table.columns.values())
+
+
+_LAST = _Last()
+
+
 class Tables:
-    """Files that were parsed: each once, however often something in it is asked for."""
+    """Files that were parsed: each once, however often something in it is asked for; the last also for later runs of a process."""
 
     def __init__(self) -> None:
         self._parsed: dict[tuple[Path, str | None], Table] = {}
@@ -30,7 +66,7 @@ class Tables:
     def of(self, path: Path, decimal: str | None = None) -> Table:
         """The arrays of a file."""
         if (path, decimal) not in self._parsed:
-            self._parsed[path, decimal] = read_table(path, decimal)
+            self._parsed[path, decimal] = _LAST.of(path, decimal)
         return self._parsed[path, decimal]
 
 

@@ -28,11 +28,12 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.controller_settings import ControllerChoice
 from robustid.app.run.loop_settings import LoopChoice
 from robustid.app.run.sources import Estimate, FamilyChoice, MemberChoice, RecordSource, ResponseSource
-from robustid.core import Options
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+    from robustid.core import Options
 
 
 _positive, _frequencies = number(above=0), number(least=0)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from robustid.app.run.checks import Check, Described, either, key, listed, number, roles, several, table, text, whole
-from robustid.core import Options
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from robustid.core import Options
 
 USES = ("response", "samples", "noise_floor")
 _SIGNALS = ("u", "y", "reference", "bound")
