@@ -17,6 +17,7 @@ class Refused(Exception):
     """The file is no proof: it says why."""
 
 
+@functools.lru_cache(4096)
 def number(text: Any) -> Fraction:
     """The number in a string."""
     found = _NUMBER.fullmatch(text) if isinstance(text, str) else None
