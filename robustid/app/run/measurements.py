@@ -208,7 +208,7 @@ def _responses(
         place = f"[[frequency]] {k}, {source.file}"
         with _said_of(place):
             found = read_source(source, folder, tables, bounded=True)
-            frf, table = found.data[0], tables.of(folder / source.file, source.decimal)
+            frf, table = found.data[0], tables.of(folder / str(source.file), source.decimal)
         around.say(f"read {source.file}: {frf.omega.size} frequency points; {found.how}")
         sources.append(_with_digest(dataclasses.replace(source, bound=found.bound), found.corrected, place))
         for fault in response_faults(found.corrected[0]):

@@ -109,7 +109,7 @@ class Tools:
             _end(process)
 
 
-def _bare(found: object) -> object:
+def _bare(found: Any) -> Any:
     """A schema without its descriptions, which every tool would repeat: they are in the published one."""
     if is_table(found):
         return {name: _bare(one) for name, one in found.items() if name != "description"}

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Numbers, Real, freeze, singular_parts
+from robustid.core import Array, Frozen, Numbers, Real, freeze, singular_parts
 from robustid.errors import InputError
 from robustid.identification.formulation.assembly import Assembly, Block
 from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
@@ -33,7 +33,7 @@ class Rows(Frozen):
     y: Numbers  # (N,)
     E: Columns  # (N, n), of the coefficients x of G/K in the orthonormal basis
     # (N, m), of the parameters, then of the free transients; columns scaled by powers of two (`column_scale`).
-    P: Numbers
+    P: Array
     fixed: Real  # (M,), part of each (unit) bound that does not grow with K; below 1 only where an unknown past input widens it
     tail: Real  # (M,), zero where n coefficients determine the samples (the exact form)
     discs: int  # number of complex samples
