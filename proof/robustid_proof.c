@@ -192,8 +192,6 @@ static size_t index_below(const node *one, size_t limit) {
     if (found >= limit) unreadable("an index out of range", "");
     return found;
 }
-
-
 /* "-12.5e-3" or "-123p-60" (an integer times a power of two). */
 static void number(num *z, const node *one) {
     static const char *bad = "there must be a number in a string, as \"-1.5e-3\" or \"-123p-60\"";
@@ -598,7 +596,9 @@ static int on_arcs(node *claim, node *evidence) {
 static int consistent(node *claim, node *evidence) {
     HELD(one); HELD(turned); HELD(below); HELD(sum);
     node *part[2];
-    num *p = array(M), *a = array(powers), *b = array(powers), *g;
+    size_t top = 0; /* coefficients that the samples of records see */
+    for (size_t k = 0; k < R; k++) if (record[k].t >= top) top = record[k].t + 1;
+    num *p = array(M), *a = array(top), *b = array(top), *g;
     int proved = 1;
     FIELDS(claim, part, "kind");
     FIELDS(evidence, part, "reflections", "parameters");
@@ -606,15 +606,15 @@ static int consistent(node *claim, node *evidence) {
     g = array(count);
     numbers(g, part[0], count, "reflection coefficients"); numbers(p, part[1], M, "parameters");
     for (size_t k = 0; k < count; k++) { above(&one, g + k); proved &= less(&one, &ONE); }
-    if (powers) integer(a, 1);
+    if (top) integer(a, 1);
     for (size_t k = count; proved && k-- > 0;)
-        for (size_t s = powers; s-- > 0;) {
+        for (size_t s = top; s-- > 0;) {
             integer(&one, 0);
             if (s) set(&one, b + s - 1);
             mul(b + s, g + k, a + s); mul(&below, g + k, &one);
             add(b + s, b + s, &one); add(a + s, a + s, &below);
         }
-    for (size_t s = 0; s < powers; s++) /* b becomes the coefficients of phi; a begins with 1 */
+    for (size_t s = 0; s < top; s++) /* b becomes the coefficients of phi; a begins with 1 */
         for (size_t m = 1; m <= s; m++) { mul(&one, a + m, b + s - m); sub(b + s, b + s, &one); }
     for (size_t k = 0; proved && k < N + R; k++) {
         integer(&one, 0);

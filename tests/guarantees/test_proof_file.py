@@ -305,6 +305,14 @@ def test_no_mutant_is_accepted_that_is_not_true(program, sanitized, tmp_path):
 
 
 @pytest.mark.quick
+def test_coefficients_that_no_sample_sees_cost_no_time(program, tmp_path):
+    question, evidence = parts(proof_text(rid.identify(problem(2, 2))))
+    evidence["powers"] = 4096
+    evidence["statements"][0]["reflections"] += ["1p-90"] * 3000
+    assert asked(program, sealed(question, evidence), tmp_path, seconds=10)[0] == 0  # all 4096 took a minute
+
+
+@pytest.mark.quick
 def test_what_is_not_expressed_is_refused_with_its_reason():
     posed = problem(1)
     assert posed.parametric is not None

@@ -48,7 +48,7 @@ class Judge:
         self.omega = [row[0] for row in self.question["data"]]
         self.y = [Disc(number(row[1]), number(row[2])) for row in self.question["data"]]
         self.bound = [number(row[3]) * level for row in self.question["data"]]
-        if min(self.bound) <= 0:
+        if any(one <= 0 for one in self.bound):
             raise Refused("a bound that is not positive")
         self.N, self.M = len(self.y), len(self.matrices["D"])
         self.records: list[tuple[list[Fraction], int, Fraction, Fraction, list[Fraction]]] = []
@@ -159,9 +159,7 @@ class Judge:
             missed = [m + d * p for m, p in zip(missed, P[k], strict=True)]
         cost = Fraction(0)
         for one in evidence["factors"]:
-            f, g = ({k: Disc(number(a), number(b)) for k, a, b in one[name]} for name in "fg")
-            if len(f) != len(one["f"]) or len(g) != len(one["g"]):
-                raise Refused("the judge takes every node once")
+            f, g = (_added(one[name]) for name in "fg")
             cost += self.norm({k: a.conj for k, a in f.items()}, nodes, Disc(0)) * self.norm(
                 {k: a.conj for k, a in g.items()}, nodes, Disc(0)
             )
@@ -238,7 +236,7 @@ class Judge:
                 rest -= Disc(q) * one
             if rest.most > bound:
                 return False
-        series = [Disc(0)] * self.powers
+        series = [Disc(0)] * max((t + 1 for _, t, *_ in self.records), default=0)
         for g in reversed(gains if self.records else []):
             shifted = [Disc(0), *series[:-1]]
             series = []
@@ -269,6 +267,13 @@ class Judge:
 
 def _inner(row: list[Any], state: list[Fraction]) -> Fraction:
     return sum((number(a) * x for a, x in zip(row, state, strict=True)), Fraction(0))
+
+
+def _added(rows: list[Any]) -> dict[int, Disc]:
+    found: dict[int, Disc] = {}
+    for k, a, b in rows:
+        found[k] = found.get(k, Disc(0)) + Disc(number(a), number(b))
+    return found
 
 
 def _power(base: Disc, exponent: int) -> Disc:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from fractions import Fraction
@@ -16,6 +17,7 @@ class Refused(Exception):
     """The file is no proof: it says why."""
 
 
+@functools.lru_cache(4096)
 def number(text: Any) -> Fraction:
     """The number in a string."""
     found = _NUMBER.fullmatch(text) if isinstance(text, str) else None
@@ -41,9 +43,8 @@ class Disc:
     """All complex numbers within `error` of re + j im: integers, in units of the grid."""
 
     def __init__(self, re: Fraction | int, im: Fraction | int = 0) -> None:
-        one, two = Fraction(re) * GRID, Fraction(im) * GRID
-        self.a, self.b = one.numerator // one.denominator, two.numerator // two.denominator
-        self.e = 0 if (self.a, self.b) == (one, two) else 2
+        (self.a, one), (self.b, two) = (divmod(part.numerator << BITS, part.denominator) for part in (re, im))
+        self.e = 2 if one or two else 0
 
     @classmethod
     def of(cls, a: int, b: int, e: int) -> Disc:
@@ -106,6 +107,7 @@ def root(square: Fraction) -> Fraction:
     return Fraction(math.isqrt(math.ceil(square * GRID**2)) + 1, GRID)
 
 
+@functools.lru_cache(1024)
 def turn(x: Fraction) -> Disc:
     """exp(-j x) by the series of x/1024, squared ten times."""
     small, total, term = x / 1024, Disc(0), Disc(1)
