@@ -104,6 +104,7 @@ def test_what_can_not_be_explored_is_said_in_one_sentence(tmp_path, run, monkeyp
     (tmp_path / "passive.toml").write_text(
         '[[frequency]]\nfile = "frf.csv"\n[prior]\npassive = "positive real"\ndecay = 1.0\n'
     )
+    (tmp_path / "short.csv").write_text("t,u,y\n0,1,0\n0.1,0,1\n0.2,1,2\n0.3,1,1\n")
     (tmp_path / "samples.toml").write_text('[[record]]\nfile = "step.csv"\nuse = "samples"\n')
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -112,7 +113,8 @@ def test_what_can_not_be_explored_is_said_in_one_sentence(tmp_path, run, monkeyp
         for arguments, sentence in (
             (["nothing.csv"], "nothing.csv: there is no such file"),
             (["broken.csv"], "broken.csv"),
-            (["step.csv"], "FILE has 4 samples"),
+            (["step.csv"], "input force is constant (1): it excites nothing"),
+            (["short.csv"], "FILE has 4 samples"),
             (["frf.csv", "matrix.npz"], "several files are time records of one plant"),
             ([ask, "frf.csv"], "give it alone"),
             (["matrix.npz", "--entry", "2,0"], "--entry 2,0"),

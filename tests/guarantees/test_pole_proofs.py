@@ -73,7 +73,9 @@ def test_round_trip_is_exact_and_verifies_again(computed, saved):
     same(computed, again)
     assert again.certified
     assert again.claim_count == computed.claim_count
-    with pytest.raises(rid.errors.FileFormatError, match="not a saved worst-case error"):
+    with pytest.raises(
+        rid.errors.FileFormatError, match="kind: error over a pole-uncertainty box; needed is: worst-case error"
+    ):
         load_saved(saved, "worst-case error")
 
 

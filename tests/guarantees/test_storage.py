@@ -80,9 +80,15 @@ def test_files_are_no_larger_than_their_numbers(computed, saved):
 
 
 def test_an_identification_is_no_worst_case_error_and_the_other_way_round(computed, saved, tmp_path):
-    refused("not a saved identification", load_saved, saved, "identification", error=rid.errors.FileFormatError)
+    refused(
+        "kind: worst-case error; needed is: identification",
+        load_saved,
+        saved,
+        "identification",
+        error=rid.errors.FileFormatError,
+    )
     computed.identification.save(tmp_path / "result")
-    with pytest.raises(rid.errors.FileFormatError, match="not a saved worst-case error"):
+    with pytest.raises(rid.errors.FileFormatError, match="kind: identification; needed is: worst-case error"):
         load_saved(tmp_path / "result", "worst-case error")
 
 

@@ -62,7 +62,7 @@ def run(
         list[str],
         typer.Argument(
             help="The run file, TOML; of several, or of a folder with run files, each is the run of one machine. Also an address"
-            " (s3://…), which fsspec opens: pip install 'robustid\\[remote]'."
+            " (s3://FOLDER), which fsspec opens: pip install 'robustid\\[remote]'."
         ),
     ],
     output: Annotated[
