@@ -26,7 +26,7 @@ def test_a_seam_of_few_percent_is_named_at_its_place(name, delay):
     values[half:] *= np.exp(-0.03j * frf.omega[half:, None, None] / frf.omega[half]) if delay else 1.05
     (fault,) = rid.prepare.response_faults(dataclasses.replace(frf, values=values))
     assert fault.kind == "seam"
-    assert f"between {frf.freq_hz[half - 1]:.5g} and {frf.freq_hz[half]:.5g} Hz" in fault.words
+    assert f"between {frf.freq_hz[half - 1]:.5g} Hz and {frf.freq_hz[half]:.5g} Hz" in fault.words
 
 
 @pytest.mark.parametrize("trials", [3, slow(20)])
