@@ -33,17 +33,21 @@ def start() -> None:
         _carry_out()
         return
     (of_steps, steps), (life, ours) = os.pipe(), os.pipe()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, _HEARD})  # until both know what they do with it
     child = os.fork()  # before anything has threads
     if child:
         os.close(steps)
         os.close(life)
-        _Watch(child, of_steps).until_it_ends()
+        watch = _Watch(child, of_steps)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        watch.until_it_ends()
     os.close(of_steps)
     os.close(ours)
     os.set_blocking(steps, False)
     Step.to = steps
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the process that watches passes it on, once
     signal.signal(_HEARD, _interrupt)
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
     threading.Thread(target=_end_with, args=(life,), daemon=True).start()
     try:
         _carry_out()
