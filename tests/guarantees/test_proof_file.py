@@ -267,6 +267,7 @@ HOSTILE: dict[str, Any] = {
     "no string": lambda text: text.replace('"level": "1"', '"level": 1.5'),
     "an escape": lambda text: text.replace('"that of', '"\\u0041'),
     "something after": lambda text: text + "{}",
+    "a frequency below 0": lambda text: text.replace('"data": [', '"data": [["-1p-4000", "0", "0", "1"], ', 1),
     "in Hz": lambda text: text.replace("rad/s", "Hz"),
     "a later version": lambda text: text.replace('"version": 1', '"version": 2'),
     "another kind": lambda text: text.replace('"disc"', '"arc"'),
@@ -327,7 +328,7 @@ def test_what_is_not_expressed_is_refused_with_its_reason():
 @pytest.mark.quick
 def test_the_checker_stays_short_and_without_floating_point():
     text = SOURCE.read_text()
-    assert len(text.splitlines()) <= 781
+    assert len(text.splitlines()) <= 751
     assert not {"double", "float", "mpf_", "math.h", "strtod"} & set(
         text.replace("floating-point", "").replace("(", " ").split()
     )
