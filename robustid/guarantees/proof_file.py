@@ -44,6 +44,8 @@ from robustid.identification.formulation import Formulation
 VERSION = 1
 _WIDER = 1 + 1e-9  # a stated radius of a parameter over the proved one; claims are widened by ten times as much
 _ROOM = 1e-9  # of the gain bound, and of the value: what a support by multipliers in double precision is widened by
+_BEYOND = 1e-6  # of the largest support at a frequency, what functions that a form leaves out may cost more in a file
+_SHORT = 'its form leaves out functions that cost {:.1g} of its bounds in a file; take `form="auto"`, which leaves out less'
 _DROPPED = 1e-12  # singular values of multipliers, relative, that are left out: they cost their part of the residual
 _KEPT, _MOST = 1e9, 4096  # of a bound, what reflection coefficients leave out; how many of them
 
@@ -184,9 +186,13 @@ def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[Record
     """Statement and evidence of every side of a polygon."""
     posed = consistent.posed_at(one.omega)
     functions = in_kernels(posed, (one.omega,))
+    most = _BEYOND * float(np.abs(one.support).max())
     for angle, support, proof in zip(one.directions.tolist(), one.support.tolist(), one.certificates, strict=True):
         turn = complex(np.exp(-1j * angle))
-        value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound) + _beyond(posed, one, turn, proof)
+        beyond = _beyond(posed, one, turn, proof)
+        if beyond > most:
+            raise InputError(NOT_YET.format(_SHORT.format(beyond / most * _BEYOND)))
+        value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound) + beyond
         yield (
             {"kind": "support", "omega": repr(one.omega), "direction": decimal(turn), "value": repr(value)},
             _with_factors(posed, functions, proof.samples, proof.left @ proof.right.T),
