@@ -1,5 +1,4 @@
 /* robustid-proof FILE: check a proof of what finitely many samples say about all systems of a class.
- *
  * The format, and the mathematics of every step, are in docs/proof_format.rst; the names here are those of that page. Every number is
  * a disc of the complex plane, an integer middle and an integer radius in units of 2^-P; rounding only widens it.
  * Exit status: 0 every statement is proved, 1 one is not, 2 the file cannot be read. Build: cc -O2 -o robustid-proof robustid_proof.c -lgmp
@@ -9,9 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-/* What a file may ask for. */
-enum { DEPTH = 16, TEXT = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200 };
+enum { DEPTH = 16, TEXT = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200 }; /* what a file may ask for */
 enum { SAMPLES = 20000, FUNCTIONS = 64, TERMS = 4096, LARGEST = 256 << 20 };
 static void unreadable(const char *why, const char *what) {
     printf("not readable: %s%s%s\n", why, *what ? ": " : "", what);
@@ -23,7 +20,7 @@ static void *room(size_t count, size_t size) {
     return found;
 }
 
-/* ---- Numbers. `lost` is set where a result has no bound: a division by what may be 0, or numbers out of range. ---- */
+/* ---- Numbers. `lost` is set where a result has no bound: a division by what may be 0, or numbers out of range. HELD ones are made once. ---- */
 typedef struct { mpz_t re, im, r; } num;
 static unsigned long P = 320;
 static int lost;
@@ -38,7 +35,6 @@ static void release(num *x, size_t count) {
     for (size_t k = 0; k < count; k++) mpz_clears(x[k].re, x[k].im, x[k].r, NULL);
     free(x);
 }
-/* Variables that a function keeps, made once. */
 #define HELD(x) static num x; static int x##_; if (!x##_) { mpz_inits(x.re, x.im, x.r, NULL); x##_ = 1; }
 static void set(num *z, const num *x) { mpz_set(z->re, x->re); mpz_set(z->im, x->im); mpz_set(z->r, x->r); }
 static void integer(num *z, long value) { mpz_set_si(z->re, value); mpz_mul_2exp(z->re, z->re, P); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); }
@@ -46,7 +42,6 @@ static int zero(const num *x) { return !mpz_sgn(x->re) && !mpz_sgn(x->im) && !mp
 static void mirrored(num *z, const num *x) { if (z != x) set(z, x); mpz_neg(z->im, z->im); }
 static void add(num *z, const num *x, const num *y) { mpz_add(z->re, x->re, y->re); mpz_add(z->im, x->im, y->im); mpz_add(z->r, x->r, y->r); }
 static void sub(num *z, const num *x, const num *y) { mpz_sub(z->re, x->re, y->re); mpz_sub(z->im, x->im, y->im); mpz_add(z->r, x->r, y->r); }
-
 /* To a sum in units of 2^-2P: x y, or x y* where `turned`. The error of a product is at most |x| r_y + (|y| + r_y) r_x. */
 static void accumulate(num *sum, const num *x, const num *y, int turned) {
     mpz_addmul(sum->re, x->re, y->re); mpz_addmul(sum->im, x->im, y->re);
@@ -57,8 +52,7 @@ static void accumulate(num *sum, const num *x, const num *y, int turned) {
 }
 static void settle(num *z, num *sum) { /* the sum in units of 2^-P; it begins anew */
     mpz_fdiv_q_2exp(z->re, sum->re, P); mpz_fdiv_q_2exp(z->im, sum->im, P); mpz_cdiv_q_2exp(z->r, sum->r, P);
-    int exact = mpz_divisible_2exp_p(sum->re, P) && mpz_divisible_2exp_p(sum->im, P);
-    if (!exact) mpz_add_ui(z->r, z->r, 2);
+    if (!mpz_divisible_2exp_p(sum->re, P) || !mpz_divisible_2exp_p(sum->im, P)) mpz_add_ui(z->r, z->r, 2);
     if (mpz_sizeinbase(z->re, 2) > LARGE || mpz_sizeinbase(z->im, 2) > LARGE || mpz_sizeinbase(z->r, 2) > LARGE) { lost = 1; integer(z, 0); }
     integer(sum, 0);
 }
@@ -67,9 +61,7 @@ static void mul(num *z, const num *x, const num *y) { times(z, x, y, 0); }
 static void over(num *z, const num *x, unsigned long k) { /* by a positive integer */
     mpz_fdiv_q_ui(z->re, x->re, k); mpz_fdiv_q_ui(z->im, x->im, k); mpz_cdiv_q_ui(z->r, x->r, k); mpz_add_ui(z->r, z->r, 2);
 }
-
-/* |1/x - 1/y| <= r/(|y| (|y| - r)) for |x - y| <= r. */
-static void divide(num *z, const num *x, const num *y) {
+static void divide(num *z, const num *x, const num *y) { /* |1/x - 1/y| <= r/(|y| (|y| - r)) for |x - y| <= r */
     HELD(by);
     mpz_mul(T1, y->re, y->re); mpz_addmul(T1, y->im, y->im);
     mpz_sqrt(T2, T1); mpz_sub(T2, T2, y->r);
@@ -80,16 +72,12 @@ static void divide(num *z, const num *x, const num *y) {
     mpz_add_ui(by.r, by.r, 2);
     mul(z, x, &by);
 }
-
-/* Real numbers, from here on: the real parts, within the radius. `above` and `root` give exact ones. */
-static void exactly(num *z) { mpz_add(z->re, z->re, z->r); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); }
+static void exactly(num *z) { mpz_add(z->re, z->re, z->r); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); } /* not below a real number */
 static void above(num *z, const num *x) { /* not below |x| */
-    if (z != x) set(z, x);
-    if (mpz_sgn(z->im)) {
-        mpz_mul(T1, z->re, z->re); mpz_addmul(T1, z->im, z->im);
-        mpz_sqrt(z->re, T1); mpz_add_ui(z->re, z->re, 1);
-    }
-    mpz_abs(z->re, z->re); exactly(z);
+    mpz_mul(T1, x->re, x->re); mpz_addmul(T1, x->im, x->im);
+    mpz_sqrtrem(z->re, T2, T1);
+    if (mpz_sgn(T2)) mpz_add_ui(z->re, z->re, 1);
+    mpz_set(z->r, x->r); exactly(z);
 }
 static void root(num *z, const num *x) { /* not below the root of x; 0 of negative ones */
     if (z != x) set(z, x);
@@ -101,16 +89,13 @@ static void charge(num *z, const num *x, const num *y) { HELD(one); above(&one, 
 static int at_most(const num *x, const num *y) { HELD(d); sub(&d, y, x); return !lost && mpz_cmp(d.re, d.r) >= 0; }
 static int less(const num *x, const num *y) { HELD(d); sub(&d, y, x); return !lost && mpz_cmp(d.re, d.r) > 0; }
 static int positive(const num *x) { return !lost && mpz_cmp(x->re, x->r) > 0; }
-
-/* exp(-j x), 0 <= x < 4: from the term n >= 8 on those left out are together at most the last one that was added. */
-static void turn(num *z, const num *x) {
+static void turn(num *z, const num *x) { /* exp(-j x), 0 <= x < 4: from k = 8 on terms that are left out are together at most the last one */
     HELD(term); HELD(by); HELD(size);
     integer(&by, 0); mpz_neg(by.im, x->re); mpz_set(by.r, x->r);
     integer(&term, 1); integer(z, 1);
-    for (unsigned long k = 1; ; k++) {
+    for (unsigned long k = 1; k <= 8 || (mpz_sizeinbase(size.re, 2) >= 16 && !lost); k++) {
         mul(&term, &term, &by); over(&term, &term, k);
         add(z, z, &term); above(&size, &term);
-        if (k >= 8 && (mpz_sizeinbase(size.re, 2) < 16 || lost)) break;
     }
     mpz_add(z->r, z->r, size.re);
 }
@@ -181,8 +166,7 @@ static size_t index_below(const node *one, size_t limit) {
     if (found >= limit) unreadable("an index out of range, or none", "");
     return found;
 }
-/* "-12.5e-3" or "-123p-60" (an integer times a power of two). */
-static void number(num *z, const node *one) {
+static void number(num *z, const node *one) { /* "-12.5e-3" or "-123p-60", an integer times a power of two */
     static const char *bad = "there must be a number in a string, as \"-1.5e-3\" or \"-123p-60\"", *figures = "0123456789";
     if (one->kind != 's') unreadable(bad, "");
     char digits[TEXT + 1], *end;
@@ -195,10 +179,9 @@ static void number(num *z, const node *one) {
         size_t count = strspn(after + 1 + (after[1] == '-' || after[1] == '+'), figures);
         if (!count || count > 4) unreadable(bad, "");
         exponent = strtol(after + 1, &end, 10);
-        if (labs(exponent) > (dyadic ? DYADIC : DECIMAL)) unreadable("an exponent that is too large", "");
         after = end;
     }
-    if (!whole || (dyadic && part) || after != one->end) unreadable(bad, "");
+    if (!whole || (dyadic && part) || after != one->end || labs(exponent) > (dyadic ? DYADIC : DECIMAL)) unreadable(bad, "");
     memcpy(digits, s, whole); memcpy(digits + whole, s + whole + 1, part);
     digits[whole + part] = 0; exponent -= (long)part;
     integer(z, 0); mpz_set_str(z->re, digits, 10);
@@ -221,8 +204,7 @@ static void pair(num *z, node *one) { complex(z, list_of(one, 2, "a complex numb
 static void numbers(num *z, node *one, size_t count, const char *what) {
     for (one = list_of(one, count, what); one; one = one->next) number(z++, one);
 }
-/* A row [k, re, im]: the index, and the number. */
-static size_t term(num *z, node *row, size_t limit) {
+static size_t term(num *z, node *row, size_t limit) { /* of a row [k, re, im] the index, and the number */
     complex(z, list_of(row, 3, "a row [k, re, im]")->next);
     return index_below(row->child, limit);
 }
@@ -236,19 +218,18 @@ static node *terms(node *one) {
 static size_t N, M, R, nodes, powers, longest; /* lines, parametric functions, samples of records; coefficients, those that these see */
 static num K, rho, sample_time, *zeta, *cauchy;
 static char *ready;
-static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*) */
+static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*); those of lines are kept */
     HELD(one);
-    num *z = cauchy ? cauchy + k * nodes + l : &one;
-    if (cauchy && ready[k * nodes + l]) return z;
+    int keeps = cauchy && k < 2 * N && l < 2 * N;
+    num *z = keeps ? cauchy + 2 * N * k + l : &one;
+    if (keeps && ready[2 * N * k + l]) return z;
     times(z, &zeta[k], &zeta[l], 1);
     sub(z, &ONE, z); divide(z, &ONE, z);
-    if (cauchy) { mirrored(cauchy + l * nodes + k, z); ready[k * nodes + l] = ready[l * nodes + k] = 1; }
+    if (keeps) { mirrored(cauchy + 2 * N * l + k, z); ready[2 * N * k + l] = ready[2 * N * l + k] = 1; }
     return z;
 }
 static size_t length(const num *c) { size_t top = powers; while (top && zero(c + nodes + top - 1)) top--; return top; }
-
-/* The values at the nodes, and the first coefficients, of a function: where the function itself or `also` is not zero. */
-static void values(num *out, const num *in, const num *also) {
+static void values(num *out, const num *in, const num *also) { /* of a function, where it or `also` is not 0 */
     HELD(sum); HELD(one);
     size_t own = length(in), top = length(also) > own ? length(also) : own;
     for (size_t k = 0; k < nodes; k++) {
@@ -266,13 +247,11 @@ static void values(num *out, const num *in, const num *also) {
         for (size_t s = 0; s < top; s++) { add(out + nodes + s, out + nodes + s, &one); times(&one, &one, &zeta[l], 1); }
     }
 }
-/* Above the root of sum x_k y_k*: the norm of a vector x = y, or of a function y from its values x. */
-static void size_of(num *z, const num *x, const num *y, size_t count) {
+static void size_of(num *z, const num *x, const num *y, size_t count) { /* above the root of sum x_k y_k*: x = y, or values of y */
     HELD(sum);
     for (size_t k = 0; k < count; k++) if (!zero(y + k)) accumulate(&sum, x + k, y + k, 1);
     settle(z, &sum); root(z, z);
 }
-
 /* Above the norm of a functional in H2 seen from `base`: that of the representer of what it is of (1 - base* zeta) phi, scaled. */
 static void norm(num *z, const num *c, const num *base) {
     HELD(one); HELD(scale);
@@ -288,7 +267,6 @@ static void norm(num *z, const num *c, const num *base) {
     divide(&scale, &ONE, &scale); root(&scale, &scale); mul(z, z, &scale); exactly(z);
     release(f, nodes + powers); release(at, nodes + powers);
 }
-
 /* Takes from a functional what (f, g) is, <phi g, f>, and adds to `cost` what that costs: |f| |g|. */
 static void factor(num *cost, num *c, node *evidence) {
     HELD(size); HELD(one);
@@ -312,17 +290,16 @@ static void factor(num *cost, num *c, node *evidence) {
 }
 
 /* ---- Known functions C (z - A)^-1 B + D of one input: m of them with n states; R = (z - A)^-1 and x = R B at the last z. ---- */
-typedef struct { size_t n, m; num *A, *B, *C, *D, *R, *x, *y; } known;
+typedef struct { size_t n, m; num *A, *B, *C, *D, *R, *x, *y, *off; } known;
 static void read_known(known *f, node *one) {
-    node *part[4], *row;
+    node *part[4];
     FIELDS(one, part, "A", "B", "C", "D");
     size_t n = f->n = part[0]->count, m = f->m = part[2]->count;
     if (n > FUNCTIONS || m > FUNCTIONS) unreadable("more functions, or states of them, than version 1 allows", "");
-    f->A = array(n * n); f->B = array(n); f->C = array(m * n); f->D = array(m); f->R = array(n * n); f->x = array(n); f->y = array(n);
-    row = list(part[0], "A");
-    for (size_t a = 0; a < n; a++, row = row->next) numbers(f->A + a * n, row, n, "a row of A");
-    row = list(part[2], "C");
-    for (size_t i = 0; i < m; i++, row = row->next) numbers(f->C + i * n, row, n, "a row of C");
+    num *a = f->A = array(n * n), *c = f->C = array(m * n);
+    f->B = array(n); f->D = array(m); f->R = array(n * n); f->x = array(n); f->y = array(n); f->off = array(m);
+    for (node *row = list(part[0], "A"); row; row = row->next, a += n) numbers(a, row, n, "a row of A");
+    for (node *row = list(part[2], "C"); row; row = row->next, c += n) numbers(c, row, n, "a row of C");
     numbers(f->B, part[1], n, "B"); numbers(f->D, part[3], m, "D");
 }
 static void product(num *out, const num *x, const num *y, size_t rows, size_t count, size_t columns) { /* of matrices */
@@ -332,8 +309,7 @@ static void product(num *out, const num *x, const num *y, size_t rows, size_t co
         settle(out + a * columns + b, &sum);
     }
 }
-/* (z - A)^-1 by elimination in place. Pivots are taken as they come: digits suffice, and one that may be 0 proves nothing. */
-static void resolve(const known *f, const num *z) {
+static void resolve(const known *f, const num *z) { /* by elimination in place; a pivot that may be 0 proves nothing */
     HELD(one); HELD(pivot);
     num *m = f->R;
     size_t n = f->n;
@@ -355,8 +331,7 @@ static void respond(num *out, const known *f, const num *z) { /* the values at z
     resolve(f, z); product(out, f->C, f->x, f->m, f->n, 1);
     for (size_t i = 0; i < f->m; i++) add(out + i, out + i, f->D + i);
 }
-/* Above |f'| + |f''| within d of z: |C R| |R B| (g^2 + 2 |R| g^3) with g = 1/(1 - d |R|). */
-static void bends(num *out, const known *f, const num *z, const num *d) {
+static void bends(const known *f, const num *z, const num *d) { /* of |f'| + |f''|: |C R| |R B| (g^2 + 2 |R| g^3) */
     HELD(size); HELD(g); HELD(one);
     size_t n = f->n;
     resolve(f, z); size_of(&size, f->R, f->R, n * n);
@@ -365,7 +340,7 @@ static void bends(num *out, const known *f, const num *z, const num *d) {
     divide(&g, &ONE, &g); exactly(&g);
     mul(&one, &size, &g); add(&one, &one, &one); add(&one, &one, &ONE); mul(&size, &g, &g); mul(&g, &size, &one);
     size_of(&one, f->x, f->x, n); mul(&g, &g, &one);
-    for (size_t i = 0; i < f->m; i++) { product(f->y, f->C + i * n, f->R, 1, n, n); size_of(&one, f->y, f->y, n); mul(out + i, &g, &one); exactly(out + i); }
+    for (size_t i = 0; i < f->m; i++) { product(f->y, f->C + i * n, f->R, 1, n, n); size_of(&one, f->y, f->y, n); mul(f->off + i, &g, &one); exactly(f->off + i); }
 }
 static int stable(const known *f, const num *power, int more) { /* A^(2^k), k < 40, is a contraction */
     HELD(size);
@@ -382,12 +357,9 @@ static int stable(const known *f, const num *power, int more) { /* A^(2^k), k < 
 static num *samples, *bounds, *functions, *about, *within, *decay; /* functions: M a node, and the responses at samples of records */
 static num *target, *wanted; /* the functional of a statement: target_0 F(2N) + target_1 F(2N + 1) + sum wanted_i p_i */
 static struct { num *u; size_t t; } *record;
-static int unknown; /* nothing is proved of the parameters */
 static known parametric;
 static num here; /* exp(j omega T) of the frequency that was placed last */
-
-/* zeta and the values of the functions at exp(j omega T), for node k and its conjugate. "half" is half the sample rate. */
-static void place(size_t k, size_t conjugate, const node *omega) {
+static void place(size_t k, size_t conjugate, const node *omega) { /* zeta and the functions at exp(j omega T) and its conjugate */
     HELD(x);
     integer(&here, -1);
     if (!is(omega, "half")) {
@@ -399,14 +371,10 @@ static void place(size_t k, size_t conjugate, const node *omega) {
     divide(&zeta[k], &here, &rho); mirrored(&zeta[conjugate], &zeta[k]); mirrored(&here, &here);
     respond(functions + k * M, &parametric, &here);
     for (size_t i = 0; i < M; i++) mirrored(functions + conjugate * M + i, functions + k * M + i);
-    for (size_t l = 0; cauchy && l < nodes; l++)
-        ready[k * nodes + l] = ready[l * nodes + k] = ready[conjugate * nodes + l] = ready[l * nodes + conjugate] = 0;
 }
 
 /* ---- The sums. ---- */
-
-/* The disc that holds the functional of every consistent system; what the distances of the parameters from `about` add is `leak`, too. */
-static void sums(num *centre, num *radius, num *leak, node *evidence) {
+static void sums(num *centre, num *radius, num *leak, node *evidence) { /* the disc of all consistent systems; `leak`: of parameters */
     HELD(base); HELD(d); HELD(one); HELD(size); HELD(cost);
     node *part[3], *row;
     num *c = array(nodes + powers), *missed = array(M);
@@ -422,7 +390,7 @@ static void sums(num *centre, num *radius, num *leak, node *evidence) {
         size_t k = term(&d, row, 2 * N + R), own = k < 2 * N ? k % N : k - N, at = k < 2 * N ? k : k + 2;
         times(&one, &d, samples + own, k >= N && k < 2 * N); /* the conjugate sample: F* at the conjugate node */
         add(centre, centre, &one);
-        above(&size, &d); mul(&size, &size, bounds + own); add(radius, radius, &size);
+        charge(radius, &d, bounds + own);
         if (k < 2 * N) sub(c + k, c + k, &d);
         for (size_t s = 0; k >= 2 * N && s <= record[k - 2 * N].t; s++) {
             mul(&one, record[k - 2 * N].u + record[k - 2 * N].t - s, decay + s); mul(&one, &one, &d);
@@ -430,10 +398,10 @@ static void sums(num *centre, num *radius, num *leak, node *evidence) {
         }
         for (size_t i = 0; i < M; i++) { mul(&one, &d, functions + at * M + i); add(missed + i, missed + i, &one); }
     }
-    if (M && unknown) lost = 1;
+    if (M && !positive(within)) lost = 1; /* nothing is proved of the parameters */
     for (size_t i = 0; i < M; i++) {
         mul(&one, missed + i, about + i); sub(centre, centre, &one);
-        above(&size, missed + i); mul(&size, &size, within + i); add(leak, leak, &size);
+        charge(leak, missed + i, within + i);
     }
     for (row = list(part[1], "factors"); row; row = row->next) factor(&cost, c, row);
     norm(&size, c, &base);
@@ -441,15 +409,12 @@ static void sums(num *centre, num *radius, num *leak, node *evidence) {
     add(radius, radius, &cost); add(radius, radius, leak); exactly(radius); exactly(leak);
     release(c, nodes + powers); release(missed, M);
 }
-
-/* Discs of the parameters: b + E u <= u and E u < u for the stated distances u. */
-static int parameters_proved(node *evidence) {
+static int parameters_proved(node *evidence) { /* b + E u <= u and E u < u for the stated distances u */
     HELD(centre); HELD(radius); HELD(leak);
     node *part[3], *row;
     int proved = 1;
     FIELDS(evidence, part, "centre", "radius", "combinations");
-    unknown = M && !list(part[0], "centres") && !list(part[1], "radii") && !list(part[2], "combinations");
-    if (unknown) return 1;
+    if (M && !list(part[0], "centres") && !list(part[1], "radii") && !list(part[2], "combinations")) return 1;
     numbers(about, part[0], M, "centres of the parameters"); numbers(within, part[1], M, "radii of the parameters");
     row = list_of(part[2], M, "combinations of the parameters");
     for (size_t i = 0; i < M; i++, row = row->next) {
@@ -479,8 +444,7 @@ static int by_sums(node *claim, node *evidence) {
         puts(none ? "proved: no system of the class keeps every sample within its bound" : "not proved: no system is consistent");
         return none;
     }
-    if (kind == 's') FIELDS(claim, part, "kind", "omega", "direction", "value");
-    else FIELDS(claim, part, "kind", "omega", "centre", "radius");
+    FIELDS(claim, part, "kind", "omega", kind == 's' ? "direction" : "centre", kind == 's' ? "value" : "radius");
     place(2 * N, 2 * N + 1, part[1]);
     pair(&stated, part[2]); number(&limit, part[3]);
     if (kind == 's') { over(target, &stated, 2); mirrored(target + 1, target); } /* Re(u F) = (u F + u* F*)/2 */
@@ -496,19 +460,17 @@ static int by_sums(node *claim, node *evidence) {
 
 /* ---- Arcs: known functions a, b, c, and F in a disc at every knot; between two knots a + b F is near the chord of its discs. ---- */
 typedef struct { num z, known[3], value, centre, radius; } knot; /* a, b, c; the disc of F; that of a + b F */
-
-/* How far along an arc a (off[0]), a + b F (off[1]) and c (off[2]) may be from their chords: a function by |f''| s^2/8, s the length
- * of the arc; a product (b + e)(F + h), b and F the chords, by |d b| |d F|/4 + |b| |h| + |e| (|F| + |h|). */
-static void bend(num *off, const known *f, const knot *one, const knot *two) {
+/* How far along an arc a, a + b F and c may be from their chords: the page has the bounds of |f''| s^2/8 and of products of chords. */
+static void bend(const known *f, const knot *one, const knot *two) {
     HELD(eighth); HELD(db); HELD(df); HELD(h); HELD(x); HELD(y);
-    num *own = array(M);
+    num *off = f->off;
     sub(&y, &two->z, &one->z); above(&y, &y);
     if (!at_most(&y, &ONE)) lost = 1;
     mul(&x, &y, &y); integer(&h, 4); sub(&h, &h, &x); add(&h, &h, &h); divide(&eighth, &x, &h); /* s^2 <= y^2/(1 - y^2/4) */
     over(&y, &y, 2); add(&x, &one->z, &two->z); over(&x, &x, 2);
-    bends(off, f, &x, &y); bends(own, &parametric, &x, &y);
+    bends(f, &x, &y); bends(&parametric, &x, &y);
     sub(&x, &rho, &ONE); mul(&x, &x, &x); divide(&h, &rho, &x); mul(&h, &h, &K); /* |d2/dt2 phi(exp(-jt)/rho)| <= rho/(rho - 1)^2 */
-    for (size_t i = 0; i < M; i++) { charge(&h, about + i, own + i); charge(&h, within + i, own + i); }
+    for (size_t i = 0; i < M; i++) { charge(&h, about + i, parametric.off + i); charge(&h, within + i, parametric.off + i); }
     mul(&h, &h, &eighth);
     for (size_t i = 0; i < f->m; i++) { mul(off + i, off + i, &eighth); exactly(off + i); }
     sub(&db, &two->known[1], &one->known[1]); above(&db, &db); sub(&df, &two->value, &one->value); above(&df, &df);
@@ -516,16 +478,12 @@ static void bend(num *off, const known *f, const knot *one, const knot *two) {
     charge(&db, &one->known[1], &ONE); charge(&x, &db, &h);
     charge(&df, &one->value, &ONE); add(&df, &df, &h); charge(&x, &df, off + 1);
     set(off + 1, &x); exactly(off + 1);
-    release(own, M);
 }
-
-/* arcs: |a + b F| is at most the bound of every arc. loop: a + b F has no zero on the circle and does not turn around 0, so that it has
- * none outside of it; and |c/(a + b F)| is at most the bound of every arc. Along a chord Re(u* (a + b F)) and -|c| are concave. */
+/* arcs: |a + b F| <= bound; loop: a + b F is not 0 and does not turn around 0, |c/(a + b F)| <= bound. Re(u* (a + b F)) - |c| is concave. */
 static int on_arcs(node *claim, node *evidence) {
     HELD(radius); HELD(leak); HELD(limit); HELD(x); HELD(y); HELD(u); HELD(size);
     node *part[4], *sum[1], *edge, *bound;
     known f;
-    num *off = array(3);
     knot *last = (knot *)array(sizeof(knot) / sizeof(num)), *now = (knot *)array(sizeof(knot) / sizeof(num));
     int loop = is(find(claim, "kind"), "loop"), turns = 0, start = 0;
     FIELDS(claim, part, "kind", "functions", "edges", "bounds"); FIELDS(evidence, sum, "knots");
@@ -543,15 +501,15 @@ static int on_arcs(node *claim, node *evidence) {
         integer(&now->radius, 0); charge(&now->radius, &now->known[1], &radius); exactly(&now->radius);
         mpz_add(now->value.r, now->value.r, radius.re);
         if (edge != part[2]->child) {
-            bend(off, &f, last, now); number(&limit, bound); bound = bound->next;
+            bend(&f, last, now); number(&limit, bound); bound = bound->next;
             add(&u, &last->centre, &now->centre); mpz_set_ui(u.r, 0); above(&size, &u);
             for (int k = 0; k < 2; k++) {
                 const knot *end = k ? now : last;
-                add(&y, &end->radius, off + 1);
+                add(&y, &end->radius, f.off + 1);
                 if (!loop) { charge(&y, &end->centre, &ONE); proved &= at_most(&y, &limit); continue; }
                 times(&x, &end->centre, &u, 1); mul(&y, &y, &size); sub(&x, &x, &y);
                 proved &= positive(&x);
-                mul(&x, &x, &limit); above(&y, &end->known[2]); add(&y, &y, off + 2); mul(&y, &y, &size);
+                mul(&x, &x, &limit); above(&y, &end->known[2]); add(&y, &y, f.off + 2); mul(&y, &y, &size);
                 proved &= at_most(&y, &x);
             }
             mpz_mul(T1, last->centre.re, now->centre.im); mpz_submul(T1, last->centre.im, now->centre.re);
@@ -567,9 +525,7 @@ static int on_arcs(node *claim, node *evidence) {
     words(part[2]->child, " to "); words(edge, is(edge, "half") ? " the sample rate" : " rad/s"); puts(", for every consistent system");
     return proved;
 }
-
-/* A system: phi = b/a from its reflection coefficients; a and b at the nodes, and those coefficients of theirs that records see. */
-static int consistent(node *claim, node *evidence) {
+static int consistent(node *claim, node *evidence) { /* phi = b/a: a and b at nodes, and the coefficients that records see */
     HELD(one); HELD(below); HELD(sum);
     node *part[2];
     FIELDS(claim, part, "kind");
@@ -639,14 +595,12 @@ static void sha256(const unsigned char *text, size_t size, char hex[65]) {
 }
 
 /* ---- The file. ---- */
-/* Samples [t, y, bound] of the response to the input u_0, u_1, ..., from rest; and those of the parametric functions. */
-static size_t read_record(node *one, size_t first, const num *level) {
+static size_t read_record(node *one, size_t first, const num *level) { /* u, samples [t, y, bound], and responses of the functions */
     HELD(response);
     node *part[2], *row;
     FIELDS(one, part, "input", "samples");
     const known *f = &parametric;
     size_t S = f->n, count = part[0]->count;
-    if (count > TERMS) unreadable("a longer record than version 1 allows", "");
     num *u = array(count), *state = array(S), *next = array(S), *out = array(M * (count + 1));
     numbers(u, part[0], count, "inputs");
     for (size_t t = 0; t < count; t++) {
@@ -678,8 +632,7 @@ static void read_question(node *part[7]) {
         if (two[0]->count > powers) powers = two[0]->count;
         R += two[1]->count;
     }
-    if (!(N + R) || N > SAMPLES || R > SAMPLES) unreadable("no data, or more samples than version 1 allows", "");
-    if (powers > TERMS) unreadable("more coefficients than version 1 allows", "");
+    if (!(N + R) || N > SAMPLES || R > SAMPLES || powers > TERMS) unreadable("no data, or more of it than version 1 allows", "");
     nodes = 2 * N + 2;
     FIELDS(part[0], of, "gain_bound", "decay_rate", "functions");
     above_zero(&K, of[0], "gain_bound"); above_zero(&rho, of[1], "decay_rate");
@@ -688,7 +641,7 @@ static void read_question(node *part[7]) {
     M = parametric.m; about = array(M); within = array(M); target = array(2); wanted = array(M);
     samples = array(N + R); bounds = array(N + R); zeta = array(nodes); functions = array((nodes + R) * M); decay = array(powers);
     record = room(R, sizeof *record);
-    if (N <= CACHED) { cauchy = array(nodes * nodes); ready = room(nodes * nodes, 1); }
+    if (N <= CACHED) { cauchy = array(4 * N * N); ready = room(4 * N * N, 1); }
     for (size_t s = 0; s < powers; s++) { if (s) divide(decay + s, decay + s - 1, &rho); else integer(decay, 1); }
     for (size_t k = 0; k < N; k++, row = row->next) {
         node *child = list_of(row, 4, "a line [omega, re, im, bound]");
@@ -698,9 +651,6 @@ static void read_question(node *part[7]) {
     }
     for (one = part[5]->child; one; one = one->next) first = read_record(one, first, &level);
 }
-static const struct { const char *name; int (*check)(node *, node *); } kinds[] = {{"disc", by_sums}, {"support", by_sums},
-    {"inconsistent", by_sums}, {"consistent", consistent}, {"arcs", on_arcs}, {"loop", on_arcs}};
-enum { KINDS = sizeof kinds / sizeof *kinds };
 int main(int count, char **words_of) {
     node *part[5], *asked[7], *proof[3], *claim, *evidence;
     FILE *file = count == 2 ? fopen(words_of[1], "rb") : NULL;
@@ -740,11 +690,10 @@ int main(int count, char **words_of) {
     for (; claim; claim = claim->next, evidence = evidence->next) {
         node *kind = claim->kind == 'o' ? find(claim, "kind") : NULL;
         if (!kind) unreadable("a statement without a kind", "");
+        int sum = is(kind, "disc") || is(kind, "support") || is(kind, "inconsistent"), arcs = is(kind, "arcs") || is(kind, "loop");
+        if (!sum && !arcs && !is(kind, "consistent")) unreadable("a kind of statement that version 1 does not know", "");
         lost = 0;
-        size_t k = 0;
-        while (k < KINDS && !is(kind, kinds[k].name)) k++;
-        if (k == KINDS) unreadable("a kind of statement that version 1 does not know", "");
-        if (!kinds[k].check(claim, evidence) || lost) proved = 0;
+        proved &= (sum ? by_sums : arcs ? on_arcs : consistent)(claim, evidence) && !lost;
     }
     puts(proved ? "all statements are proved" : "not all statements are proved");
     return proved ? 0 : 1;
