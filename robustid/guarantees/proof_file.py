@@ -48,6 +48,9 @@ _BEYOND = 1e-6  # of the largest support at a frequency, what functions that a f
 _SHORT = (
     'its form leaves out functions that cost {:.1g} of its bounds in a file; take `form="auto"`, which leaves out less'
 )
+_FEW = (
+    20  # states up to which the margin of a controller is written: the checker inverts a matrix of them at every knot
+)
 _DROPPED = 1e-12  # singular values of multipliers, relative, that are left out: they cost their part of the residual
 _KEPT, _MOST = 1e9, 4096  # of a bound, what reflection coefficients leave out; how many of them
 
@@ -165,7 +168,7 @@ def _further(found: LoopBounds, known: Known) -> Iterator[tuple[Record, Record]]
     if found.stability is None or found.band.model is None:
         return
     model = StateMatrices.of(found.band.model)
-    if len(model.A) + len(known.A) <= MOST_STATES and 1 < (factor := found.stability.margin) < np.inf:
+    if len(model.A) + len(known.A) <= _FEW and 1 < (factor := found.stability.margin) < np.inf:
         grown = known.grown(model, factor * (1 - _BEYOND))
         if (arcs := _below(one, grown, 0.0)) is not None:
             yield _arcs(one, grown, arcs, "loop")

@@ -176,6 +176,17 @@ def _float(text: str) -> float:
 
 
 @pytest.mark.quick
+def test_an_integrator_is_proved_where_the_centre_of_a_disc_at_zero_is_not_real(program, tmp_path):
+    omega = np.linspace(0.5, 31.0, 30)
+    frf = rid.FrequencyResponse(omega, 0.1 / (np.exp(0.1j * omega) - 0.9), bound=0.01, dt=0.1)
+    posed = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))
+    band = rid.band(posed, model=control.ss(0.9, 1.0, 0.1, 0.0, 0.1), omega=[1.0])
+    bounds = rid.loop_bounds(band, controller=control.ss([[1.0]], [[1.0]], [[0.186]], [[3.312]], 0.1))
+    status, said = asked(program, proof_text(bounds), tmp_path, seconds=120)
+    assert status == 0, said
+
+
+@pytest.mark.quick
 def test_the_schema_knows_proofs_on_arcs():
     schema = pytest.importorskip("jsonschema")
     known = json.loads((SOURCE.parents[1] / "docs" / "proof_format.schema.json").read_text())
