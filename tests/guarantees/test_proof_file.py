@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import sys
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -14,8 +15,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.app.independent import proof_texts
 from robustid.errors import InputError
 from robustid.guarantees import contradiction, proof_text
+from support.example_runs import FOLDER
 from support.example_runs import load as load_example
 from support.measured import needs
 from support.proof_judge import Judge, judged
@@ -24,16 +27,22 @@ from support.proofs import SANITIZED, SOURCE, asked, band_of, built, close_lines
 
 SCHEMA = json.loads((SOURCE.parents[1] / "docs" / "proof_format.schema.json").read_text())
 
-# Examples of one entry in discrete time, and what of theirs the format does not express.
+# Examples of one entry, and what of theirs the format does not express.
 EXAMPLES: dict[str, tuple[str, ...]] = {
+    "continuous_time": ("continuous time",),
+    "controller_levitation": ("measured in a loop",),
+    "controller_motor": ("pole-uncertainty box", "poles in a box"),
+    "controller_stage": ("pole-uncertainty box", "poles in a box"),
     "flexible_structure": (),
+    "levitation": ("measured in a loop",),
     "motor_torsion": ("at rest",),
     "proved_band": ("pole-uncertainty box",),
     "short_records": ("several inputs",),
     "torsion_margin": (),
+    "voorhoeve2016": (),
     "worst_case": (),
 }
-MEASURED = {"motor_torsion", "torsion_margin"}
+MEASURED = {"controller_motor", "motor_torsion", "torsion_margin"}
 
 
 @pytest.fixture(scope="module")
@@ -369,14 +378,18 @@ def test_what_the_examples_find_is_proved(program, tmp_path, monkeypatch, name):
 
         return kept
 
-    for owner, made in ((rid, "identify"), (rid, "worst_case_error"), (rid, "band"), (rid.guarantee, "contradiction")):
+    kept = (rid, "identify"), (rid, "worst_case_error"), (rid, "band"), (rid, "loop_bounds"), (rid, "design_controller")
+    for owner, made in (*kept, (rid.guarantee, "contradiction")):
         monkeypatch.setattr(owner, made, keeping(getattr(owner, made)))
-    load_example(name).main(["--out", str(tmp_path)])
+    monkeypatch.syspath_prepend(FOLDER)
+    monkeypatch.setattr(sys, "argv", [name, "--out", str(tmp_path)])
+    main = load_example(name).main
+    main(sys.argv[1:]) if main.__code__.co_argcount else main()
     texts: list[str] = []
     refusals: list[str] = []
     for one in found:
         try:
-            texts.append(proof_text(one))
+            texts += proof_texts(one)
         except InputError as refusal:
             refusals.append(str(refusal))
     assert all(any(reason in one for reason in EXAMPLES[name]) for one in refusals), refusals
