@@ -34,7 +34,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "controller_motor": ("pole-uncertainty box", "poles in a box"),
     "controller_stage": ("pole-uncertainty box", "poles in a box"),
     "flexible_structure": (),
-    "levitation": ("measured in a loop",),
     "motor_torsion": ("at rest",),
     "proved_band": ("pole-uncertainty box",),
     "short_records": ("several inputs",),
