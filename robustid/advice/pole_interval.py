@@ -68,7 +68,8 @@ class _Local:
         slopes = self.data.scaled(changes) @ np.linalg.inv(to_mode)
         columns = np.hstack([slopes, functions])
         sizes = np.linalg.norm(columns, axis=0)
-        rows = (np.linalg.pinv(columns / sizes, rcond=1e-12) / sizes[:, None])[:2]
+        inverse = np.asarray(np.linalg.pinv(columns / sizes, rcond=1e-12), dtype=float)
+        rows = inverse[:2] / sizes[:2, None]
         return np.stack([rows @ (y - functions @ weights), np.hypot(*np.split(rows, 2, axis=1)).sum(axis=1)], axis=1)
 
 

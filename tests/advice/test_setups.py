@@ -311,3 +311,34 @@ def test_the_most_that_errors_move_an_estimate_is_that_of_all_of_them_at_once(dt
         whole += np.hypot(*moves) / step
     np.testing.assert_allclose(whole, start[:, 1], rtol=1e-3)
     np.testing.assert_allclose(start[:, 0], np.log([50.0, 0.01]), atol=1e-3)
+
+
+@pytest.mark.slow
+def test_the_mean_holds_modes_of_responses_whose_lines_depend_on_each_other():
+    """Records of three modes by the local method: neighbouring lines share their windows."""
+    hold, averaged = [], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        omega = 2 * np.pi * np.array([5.0, 9.0, 14.0]) * rng.uniform(0.95, 1.05, 3)
+        damping = rng.uniform(0.008, 0.02, 3)
+        A, B = np.zeros((6, 6)), np.zeros((6, 1))
+        for k, (w, zeta) in enumerate(zip(omega, damping, strict=True)):
+            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2], B[2 * k + 1] = [[0, w], [-w, -2 * zeta * w]], 1
+        setups = []
+        for _ in range(3):
+            C = np.zeros((1, 6))
+            C[0, ::2] = rng.uniform(0.5, 1, 3) * rng.choice([-1, 1], 3)
+            u = rng.standard_normal(4096)
+            y = control.forced_response(control.c2d(control.ss(A, B, C, 0), 0.01), U=u).outputs.ravel()
+            y = y + 0.03 * y.std() * rng.standard_normal(y.size)
+            record = rid.TimeRecord(u, y, dt=0.01, initial="free")
+            setups.append(rid.estimate_frf(record, method="local").band(2.0, 20.0))
+        found = rid.advise.common_modes(setups)
+        for mode in np.flatnonzero(found.used.sum(axis=1) > 1):
+            (low, high), (light, heavy) = found.omega_interval[mode], found.damping_interval[mode]
+            k = int(np.argmin(np.abs(np.log(omega / np.sqrt(low * high)))))
+            hold.append(low <= omega[k] <= high and light <= damping[k] <= heavy)
+            averaged.append(found.averaged[mode].any())
+    print(f"{sum(hold)} of {len(hold)} modes held, {sum(averaged)} by a mean")
+    assert sum(hold) >= 0.95 * len(hold)
+    assert np.mean(averaged) > 0.9

@@ -235,6 +235,10 @@ def run(
     path, folder = Path(path), Path(folder)
     resume, force, static = (as_flag(*one) for one in (("resume", resume), ("force", force), ("static", static)))
     asked = read_run_file(path)
+    if asked.split is not None:
+        raise InputError(
+            f"{path.name}: split asks for a run of every entry; on the command line: robustid run {path.name}"
+        )
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume, static)
     told, budget = as_function("progress", progress), Budget(asked.time_limit)
@@ -261,7 +265,10 @@ def _result(
     place, stated = (path.parent, asked) if before is None else (folder, before)
     stated, data = measured(stated, place, around)
     kept.open(force)
-    with too_large("band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"):
+    with too_large(
+        "band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]; entry = [output, input],"
+        ' or split = "entries" for a run of each'
+    ):
         found = from_data(stated.moved(place, folder), data, around)
     undoing = in_run_file(asked, str(path), again, data, found.identification.problem.placed_faults)
     return dataclasses.replace(found, undoing=undoing)
