@@ -119,13 +119,13 @@ def identify(
     origins = asked_lines.origins, asked_samples.origins
     work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
     steps = next_of(work, output, screen.called(context))
-    conclude(console, work, output, report, steps=steps, static=static)
+    page = conclude(console, work, output, report, steps=steps, static=static)
     found = work.identification
     code = screen.exit_code(found.verified_status, bool(found.problem.open_faults))
     if as_json:
         from robustid.app.answers import verdicts
 
-        files = [*written_files.result_files(output), *kept_loop(work, output), *([report] if report else [])]
+        files = [*written_files.result_files(output), *kept_loop(work, output), *([page] if page else [])]
         screen.write(verdicts.identified(work, files, code), console)
     raise typer.Exit(code)
 
@@ -248,11 +248,14 @@ def conclude(
     steps: Sequence[Next | str] | None,
     static: bool = False,
     title: str | None = None,
-) -> None:
-    """Render everything; only then write, and show what was found."""
+) -> Path | None:
+    """Render everything; only then write, and show what was found; the page, None where Ctrl-C has left it out."""
     from robustid.report import first_screen, render_report
 
-    result = work.identification
+    result, undoing = work.identification, work.undoing
+    report, shown = screen.page_in_time(report, [written_files.stem(output)], steps)
+    if shown is not steps:  # the page first: it says what else is to be done
+        steps, undoing = shown, None
     page = None if report is None else render_report(result, title=title, static=static, **work.parts)
     head = first_screen(result, **work.parts)
     result.save(output)
@@ -260,7 +263,8 @@ def conclude(
         work.looped.save(written_files.beside(output, "-loop"))
     written_files.write_page(report, page)
     written = (*written_files.result_files(output), *kept_loop(work, output), report)
-    screen.conclude(console, head, lambda: everything(work), written=written, undoing=work.undoing, steps=steps)
+    screen.conclude(console, head, lambda: everything(work), written=written, undoing=undoing, steps=steps)
+    return report
 
 
 def kept_loop(work: Work, output: Path) -> tuple[Path, ...]:

@@ -255,7 +255,9 @@ def seen_between(work: Work) -> None:
 def refined(work: Work) -> None:
     """The band around the model, kept, with what semidefinite programs add to it."""
     if work.band is not None:
-        work.band = refined_band(work.band.with_model(work.model), work.error, work.over_poles)
+        work.band = work.band.with_model(work.model)
+        if not work.around.stops.interrupted:  # after Ctrl-C what is proved stays as it is: polygons take seconds
+            work.band = refined_band(work.band, work.error, work.over_poles)
         work.around.folder.proved(work.band)
 
 
