@@ -12,6 +12,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
+from robustid.app.cli.identify import smallest
 from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
@@ -184,9 +185,7 @@ class _Bounds:
         """Write the page; the next steps."""
         from robustid.report import write_report
 
-        name = written_files.stem(source)
-        small = written_files.free(name.with_name(f"{name.name}-small"), ".npz")
-        steps = [Next("the smallest model inside the bounds", ["reduce", source, "-o", f"{small}.npz"])]
+        steps = [smallest(source)]
         kept = [file.with_suffix("") for file in self.written if file.suffix == ".npz"]
         again = [source, *(word for one in kept for word in ("--bounds", one))]
         report, said = screen.page_in_time(self.report, again, steps)

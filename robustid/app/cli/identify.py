@@ -239,6 +239,13 @@ def next_of(work: Work, output: Path, called: Sequence[str]) -> list[Next | str]
     return [*diagnosis.next_steps[:1], Next("with that change", [*again(called), "--apply"])]
 
 
+def smallest(source: Path) -> Next:
+    """The step to the smallest model inside the bounds."""
+    name = written_files.stem(source)
+    small = written_files.free(name.with_name(f"{name.name}-small"), ".npz")
+    return Next("the smallest model inside the bounds", ["reduce", source, "-o", f"{small}.npz"])
+
+
 def conclude(
     console: Terminal,
     work: Work,
