@@ -19,6 +19,7 @@ from robustid.estimation.record_faults import record_faults
 
 _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
+_STEP = ". A constant step from rest is data as it is: give it as samples (MixedProblem(time=record), or --time FILE)"
 
 
 @one_thread()
@@ -208,6 +209,8 @@ def _refuse_dead(records: list[TimeRecord]) -> None:
             raise InputError(
                 f"`record`: input {channel.name} is constant ({records[0].u[0, k] + 0.0:.6g}): it excites nothing, and no"
                 " response to it can be estimated; leave that signal out, or take a part of the record in which it moves"
+                + _STEP
+                * all(r.initial == "rest" and r.u[0, k] != 0 for r in records)
             )
     for k, channel in enumerate(records[0].outputs):
         if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):
