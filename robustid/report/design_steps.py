@@ -81,7 +81,7 @@ def _matrix_rows(tubes: Tubes) -> list[tuple[str, str]]:
 
 
 def _far(output: Signal, tube: StepTube) -> str:
-    """How far an output comes at most."""
+    """Largest size of an output, in words."""
     return f"{output.name} at most {at_most(tube.overshoot)} {output.unit}".rstrip()
 
 
