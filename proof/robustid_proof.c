@@ -1,18 +1,14 @@
 /* robustid-proof FILE: check a proof of what finitely many samples say about all systems of a class.
- *
- * The format, and the mathematics of every step, are in docs/proof_format.rst; the names here are those of that page.
- * Nothing here is a floating-point number. Every number is a disc of the complex plane, an integer middle and an integer radius in
- * units of 2^-P; rounding only widens it. Exit status: 0 every statement is proved, 1 one is not, 2 the file cannot be read.
- * Build: cc -O2 -o robustid-proof robustid_proof.c -lgmp
+ * The format, and the mathematics of every step, are in docs/proof_format.rst; the names here are those of that page. Every number is
+ * a disc of the complex plane, an integer middle and an integer radius in units of 2^-P; rounding only widens it.
+ * Exit status: 0 every statement is proved, 1 one is not, 2 the file cannot be read. Build: cc -O2 -o robustid-proof robustid_proof.c -lgmp
  */
 #include <gmp.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-/* What a file may ask for. */
-enum { DEPTH = 16, TEXT = 400, DIGITS = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200 };
+enum { DEPTH = 16, TEXT = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200 }; /* what a file may ask for */
 enum { SAMPLES = 20000, FUNCTIONS = 64, TERMS = 4096, LARGEST = 256 << 20 };
 static void unreadable(const char *why, const char *what) {
     printf("not readable: %s%s%s\n", why, *what ? ": " : "", what);
@@ -24,7 +20,7 @@ static void *room(size_t count, size_t size) {
     return found;
 }
 
-/* ---- Numbers. `lost` is set where a result has no bound: a division by what may be 0, or numbers out of range. ---- */
+/* ---- Numbers. `lost` is set where a result has no bound: a division by what may be 0, or numbers out of range. HELD ones are made once. ---- */
 typedef struct { mpz_t re, im, r; } num;
 static unsigned long P = 320;
 static int lost;
@@ -39,7 +35,6 @@ static void release(num *x, size_t count) {
     for (size_t k = 0; k < count; k++) mpz_clears(x[k].re, x[k].im, x[k].r, NULL);
     free(x);
 }
-/* Variables that a function keeps, made once. */
 #define HELD(x) static num x; static int x##_; if (!x##_) { mpz_inits(x.re, x.im, x.r, NULL); x##_ = 1; }
 static void set(num *z, const num *x) { mpz_set(z->re, x->re); mpz_set(z->im, x->im); mpz_set(z->r, x->r); }
 static void integer(num *z, long value) { mpz_set_si(z->re, value); mpz_mul_2exp(z->re, z->re, P); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); }
@@ -47,7 +42,6 @@ static int zero(const num *x) { return !mpz_sgn(x->re) && !mpz_sgn(x->im) && !mp
 static void mirrored(num *z, const num *x) { if (z != x) set(z, x); mpz_neg(z->im, z->im); }
 static void add(num *z, const num *x, const num *y) { mpz_add(z->re, x->re, y->re); mpz_add(z->im, x->im, y->im); mpz_add(z->r, x->r, y->r); }
 static void sub(num *z, const num *x, const num *y) { mpz_sub(z->re, x->re, y->re); mpz_sub(z->im, x->im, y->im); mpz_add(z->r, x->r, y->r); }
-
 /* To a sum in units of 2^-2P: x y, or x y* where `turned`. The error of a product is at most |x| r_y + (|y| + r_y) r_x. */
 static void accumulate(num *sum, const num *x, const num *y, int turned) {
     mpz_addmul(sum->re, x->re, y->re); mpz_addmul(sum->im, x->im, y->re);
@@ -58,8 +52,7 @@ static void accumulate(num *sum, const num *x, const num *y, int turned) {
 }
 static void settle(num *z, num *sum) { /* the sum in units of 2^-P; it begins anew */
     mpz_fdiv_q_2exp(z->re, sum->re, P); mpz_fdiv_q_2exp(z->im, sum->im, P); mpz_cdiv_q_2exp(z->r, sum->r, P);
-    int exact = mpz_divisible_2exp_p(sum->re, P) && mpz_divisible_2exp_p(sum->im, P);
-    if (!exact) mpz_add_ui(z->r, z->r, 2);
+    if (!mpz_divisible_2exp_p(sum->re, P) || !mpz_divisible_2exp_p(sum->im, P)) mpz_add_ui(z->r, z->r, 2);
     if (mpz_sizeinbase(z->re, 2) > LARGE || mpz_sizeinbase(z->im, 2) > LARGE || mpz_sizeinbase(z->r, 2) > LARGE) { lost = 1; integer(z, 0); }
     integer(sum, 0);
 }
@@ -68,9 +61,7 @@ static void mul(num *z, const num *x, const num *y) { times(z, x, y, 0); }
 static void over(num *z, const num *x, unsigned long k) { /* by a positive integer */
     mpz_fdiv_q_ui(z->re, x->re, k); mpz_fdiv_q_ui(z->im, x->im, k); mpz_cdiv_q_ui(z->r, x->r, k); mpz_add_ui(z->r, z->r, 2);
 }
-
-/* |1/x - 1/y| <= r/(|y| (|y| - r)) for |x - y| <= r. */
-static void divide(num *z, const num *x, const num *y) {
+static void divide(num *z, const num *x, const num *y) { /* |1/x - 1/y| <= r/(|y| (|y| - r)) for |x - y| <= r */
     HELD(by);
     mpz_mul(T1, y->re, y->re); mpz_addmul(T1, y->im, y->im);
     mpz_sqrt(T2, T1); mpz_sub(T2, T2, y->r);
@@ -81,16 +72,12 @@ static void divide(num *z, const num *x, const num *y) {
     mpz_add_ui(by.r, by.r, 2);
     mul(z, x, &by);
 }
-
-/* Real numbers, from here on: the real parts, within the radius. `above` and `root` give exact ones. */
-static void exactly(num *z) { mpz_add(z->re, z->re, z->r); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); }
+static void exactly(num *z) { mpz_add(z->re, z->re, z->r); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); } /* not below a real number */
 static void above(num *z, const num *x) { /* not below |x| */
-    if (z != x) set(z, x);
-    if (mpz_sgn(z->im)) {
-        mpz_mul(T1, z->re, z->re); mpz_addmul(T1, z->im, z->im);
-        mpz_sqrt(z->re, T1); mpz_add_ui(z->re, z->re, 1);
-    }
-    mpz_abs(z->re, z->re); exactly(z);
+    mpz_mul(T1, x->re, x->re); mpz_addmul(T1, x->im, x->im);
+    mpz_sqrtrem(z->re, T2, T1);
+    if (mpz_sgn(T2)) mpz_add_ui(z->re, z->re, 1);
+    mpz_set(z->r, x->r); exactly(z);
 }
 static void root(num *z, const num *x) { /* not below the root of x; 0 of negative ones */
     if (z != x) set(z, x);
@@ -102,66 +89,57 @@ static void charge(num *z, const num *x, const num *y) { HELD(one); above(&one, 
 static int at_most(const num *x, const num *y) { HELD(d); sub(&d, y, x); return !lost && mpz_cmp(d.re, d.r) >= 0; }
 static int less(const num *x, const num *y) { HELD(d); sub(&d, y, x); return !lost && mpz_cmp(d.re, d.r) > 0; }
 static int positive(const num *x) { return !lost && mpz_cmp(x->re, x->r) > 0; }
-
-/* exp(-j x), 0 <= x < 4. From the term n >= 8 on every term is at most half the one before, so that those left out are together at
- * most the last one that was added. */
-static void turn(num *z, const num *x) {
+static void turn(num *z, const num *x) { /* exp(-j x), 0 <= x < 4: from k = 8 on terms that are left out are together at most the last one */
     HELD(term); HELD(by); HELD(size);
     integer(&by, 0); mpz_neg(by.im, x->re); mpz_set(by.r, x->r);
     integer(&term, 1); integer(z, 1);
-    for (unsigned long k = 1; ; k++) {
+    for (unsigned long k = 1; k <= 8 || (mpz_sizeinbase(size.re, 2) >= 16 && !lost); k++) {
         mul(&term, &term, &by); over(&term, &term, k);
         add(z, z, &term); above(&size, &term);
-        if (k >= 8 && (mpz_sizeinbase(size.re, 2) < 16 || lost)) break;
     }
     mpz_add(z->r, z->r, size.re);
 }
 /* ---- Text: JSON in printable ASCII, without escapes; objects with exactly the keys that are expected. ---- */
 typedef struct node { char kind; const char *start, *end; size_t count; struct node *key, *child, *next; } node;
-static const char *at, *stop;
-static void blank(void) { while (at < stop && (*at == ' ' || *at == '\n' || *at == '\r' || *at == '\t')) at++; }
-static void expect(char c) { if (at >= stop || *at != c) { char s[2] = {c, 0}; unreadable("something else where there must be", s); } at++; }
-static int same(const node *one, const char *text, size_t size) {
+static const char *at; /* the text ends with a zero byte, which no value holds */
+static void blank(void) { at += strspn(at, " \n\r\t"); }
+static void expect(char c) { if (*at != c) { char s[2] = {c, 0}; unreadable("something else where there must be", s); } at++; }
+static int is(const node *one, const char *text) {
+    size_t size = strlen(text);
     return one->kind == 's' && (size_t)(one->end - one->start) == size && !memcmp(one->start, text, size);
 }
-static int is(const node *one, const char *text) { return same(one, text, strlen(text)); }
 static node *value(int depth) {
     node *found = room(1, sizeof *found), **last = &found->child;
     if (depth > DEPTH) unreadable("too deeply nested", "");
     blank();
-    if (at >= stop) unreadable("the file ends too early", "");
     found->start = at;
-    if (*at == '"') {
-        found->kind = 's'; found->start = ++at;
-        while (at < stop && *at >= 0x20 && *at <= 0x7e && *at != '\\' && *at != '"') at++;
+    found->kind = *at == '"' ? 's' : *at == '{' ? 'o' : *at == '[' ? 'a' : 'i';
+    if (found->kind == 'i') {
+        found->end = at += strspn(at, "0123456789");
+        size_t figures = (size_t)(at - found->start);
+        if (!figures || figures > 9 || (figures > 1 && *found->start == '0')) unreadable("no string, list or object, nor a plain index", "");
+        return found;
+    }
+    at++;
+    if (found->kind == 's') {
+        found->start = at;
+        while (*at >= 0x20 && *at <= 0x7e && *at != '\\' && *at != '"') at++;
         found->end = at;
         expect('"');
         if (found->end - found->start > TEXT) unreadable("a string that is too long", "");
         return found;
     }
-    if (*at >= '0' && *at <= '9') {
-        while (at < stop && *at >= '0' && *at <= '9') at++;
-        found->kind = 'i'; found->end = at;
-        if (at - found->start > 9 || (*found->start == '0' && at - found->start > 1)) unreadable("an index that is too large, or begins with 0", "");
-        return found;
-    }
-    if (*at != '{' && *at != '[') unreadable("a value that is no string, index, list or object", "");
-    found->kind = *at == '{' ? 'o' : 'a';
-    char end = *at++ == '{' ? '}' : ']';
-    blank();
-    while (!(at < stop && !found->count && *at == end)) {
+    char end = found->kind == 'o' ? '}' : ']';
+    for (blank(); found->count || *at != end; at++) {
         node *key = end == '}' ? value(depth + 1) : NULL;
         if (key) {
-            if (key->kind != 's' || found->count >= 16) unreadable("a key that is no string, or too many keys", "");
-            for (node *one = found->child; one; one = one->next)
-                if (same(one->key, key->start, (size_t)(key->end - key->start))) unreadable("a key that stands twice", "");
+            if (key->kind != 's') unreadable("a key that is no string", "");
             blank(); expect(':');
         }
         *last = value(depth + 1); (*last)->key = key;
         last = &(*last)->next; found->count++;
         blank();
-        if (at >= stop || *at != ',') break;
-        at++;
+        if (*at != ',') break;
     }
     expect(end);
     found->end = at;
@@ -172,12 +150,10 @@ static node *find(const node *object, const char *key) {
     while (one && !is(one->key, key)) one = one->next;
     return one;
 }
-static void fields(const node *object, const char *keys[], size_t count, node *found[]) {
+static void fields(const node *object, const char *keys[], size_t count, node *found[]) { /* all of them, so none twice */
     if (object->kind != 'o' || object->count != count) unreadable("an object has other keys than it must; one must be", keys[0]);
-    for (size_t k = 0; k < count; k++) {
-        found[k] = find(object, keys[k]);
-        if (!found[k]) unreadable("a key is missing", keys[k]);
-    }
+    for (size_t k = 0; k < count; k++)
+        if (!(found[k] = find(object, keys[k]))) unreadable("a key is missing", keys[k]);
 }
 #define FIELDS(object, found, ...) do { const char *keys_[] = {__VA_ARGS__}; fields(object, keys_, sizeof keys_ / sizeof *keys_, found); } while (0)
 static node *list(node *one, const char *what) { if (one->kind != 'a') unreadable("there must be a list", what); return one->child; }
@@ -186,42 +162,34 @@ static node *list_of(node *one, size_t count, const char *what) {
     return one->child;
 }
 static size_t index_below(const node *one, size_t limit) {
-    if (one->kind != 'i') unreadable("there must be an index", "");
-    size_t found = 0;
-    for (const char *s = one->start; s < one->end; s++) found = 10 * found + (size_t)(*s - '0');
-    if (found >= limit) unreadable("an index out of range", "");
+    size_t found = one->kind == 'i' ? strtoul(one->start, NULL, 10) : limit;
+    if (found >= limit) unreadable("an index out of range, or none", "");
     return found;
 }
-/* "-12.5e-3" or "-123p-60" (an integer times a power of two). */
-static void number(num *z, const node *one) {
-    static const char *bad = "there must be a number in a string, as \"-1.5e-3\" or \"-123p-60\"";
+static void number(num *z, const node *one) { /* "-12.5e-3" or "-123p-60", an integer times a power of two */
+    static const char *bad = "there must be a number in a string, as \"-1.5e-3\" or \"-123p-60\"", *figures = "0123456789";
     if (one->kind != 's') unreadable(bad, "");
-    char digits[DIGITS + 2]; size_t count = 0; long exponent = 0, shift = 0;
-    const char *s = one->start; /* what follows the string is a quotation mark */
-    int negative = *s == '-', point = 0, seen = 0;
-    for (s += negative; (*s >= '0' && *s <= '9') || (*s == '.' && !point && seen); s++) {
-        if (*s == '.') { point = 1; seen = 0; continue; }
-        if (count >= DIGITS) unreadable("a number with too many digits", "");
-        digits[count++] = *s; seen = 1; shift += point;
+    char digits[TEXT + 1], *end;
+    const char *s = one->start + (*one->start == '-'); /* what follows the string is a quotation mark */
+    size_t whole = strspn(s, figures), part = s[whole] == '.' ? strspn(s + whole + 1, figures) : 0;
+    const char *after = s + whole + (part ? part + 1 : 0);
+    int dyadic = *after == 'p';
+    long exponent = 0;
+    if (dyadic || *after == 'e') {
+        size_t count = strspn(after + 1 + (after[1] == '-' || after[1] == '+'), figures);
+        if (!count || count > 4) unreadable(bad, "");
+        exponent = strtol(after + 1, &end, 10);
+        after = end;
     }
-    int dyadic = *s == 'p';
-    if (!seen || (dyadic && point)) unreadable(bad, "");
-    if (dyadic || *s == 'e') {
-        int minus = *++s == '-';
-        if (*s == '-' || *s == '+') s++;
-        if (s >= one->end || one->end - s > 4) unreadable(bad, "");
-        for (; *s >= '0' && *s <= '9'; s++) exponent = 10 * exponent + (*s - '0');
-        if (exponent > (dyadic ? DYADIC : DECIMAL)) unreadable("an exponent that is too large", "");
-        if (minus) exponent = -exponent;
-    }
-    if (s != one->end) unreadable(bad, "");
-    digits[count] = 0; exponent -= shift;
+    if (!whole || (dyadic && part) || after != one->end || labs(exponent) > (dyadic ? DYADIC : DECIMAL)) unreadable(bad, "");
+    memcpy(digits, s, whole); memcpy(digits + whole, s + whole + 1, part);
+    digits[whole + part] = 0; exponent -= (long)part;
     integer(z, 0); mpz_set_str(z->re, digits, 10);
     mpz_ui_pow_ui(T1, dyadic ? 2 : 10, (unsigned long)labs(exponent));
     mpz_mul_2exp(z->re, z->re, P);
     if (exponent >= 0) mpz_mul(z->re, z->re, T1);
     else { mpz_set_ui(z->r, !mpz_divisible_p(z->re, T1)); mpz_fdiv_q(z->re, z->re, T1); }
-    if (negative) mpz_neg(z->re, z->re);
+    if (s != one->start) mpz_neg(z->re, z->re);
 }
 static void above_zero(num *z, const node *one, const char *what) {
     number(z, one);
@@ -236,8 +204,7 @@ static void pair(num *z, node *one) { complex(z, list_of(one, 2, "a complex numb
 static void numbers(num *z, node *one, size_t count, const char *what) {
     for (one = list_of(one, count, what); one; one = one->next) number(z++, one);
 }
-/* A row [k, re, im]: the index, and the number. */
-static size_t term(num *z, node *row, size_t limit) {
+static size_t term(num *z, node *row, size_t limit) { /* of a row [k, re, im] the index, and the number */
     complex(z, list_of(row, 3, "a row [k, re, im]")->next);
     return index_below(row->child, limit);
 }
@@ -248,49 +215,44 @@ static node *terms(node *one) {
 
 /* ---- Vectors: of functionals sum c_k phi(zeta_k) + sum c_s phi_s, and of functions sum c_k/(1 - zeta zeta_k*) + sum c_s zeta^s. Nodes
  * 0..N-1 are those of the lines, N..2N-1 their conjugates, 2N and 2N+1 those of a statement; then come `powers` coefficients. ---- */
-static size_t N, M, R, nodes, powers; /* lines, parametric functions, samples of records */
+static size_t N, M, R, nodes, powers, longest; /* lines, parametric functions, samples of records; coefficients, those that these see */
 static num K, rho, sample_time, *zeta, *cauchy;
 static char *ready;
-static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*) */
+static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*); those of lines are kept */
     HELD(one);
-    num *z = cauchy ? cauchy + k * nodes + l : &one;
-    if (cauchy && ready[k * nodes + l]) return z;
+    int keeps = cauchy && k < 2 * N && l < 2 * N;
+    num *z = keeps ? cauchy + 2 * N * k + l : &one;
+    if (keeps && ready[2 * N * k + l]) return z;
     times(z, &zeta[k], &zeta[l], 1);
     sub(z, &ONE, z); divide(z, &ONE, z);
-    if (cauchy) { mirrored(cauchy + l * nodes + k, z); ready[k * nodes + l] = ready[l * nodes + k] = 1; }
+    if (keeps) { mirrored(cauchy + 2 * N * l + k, z); ready[2 * N * k + l] = ready[2 * N * l + k] = 1; }
     return z;
 }
 static size_t length(const num *c) { size_t top = powers; while (top && zero(c + nodes + top - 1)) top--; return top; }
-
-/* The values at the nodes, and the first coefficients, of a function: where the function itself or `also` is not zero. */
-static void values(num *out, const num *in, const num *also) {
+static void values(num *out, const num *in, const num *also) { /* of a function, where it or `also` is not 0 */
     HELD(sum); HELD(one);
-    size_t many = 0, *of = room(nodes, sizeof *of), own = length(in), top = length(also) > own ? length(also) : own;
-    for (size_t l = 0; l < nodes; l++) if (!zero(in + l)) of[many++] = l;
+    size_t own = length(in), top = length(also) > own ? length(also) : own;
     for (size_t k = 0; k < nodes; k++) {
         if (zero(in + k) && zero(also + k)) continue;
-        for (size_t l = 0; l < many; l++) accumulate(&sum, kernel(k, of[l]), in + of[l], 0);
+        for (size_t l = 0; l < nodes; l++) if (!zero(in + l)) accumulate(&sum, kernel(k, l), in + l, 0);
         settle(out + k, &sum);
         integer(&one, 0);
         for (size_t s = own; s-- > 0;) { mul(&one, &one, &zeta[k]); add(&one, &one, in + nodes + s); }
         add(out + k, out + k, &one);
     }
     for (size_t s = 0; s < top; s++) set(out + nodes + s, in + nodes + s);
-    for (size_t l = 0; top && l < many; l++) {
-        set(&one, in + of[l]);
-        for (size_t s = 0; s < top; s++) { add(out + nodes + s, out + nodes + s, &one); times(&one, &one, &zeta[of[l]], 1); }
+    for (size_t l = 0; top && l < nodes; l++) {
+        if (zero(in + l)) continue;
+        set(&one, in + l);
+        for (size_t s = 0; s < top; s++) { add(out + nodes + s, out + nodes + s, &one); times(&one, &one, &zeta[l], 1); }
     }
-    free(of);
 }
-/* Above the root of sum x_k y_k*: the norm of a vector x = y, or of a function y from its values x. */
-static void size_of(num *z, const num *x, const num *y, size_t count) {
+static void size_of(num *z, const num *x, const num *y, size_t count) { /* above the root of sum x_k y_k*: x = y, or values of y */
     HELD(sum);
     for (size_t k = 0; k < count; k++) if (!zero(y + k)) accumulate(&sum, x + k, y + k, 1);
     settle(z, &sum); root(z, z);
 }
-
-/* Above the norm of a functional in H2 of the harmonic measure seen from `base`, |base| < 1: that of its representer, the functional
- * being taken of (1 - base* zeta) phi, over (1 - |base|^2)^(1/2). */
+/* Above the norm of a functional in H2 seen from `base`: that of the representer of what it is of (1 - base* zeta) phi, scaled. */
 static void norm(num *z, const num *c, const num *base) {
     HELD(one); HELD(scale);
     num *f = array(nodes + powers), *at = array(nodes + powers);
@@ -305,7 +267,6 @@ static void norm(num *z, const num *c, const num *base) {
     divide(&scale, &ONE, &scale); root(&scale, &scale); mul(z, z, &scale); exactly(z);
     release(f, nodes + powers); release(at, nodes + powers);
 }
-
 /* Takes from a functional what (f, g) is, <phi g, f>, and adds to `cost` what that costs: |f| |g|. */
 static void factor(num *cost, num *c, node *evidence) {
     HELD(size); HELD(one);
@@ -328,18 +289,17 @@ static void factor(num *cost, num *c, node *evidence) {
     for (int k = 0; k < 2; k++) { release(v[k], all); release(at[k], all); }
 }
 
-/* ---- Known functions C (z - A)^-1 B + D of one input: m of them with n states. ---- */
-typedef struct { size_t n, m; num *A, *B, *C, *D; } known;
+/* ---- Known functions C (z - A)^-1 B + D of one input: m of them with n states; R = (z - A)^-1 and x = R B at the last z. ---- */
+typedef struct { size_t n, m; num *A, *B, *C, *D, *R, *x, *y, *off; } known;
 static void read_known(known *f, node *one) {
-    node *part[4], *row;
+    node *part[4];
     FIELDS(one, part, "A", "B", "C", "D");
     size_t n = f->n = part[0]->count, m = f->m = part[2]->count;
     if (n > FUNCTIONS || m > FUNCTIONS) unreadable("more functions, or states of them, than version 1 allows", "");
-    f->A = array(n * n); f->B = array(n); f->C = array(m * n); f->D = array(m);
-    row = list(part[0], "A");
-    for (size_t a = 0; a < n; a++, row = row->next) numbers(f->A + a * n, row, n, "a row of A");
-    row = list(part[2], "C");
-    for (size_t i = 0; i < m; i++, row = row->next) numbers(f->C + i * n, row, n, "a row of C");
+    num *a = f->A = array(n * n), *c = f->C = array(m * n);
+    f->B = array(n); f->D = array(m); f->R = array(n * n); f->x = array(n); f->y = array(n); f->off = array(m);
+    for (node *row = list(part[0], "A"); row; row = row->next, a += n) numbers(a, row, n, "a row of A");
+    for (node *row = list(part[2], "C"); row; row = row->next, c += n) numbers(c, row, n, "a row of C");
     numbers(f->B, part[1], n, "B"); numbers(f->D, part[3], m, "D");
 }
 static void product(num *out, const num *x, const num *y, size_t rows, size_t count, size_t columns) { /* of matrices */
@@ -349,9 +309,9 @@ static void product(num *out, const num *x, const num *y, size_t rows, size_t co
         settle(out + a * columns + b, &sum);
     }
 }
-/* (z - A)^-1 by elimination in place. Pivots are taken as they come: digits suffice, and one that may be 0 proves nothing. */
-static void resolvent(num *m, const known *f, const num *z) {
+static void resolve(const known *f, const num *z) { /* by elimination in place; a pivot that may be 0 proves nothing */
     HELD(one); HELD(pivot);
+    num *m = f->R;
     size_t n = f->n;
     for (size_t a = 0; a < n * n; a++) { if (a % (n + 1)) integer(m + a, 0); else set(m + a, z); sub(m + a, m + a, f->A + a); }
     for (size_t p = 0; p < n; p++) {
@@ -365,70 +325,56 @@ static void resolvent(num *m, const known *f, const num *z) {
             for (size_t b = 0; b < n; b++) { mul(&one, &pivot, low + b); sub(high + b, high + b, &one); }
         }
     }
+    product(f->x, m, f->B, n, n, 1);
 }
-/* The values at z. */
-static void respond(num *out, const known *f, const num *z) {
-    num *inverse = array(f->n * f->n), *state = array(f->n);
-    resolvent(inverse, f, z); product(state, inverse, f->B, f->n, f->n, 1); product(out, f->C, state, f->m, f->n, 1);
+static void respond(num *out, const known *f, const num *z) { /* the values at z */
+    resolve(f, z); product(out, f->C, f->x, f->m, f->n, 1);
     for (size_t i = 0; i < f->m; i++) add(out + i, out + i, f->D + i);
-    release(inverse, f->n * f->n); release(state, f->n);
 }
-/* Above |f'| + |f''| within d of z: |C R| |R B| (g^2 + 2 |R| g^3) with R = (z - A)^-1 and g = 1/(1 - d |R|). */
-static void bends(num *out, const known *f, const num *z, const num *d) {
+static void bends(const known *f, const num *z, const num *d) { /* of |f'| + |f''|: |C R| |R B| (g^2 + 2 |R| g^3) */
     HELD(size); HELD(g); HELD(one);
     size_t n = f->n;
-    num *R = array(n * n), *x = array(n), *y = array(n);
-    resolvent(R, f, z); product(x, R, f->B, n, n, 1); size_of(&size, R, R, n * n);
+    resolve(f, z); size_of(&size, f->R, f->R, n * n);
     mul(&g, d, &size); sub(&g, &ONE, &g);
     if (!positive(&g)) lost = 1;
     divide(&g, &ONE, &g); exactly(&g);
     mul(&one, &size, &g); add(&one, &one, &one); add(&one, &one, &ONE); mul(&size, &g, &g); mul(&g, &size, &one);
-    size_of(&one, x, x, n); mul(&g, &g, &one);
-    for (size_t i = 0; i < f->m; i++) { product(y, f->C + i * n, R, 1, n, n); size_of(&one, y, y, n); mul(out + i, &g, &one); exactly(out + i); }
-    release(R, n * n); release(x, n); release(y, n);
+    size_of(&one, f->x, f->x, n); mul(&g, &g, &one);
+    for (size_t i = 0; i < f->m; i++) { product(f->y, f->C + i * n, f->R, 1, n, n); size_of(&one, f->y, f->y, n); mul(f->off + i, &g, &one); exactly(f->off + i); }
 }
-static int stable(const known *f) { /* a power of A is a contraction */
+static int stable(const known *f, const num *power, int more) { /* A^(2^k), k < 40, is a contraction */
     HELD(size);
-    size_t n = f->n, k = 0;
-    num *power = array(n * n), *square = array(n * n), *swap;
-    for (size_t a = 0; a < n * n; a++) set(power + a, f->A + a);
-    for (size_of(&size, power, power, n * n); k < 40 && !less(&size, &ONE); k++) {
-        product(square, power, power, n, n, n); swap = power; power = square; square = swap;
-        size_of(&size, power, power, n * n);
-    }
-    release(power, n * n); release(square, n * n);
-    return k < 40;
+    size_t n = f->n;
+    num *square = array(n * n);
+    size_of(&size, power, power, n * n);
+    int found = less(&size, &ONE);
+    if (!found && more) { product(square, power, power, n, n, n); found = stable(f, square, more - 1); }
+    release(square, n * n);
+    return found;
 }
 
 /* ---- The question: lines and their conjugates, then samples of records. ---- */
 static num *samples, *bounds, *functions, *about, *within, *decay; /* functions: M a node, and the responses at samples of records */
 static num *target, *wanted; /* the functional of a statement: target_0 F(2N) + target_1 F(2N + 1) + sum wanted_i p_i */
 static struct { num *u; size_t t; } *record;
-static int unknown; /* nothing is proved of the parameters */
 static known parametric;
 static num here; /* exp(j omega T) of the frequency that was placed last */
-
-/* zeta and the values of the functions at exp(j omega T), for node k and its conjugate. "half" is half the sample rate. */
-static void place(size_t k, size_t conjugate, const node *omega) {
+static void place(size_t k, size_t conjugate, const node *omega) { /* zeta and the functions at exp(j omega T) and its conjugate */
     HELD(x);
     integer(&here, -1);
     if (!is(omega, "half")) {
         number(&x, omega); mul(&x, &x, &sample_time);
         mpz_fdiv_q_2exp(T1, x.re, P);
-        if (mpz_sgn(T1) < 0 || mpz_cmp_ui(T1, 4) >= 0) unreadable("a frequency that is negative, or far above half the sample rate", "");
+        if (mpz_cmp(x.re, x.r) < 0 || mpz_cmp_ui(T1, 4) >= 0) unreadable("a frequency that is negative, or far above half the sample rate", "");
         turn(&here, &x);
     }
     divide(&zeta[k], &here, &rho); mirrored(&zeta[conjugate], &zeta[k]); mirrored(&here, &here);
     respond(functions + k * M, &parametric, &here);
     for (size_t i = 0; i < M; i++) mirrored(functions + conjugate * M + i, functions + k * M + i);
-    for (size_t l = 0; cauchy && l < nodes; l++)
-        ready[k * nodes + l] = ready[l * nodes + k] = ready[conjugate * nodes + l] = ready[l * nodes + conjugate] = 0;
 }
 
 /* ---- The sums. ---- */
-
-/* The disc that holds the functional of every consistent system; what the distances of the parameters from `about` add is `leak`, too. */
-static void sums(num *centre, num *radius, num *leak, node *evidence) {
+static void sums(num *centre, num *radius, num *leak, node *evidence) { /* the disc of all consistent systems; `leak`: of parameters */
     HELD(base); HELD(d); HELD(one); HELD(size); HELD(cost);
     node *part[3], *row;
     num *c = array(nodes + powers), *missed = array(M);
@@ -444,7 +390,7 @@ static void sums(num *centre, num *radius, num *leak, node *evidence) {
         size_t k = term(&d, row, 2 * N + R), own = k < 2 * N ? k % N : k - N, at = k < 2 * N ? k : k + 2;
         times(&one, &d, samples + own, k >= N && k < 2 * N); /* the conjugate sample: F* at the conjugate node */
         add(centre, centre, &one);
-        above(&size, &d); mul(&size, &size, bounds + own); add(radius, radius, &size);
+        charge(radius, &d, bounds + own);
         if (k < 2 * N) sub(c + k, c + k, &d);
         for (size_t s = 0; k >= 2 * N && s <= record[k - 2 * N].t; s++) {
             mul(&one, record[k - 2 * N].u + record[k - 2 * N].t - s, decay + s); mul(&one, &one, &d);
@@ -452,10 +398,10 @@ static void sums(num *centre, num *radius, num *leak, node *evidence) {
         }
         for (size_t i = 0; i < M; i++) { mul(&one, &d, functions + at * M + i); add(missed + i, missed + i, &one); }
     }
-    if (M && unknown) lost = 1;
+    if (M && !positive(within)) lost = 1; /* nothing is proved of the parameters */
     for (size_t i = 0; i < M; i++) {
         mul(&one, missed + i, about + i); sub(centre, centre, &one);
-        above(&size, missed + i); mul(&size, &size, within + i); add(leak, leak, &size);
+        charge(leak, missed + i, within + i);
     }
     for (row = list(part[1], "factors"); row; row = row->next) factor(&cost, c, row);
     norm(&size, c, &base);
@@ -463,16 +409,12 @@ static void sums(num *centre, num *radius, num *leak, node *evidence) {
     add(radius, radius, &cost); add(radius, radius, leak); exactly(radius); exactly(leak);
     release(c, nodes + powers); release(missed, M);
 }
-
-/* Discs of the parameters: u <= b + E u with u the distances of the parameters of a system from `about`. Where E u < u and
- * b + E u <= u for the stated u, the spectral radius of E is below 1, and no system is farther. */
-static int parameters_proved(node *evidence) {
+static int parameters_proved(node *evidence) { /* b + E u <= u and E u < u for the stated distances u */
     HELD(centre); HELD(radius); HELD(leak);
     node *part[3], *row;
     int proved = 1;
     FIELDS(evidence, part, "centre", "radius", "combinations");
-    unknown = M && !list(part[0], "centres") && !list(part[1], "radii") && !list(part[2], "combinations");
-    if (unknown) return 1;
+    if (M && !list(part[0], "centres") && !list(part[1], "radii") && !list(part[2], "combinations")) return 1;
     numbers(about, part[0], M, "centres of the parameters"); numbers(within, part[1], M, "radii of the parameters");
     row = list_of(part[2], M, "combinations of the parameters");
     for (size_t i = 0; i < M; i++, row = row->next) {
@@ -502,8 +444,7 @@ static int by_sums(node *claim, node *evidence) {
         puts(none ? "proved: no system of the class keeps every sample within its bound" : "not proved: no system is consistent");
         return none;
     }
-    if (kind == 's') FIELDS(claim, part, "kind", "omega", "direction", "value");
-    else FIELDS(claim, part, "kind", "omega", "centre", "radius");
+    FIELDS(claim, part, "kind", "omega", kind == 's' ? "direction" : "centre", kind == 's' ? "value" : "radius");
     place(2 * N, 2 * N + 1, part[1]);
     pair(&stated, part[2]); number(&limit, part[3]);
     if (kind == 's') { over(target, &stated, 2); mirrored(target + 1, target); } /* Re(u F) = (u F + u* F*)/2 */
@@ -519,19 +460,17 @@ static int by_sums(node *claim, node *evidence) {
 
 /* ---- Arcs: known functions a, b, c, and F in a disc at every knot; between two knots a + b F is near the chord of its discs. ---- */
 typedef struct { num z, known[3], value, centre, radius; } knot; /* a, b, c; the disc of F; that of a + b F */
-
-/* How far along an arc a (off[0]), a + b F (off[1]) and c (off[2]) may be from their chords: a function by |f''| s^2/8, s the length
- * of the arc; a product (b + e)(F + h), b and F the chords, by |d b| |d F|/4 + |b| |h| + |e| (|F| + |h|). */
-static void bend(num *off, const known *f, const knot *one, const knot *two) {
+/* How far along an arc a, a + b F and c may be from their chords: the page has the bounds of |f''| s^2/8 and of products of chords. */
+static void bend(const known *f, const knot *one, const knot *two) {
     HELD(eighth); HELD(db); HELD(df); HELD(h); HELD(x); HELD(y);
-    num *own = array(M);
+    num *off = f->off;
     sub(&y, &two->z, &one->z); above(&y, &y);
     if (!at_most(&y, &ONE)) lost = 1;
     mul(&x, &y, &y); integer(&h, 4); sub(&h, &h, &x); add(&h, &h, &h); divide(&eighth, &x, &h); /* s^2 <= y^2/(1 - y^2/4) */
     over(&y, &y, 2); add(&x, &one->z, &two->z); over(&x, &x, 2);
-    bends(off, f, &x, &y); bends(own, &parametric, &x, &y);
+    bends(f, &x, &y); bends(&parametric, &x, &y);
     sub(&x, &rho, &ONE); mul(&x, &x, &x); divide(&h, &rho, &x); mul(&h, &h, &K); /* |d2/dt2 phi(exp(-jt)/rho)| <= rho/(rho - 1)^2 */
-    for (size_t i = 0; i < M; i++) { charge(&h, about + i, own + i); charge(&h, within + i, own + i); }
+    for (size_t i = 0; i < M; i++) { charge(&h, about + i, parametric.off + i); charge(&h, within + i, parametric.off + i); }
     mul(&h, &h, &eighth);
     for (size_t i = 0; i < f->m; i++) { mul(off + i, off + i, &eighth); exactly(off + i); }
     sub(&db, &two->known[1], &one->known[1]); above(&db, &db); sub(&df, &two->value, &one->value); above(&df, &df);
@@ -539,23 +478,19 @@ static void bend(num *off, const known *f, const knot *one, const knot *two) {
     charge(&db, &one->known[1], &ONE); charge(&x, &db, &h);
     charge(&df, &one->value, &ONE); add(&df, &df, &h); charge(&x, &df, off + 1);
     set(off + 1, &x); exactly(off + 1);
-    release(own, M);
 }
-
-/* arcs: |a + b F| is at most the bound of every arc. loop: a + b F has no zero on the circle and does not turn around 0, so that it has
- * none outside of it; and |c/(a + b F)| is at most the bound of every arc. Along a chord Re(u* (a + b F)) and -|c| are concave. */
+/* arcs: |a + b F| <= bound; loop: a + b F is not 0 and does not turn around 0, |c/(a + b F)| <= bound. Re(u* (a + b F)) - |c| is concave. */
 static int on_arcs(node *claim, node *evidence) {
     HELD(radius); HELD(leak); HELD(limit); HELD(x); HELD(y); HELD(u); HELD(size);
     node *part[4], *sum[1], *edge, *bound;
     known f;
-    num *off = array(3);
     knot *last = (knot *)array(sizeof(knot) / sizeof(num)), *now = (knot *)array(sizeof(knot) / sizeof(num));
     int loop = is(find(claim, "kind"), "loop"), turns = 0, start = 0;
     FIELDS(claim, part, "kind", "functions", "edges", "bounds"); FIELDS(evidence, sum, "knots");
     read_known(&f, part[1]); edge = list(part[2], "edges");
     if (f.m != (loop ? 3 : 2) || part[2]->count < 2) unreadable("other functions or fewer edges than there must be", "");
     bound = list_of(part[3], part[2]->count - 1, "a bound of every arc"); *sum = list_of(*sum, part[2]->count, "sums of every knot");
-    int proved = !loop || (is(edge, "0") && stable(&f) && stable(&parametric));
+    int proved = !loop || (is(edge, "0") && stable(&f, f.A, 40) && stable(&parametric, parametric.A, 40));
     integer(target, 1); integer(target + 1, 0);
     for (; edge && proved && !lost; edge = edge->next, *sum = (*sum)->next) {
         place(2 * N, 2 * N + 1, edge);
@@ -566,15 +501,15 @@ static int on_arcs(node *claim, node *evidence) {
         integer(&now->radius, 0); charge(&now->radius, &now->known[1], &radius); exactly(&now->radius);
         mpz_add(now->value.r, now->value.r, radius.re);
         if (edge != part[2]->child) {
-            bend(off, &f, last, now); number(&limit, bound); bound = bound->next;
+            bend(&f, last, now); number(&limit, bound); bound = bound->next;
             add(&u, &last->centre, &now->centre); mpz_set_ui(u.r, 0); above(&size, &u);
             for (int k = 0; k < 2; k++) {
                 const knot *end = k ? now : last;
-                add(&y, &end->radius, off + 1);
+                add(&y, &end->radius, f.off + 1);
                 if (!loop) { charge(&y, &end->centre, &ONE); proved &= at_most(&y, &limit); continue; }
                 times(&x, &end->centre, &u, 1); mul(&y, &y, &size); sub(&x, &x, &y);
                 proved &= positive(&x);
-                mul(&x, &x, &limit); above(&y, &end->known[2]); add(&y, &y, off + 2); mul(&y, &y, &size);
+                mul(&x, &x, &limit); above(&y, &end->known[2]); add(&y, &y, f.off + 2); mul(&y, &y, &size);
                 proved &= at_most(&y, &x);
             }
             mpz_mul(T1, last->centre.re, now->centre.im); mpz_submul(T1, last->centre.im, now->centre.re);
@@ -590,46 +525,38 @@ static int on_arcs(node *claim, node *evidence) {
     words(part[2]->child, " to "); words(edge, is(edge, "half") ? " the sample rate" : " rad/s"); puts(", for every consistent system");
     return proved;
 }
-
-/* A system: phi from its reflection coefficients g_k, |g_k| < 1, and parameters. w_L = 0, w_k = (g_k + zeta w_k+1)/(1 + g_k zeta w_k+1)
- * maps functions of norm at most 1 to such functions, whatever the g_k: phi = w_0 = b/a, polynomials whose coefficients are known. */
-static int consistent(node *claim, node *evidence) {
-    HELD(one); HELD(turned); HELD(below); HELD(sum);
+static int consistent(node *claim, node *evidence) { /* phi = b/a: a and b at nodes, and the coefficients that records see */
+    HELD(one); HELD(below); HELD(sum);
     node *part[2];
-    size_t top = 0; /* coefficients that the samples of records see */
-    for (size_t k = 0; k < R; k++) if (record[k].t >= top) top = record[k].t + 1;
-    num *p = array(M), *a = array(top), *b = array(top), *g;
-    int proved = 1;
     FIELDS(claim, part, "kind");
     FIELDS(evidence, part, "reflections", "parameters");
-    size_t count = part[0]->count;
-    g = array(count);
+    size_t count = part[0]->count, all = N + longest;
+    num *a = array(all), *b = array(all), *g = array(count), *p = array(M);
+    int proved = 1;
     numbers(g, part[0], count, "reflection coefficients"); numbers(p, part[1], M, "parameters");
-    for (size_t k = 0; k < count; k++) { above(&one, g + k); proved &= less(&one, &ONE); }
-    if (top) integer(a, 1);
-    for (size_t k = count; proved && k-- > 0;)
-        for (size_t s = top; s-- > 0;) {
-            integer(&one, 0);
-            if (s) set(&one, b + s - 1);
-            mul(b + s, g + k, a + s); mul(&below, g + k, &one);
+    for (size_t s = 0; s < all; s++) integer(a + s, s <= N);
+    while (proved && count-- > 0) { /* b, a become g a + zeta b, a + g zeta b */
+        above(&one, g + count); proved = less(&one, &ONE);
+        for (size_t s = all; s-- > 0;) {
+            if (s < N) mul(&one, &zeta[s], b + s);
+            else set(&one, s > N ? b + s - 1 : &NONE);
+            mul(b + s, g + count, a + s); mul(&below, g + count, &one);
             add(b + s, b + s, &one); add(a + s, a + s, &below);
         }
-    for (size_t s = 0; s < top; s++) /* b becomes the coefficients of phi; a begins with 1 */
-        for (size_t m = 1; m <= s; m++) { mul(&one, a + m, b + s - m); sub(b + s, b + s, &one); }
+    }
+    for (size_t s = 0; s < all; s++) { /* b becomes phi; the coefficients of a begin with 1 */
+        if (s < N) divide(b + s, b + s, a + s);
+        for (size_t m = 1; N + m <= s; m++) { mul(&one, a + N + m, b + s - m); sub(b + s, b + s, &one); }
+    }
     for (size_t k = 0; proved && k < N + R; k++) {
-        integer(&one, 0);
-        for (size_t l = count; k < N && l-- > 0;) {
-            mul(&turned, &one, &zeta[k]); mul(&below, &turned, g + l);
-            add(&below, &below, &ONE); add(&turned, &turned, g + l);
-            divide(&one, &turned, &below);
-        }
+        set(&one, k < N ? b + k : &NONE);
         for (size_t s = 0; k >= N && s <= record[k - N].t; s++) {
-            mul(&turned, b + s, decay + s); mul(&turned, &turned, record[k - N].u + record[k - N].t - s);
-            add(&one, &one, &turned);
+            mul(&below, b + N + s, decay + s); mul(&below, &below, record[k - N].u + record[k - N].t - s);
+            add(&one, &one, &below);
         }
         mul(&one, &one, &K);
         for (size_t i = 0; i < M; i++) accumulate(&sum, functions + (k < N ? k : k + N + 2) * M + i, p + i, 0);
-        settle(&turned, &sum); add(&one, &one, &turned);
+        settle(&below, &sum); add(&one, &one, &below);
         sub(&one, samples + k, &one); above(&one, &one);
         proved &= at_most(&one, bounds + k);
     }
@@ -639,13 +566,12 @@ static int consistent(node *claim, node *evidence) {
 
 /* ---- SHA-256 (FIPS 180-4) of the text of the question. ---- */
 static void sha256(const unsigned char *text, size_t size, char hex[65]) {
-    static const uint32_t k[64] = {
-        0x428a2f98,0x71374491,0xb5c0fbcf,0xe9b5dba5,0x3956c25b,0x59f111f1,0x923f82a4,0xab1c5ed5,0xd807aa98,0x12835b01,0x243185be,0x550c7dc3,0x72be5d74,
-        0x80deb1fe,0x9bdc06a7,0xc19bf174,0xe49b69c1,0xefbe4786,0x0fc19dc6,0x240ca1cc,0x2de92c6f,0x4a7484aa,0x5cb0a9dc,0x76f988da,0x983e5152,0xa831c66d,
-        0xb00327c8,0xbf597fc7,0xc6e00bf3,0xd5a79147,0x06ca6351,0x14292967,0x27b70a85,0x2e1b2138,0x4d2c6dfc,0x53380d13,0x650a7354,0x766a0abb,0x81c2c92e,
-        0x92722c85,0xa2bfe8a1,0xa81a664b,0xc24b8b70,0xc76c51a3,0xd192e819,0xd6990624,0xf40e3585,0x106aa070,0x19a4c116,0x1e376c08,0x2748774c,0x34b0bcb5,
-        0x391c0cb3,0x4ed8aa4a,0x5b9cca4f,0x682e6ff3,0x748f82ee,0x78a5636f,0x84c87814,0x8cc70208,0x90befffa,0xa4506ceb,0xbef9a3f7,0xc67178f2};
-    uint32_t h[8] = {0x6a09e667,0xbb67ae85,0x3c6ef372,0xa54ff53a,0x510e527f,0x9b05688c,0x1f83d9ab,0x5be0cd19}, w[64], s[8];
+    uint32_t k[64], h[8], w[64], s[8]; /* k and h: the first bits of the roots of primes after the point */
+    mpz_set_ui(T2, 1);
+    for (int i = 0; i < 64; i++) {
+        mpz_nextprime(T2, T2); mpz_mul_2exp(T1, T2, 96); mpz_root(T1, T1, 3); k[i] = (uint32_t)mpz_get_ui(T1);
+        if (i < 8) { mpz_mul_2exp(T1, T2, 64); mpz_sqrt(T1, T1); h[i] = (uint32_t)mpz_get_ui(T1); }
+    }
     size_t blocks = (size + 9 + 63) / 64;
     unsigned char *padded = room(blocks, 64);
     memcpy(padded, text, size);
@@ -669,14 +595,12 @@ static void sha256(const unsigned char *text, size_t size, char hex[65]) {
 }
 
 /* ---- The file. ---- */
-/* Samples [t, y, bound] of the response to the input u_0, u_1, ..., from rest; and those of the parametric functions. */
-static size_t read_record(node *one, size_t first, const num *level) {
+static size_t read_record(node *one, size_t first, const num *level) { /* u, samples [t, y, bound], and responses of the functions */
     HELD(response);
     node *part[2], *row;
     FIELDS(one, part, "input", "samples");
     const known *f = &parametric;
     size_t S = f->n, count = part[0]->count;
-    if (count > TERMS) unreadable("a longer record than version 1 allows", "");
     num *u = array(count), *state = array(S), *next = array(S), *out = array(M * (count + 1));
     numbers(u, part[0], count, "inputs");
     for (size_t t = 0; t < count; t++) {
@@ -688,6 +612,7 @@ static size_t read_record(node *one, size_t first, const num *level) {
         node *child = list_of(row, 3, "a sample [t, y, bound]");
         size_t t = index_below(child, count);
         record[first].u = u; record[first].t = t;
+        if (t >= longest) longest = t + 1;
         number(samples + N + first, child->next);
         above_zero(bounds + N + first, child->next->next, "bound of a sample"); mul(bounds + N + first, bounds + N + first, level);
         for (size_t i = 0; i < M; i++) set(functions + (2 * N + 2 + first) * M + i, out + t * M + i);
@@ -699,8 +624,7 @@ static void read_question(node *part[7]) {
     node *unit[3], *two[2], *of[3], *row = list(part[4], "data"), *one;
     size_t first = 0;
     FIELDS(part[2], unit, "frequency", "time", "response");
-    if (!is(unit[0], "rad/s") || !is(unit[1], "s")) unreadable("the units of frequency and time must be rad/s and s", "");
-    if (unit[2]->kind != 's') unreadable("the unit of the response must be a string", "");
+    if (!is(unit[0], "rad/s") || !is(unit[1], "s") || unit[2]->kind != 's') unreadable("the units must be rad/s, s, and a string", "");
     above_zero(&sample_time, part[1], "sample_time"); above_zero(&level, part[3], "level");
     N = part[4]->count;
     for (one = list(part[5], "records"); one; one = one->next) {
@@ -708,8 +632,7 @@ static void read_question(node *part[7]) {
         if (two[0]->count > powers) powers = two[0]->count;
         R += two[1]->count;
     }
-    if (!(N + R) || N > SAMPLES || R > SAMPLES) unreadable("no data, or more samples than version 1 allows", "");
-    if (powers > TERMS) unreadable("more coefficients than version 1 allows", "");
+    if (!(N + R) || N > SAMPLES || R > SAMPLES || powers > TERMS) unreadable("no data, or more of it than version 1 allows", "");
     nodes = 2 * N + 2;
     FIELDS(part[0], of, "gain_bound", "decay_rate", "functions");
     above_zero(&K, of[0], "gain_bound"); above_zero(&rho, of[1], "decay_rate");
@@ -718,7 +641,7 @@ static void read_question(node *part[7]) {
     M = parametric.m; about = array(M); within = array(M); target = array(2); wanted = array(M);
     samples = array(N + R); bounds = array(N + R); zeta = array(nodes); functions = array((nodes + R) * M); decay = array(powers);
     record = room(R, sizeof *record);
-    if (N <= CACHED) { cauchy = array(nodes * nodes); ready = room(nodes * nodes, 1); }
+    if (N <= CACHED) { cauchy = array(4 * N * N); ready = room(4 * N * N, 1); }
     for (size_t s = 0; s < powers; s++) { if (s) divide(decay + s, decay + s - 1, &rho); else integer(decay, 1); }
     for (size_t k = 0; k < N; k++, row = row->next) {
         node *child = list_of(row, 4, "a line [omega, re, im, bound]");
@@ -728,22 +651,20 @@ static void read_question(node *part[7]) {
     }
     for (one = part[5]->child; one; one = one->next) first = read_record(one, first, &level);
 }
-static const struct { const char *name; int (*check)(node *, node *); } kinds[] = {{"disc", by_sums}, {"support", by_sums},
-    {"inconsistent", by_sums}, {"consistent", consistent}, {"arcs", on_arcs}, {"loop", on_arcs}};
-enum { KINDS = sizeof kinds / sizeof *kinds };
 int main(int count, char **words_of) {
     node *part[5], *asked[7], *proof[3], *claim, *evidence;
     FILE *file = count == 2 ? fopen(words_of[1], "rb") : NULL;
     char hex[65];
+    mpz_inits(T1, T2, T3, NULL);
     if (!file) unreadable(count == 2 ? "cannot open" : "usage: robustid-proof FILE", count == 2 ? words_of[1] : "");
     long size = fseek(file, 0, SEEK_END) ? -1 : ftell(file);
     if (size < 0 || size > LARGEST || fseek(file, 0, SEEK_SET)) unreadable("no file of at most 256 MiB", words_of[1]);
-    char *text = room((size_t)size, 1);
-    at = text; stop = text + fread(text, 1, (size_t)size, file);
+    char *text = room((size_t)size + 1, 1);
+    at = text; size = (long)fread(text, 1, (size_t)size, file);
     fclose(file);
     node *whole = value(0);
     blank();
-    if (at != stop) unreadable("something follows after the proof", "");
+    if (at != text + size) unreadable("something follows after the proof", "");
     FIELDS(whole, part, "format", "version", "digest", "question", "evidence");
     if (!is(part[0], "robustid-proof") || index_below(part[1], 1000) != 1) unreadable("this is not version 1 of robustid-proof", "");
     FIELDS(part[3], asked, "class", "sample_time", "units", "level", "data", "records", "statements");
@@ -760,7 +681,6 @@ int main(int count, char **words_of) {
         if (gains && P < 320 + 2 * gains->count) P = 320 + 2 * gains->count;
     }
     num *made[] = {&ONE, &NONE, &K, &rho, &sample_time, &here};
-    mpz_inits(T1, T2, T3, NULL);
     for (size_t k = 0; k < sizeof made / sizeof *made; k++) mpz_inits(made[k]->re, made[k]->im, made[k]->r, NULL);
     integer(&ONE, 1);
     read_question(asked);
@@ -770,11 +690,10 @@ int main(int count, char **words_of) {
     for (; claim; claim = claim->next, evidence = evidence->next) {
         node *kind = claim->kind == 'o' ? find(claim, "kind") : NULL;
         if (!kind) unreadable("a statement without a kind", "");
+        int sum = is(kind, "disc") || is(kind, "support") || is(kind, "inconsistent"), arcs = is(kind, "arcs") || is(kind, "loop");
+        if (!sum && !arcs && !is(kind, "consistent")) unreadable("a kind of statement that version 1 does not know", "");
         lost = 0;
-        size_t k = 0;
-        while (k < KINDS && !is(kind, kinds[k].name)) k++;
-        if (k == KINDS) unreadable("a kind of statement that version 1 does not know", "");
-        if (!kinds[k].check(claim, evidence) || lost) proved = 0;
+        proved &= (sum ? by_sums : arcs ? on_arcs : consistent)(claim, evidence) && !lost;
     }
     puts(proved ? "all statements are proved" : "not all statements are proved");
     return proved ? 0 : 1;

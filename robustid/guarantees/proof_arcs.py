@@ -56,6 +56,34 @@ class Known(NamedTuple):
         return cls(closed, B, [g, numerator, g], [[Fraction(1)], D[0], [Fraction(1)]])
 
     @property
+    def control(self) -> Self:
+        """The same with c = b: the control sensitivity."""
+        return self._replace(C=[*self.C[:2], self.C[1]], D=[*self.D[:2], self.D[1]])
+
+    def within(self, x: float, y: float, peak: float) -> Self:
+        r"""Factors of which \|c/(a + b F)\| is at most 1 where \|x S + y\| is at most `peak`, larger than \|y\|, S the sensitivity.
+
+        E = a + b F keeps out of a disc: \|E - t a\| >= r \|x a\|/(r^2 - y^2) with t = x y/(r^2 - y^2), r the peak.
+        """
+        square = peak**2 - y**2
+        one, size = 1 - Fraction(x * y / square), Fraction(abs(x) * peak / square)
+        a, b, _ = self.C
+        return self._replace(C=[[one * v for v in a], b, [size * v for v in a]], D=[[one], self.D[1], [size]])
+
+    def grown(self, model: StateMatrices, factor: float) -> Self:
+        """Factors of the loop with plants m + k (F - m): errors around a model, k times as large; c = 0, only zeros matter."""
+        Am, Bm, Cm, Dm = _scaled(model)
+        k, (a, b, _), d = Fraction(factor), self.C, self.D[1][0]
+        through = [(1 - k) * Dm[0][0] * one for one in b]
+        A = [row + [Fraction(0)] * len(Am) for row in self.A]
+        A += [[into[0] * one for one in b] + row for into, row in zip(Bm, Am, strict=True)]
+        none = [Fraction(0)] * len(Am)
+        first = [one + two for one, two in zip(a, through, strict=True)] + [(1 - k) * one for one in Cm[0]]
+        C = [first, [k * one for one in b] + none, [Fraction(0)] * len(A)]
+        D = [[self.D[0][0] + (1 - k) * Dm[0][0] * d], [k * d], [Fraction(0)]]
+        return self._replace(A=A, B=self.B + [[into[0] * d] for into in Bm], C=C, D=D)
+
+    @property
     def text(self) -> Record:
         """The functions as a file has them."""
         found: Record = {name: [[_dyadic(one) for one in row] for row in getattr(self, name)] for name in "AC"}
@@ -124,6 +152,7 @@ class Between:
         value, radius = self._band.at(np.minimum(angles, self._band.angles[-1]))
         reach = radius * _WIDER + 1e-15 * (np.abs(value) + self._size)
         centre, away = known[:, 0] + known[:, 1] * value, np.abs(known[:, 1]) * reach
+        centre = np.where((angles == 0) | (angles == np.pi), centre.real, centre)  # as the checker has it
         with np.errstate(invalid="ignore", divide="ignore"):
             off = self._off(z, known, value, reach)
             if not self._loop:

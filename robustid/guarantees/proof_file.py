@@ -44,6 +44,13 @@ from robustid.identification.formulation import Formulation
 VERSION = 1
 _WIDER = 1 + 1e-9  # a stated radius of a parameter over the proved one; claims are widened by ten times as much
 _ROOM = 1e-9  # of the gain bound, and of the value: what a support by multipliers in double precision is widened by
+_BEYOND = 1e-6  # of the largest support at a frequency, what functions that a form leaves out may cost more in a file
+_SHORT = (
+    'its form leaves out functions that cost {:.1g} of its bounds in a file; take `form="auto"`, which leaves out less'
+)
+_FEW = (
+    20  # states up to which the margin of a controller is written: the checker inverts a matrix of them at every knot
+)
 _DROPPED = 1e-12  # singular values of multipliers, relative, that are left out: they cost their part of the residual
 _KEPT, _MOST = 1e9, 4096  # of a bound, what reflection coefficients leave out; how many of them
 
@@ -56,8 +63,8 @@ def proof_text(result: object) -> str:
     result : Band, WorstCaseError, LoopBounds, Identification or Contradiction
         Of one input and one output in discrete time, with exact poles and a class without a weight; records from rest. Of a band
         the discs of its sums at its frequencies and, around a model of at most 64 states, bounds of its error on the whole axis; of
-        bounds the supports of its polygons; of a loop with a controller that every consistent plant is stabilised, and the worst
-        sensitivity on the whole axis (a plant measured in open loop); of an identification the system that fits, or that none
+        bounds the supports of its polygons; of a loop with a controller that every consistent plant is stabilised, and peaks
+        and margins on the whole axis (a plant measured in open loop); of an identification the system that fits, or that none
         does.
 
     Returns
@@ -125,7 +132,7 @@ def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Record, Record]
 
 
 def _of_loop(found: LoopBounds) -> str:
-    """The worst sensitivity of a controller of a plant that was measured in open loop, on the whole axis."""
+    """Worst cases of a controller of a plant that was measured in open loop, on the whole axis: of the sensitivity, and others."""
     check_expressed(found.band.problem)
     if not found.in_open_loop or found.band.box is not None:
         raise InputError(NOT_YET.format("its plant was measured in a loop, or has poles in a box"))
@@ -136,11 +143,44 @@ def _of_loop(found: LoopBounds) -> str:
     size = np.abs(response_at(controller, np.exp(1j * one.angles))[:, 0, 0] * one.centre)
     crossing = int(np.argmin(np.abs(np.log(np.maximum(size, np.finfo(float).tiny)))))
     known = Known.loop_of(controller, float(np.abs(one.centre[crossing])), dt)
-    arcs = arcs_of(one, known, one.angles / dt, lambda middle: np.full(middle.size, peak), loop=True)
+    arcs = _below(one, known, peak)
     if arcs is None:
         raise InputError(NOT_YET.format("its sums do not say on every arc that its loop is stable"))
-    statement, evidence = _arcs(one, known, arcs, "loop")
-    return _file(found.band.problem, one.extraction, [statement], [evidence])
+    proofs = [_arcs(one, known, arcs, "loop"), *_further(found, known)]
+    return _file(found.band.problem, one.extraction, *map(list, zip(*proofs, strict=True)))
+
+
+def _further(found: LoopBounds, known: Known) -> Iterator[tuple[Record, Record]]:
+    """Statements on the peaks of C S and T and the disk margin, where the sums bound them as this package does."""
+    one, size = found.band.bands[0], 1 + _BEYOND / 2
+    peak = found.peaks["control_sensitivity"].value
+    if (arcs := _below(one, known.control, peak)) is not None and _largest(arcs) <= peak * (1 + _BEYOND):
+        yield _arcs(one, known.control, arcs, "loop")
+    for x, y, peak in (
+        (-1.0, 1.0, found.peaks["complementary_sensitivity"].value),
+        (1.0, -0.5, 1 / found.margins.disk),
+    ):
+        if peak <= abs(y) * size:
+            continue
+        apart = known.within(x, y, peak * size)
+        if (arcs := _below(one, apart, 1.0)) is not None and _largest(arcs) <= 1:
+            yield _arcs(one, apart, arcs._replace(bounds=["1"] * len(arcs.bounds)), "loop")
+    if found.stability is None or found.band.model is None:
+        return
+    model = StateMatrices.of(found.band.model)
+    if len(model.A) + len(known.A) <= _FEW and 1 < (factor := found.stability.margin) < np.inf:
+        grown = known.grown(model, factor * (1 - _BEYOND))
+        if (arcs := _below(one, grown, 0.0)) is not None:
+            yield _arcs(one, grown, arcs, "loop")
+
+
+def _below(one: EntryBand, known: Known, peak: float) -> Arcs | None:
+    omega = one.angles / float(one.samples.problem.dt or 1.0)
+    return arcs_of(one, known, omega, lambda middle: np.full(middle.size, peak), loop=True)
+
+
+def _largest(arcs: Arcs) -> float:
+    return max(map(float, arcs.bounds))
 
 
 def _arcs(one: EntryBand, known: Known, arcs: Arcs, kind: str) -> tuple[Record, Record]:
@@ -184,9 +224,13 @@ def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[Record
     """Statement and evidence of every side of a polygon."""
     posed = consistent.posed_at(one.omega)
     functions = in_kernels(posed, (one.omega,))
+    most = _BEYOND * float(np.abs(one.support).max())
     for angle, support, proof in zip(one.directions.tolist(), one.support.tolist(), one.certificates, strict=True):
         turn = complex(np.exp(-1j * angle))
-        value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound) + _beyond(posed, one, turn, proof)
+        beyond = _beyond(posed, one, turn, proof)
+        if beyond > most:
+            raise InputError(NOT_YET.format(_SHORT.format(beyond / most * _BEYOND)))
+        value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound) + beyond
         yield (
             {"kind": "support", "omega": repr(one.omega), "direction": decimal(turn), "value": repr(value)},
             _with_factors(posed, functions, proof.samples, proof.left @ proof.right.T),

@@ -1,11 +1,13 @@
 """`robustid verify --export` and `--independent`: the proof as a file, and the checker in C beside the package's own checks."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.app.independent import proof_texts
 from support import command_line
 from support.proof_loops import loop_of
 from support.proofs import asked, built, problem
@@ -91,3 +93,11 @@ def test_the_page_of_a_loop_says_by_which_program_it_was_checked(saved, run, mon
     loop_of(5).save("loop")
     assert run(["report", "loop", "--independent", "-o", "page.html"])[0] == 0
     assert "proves the loop too" in (saved / "page.html").read_text()
+
+
+def test_a_design_for_several_bands_has_a_proof_for_each(saved):
+    both = SimpleNamespace(proofs=(loop_of(5), loop_of(6)))
+    program = built(saved)
+    texts = proof_texts(both)
+    assert [asked(program, text, saved)[0] for text in texts] == [0, 0]
+    assert len(set(texts)) == 2

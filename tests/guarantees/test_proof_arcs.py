@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+from fractions import Fraction
 from pathlib import Path
 
 import control
@@ -11,8 +12,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import StateMatrices
 from robustid.errors import InputError
 from robustid.guarantees import Band, proof_text
+from robustid.guarantees.proof_arcs import Known
 from support.proof_judge import judged
 from support.proof_loops import (
     Functions,
@@ -20,11 +23,11 @@ from support.proof_loops import (
     by_hand,
     constants,
     controller_for,
-    last_statement,
     loop_of,
     polynomials,
     shortened,
     small_proofs,
+    statement_of,
 )
 from support.proofs import SANITIZED, SOURCE, asked, built, mutated, sealed
 
@@ -62,6 +65,28 @@ def test_the_worst_sensitivity_of_a_gain_is_that_of_the_small_gain_theorem(progr
     # c = b: the largest input, g/(1 - g).
     assert both(program, tmp_path, by_hand("loop", constants(1.0, 0.5, 0.5), 1.01))
     assert not both(program, tmp_path, by_hand("loop", constants(1.0, 1.001, 0.0), 1e9))
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(("x", "y", "worst"), [(1.0, 0.0, 2.5), (-1.0, 1.0, 1.5), (1.0, -0.5, 2.0)])
+def test_other_peaks_of_a_gain_are_those_of_the_small_gain_theorem(program, tmp_path, x, y, worst):
+    # S = 1/(1 + .6 F) is between 1/1.6 and 2.5; T = 1 - S is -1.5 at most, the disk margin that of S - 1/2.
+    one, zero = [Fraction(1)], list[Fraction]()
+    known = Known([], [], [zero, zero, zero], [one, [Fraction(0.6)], one])
+    for factor, proved in ((1.01, True), (0.999, False)):
+        D = [float(row[0]) for row in known.within(x, y, worst * factor).D]
+        assert both(program, tmp_path, by_hand("loop", constants(*D), 1.0, arcs=48)) == proved
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(("factor", "proved"), [(1.75, True), (1.78, False)])
+def test_errors_may_grow_until_a_loop_is_no_longer_stable(program, tmp_path, factor, proved):
+    # 1 + (m + k (F - m))/2 with m = .3 and |F| <= 1 is 0 for k = 2.3/1.3 = 1.769.
+    one, zero = [Fraction(1)], list[Fraction]()
+    known = Known([], [], [zero, zero, zero], [one, [Fraction(0.5)], one])
+    model = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[0.3]]))
+    D = [float(row[0]) for row in known.grown(model, factor).D]
+    assert both(program, tmp_path, by_hand("loop", constants(*D), 0.0, arcs=48)) == proved
 
 
 ZEROS: dict[str, tuple[Functions, bool]] = {
@@ -103,12 +128,12 @@ def test_bands_around_a_model_are_proved_on_the_whole_axis_and_hardly_wider(prog
     assert status == 0, said
     assert "from 0 to half the sample rate" in said
     _hardly_wider(band, text)
-    middle = len(last_statement(text)["bounds"]) // 2
+    middle = len(statement_of(text)["bounds"]) // 2
     assert both(program, tmp_path, shortened(text, middle, 2))
 
 
 def _hardly_wider(band: Band, text: str) -> None:
-    said, dt = last_statement(text), float(band.problem.dt or 1.0)
+    said, dt = statement_of(text), float(band.problem.dt or 1.0)
     edges = np.array([np.pi / dt if one == "half" else float(one) for one in said["edges"]])
     circle, own = band.circle, np.array(list(map(float, said["bounds"])))
     of = np.clip(np.searchsorted(circle.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(circle.bound) - 1)
@@ -121,18 +146,26 @@ def test_a_controller_is_proved_for_every_consistent_plant_and_its_peak_is_that_
     text = proof_text(found)
     status, said = asked(program, text, tmp_path)
     assert status == 0, said
-    peak = max(map(float, last_statement(text)["bounds"]))
+    peak = max(map(float, statement_of(text, 0)["bounds"]))
     assert peak <= found.peaks["sensitivity"].value * (1 + 1e-6)
     # The factors are the controller's, exactly where they are compared: at the knots, in double precision.
-    said = last_statement(text)["functions"]
+    said = statement_of(text, 0)["functions"]
     A, B, C, D = (np.vectorize(_float, otypes=[float])(np.array(said[name], object)) for name in "ABCD")
     for z in np.exp(1j * np.linspace(0.1, 3, 7)):
         a, b, c = C @ np.linalg.solve(z * np.eye(len(A)) - A, B) + D
         assert abs(b / a - found.controller(z)) < 1e-12 * abs(b / a)
         assert a == c
+    # Then the control sensitivity, the complementary one, the disk margin, and the factor by which errors may grow.
+    further = [max(map(float, statement_of(text, place)["bounds"])) for place in (1, 2, 3, 4)]
+    assert further[0] <= found.peaks["control_sensitivity"].value * (1 + 1e-6)
+    assert further[1:] == [1, 1, 0]
+    states = np.array(statement_of(text, 4)["functions"]["A"]).shape[0]
+    assert found.stability is not None
+    assert found.band.model is not None
+    assert states == len(A) + found.band.model.nstates
     # A bound below the worst one at an edge is no longer proved.
     whole = json.loads(text)
-    bounds = whole["question"]["statements"][-1]["bounds"]
+    bounds = whole["question"]["statements"][0]["bounds"]
     bounds[:] = [repr(float(one) * (1 - 1e-3)) for one in bounds]
     assert asked(program, sealed(whole["question"], whole["evidence"]), tmp_path)[0] == 1
 
@@ -140,6 +173,17 @@ def test_a_controller_is_proved_for_every_consistent_plant_and_its_peak_is_that_
 def _float(text: str) -> float:
     above, _, power = text.partition("p")
     return int(above) * 2.0 ** int(power)
+
+
+@pytest.mark.quick
+def test_an_integrator_is_proved_where_the_centre_of_a_disc_at_zero_is_not_real(program, tmp_path):
+    omega = np.linspace(0.5, 31.0, 30)
+    frf = rid.FrequencyResponse(omega, 0.1 / (np.exp(0.1j * omega) - 0.9), bound=0.01, dt=0.1)
+    posed = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))
+    band = rid.band(posed, model=control.ss(0.9, 1.0, 0.1, 0.0, 0.1), omega=[1.0])
+    bounds = rid.loop_bounds(band, controller=control.ss([[1.0]], [[1.0]], [[0.186]], [[3.312]], 0.1))
+    status, said = asked(program, proof_text(bounds), tmp_path, seconds=120)
+    assert status == 0, said
 
 
 @pytest.mark.quick
@@ -197,7 +241,7 @@ def test_bands_and_controllers_of_two_hundred_problems_are_proved(program, tmp_p
         text = proof_text(found)
         status, said = asked(program, text, tmp_path)
         assert status == 0, said
-        assert max(map(float, last_statement(text)["bounds"])) <= found.peaks["sensitivity"].value * (1 + 1e-6)
+        assert max(map(float, statement_of(text, 0)["bounds"])) <= found.peaks["sensitivity"].value * (1 + 1e-6)
 
 
 @pytest.mark.slow

@@ -86,8 +86,8 @@ def loop_of(seed: int) -> LoopBounds:
     return rid.loop_bounds(band, controller=controller_for(band))
 
 
-def last_statement(text: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(text)["question"]["statements"][-1]
+def statement_of(text: str, place: int = -1) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(text)["question"]["statements"][place]
     return found
 
 
@@ -104,7 +104,7 @@ def shortened(text: str, first: int, arcs: int) -> str:
 def small_proofs() -> list[str]:
     """Files on arcs that a judge in fractions reads in little time."""
     text = proof_text(band_with_model(1))
-    middle = len(last_statement(text)["bounds"]) // 2
+    middle = len(statement_of(text)["bounds"]) // 2
     return [
         shortened(text, middle, 2),
         by_hand("arcs", constants(-0.5, 1.0), 1.51, arcs=8),

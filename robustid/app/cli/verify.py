@@ -63,11 +63,11 @@ def verify(
     Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
     130 interrupted.
     """
-    from robustid.app.independent import checker, provable
+    from robustid.app.independent import checker, proof_texts
     from robustid.app.load_save import load_result
     from robustid.controllers import ControllerDesign
     from robustid.core import atomic_write
-    from robustid.guarantees import Band, Interconnection, LoopBounds, proof_text
+    from robustid.guarantees import Band, Interconnection, LoopBounds
 
     console, of_loops = screen.console(stderr=as_json), (LoopBounds, Interconnection, ControllerDesign)
     with in_words({"exact": "--exact", "independent": "--independent", "result": str(source)}):
@@ -76,17 +76,19 @@ def verify(
             checker()
         with telling(console) as progress:
             result = load_result(source, *_KINDS, progress=progress)
-        proof = proof_text(provable(result)) if export is not None or independent else ""
+        proofs = proof_texts(result) if export is not None or independent else []
+        files = _numbered(export, len(proofs))
+        check_outputs(files, [source], force)
         if isinstance(result, of_loops):
             failed = _loop_failures(console, result, exact)
         else:
             failed = _failures(console, result, exact)
         if independent:
-            failed += _independent_failures(console, proof)
-    if export is not None:
-        with atomic_write(export) as file:
+            failed += [name for proof in proofs for name in _independent_failures(console, proof)]
+    for path, proof in zip(files, proofs, strict=False):
+        with atomic_write(path) as file:
             file.write(proof)
-        say(console, f"proof      {export}, for any checker of the format")
+        say(console, f"proof      {path}, for any checker of the format")
     how = "in double precision with allowances" + (", and in ball arithmetic" if exact else "")
     assumed = [] if isinstance(result, (Band, *of_loops)) else [_ASSUMED]  # these say their own
     say(console, f"evaluated  {how}; the problem's arrays as they are in double precision", *assumed)
@@ -101,6 +103,13 @@ def verify(
 
         screen.write(verdicts.verified(result, failed, code, _BOTH if independent else "this package"), console)
     raise typer.Exit(code)
+
+
+def _numbered(export: Path | None, count: int) -> list[Path]:
+    """The file of a proof; of several, NAME-1.json, NAME-2.json and so on."""
+    if export is None or count == 1:
+        return [] if export is None else [export]
+    return [export.with_stem(f"{export.stem}-{k}") for k in range(1, count + 1)]
 
 
 def _independent_failures(console: Terminal, proof: str) -> list[str]:
