@@ -32,10 +32,7 @@ from robustid.guarantees import told_apart_of
 
 _log = logging.getLogger("robustid")
 
-_FASTER, _FASTEST = (
-    30.0,
-    300.0,
-)  # times the highest frequency point: where a real pole over decades may lie, and a further one
+_FASTER, _FASTEST = 30.0, 300.0  # times the highest frequency point: for a real pole over decades, and for one more
 _BEYOND = 2.0  # times the highest frequency point: a pole is no mode there, but the slope of what is below
 _TWICE = 2  # a real pole of a process: errors of its place do not matter to first order
 
@@ -56,6 +53,8 @@ class KautzSuggestion(Frozen):
         The set reaches an end of the range that was searched: it may go on beyond it.
     share : (M,) array
         Part of all values, of all entries, that the local fit used.
+    linear : (M, 2, 2) array
+        Logarithms of omega and damping by local least squares, and the most that errors as large as the bounds move each, or NaN.
     basis : ParametricBasis or None
         ``kautz(omega, damping, dt=..., repeat=..., delay=...)``; None where no mode was found.
     repeat : int
@@ -73,13 +72,14 @@ class KautzSuggestion(Frozen):
     level: Real
     reached: NDArray[np.bool_]
     share: Real
+    linear: Real
     basis: ParametricBasis | None
     repeat: int
     delay: int
     reason: str
 
     def __post_init__(self) -> None:
-        names = ("omega", "damping", "omega_interval", "damping_interval", "level", "reached", "share")
+        names = ("omega", "damping", "omega_interval", "damping_interval", "level", "reached", "share", "linear")
         self._set(**{name: freeze(getattr(self, name)) for name in names})
 
     @property
@@ -242,6 +242,7 @@ def suggest_kautz(
         level=np.array([box.level for box in boxes]),
         reached=np.array([box.reached for box in boxes], bool),
         share=np.array([box.share for box in boxes]),
+        linear=np.array([box.linear for box in boxes]).reshape(-1, 2, 2),
         basis=kautz(omega, damping, dt=step, repeat=repeat, delay=chosen) if len(kept) else None,
         repeat=repeat,
         delay=chosen,
@@ -278,10 +279,10 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
     pair = damping < 1
     ends = np.array([[max(lowest, 1e-6 * top) / BELOW, 2 * top], [1.0, 1.0]])
     edges, level, reached = np.tile(ends, (order.size, 1, 1)), np.ones(order.size), np.ones(order.size, bool)
-    share = np.ones(order.size)
+    share, linear = np.ones(order.size), np.full((order.size, 2, 2), np.nan)
     pairs = np.log(np.stack(fit.plane.turned(omega[pair], damping[pair]), axis=1))
     for place, which in enumerate(np.flatnonzero(pair)):
-        box, level[which], reached[which], share[which] = pole_interval(fit, pairs, place)
+        box, level[which], reached[which], share[which], linear[which] = pole_interval(fit, pairs, place)
         edges[which] = mode_intervals(box[None], fit.plane)[0]
     edges[:, 0] = np.stack([np.minimum(edges[:, 0, 0], omega), np.maximum(edges[:, 0, 1], omega)], axis=1)
     reason = (
@@ -298,6 +299,7 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
         level=level,
         reached=reached,
         share=share,
+        linear=linear,
         basis=kautz(omega, damping, dt=0, repeat=repeat),
         repeat=repeat,
         delay=0,
@@ -324,6 +326,7 @@ def _of_process(fit: LineData, found: RealPoles, repeat: int) -> KautzSuggestion
         level=one,
         reached=np.ones(count, bool),
         share=one,
+        linear=np.full((count, 2, 2), np.nan),
         basis=kautz(found.omega, one, dt=step, repeat=repeat, delay=found.delay),
         repeat=repeat,
         delay=found.delay,

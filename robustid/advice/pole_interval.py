@@ -9,8 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.advice.pole_fit import DAMPING, SMOOTH, LineData, design, nearest, pole_pair, ratios, smooth_terms
-from robustid.core import Real
+from robustid.advice.pole_fit import (
+    DAMPING,
+    SMOOTH,
+    LineData,
+    design,
+    nearest,
+    pair_changes,
+    pole_pair,
+    ratios,
+    smooth_terms,
+)
+from robustid.core import Plane, Real
 
 _RAYS = 16
 _LIGHT, _WELL = 0.1, 0.3  # damping ratios: of a resonance; of none
@@ -44,16 +54,35 @@ class _Local:
             weight = weight / weight.sum()
         return lower, upper
 
+    def linear(self, pole: Real, to_mode: Real) -> Real:
+        """One step of least squares from this pole, and the most that errors as large as the bounds move it by, (2, 2).
+
+        In logarithms of the mode, whose derivatives by the pole are given: of natural frequency and damping.
+        """
+        pair = self.data.scaled(pole_pair(self.data.angle, pole))
+        functions = np.hstack([pair, self.fixed])
+        sizes = np.linalg.norm(functions, axis=0)
+        y = self.data.scaled(self.data.value[:, None])[:, 0]
+        weights = np.asarray(np.linalg.lstsq(functions / sizes, y, rcond=1e-12)[0], dtype=float) / sizes
+        changes = np.stack([one @ weights[:2] for one in pair_changes(self.data.angle, pole)], axis=1)
+        slopes = self.data.scaled(changes) @ np.linalg.inv(to_mode)
+        columns = np.hstack([slopes, functions])
+        sizes = np.linalg.norm(columns, axis=0)
+        inverse = np.asarray(np.linalg.pinv(columns / sizes, rcond=1e-12), dtype=float)
+        rows = inverse[:2] / sizes[:2, None]
+        return np.stack([rows @ (y - functions @ weights), np.hypot(*np.split(rows, 2, axis=1)).sum(axis=1)], axis=1)
+
 
 class PoleBox(NamedTuple):
-    """Ends in (angle, damping) of the poles that the data leave, at which level; was the end of the search reached; and the part
-    of all values that were used.
+    """Ends in (angle, damping) of the poles that the data leave, at which level; was the end of the search reached; the part of
+    all values that were used; and the `linear_estimate`.
     """
 
     ends: Real
     level: float
     reached: bool
     share: float
+    linear: Real
 
 
 def _local_fit(data: LineData, poles: Real, which: int) -> tuple[_Local, tuple[float, float]]:
@@ -130,7 +159,22 @@ def pole_interval(data: LineData, poles: Real, which: int) -> PoleBox:
     box = np.array([points.min(axis=0), points.max(axis=0)])
     reached = bool(np.any(box[0] <= low + 1e-9) or np.any(box[1] >= high - 1e-9))
     share = sum(one.data.angle.size for one in local) / int(data.measured.sum())
-    return PoleBox(np.exp(box.T), level, reached, share)
+    return PoleBox(np.exp(box.T), level, reached, share, _linear_estimate(local, centre, data.plane))
+
+
+def _linear_estimate(fits: Sequence[_Local], pole: Real, plane: Plane) -> Real:
+    """Logarithms of natural frequency and damping by local least squares, and how far errors as large as the bounds move each.
+
+    To first order, and whatever the errors of different points have to do with each other; (2, 2), each by the entry that moves
+    least.
+    """
+    step = 1e-6 * np.eye(2)
+    place = np.log(plane.modes(*np.exp(np.array([pole, *(pole + step), *(pole - step)])).T))
+    to_mode = (place[:, 1:3] - place[:, 3:]) / 2e-6
+    moves = np.array([one.linear(pole, to_mode) for one in fits])
+    best = np.argmin(moves[:, :, 1], axis=0)
+    found = np.take_along_axis(moves, best[None, :, None], axis=0)[0]
+    return found + np.stack([place[:, 0], np.zeros(2)], axis=1)
 
 
 def shown_in(records: Sequence[tuple[float, float, float, float]], data: LineData) -> Real:

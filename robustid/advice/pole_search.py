@@ -381,7 +381,7 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: Real) -> KautzSuggest
     turns = (
         poles + np.log([problem.dt, 1.0]) if problem.dt else np.log(np.stack(problem.plane.turned(*np.exp(poles).T), 1))
     )
-    ends, levels, reached, share = zip(*(pole_interval(data, turns, i) for i in range(len(poles))), strict=True)
+    ends, levels, reached, share, linear = zip(*(pole_interval(data, turns, i) for i in range(len(poles))), strict=True)
     edges, (omega, damping) = mode_intervals(np.array(ends), problem.plane), np.exp(poles).T
     return KautzSuggestion(
         omega=omega,
@@ -391,6 +391,7 @@ def _box(problem: MixedProblem, pairs: MovingPairs, poles: Real) -> KautzSuggest
         level=np.array(levels),
         reached=np.array(reached, bool),
         share=np.array(share),
+        linear=np.array(linear),
         basis=problem.parametric,
         repeat=pairs.pairs[0].repeat,
         delay=pairs.pairs[0].delay,

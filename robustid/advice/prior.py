@@ -267,7 +267,8 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
 
 def representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
     """Masks of the frequency points that stand for all; None where there are few enough."""
-    few = int(FEW / np.sqrt(problem.entries.count))
+    own = 0 if problem.parametric is None else problem.parametric.size // 2 + 1  # points that tell its functions apart
+    few = max(int(FEW / np.sqrt(problem.entries.count)), own)
     return None if sum(f.omega.size for f in problem.frequency) <= 1.25 * few else thinned(problem, few)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.advice.kautz import suggest_kautz
 from robustid.advice.setups_result import CommonModes
 from robustid.core import Real
-from robustid.data import FrequencyResponse, as_frequency_response, as_probability
+from robustid.data import FrequencyResponse, as_frequency_response, as_probability, variances
 from robustid.errors import InputError, InputTypeError
 
 Setups = Mapping[str, FrequencyResponse] | Sequence[FrequencyResponse]
@@ -21,7 +21,7 @@ _BETWEEN = 1 / 3  # part of the distance to the next mode of a setup, up to whic
 
 class _Box(NamedTuple):
     """Pole box of a mode in one setup; logarithms of its estimate and of the ends of its natural frequency; may it be used, and
-    the probability at most that it does not hold the pole, NaN where nothing says it.
+    the probability at most that it does not hold the pole, NaN where nothing says it; estimates with half-widths, (2, 2).
     """
 
     setup: int
@@ -32,19 +32,24 @@ class _Box(NamedTuple):
     sure: bool
     level: float
     fails: float
+    estimate: Real
 
 
 def common_modes(setups: Setups, *, probability: float = 0.95) -> CommonModes:
     r"""Modes of one machine from several setups: roving hammers or sensors, several shakers, several days.
 
     Each setup leaves a box of each pole that it shows, in natural frequency and damping (`suggest_kautz`). The pole of the machine
-    is in all of them,
+    is in all of them, and around the mean of their estimates, weighted by the squares of their half-widths h,
 
     .. math:: (\omega_m, \zeta_m) \in \bigcap_s B_{ms}, \qquad
-        P \ge 1 - \sum_s (1 - p_s)\, \frac{n_{ms}}{N_s}
+        \Bigl|\log\omega_m - \sum_s \frac{H^2}{h_s^2} \log\hat\omega_{ms}\Bigr| \le H, \quad H^{-2} = \sum_s h_s^{-2},
+
+    the damping likewise, together with probability
+
+    .. math:: P \ge 1 - \sum_s \alpha_{ms} - \max_s \alpha_{ms}, \qquad \alpha_{ms} = (1 - p_s)\, \frac{n_{ms}}{N_s}
 
     with the joint bounds of all N values of each setup, at p, of which the box uses n around the mode. Boxes are rectangles: an
-    empty intersection is always that of two of them, so that two disjoint intervals are its proof. Nothing is averaged.
+    empty intersection is always that of two of them, so that two disjoint intervals are its proof, and nothing is averaged.
 
     Parameters
     ----------
@@ -72,8 +77,12 @@ def common_modes(setups: Setups, *, probability: float = 0.95) -> CommonModes:
     overlaps two modes of another setup: of it is not known to which it belongs. A box that needs bounds times a factor (`level`)
     takes part without a probability: what it contradicts is evidence, no proof. The boxes
     are those of bounds that hold for all values at once: they are wider than confidence intervals of a pole alone, and need
-    no estimate of its distribution. A bound with a probability and no covariance is not known to fail equally rarely everywhere:
-    it counts in whole. Source: Bonferroni; minimax by reweighting, `lawson1961`.
+    no estimate of its distribution. Half-widths are those of the estimate by local least squares, of normal errors that at
+    different points of a setup may depend on each other in any way (standard deviations add up), at the box's own alpha; errors of
+    different setups are taken to be independent. Estimates take part in a mean where the box keeps to the bounds and has an alpha
+    above 0, of known covariance, and where each is within its half-width of the mean: what scatters more is not independent error
+    alone, and the boxes are left. A bound with a probability and no covariance is not known to fail equally rarely everywhere:
+    it counts in whole. Source: Bonferroni; Aitken 1935 (inverse variances); minimax by reweighting, `lawson1961`.
 
     Examples
     --------
@@ -98,13 +107,20 @@ def common_modes(setups: Setups, *, probability: float = 0.95) -> CommonModes:
     groups.sort(key=lambda group: np.mean([boxes[k].place for k in group]))
     ends = np.full((len(groups), len(names), 2, 2), np.nan)
     used = np.zeros((len(groups), len(names)), bool)
-    level, fails = np.ones(used.shape), np.zeros(used.shape)
+    level, fails, estimates = np.ones(used.shape), np.zeros(used.shape), np.full(ends.shape, np.nan)
     for mode, group in enumerate(groups):
         for box in (boxes[k] for k in group):
             ends[mode, box.setup], level[mode, box.setup], fails[mode, box.setup] = box.ends, box.level, box.fails
+            estimates[mode, box.setup] = box.estimate
             used[mode, box.setup] = box.sure and not _between(box, boxes)
     return CommonModes(
-        names=names, omega_intervals=ends[:, :, 0], damping_intervals=ends[:, :, 1], used=used, level=level, fails=fails
+        names=names,
+        omega_intervals=ends[:, :, 0],
+        damping_intervals=ends[:, :, 1],
+        used=used,
+        level=level,
+        fails=fails,
+        estimates=estimates,
     )
 
 
@@ -157,7 +173,23 @@ def _boxes(setup: int, frf: FrequencyResponse) -> Iterator[_Box]:
             low, high = np.log(ends[0]).tolist()
             level = float(found.level[k])
             fails = np.nan if level > 1 else chance * (float(found.share[k]) if even else 1.0)
-            yield _Box(setup, float(np.log(omega)), low, high, ends, not found.reached[k], level, fails)
+            estimate = found.linear[k] * [1.0, _part(frf, fails)]
+            yield _Box(setup, float(np.log(omega)), low, high, ends, not found.reached[k], level, fails, estimate)
+
+
+def _part(frf: FrequencyResponse, fails: float) -> float:
+    """Half-width of the interval of a linear estimate over the most that errors as large as the bounds move it by.
+
+    Of normal errors, frequency and damping together; NaN where there is no covariance, or nothing fails. The bounds are the same
+    multiple of all standard deviations, those of real values alone apart, and standard deviations of a sum at most add up.
+    """
+    from scipy.special import stdtrit
+
+    if frf.covariance is None or frf.bound.kind == "hard" or not fails > 0:
+        return np.nan
+    deviations = np.sqrt(variances(frf.covariance, frf.values.shape))
+    parts = np.where(frf.all_real, 1.0, np.sqrt(0.5))[:, None, None] * deviations / frf.bound.outer_radius
+    return float(stdtrit(np.inf if frf.dof is None else frf.dof, 1 - fails / 4) * np.max(parts[~frf.missing]))
 
 
 def _overlap(one: _Box, other: _Box) -> bool:

@@ -67,7 +67,7 @@ class Moved(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CommonModes(Frozen, Tabular, Savable):
-    """Modes of one machine by several setups: of each mode the box of every setup that shows it, and the part that all leave.
+    """Modes of one machine by several setups: of each mode the box of every setup that shows it, and what all leave together.
 
     Attributes
     ----------
@@ -82,6 +82,9 @@ class CommonModes(Frozen, Tabular, Savable):
         Factor on the bounds at which the box was taken: 1, or more where no local fit keeps to them (`KautzSuggestion`).
     fails : (M, S) array
         Probability at most that the box does not hold the pole: 0 of hard bounds, NaN where nothing says it.
+    estimates : (M, S, 2, 2) array
+        Of the logarithms of natural frequency and damping, in turn, the estimate of a setup and the half-width of the interval
+        around it that fails as rarely as the box; NaN where the errors are not known to be normal.
     """
 
     names: tuple[str, ...]
@@ -90,11 +93,12 @@ class CommonModes(Frozen, Tabular, Savable):
     used: NDArray[np.bool_]
     level: Real
     fails: Real
+    estimates: Real
 
     INDEX = "mode"
 
     def __post_init__(self) -> None:
-        for name in ("omega_intervals", "damping_intervals", "used", "level", "fails"):
+        for name in ("omega_intervals", "damping_intervals", "used", "level", "fails", "estimates"):
             self._set(**{name: freeze(getattr(self, name))})
 
     @property
@@ -120,7 +124,9 @@ class CommonModes(Frozen, Tabular, Savable):
     @property
     def probability(self) -> Real:
         """Probability at least with which the interval of each mode holds its pole, (M,); NaN where nothing says it."""
-        return freeze(1 - np.minimum(np.where(self.used, self.fails, 0.0).sum(axis=1), 1.0))
+        fails = np.where(self.used, self.fails, 0.0)
+        more = np.where(self.averaged.any(axis=(1, 2)), fails.max(axis=1), 0.0)
+        return freeze(1 - np.minimum(fails.sum(axis=1) + more, 1.0))
 
     @property
     def false_alarm(self) -> float:
@@ -132,7 +138,26 @@ class CommonModes(Frozen, Tabular, Savable):
         omega, damping = (_common(ends, self.used) for ends in (self.omega_intervals, self.damping_intervals))
         empty = (omega[:, 0] > omega[:, 1]) | (damping[:, 0] > damping[:, 1])
         omega[empty] = damping[empty] = np.nan
+        for quantity, ends in enumerate((omega, damping)):
+            place, half = _mean(self.estimates[:, :, quantity], self.averaged[:, :, quantity])
+            low, high = np.maximum(ends[:, 0], np.exp(place - half)), np.minimum(ends[:, 1], np.exp(place + half))
+            some = low < high  # a mean outside the boxes says nothing
+            ends[some] = np.stack([low, high], axis=1)[some]
         return freeze(omega), freeze(damping)
+
+    @functools.cached_property
+    def averaged(self) -> NDArray[np.bool_]:
+        """Estimates that take part in the mean of their mode, of frequency and of damping, (M, S, 2): two of a mode, or none.
+
+        None of them where one is farther from the mean than its own half-width.
+        """
+        able = self.used[:, :, None] & np.isfinite(self.estimates).all(axis=3)
+        for quantity in range(2):
+            place, _ = _mean(self.estimates[:, :, quantity], able[:, :, quantity])
+            far = np.abs(self.estimates[:, :, quantity, 0] - place[:, None]) > self.estimates[:, :, quantity, 1]
+            mine = able[:, :, quantity]
+            mine[(mine.sum(axis=1) < 2) | np.any(mine & far, axis=1)] = False
+        return freeze(able)
 
     @property
     def compared(self) -> int:
@@ -255,6 +280,11 @@ class CommonModes(Frozen, Tabular, Savable):
             )
         else:
             said.append("the bounds of the responses hold, as stated")
+        if self.averaged.any():
+            said.append(
+                "errors of different setups are normal and independent of each other: intervals are then those of the mean of the"
+                " estimates, within all boxes; records of one moment, or of one disturbance, are no different setups"
+            )
         said.append("around each mode the response is its pair, its neighbours and a smooth remainder")
         return tuple(said)
 
@@ -300,6 +330,15 @@ def _common(ends: Real, used: NDArray[np.bool_]) -> Real:
     low = np.where(used, ends[..., 0], -np.inf).max(axis=1, initial=-np.inf)
     high = np.where(used, ends[..., 1], np.inf).min(axis=1, initial=np.inf)
     return np.where(np.any(used, axis=1, keepdims=True), np.stack([low, high], axis=1), np.nan)
+
+
+def _mean(estimates: Real, part: NDArray[np.bool_]) -> tuple[Real, Real]:
+    """Mean of those of each mode, weighted by the squares of their half-widths, and its half-width, (M,) each; infinite of none."""
+    place, half = np.where(part[:, :, None], estimates, [0.0, np.inf]).transpose(2, 0, 1)
+    weights = half**-2.0
+    whole = weights.sum(axis=1)
+    with np.errstate(divide="ignore"):
+        return (weights * place).sum(axis=1) / np.where(whole > 0, whole, 1.0), whole**-0.5
 
 
 def _pair(ends: Real) -> Interval:

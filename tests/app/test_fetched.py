@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
+import robustid as rid
 from robustid.app.run.fetched import _words, fetched
 from robustid.app.run.fleet import items_of
 from robustid.core import Workers
-from support.fleets import machines
+from robustid.errors import InputError
+from support.fleets import machines, numbers
 from support.refusals import refused
 from support.run_files import ask
 
@@ -175,3 +177,17 @@ def test_the_command_takes_an_address_for_a_file_or_a_folder(tmp_path, store, mo
     code, _, err = run(["run", "memory://plant/nothing"])
     assert code == 2
     assert "there is no such file or folder" in " ".join(err.split())
+
+
+@pytest.mark.usefixtures("unreduced")
+def test_an_address_is_run_from_python_as_on_the_command_line(store, tmp_path):
+    (path,) = machines(tmp_path / "here", 1)
+    for one in path.parent.iterdir():
+        store.pipe_file(f"/plant/{one.name}", one.read_bytes())
+    found = rid.run("memory://plant/m000.toml", tmp_path / "out")
+    assert found.consistent
+    assert (tmp_path / "out-inputs" / "memory" / "plant" / "m000.csv").is_file()
+    rid.run(path, tmp_path / "local")
+    assert numbers(tmp_path / "out") == numbers(tmp_path / "local")
+    with pytest.raises(InputError, match="is a folder, of several runs"):
+        rid.run("memory://plant", tmp_path / "all")

@@ -142,6 +142,11 @@ def test_nothing_is_left_where_the_program_is_killed(program, number):
     assert ended(running)[0] == -number  # its output ends only with the last process
 
 
+def test_a_command_that_is_killed_ends_the_program_in_the_same_way(program):
+    """As the system does where memory is short."""
+    assert ended(program("    import os\n    os.kill(os.getpid(), 9)")) == (-signal.SIGKILL, "")
+
+
 def test_workers_end_with_the_process_that_was_killed(program):
     text = (
         "    from robustid.core import worker_pool\n    pool = worker_pool(2)\n    pool.submit(abs, 1).result()\n"

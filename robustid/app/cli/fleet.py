@@ -30,6 +30,7 @@ def fleet(
     """Run the machines, show what was found of all, and return the exit code."""
     from robustid.app.run.fleet import PAGE, TABLE, items_of, run_fleet
     from robustid.app.run.fleet_table import check_table
+    from robustid.app.run.split import is_split, time_words
     from robustid.report import first_screen
 
     folder, console = output or Path("fleet"), screen.console(stderr=as_json, verbose=verbose)
@@ -39,6 +40,10 @@ def fleet(
     with telling(console) as progress:
         progress(f"running {len(items)} machines", 0, 0)
         workers = min(os.cpu_count() or 1, len(items)) if executor is None else executor
+        if any(map(is_split, paths)):  # entries take about equally long: the first says how long all will
+            run_fleet(items[:1], folder, workers, table, static=static)
+            if words := time_words(items, workers if isinstance(workers, int) else None):
+                screen.say(console, words)
         found = run_fleet(items, folder, workers, table, static=static, progress=progress)
     written = [table, folder / PAGE]
     head, status = first_screen(found), _status(found)

@@ -217,7 +217,8 @@ def work_on(
 
     asked = RunFile(withheld=Withheld(every=0), **stated)
     with too_large(
-        "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples"
+        "--band LOW:HIGH keeps the frequency points between two frequencies in Hz, --first N the first N time samples, --entry"
+        ' OUTPUT,INPUT one entry (split = "entries" in a run file: each)'
     ):
         around.say("choosing modes and prior from the data")
         run, problem, _ = posed(asked, Measured(tuple(frequency), tuple(time)), around, reference=False)

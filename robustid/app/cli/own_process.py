@@ -122,7 +122,8 @@ class _Watch:
         if code == -_HEARD:  # before it could hear anything
             _stopped()
         if code < 0:
-            signal.signal(-code, signal.SIG_DFL)
+            with contextlib.suppress(OSError):  # of a kill, as where memory is short, nothing can be set
+                signal.signal(-code, signal.SIG_DFL)
             os.kill(os.getpid(), -code)
         os._exit(code if code >= 0 else 128 - code)
 

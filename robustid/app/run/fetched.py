@@ -28,7 +28,7 @@ def is_url(name: str) -> bool:
     return "://" in name
 
 
-def fetched(url: str, place: Path, progress: Progress) -> Path:
+def fetched(url: str, place: Path, progress: Progress | None) -> Path:
     """The copy of a run file, or of a folder with run files, in a folder of copies, with the files that they name.
 
     A file that is there already is fetched again only where the store has another version of it, or does not tell.
@@ -43,7 +43,8 @@ def fetched(url: str, place: Path, progress: Progress) -> Path:
         elif not (asked := sorted(one for one in store.ls(top, detail=False) if one.endswith(".toml"))):
             raise InputError(f"{url} is a folder without run files; give the address of one that holds some")
         for k, one in enumerate(asked):
-            progress("fetching the run files and what they name", k, len(asked))
+            if progress is not None:
+                progress("fetching the run files and what they name", k, len(asked))
             path = copies.of(one)
             if path is None and not folder:
                 raise InputError(f"{url}: there is no such file or folder; check the address")

@@ -13,6 +13,7 @@ from typing import Any
 
 from robustid.app.run.fleet_item import Item, Kept, failed, run_item
 from robustid.app.run.fleet_table import write_table
+from robustid.app.run.split import is_split, split_files
 from robustid.core import Interruptible, Progress, Workers
 from robustid.errors import InputError, SolverError
 from robustid.guarantees import Fleet, FleetRow, fleet_of
@@ -40,13 +41,17 @@ class Rows(Collection[FleetRow]):
 
 
 def items_of(paths: Sequence[Path], folder: Path, *, force: bool = False, static: bool = False) -> list[Item]:
-    """The machines of run files, or of folders with run files, named by these: by their folders too where names repeat."""
+    """The machines of run files, or of folders with run files, named by these: by their folders too where names repeat.
+
+    Of a run file with `split` each entry is one.
+    """
     files: list[Path] = []
     for path in paths:
         found = sorted(path.glob("*.toml")) if path.is_dir() else [path]
         if not found:
             raise InputError(f"{path} is a folder without run files; give NAME.toml, or a folder that holds some")
-        files += [one for one in found if one not in files]
+        for one in found:
+            files += [part for part in (split_files(one, folder) if is_split(one) else [one]) if part not in files]
     if missing := [path for path in files if not path.is_file()]:
         raise InputError(f"{missing[0]}: there is no such file; check the name and the folder")
     names = [path.stem for path in files]

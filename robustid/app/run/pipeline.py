@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from robustid.app.run.checks import Option, options, refuse_unknown, too_large
 from robustid.app.run.class_settings import prior_keys
+from robustid.app.run.fetched import fetched, is_url
 from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.members import run_members
 from robustid.app.run.modes import stated_modes
@@ -194,7 +195,8 @@ def run(
     Parameters
     ----------
     path : path
-        The run file, TOML: see ``robustid run --help`` for a file with every section. Names in it are seen from its folder.
+        The run file, TOML: see ``robustid run --help`` for a file with every section. Names in it are seen from its folder. Also
+        an address (``s3://...``), which fsspec opens; it and what it names are copied to FOLDER-inputs.
     folder : path
         For the results; new, or empty.
     resume : bool
@@ -232,12 +234,21 @@ def run(
     >>> again.identification.margin == result.identification.margin
     True
     """
-    path, folder = Path(path), Path(folder)
+    told, folder = as_function("progress", progress), Path(folder)
+    if is_url(os.fspath(path)):
+        path = fetched(os.fspath(path), Path(f"{folder}-inputs"), told)
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path} is a folder, of several runs; on the command line: robustid run {path.name}")
     resume, force, static = (as_flag(*one) for one in (("resume", resume), ("force", force), ("static", static)))
     asked = read_run_file(path)
+    if asked.split is not None:
+        raise InputError(
+            f"{path.name}: split asks for a run of every entry; on the command line: robustid run {path.name}"
+        )
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume, static)
-    told, budget = as_function("progress", progress), Budget(asked.time_limit)
+    budget = Budget(asked.time_limit)
     around = Surroundings(told, kept, executor, budget=budget)
     around.say(f"{asked.time_limit:g} s for all of it (time_limit)")
     with around.stops.listening():
@@ -261,7 +272,10 @@ def _result(
     place, stated = (path.parent, asked) if before is None else (folder, before)
     stated, data = measured(stated, place, around)
     kept.open(force)
-    with too_large("band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]"):
+    with too_large(
+        "band_hz = [low, high], or every = 2 or more, in [frequency_points]; start and stop in [[record]]; entry = [output, input],"
+        ' or split = "entries" for a run of each'
+    ):
         found = from_data(stated.moved(place, folder), data, around)
     undoing = in_run_file(asked, str(path), again, data, found.identification.problem.placed_faults)
     return dataclasses.replace(found, undoing=undoing)

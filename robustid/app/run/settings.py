@@ -357,6 +357,11 @@ class General:
         text=output_input,
         metavar="OUTPUT,INPUT",
     )
+    split: str | None = key(
+        text(("entries",)),
+        help='"entries": a run of its own for every entry of a MIMO response, as of several machines: for a matrix that is too'
+        " large for one problem.",
+    )
 
 
 LISTS: dict[str, type[DataclassInstance]] = {
