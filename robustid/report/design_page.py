@@ -125,7 +125,7 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
         *(_open_loop(design) if single else []),
         Heading("The controller"),
         *_controller(design, single),
-        *(steps_section(design) if single else []),
+        *steps_section(design),
         Heading("Peaks and margins", guarantee=True),
         *_margins(design),
         Heading("What it stands on"),
