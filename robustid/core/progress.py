@@ -7,16 +7,18 @@ import dataclasses
 import math
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextvars import ContextVar
 from types import TracebackType
 
+from robustid.core.choice import Choice, Source
 from robustid.core.validation import as_function, as_positive
 
 Progress = Callable[
     [str, int, int], None
 ]  # (text, done, count): what is done, how much of how much; count 0: not counted
 
+_LEFT_OUT = "unfinished"  # name among the choices
 _OFTEN = 0.1  # seconds between two writings of the line
 _WORTH_SAYING = 2.0  # seconds that are left
 
@@ -136,12 +138,24 @@ def something_is_kept() -> bool:
 class Unfinished:
     """Parts that a run has left out: steps whose time was over, which end with their best so far, or that Ctrl-C ended.
 
-    `resumable` says whether what is finished is kept where the same run finds it again.
+    `resumable` says whether what is finished is kept where the same run finds it again, `run` in words what ended.
     """
 
     steps: tuple[str, ...]
     interrupted: bool
     resumable: bool = False
+    run: str = "it"
+
+    @staticmethod
+    def of(choices: Mapping[str, Choice]) -> Unfinished | None:
+        """What a result keeps of the run that found it; None of a run that came to its end."""
+        found = choices.get(_LEFT_OUT)
+        return None if found is None else found.value
+
+    def kept(self, run: str) -> dict[str, Choice]:
+        """What a result keeps among its choices, for pages that are drawn from its file."""
+        left_out = dataclasses.replace(self, run=run)
+        return {_LEFT_OUT: Choice(left_out, Source.STOPPED, left_out.sentence)}
 
     @property
     def word(self) -> str:
@@ -154,7 +168,7 @@ class Unfinished:
         late = f"the time was over in: {'; '.join(self.steps)}" if self.steps else ""
         if self.interrupted:
             start = (
-                "Ctrl-C ended it before its end: what stands here was found by then, and holds"
+                f"Ctrl-C ended {self.run} before its end: what stands here was found by then, and holds"
                 + f"; {late}" * bool(late)
             )
             again = (

@@ -23,7 +23,7 @@ from robustid._version import __version__
 from robustid.core.choice import Choice, Source
 from robustid.core.description import Arrays, Record, digest, form_of, stored
 from robustid.core.files import atomic_write
-from robustid.core.progress import Progress
+from robustid.core.progress import Progress, Unfinished
 from robustid.core.state_space import StateMatrices
 from robustid.core.validation import Signal, as_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -239,4 +239,4 @@ def part(arrays: Arrays, prefix: str) -> Arrays:
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
 
 
-stored(Choice, Source, Signal, StateMatrices)
+stored(Choice, Source, Signal, StateMatrices, Unfinished)

@@ -217,11 +217,11 @@ class WorstCaseError(WorstCase, Tabular):
 
     @property
     def unfinished(self) -> str:
-        """Sentence on what the time limit has left out; empty where nothing is missing."""
+        """Sentence on what the time limit, or Ctrl-C, has left out; empty where nothing is missing."""
         if not self.missing.size:
             return ""
         count = f"{self.omega.size} of {self.omega.size + self.missing.size}"
-        return f"The time limit ended the sweep: {count} frequencies are bounded, nothing is said of the others."
+        return f"Its time limit, or Ctrl-C, ended the sweep: {count} frequencies are bounded, nothing is said of the others."
 
     def __repr__(self) -> str:
         return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robustid.core import Unfinished
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.identification import Identification, Residual
 from robustid.report.document import Block, Code, Column, Facts, Heading, Table, Text
@@ -41,7 +42,7 @@ def assumptions_section(identification: Identification) -> list[Block]:
 
 def chosen(identification: Identification, *, details: bool = True) -> list[Block]:
     """Choices of the program, with their reasons, and with the numbers behind them."""
-    choices = identification.choices.values()
+    choices = [one for one in identification.choices.values() if not isinstance(one.value, Unfinished)]
     if not choices:
         return []
     return [Heading(CHOSEN, 3), *(Code(choice.note if details else choice.reason) for choice in choices)]

@@ -11,6 +11,7 @@ from robustid.controllers import ControllerDesign, DesignStatus
 from robustid.errors import Status
 from robustid.guarantees import Band, WorstCaseError
 from robustid.identification import Identification, fit_percent
+from robustid.report.assumptions import chosen
 from robustid.report.charts import Chart, first_panel
 from robustid.report.data_faults import steps_with_faults
 from robustid.report.document import Glance, Text
@@ -82,8 +83,8 @@ def glance(
 
 def _not_covered(identification: Identification, bound: Bounded | Band) -> str:
     """Say for what the guarantee does not hold."""
-    chosen = ", which was chosen from these data" if identification.choices else ""
-    found = [f"a machine outside the class{chosen}", "samples with errors above their bounds"]
+    which = ", which was chosen from these data" if chosen(identification) else ""
+    found = [f"a machine outside the class{which}", "samples with errors above their bounds"]
     if identification.problem.parametric is not None and (
         isinstance(bound, WorstCaseError) or getattr(bound, "box", None) is None
     ):

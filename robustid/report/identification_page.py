@@ -71,8 +71,16 @@ def _head(identification: Identification, title: str | None, parts: Parts, *, dr
         body=[],
         foot=_foot(identification),
         glance=glance(identification, margin_interval(identification), parts, advice, drawn=drawn),
-        notice=unfinished_notice(parts.get("unfinished")),
+        notice=_left_out(identification, parts),
     )
+
+
+def _left_out(identification: Identification, parts: Parts) -> Text | None:
+    """Words that come first where the run, the one that its file is of, or the sweep of frequencies ended before its end."""
+    found, error = parts.get("unfinished") or Unfinished.of(identification.choices), parts.get("worst_case")
+    if found is None and error is not None and error.missing.size:
+        return Text(error.unfinished, "warning", "unfinished", head="Unfinished")
+    return unfinished_notice(found)
 
 
 def identification_page(identification: Identification, title: str | None, parts: Parts) -> Document:
@@ -171,7 +179,7 @@ def identification_summary(
     identification: Identification, reduction: Reduction | None = None, unfinished: Unfinished | None = None
 ) -> list[Block]:
     """Build the summary at the terminal."""
-    notice = unfinished_notice(unfinished)
+    notice = unfinished_notice(unfinished or Unfinished.of(identification.choices))
     active = active_table(identification, refuted(identification))
     modes = modes_table(identification)
     return [

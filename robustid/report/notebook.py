@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Unpack
 
-from robustid.core import hz_span
+from robustid.core import Unfinished, hz_span
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.fitting import MatrixFraction
 from robustid.guarantees import WorstCaseError, WorstCaseOverPoles
@@ -68,7 +68,8 @@ def _identified(identification: Identification, **parts: Unpack[Parts]) -> Docum
     steps = [Text(step.text) for step in shown.next]
     said = identification_verdict(identification, parts.get("reduction"))
     found = _first_screen(said, Glance(shown.numbers, shown.words, next=steps), problem_verdict(identification.problem))
-    return dataclasses.replace(found, notice=unfinished_notice(parts.get("unfinished")))
+    left_out = parts.get("unfinished") or Unfinished.of(identification.choices)
+    return dataclasses.replace(found, notice=unfinished_notice(left_out))
 
 
 def _signals(data: FrequencyResponse | TimeRecord) -> tuple[str, str]:

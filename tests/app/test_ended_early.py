@@ -1,9 +1,11 @@
 """Runs that end before their end: a Ctrl-C that a loop keeps back, and time that is over; the first line says so."""
 
+import dataclasses
 import html
 import re
 import time
 
+import numpy as np
 import pytest
 
 import robustid as rid
@@ -11,7 +13,7 @@ from robustid.advice import kept_gains
 from robustid.advice.smallest_gain import smallest_gain
 from robustid.app.cli import screen
 from robustid.app.run import sequence
-from robustid.core import Budget, Interruptible, Stops
+from robustid.core import Budget, Interruptible, Stops, Unfinished
 from support.command_line import CLASS, COMMAND
 from support.run_files import CLASS as STATED
 from support.run_files import DATA, QUICK, ask
@@ -61,8 +63,46 @@ def test_an_interrupted_command_exits_with_130_and_leaves_its_page_to_another(fi
     assert not (files / "first.html").exists()  # nobody waits for a drawing after Ctrl-C
     monkeypatch.setattr(screen, "told", told)
     assert "next, the page, which Ctrl-C has left out: robustid report first -o first.html" in words
-    assert run(["report", "first", "-o", "first.html"])[0] == 0
-    assert "Consistent" in (files / "first.html").read_text(encoding="utf-8")
+    code, out, err = run(["report", "first", "--no-reduce", "-o", "first.html"])
+    said = "Interrupted: Ctrl-C ended the identification before its end: what stands here was found by then"
+    assert code == 0
+    assert said in " ".join(out.split())
+    before, after = first_screen(files / "first.html")
+    assert said in " ".join(before.split())
+    assert "Consistent" in after
+    again = rid.load("first")
+    assert again.choices["unfinished"].value == Unfinished((), True, run="the identification")
+    again.save("copied")  # and it stays with what is kept
+    assert run(["report", "copied", "--no-reduce", "-o", "copied.html"])[0] == 0
+    assert said in " ".join(first_screen(files / "copied.html")[0].split())
+
+
+def test_ctrl_c_while_the_page_is_drawn_loses_the_page_alone(files, run, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as use:
+        use.setattr("robustid.report.render_report", stop)
+        code, out, err = run([*COMMAND, *CLASS, "-o", "drawn", "--no-reduce", "--report", "drawn.html"])
+    assert code == 130
+    assert "next, the page, which Ctrl-C has left out: robustid report drawn -o drawn.html" in " ".join(
+        (out + err).split()
+    )
+    assert not (files / "drawn.html").exists()
+    assert run(["report", "drawn", "--no-reduce", "-o", "drawn.html"])[0] == 0
+    before, _ = first_screen(files / "drawn.html")
+    assert "Interrupted" not in before  # the identification came to its end
+
+
+def test_a_sweep_that_ended_before_its_end_says_so_first(files, run):
+    assert run([*COMMAND, *CLASS, "-o", "swept", "--no-reduce"])[0] == 0
+    result = rid.load("swept")
+    error = rid.worst_case_error(result, omega=[10.0, 20.0, 30.0], directions=3)
+    rid.write_report(result, "whole.html", worst_case=error)
+    assert "unfinished" not in first_screen(files / "whole.html")[0].lower()
+    rid.write_report(result, "part.html", worst_case=dataclasses.replace(error, missing=np.array([40.0])))
+    before, _ = first_screen(files / "part.html")
+    assert "Unfinished: Its time limit, or Ctrl-C, ended the sweep: 3 of 4 frequencies are bounded" in before
 
 
 def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):

@@ -258,15 +258,23 @@ def conclude(
     title: str | None = None,
 ) -> Path | None:
     """Render everything; only then write, and show what was found; the page, None where Ctrl-C has left it out."""
+    from robustid.core import Interruptible, was_interrupted
     from robustid.report import first_screen, render_report
 
-    result, undoing = work.identification, work.undoing
+    result, undoing, page = work.identification, work.undoing, None
+    with Interruptible():  # Ctrl-C while it is drawn loses the page alone
+        page = (
+            None
+            if report is None or was_interrupted()
+            else render_report(result, title=title, static=static, **work.parts)
+        )
     report, shown = screen.page_in_time(report, [written_files.stem(output)], steps)
     if shown is not steps:  # the page first: it says what else is to be done
         steps, undoing = shown, None
-    page = None if report is None else render_report(result, title=title, static=static, **work.parts)
     head = first_screen(result, **work.parts)
-    result.save(output)
+    left_out = work.around.unfinished
+    kept = {} if left_out is None else left_out.kept("the identification")  # for pages that its file is drawn on
+    dataclasses.replace(result, choices=result.choices | kept).save(output)
     if work.looped is not None:
         work.looped.save(written_files.beside(output, "-loop"))
     written_files.write_page(report, page)

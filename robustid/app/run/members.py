@@ -190,8 +190,8 @@ def _united(
         one.on_circle(asked.rtol, executor=spread["executor"], progress=spread["progress"])
     if one.omega.size < omega.size:
         said.append(
-            f"The time limit ended the sweep: {one.omega.size} of {omega.size} frequencies are bounded for all members, nothing is"
-            " said of the others."
+            f"The time limit, or Ctrl-C, ended the sweep: {one.omega.size} of {omega.size} frequencies are bounded for all members,"
+            " nothing is said of the others."
         )
     seen = {name: c for name, mine in left.items() if (c := compared(one, mine.withheld, mine.kind)) is not None}
     judged = [f"{name}: {words}" for name, c in seen.items() for words in c.sentences]
