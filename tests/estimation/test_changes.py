@@ -8,7 +8,9 @@ from robustid.estimation.frf import response_alone
 from support.fault_judge import CATALOGUE
 from support.fault_plants import SIMULATED, recipes, records, simulated
 
-LEFT = 0.2  # of the responses: .05 is promised, 5 of 56 random ones were measured, nearly all before halves were compared
+LEFT = (
+    0.2  # of the responses: .05 is promised, 5 of 56 random ones were measured, nearly all before halves were compared
+)
 WIDENED = 0.02  # of clean responses
 
 
