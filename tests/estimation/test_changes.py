@@ -5,6 +5,7 @@ import pytest
 
 from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.frf import response_alone
+from support.cases import slow
 from support.fault_judge import CATALOGUE
 from support.fault_plants import SIMULATED, recipes, records, simulated
 
@@ -20,10 +21,15 @@ def distance(frf, plant):
     return float(np.max(np.abs(frf.values - truth) / frf.bound.radius))
 
 
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(100, 140), marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["another plant", "varying plant"])
-@pytest.mark.parametrize("kind", ["periodic", "random"])
-def test_the_bound_holds_the_plant_that_half_of_the_measurements_are_of(name, kind, seeds):
+QUICK = [("periodic", "varying plant", range(1)), ("random", "another plant", range(1))]
+FULL = [
+    (kind, f"{which} plant", range(100, 140)) for kind in ("periodic", "random") for which in ("another", "varying")
+]
+CLEAN = [(("stage", "heater"), range(1)), slow(SIMULATED, range(1000, 1200))]
+
+
+@pytest.mark.parametrize(("kind", "name", "seeds"), [*QUICK, *(slow(*each) for each in FULL)])
+def test_the_bound_holds_the_plant_that_half_of_the_measurements_are_of(kind, name, seeds):
     """A heater 1 % faster in the other half: silent, the bounds were left by up to 1.8 times in most cases."""
     far = []
     for seed in seeds:
@@ -34,16 +40,16 @@ def test_the_bound_holds_the_plant_that_half_of_the_measurements_are_of(name, ki
     assert np.sum(np.array(far) > 1) <= LEFT * len(seeds), far
 
 
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1000, 1200), marks=pytest.mark.slow)])
-def test_bounds_of_clean_measurements_stay_as_they_are(seeds):
+@pytest.mark.parametrize(("plants", "seeds"), CLEAN)
+def test_bounds_of_clean_measurements_stay_as_they_are(plants, seeds):
     widened = []
     for seed in seeds:
-        for name in SIMULATED:
+        for name in plants:
             recipe, rng = recipes()[name], np.random.default_rng([seed, *map(ord, name)])
             for kind, period in (("periodic", recipe.period), ("random", None)):
                 found = response_alone(records(recipe, rng, kind=kind), period=period)
                 widened += [(name, kind, seed)] if CHANGED in found.note else []
-    assert len(widened) <= WIDENED * len(seeds) * len(SIMULATED) * 2, widened
+    assert len(widened) <= WIDENED * len(seeds) * len(plants) * 2, widened
 
 
 @pytest.mark.parametrize("dof", [3.0, 14.0])
