@@ -255,7 +255,10 @@ def seen_between(work: Work) -> None:
 def refined(work: Work) -> None:
     """The band around the model, kept, with what semidefinite programs add to it."""
     if work.band is not None:
-        found, ended = work.band.with_model(work.model), work.around.stops.interrupted  # by Ctrl-C: polygons take seconds
+        found, ended = (
+            work.band.with_model(work.model),
+            work.around.stops.interrupted,
+        )  # by Ctrl-C: polygons take seconds
         work.band = found if ended else refined_band(found, work.error, work.over_poles)
         work.around.folder.proved(work.band)
 
