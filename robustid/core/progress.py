@@ -148,12 +148,12 @@ class Unfinished:
 
     @staticmethod
     def of(choices: Mapping[str, Choice]) -> Unfinished | None:
-        """What a result keeps of the run that found it; None of a run that came to its end."""
+        """Return what a result keeps of the run that found it; None of a run that came to its end."""
         found = choices.get(_LEFT_OUT)
         return None if found is None else found.value
 
     def kept(self, run: str) -> dict[str, Choice]:
-        """What a result keeps among its choices, for pages that are drawn from its file."""
+        """Return what a result keeps among its choices, for pages that are drawn from its file."""
         left_out = dataclasses.replace(self, run=run)
         return {_LEFT_OUT: Choice(left_out, Source.STOPPED, left_out.sentence)}
 
