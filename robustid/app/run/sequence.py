@@ -320,11 +320,12 @@ def gridded(work: Work) -> None:
 def bounded(work: Work) -> None:
     """The error of every consistent system around the model, which is made small for matrices.
 
-    A stated limit of this step leaves one frequency at least; that of the run, and Ctrl-C, leave none if need be.
+    The limit of this step leaves one frequency at least; that of the run, and Ctrl-C, leave none if need be.
     """
     asked, result, around = work.run.worst_case, work.identification, work.around
     omega = default_grid(result.problem) if work.omega is None else work.omega
-    bounding = error_in_time if asked.time_limit is None or around.stops.interrupted else worst_case_error
+    ending = around.stops.interrupted or around.budget.left <= asked.time_limit
+    bounding = error_in_time if ending else worst_case_error
     counted = around.counted("bounding the error at every frequency")
     with around.step(f"bounding the error at {omega.size} frequencies", stated=asked.time_limit) as limit:
         how: Record = asked.arguments | counted | {"omega": omega, "known": work.band, "time_limit": limit}

@@ -82,7 +82,7 @@ def _halved(
         chosen.append(points)
         multipliers.append(c)
         bounds.append(support)
-    arcs, middle, between = (one[: len(bounds)] for one in (arcs, middle, between))
+    arcs, middle, between = arcs[: len(bounds)], middle[: len(bounds)], between[: len(bounds)]
     loose = between > _LOOSE * smallest_discs(corners_of_supports(np.array(bounds)))[1]
     at = arcs[loose] + 1
     first = arcs[loose] + np.arange(at.size)
