@@ -26,6 +26,7 @@ PEAK = 2.0
 CORNER_HZ = 100  # of the low-pass of every axis
 GAIN_BOUND, DECAY_RATE = 2e-5, 1.1  # metres per volt: what the modes leave
 ROOM = 1.3  # of the bounds: at the estimated poles single entries need 1.25
+WIDE = 10  # from the least to the largest damping: such a mode is left to the class, for its box would leave its range open
 BELOW_HZ, EVERY = (20, 2995), 6  # frequency points used
 
 
@@ -34,7 +35,8 @@ def banded():
     records = rid.datasets.load("fsm/train")
     lines = rid.estimate_frf(records, period=PERIOD).select(slice(1, None, 8))
     modes = rid.suggest_kautz(lines)
-    inside = modes.omega < TWO_PI * 2900  # the data end at 3 kHz
+    low, high = modes.damping_interval.T
+    inside = (modes.omega < TWO_PI * 2900) & (high < WIDE * low)  # the data end at 3 kHz
     box = modes.omega_interval[inside], modes.damping_interval[inside]
     smooth = rid.estimate_frf(mirror_records("train"), method="local").band(*BELOW_HZ).select(slice(None, None, EVERY))
     problem = rid.MixedProblem(

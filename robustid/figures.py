@@ -48,6 +48,6 @@ def led_on(thing: object, name: str) -> str:
 
 def head(result: object) -> str | None:
     """Head of the page about a result, for notebooks; None where it has none."""
-    return importlib.import_module("robustid.report.pages").notebook_head(
+    return importlib.import_module("robustid.report.notebook").notebook_head(
         result
     )  # no room imports one that stands after it

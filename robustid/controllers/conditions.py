@@ -41,6 +41,9 @@ _LEAST = 1e-12  # of the radius of a disc: nearer to zero it holds zero
 _TURNED = math.pi / 3  # phase of a delay, beyond which |L| is kept below 1 instead
 
 
+Indices = NDArray[np.intp]
+
+
 class Discs(NamedTuple):
     """Values of all consistent plants at frequencies: centres (F, ny, nu), radii (F,) and units of the inputs (F, nu).
 
@@ -122,7 +125,7 @@ class Conditions(NamedTuple):
     """
 
     name: str
-    place: NDArray[np.intp]  # frequency of every one
+    place: Indices  # frequency of every one
     a: Complex  # (N, p, q)
     b: Complex  # (N, p, nu)
     q: Real  # (N, k, nu): diagonals of Q_k
@@ -139,48 +142,56 @@ class Conditions(NamedTuple):
 
     def excess(self, values: Complex) -> Real:
         """Distance to the limit of each: negative where it is not kept."""
-        X, taken = self.at(values)
-        if self.inside:
-            if X.shape[1:] == (1, 1):
-                return self.w - np.abs(X[:, 0] + self.moved * values[self.place, 0]).max(axis=1) - taken
-            return self.w - norms(X) - taken
-        if X.shape[1:] == (1, 1):
-            return self._from_polygon(X, values)[0] - taken - self.w
-        return np.linalg.svd(X, compute_uv=False)[:, -1] - taken - self.w
-
-    def ahead(self, values: Complex, turn: Complex) -> Real:
-        """Distance to the limit of each, measured along given directions (N, p, p): at most `excess`, and that along the best."""
-        if self.inside:
-            return self.excess(values)
-        X, taken = self.at(values)
-        if X.shape[1:] == (1, 1):
-            back, moves = turn[:, 0].conj(), self.moved * values[self.place, 0]
-            farthest = np.real(back * X[:, 0] + back * moves).min(axis=1) - np.real(back * self.corners).max(axis=1)
-            return farthest - taken - self.w
-        turned = turn.conj().swapaxes(1, 2) @ X
-        return np.linalg.eigvalsh((turned + turned.conj().swapaxes(1, 2)) / 2)[:, 0] - taken - self.w
-
-    def of(self, which: NDArray[np.bool_]) -> Conditions:
-        """Some of them."""
-        own = {name: getattr(self, name)[which] for name in ("place", "a", "b", "q", "w")}
-        shapes = {
-            name: value[which] if len(value := getattr(self, name)) > 1 else value for name in ("corners", "moved")
-        }
-        return self._replace(**own, **shapes)
+        return self.judged(values)[0]
 
     def directions(self, values: Complex) -> Complex:
         """Unit numbers that point from the polygon to where C is; of matrices the unitary factor U of the polar form, (N, p, p)."""
-        X, _ = self.at(values)
+        return self.judged(values)[1]
+
+    def judged(self, values: Complex) -> tuple[Real, Complex]:
+        """Both of them; inside there are no directions, and 1 stands for them."""
+        X, taken = self.at(values)
+        single = X.shape[1:] == (1, 1)
+        if self.inside:
+            size = np.abs(X[:, 0] + self.moved * values[self.place, 0]).max(axis=1) if single else norms(X)
+            return self.w - size - taken, np.broadcast_to(np.eye(X.shape[1], dtype=complex), X.shape)
+        if single:
+            away, turn = self._from_polygon(X, values)
+            return away - taken - self.w, turn[:, None, None]
+        left, sizes, right = np.linalg.svd(X)
+        return sizes[:, -1] - taken - self.w, left @ right
+
+    def ahead(self, values: Complex, turn: Complex) -> Real:
+        """Distance to the limit of each, measured along given directions (N, p, p): at most `excess`, and that along the best."""
+        return self.at_corners(values, turn).min(axis=1)
+
+    def at_corners(self, values: Complex, turn: Complex) -> Real:
+        """The same for b at each of its corners, (N, V)."""
+        X, taken = self.at(values)
         if X.shape[1:] == (1, 1):
-            return self._from_polygon(X, values)[1][:, None, None]
-        left, _, right = np.linalg.svd(X)
-        return left @ right
+            every = X[:, 0] + self.moved * values[self.place, 0]
+            if self.inside:
+                return (self.w - taken)[:, None] - np.abs(every)
+            back = turn[:, 0].conj()
+            return np.real(back * every) - (np.real(back * self.corners).max(axis=1) + taken + self.w)[:, None]
+        if self.inside:
+            return self.excess(values)[:, None]
+        turned = turn.conj().swapaxes(1, 2) @ X
+        return np.linalg.eigvalsh((turned + turned.conj().swapaxes(1, 2)) / 2)[:, :1] - (taken + self.w)[:, None]
+
+    def with_corner(self, row: Indices, corner: Indices) -> Conditions:
+        """Some of them, each with b at one of its corners."""
+        moved = np.broadcast_to(self.moved, (self.place.size, self.moved.shape[1]))[row, corner, None, None]
+        own = {name: getattr(self, name)[row] for name in ("place", "a", "q", "w")}
+        shapes = self.corners[row] if len(self.corners) > 1 else self.corners
+        return self._replace(**own, b=self.b[row] + moved, corners=shapes, moved=np.zeros((1, 1), complex))
 
     def _from_polygon(self, X: Complex, values: Complex) -> tuple[Real, Complex]:
         """Distances of the hulls of ``X + v C`` from the polygons, and the directions away: that of X from all differences."""
         shapes = self.corners
         if self.moved.shape[1] > 1:
-            shapes = _sums(shapes, -self.moved * values[self.place, 0])
+            moved = -self.moved * values[self.place, 0]
+            shapes = _sums(shapes, moved) if shapes.shape[1] > 1 else shapes + moved
         return _distance(X[:, 0, 0], shapes)
 
 

@@ -277,7 +277,7 @@ class At:
             return all(one.is_stable_with(controller) for one in self.task.plants)
 
         for values in self._starts(discs, limits, near):
-            factors = found_for(question, question.directions(values), accepted, centred=centred, go_on=self.task.go_on)
+            factors = found_for(question, values, accepted, centred=centred, go_on=self.task.go_on)
             if factors is not None:
                 found = Found(self.at, level, self.basis.controller(self.back @ factors))
                 self.task.heard(found)

@@ -105,7 +105,8 @@ class Plants:
 
     def grid(self) -> Real:
         """Frequencies to begin with: spread, and closer where a column of the plant changes fast."""
-        edges = self.band.circle.edges
+        edges, sets = self.band.circle.edges, self.band.circle.sets
+        _check_bounded(edges[:-1], np.minimum(sets.bound, sets.radius).max(axis=(1, 2)))
         known = edges[(edges > 0) & np.isfinite(edges)]
         low = max(float(known[0]), float(self.band.omega[self.band.omega > 0].min()) / _BELOW)
         top = math.pi / self.dt if self.dt else float(known[-1])
@@ -132,17 +133,14 @@ class Plants:
             if nu > 1:  # every input in the unit of its own bounds
                 units = np.linalg.norm(bound, axis=1)
                 units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
-            found = Discs.of(omega, centre, norm_of_bounds(bound / units[:, None]), units)
+            with np.errstate(invalid="ignore"):  # where nothing is known
+                reach = norm_of_bounds(bound / units[:, None])
+            found = Discs.of(omega, centre, reach, units)
         else:
             values = LoopValues.at(self._response.at(points_of(omega, self.dt)), self.loop.shape)
             every = [balls["process_sensitivity"] for balls in values.over(errors)]
             found = Discs.of(omega, *functools.reduce(Balls.or_narrower, every), units)
-        if not np.all(np.isfinite(found.radius)):
-            first = float(omega[np.argmin(np.isfinite(found.radius))])
-            raise InputError(
-                f"`bands` must be bounded at every frequency; at {first:.5g} rad/s nothing is known of the plant. Measure there, or"
-                " state a class that is bounded there"
-            )
+        _check_bounded(omega, found.radius)
         return found
 
     def running(self, omega: Real) -> Complex:
@@ -195,6 +193,16 @@ class Plants:
             if one >= found.get(template.name, (0.0, 0.0))[0]:
                 found[template.name] = one, where
         return found
+
+
+def _check_bounded(omega: Real, size: Real) -> None:
+    """Refuse plants of which nothing is known at a frequency."""
+    if not np.all(np.isfinite(size)):
+        first = float(omega[np.argmin(np.isfinite(size))])
+        raise InputError(
+            f"`bands` must be bounded at every frequency; at {first:.5g} rad/s nothing is known of the plant. Measure there, or"
+            " state a class that is bounded there"
+        )
 
 
 def _of_one_entry(omega: Real, model: Complex, errors: ErrorSets) -> Discs:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import clarabel
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 
+from robustid.controllers.conditions import Indices
 from robustid.core import Complex, Real
 
 _TOLERANCE = 1e-6  # of the solver: what it finds is judged by its numbers
 _SMALL = 1e-10  # weight of the size of the factors, which makes them unique
 
-Indices = NDArray[np.intp]
 Helper = tuple[Indices, Real]  # numbers of helpers, one to a cone (N,), and their factors (N,)
 
 
@@ -130,7 +130,8 @@ class Program:
         found: list[Helper] = []
         for k in range(q.shape[1]):
             keys = [(int(at), row.tobytes()) for at, row in zip(place, q[:, k], strict=True)]
-            new = np.array([n for n, key in enumerate(keys) if key not in self._norms], dtype=int)
+            first = {key: n for n, key in reversed(list(enumerate(keys))) if key not in self._norms}
+            new = np.array(sorted(first.values()), dtype=int)
             values = functions.at(new).scaled(q[new, k])
             units = np.maximum(np.abs(values).max(axis=(1, 2, 3), initial=0.0), np.finfo(float).tiny)
             for n, index, unit in zip(new, self.helpers(new.size), units.tolist(), strict=True):
@@ -182,13 +183,18 @@ class Program:
         settings.verbose = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
         settings.chordal_decomposition_enable = False  # many small cones: parts of them are no gain
-        one = np.minimum(np.arange(self.size + 1), m)  # a diagonal, of the factors alone
-        weight = scipy.sparse.csc_matrix((np.full(m, _SMALL), np.arange(m), one), shape=(self.size, self.size))
         goal = np.zeros(self.size)
         goal[m] = -1.0
-        solver = clarabel.DefaultSolver(weight, goal, matrix, np.concatenate(constants), cones, settings)
+        solver = clarabel.DefaultSolver(_weight(m, self.size), goal, matrix, np.concatenate(constants), cones, settings)
         found = np.asarray(solver.solve().x, dtype=float)[: m + 1]
         return (found[:m], float(found[m])) if np.all(np.isfinite(found)) else None
+
+
+@functools.lru_cache(maxsize=16)
+def _weight(count: int, size: int) -> scipy.sparse.csc_matrix:
+    """A diagonal, of the factors alone."""
+    one = np.minimum(np.arange(size + 1), count)
+    return scipy.sparse.csc_matrix((np.full(count, _SMALL), np.arange(count), one), shape=(size, size))
 
 
 def _sparse(matrix: Real) -> scipy.sparse.csc_matrix:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.controllers.conditions import Conditions
-from robustid.controllers.program import Functions, Indices, Program
+from robustid.controllers.program import Functions, Program
 from robustid.core import Complex, Real
 
 _ROUNDS = 25  # of new directions
@@ -31,6 +31,7 @@ _NEAR = 3e-3  # of slack: how far below a program's the other conditions may be,
 _EVERY = 5  # conditions, one of which a program begins with
 
 Directions = list[Complex]
+Asked = NDArray[np.bool_]  # (N, V): conditions with a corner
 
 
 class Question(NamedTuple):
@@ -53,16 +54,17 @@ class Question(NamedTuple):
         for one in self.conditions:
             yield one, _units(one)
 
-    def slack(self, factors: Real) -> float:
-        """The least slack of all conditions, each in its unit: not negative where all are kept, whatever the directions."""
-        values = self.values(factors)
-        least = min(
-            (float(np.min(one.excess(values) / _units(one))) for one in self.conditions if one.place.size), default=1
-        )
+    def judged(self, factors: Real) -> tuple[float, Directions]:
+        """The least slack of all conditions, each in its unit, not negative where all are kept; and the directions there."""
+        values, least, directions = self.values(factors), math.inf, Directions()
+        for one, unit in self.with_units():
+            excess, turn = one.judged(values)
+            least = min(least, float(np.min(excess / unit, initial=math.inf)))
+            directions.append(turn)
         if self.linear is not None:
             G, h = self.linear
             least = min(least, float(np.min((G @ factors - h) / np.maximum(np.abs(h), _UNIT))))
-        return least
+        return min(least, 1.0) if math.isinf(least) else least, directions
 
 
 def _units(one: Conditions) -> Real:
@@ -71,43 +73,48 @@ def _units(one: Conditions) -> Real:
 
 def found_for(
     question: Question,
-    start: Directions,
+    start: Complex,
     accepted: Callable[[Real], bool],
     *,
     centred: bool = False,
     go_on: Callable[[], None] = lambda: None,
 ) -> Real | None:
-    """Factors that keep all conditions and are accepted, from directions to begin with; None where the rounds end before.
+    """Factors that keep all conditions and are accepted, from values of C to begin with; None where the rounds end before.
 
     `centred`: not the first ones, but those of the largest slack that directions turn to. `go_on`: is called in every round.
     """
-    directions, before, best, asked = start, -math.inf, None, _spread(question)
+    before, best, directions = -math.inf, None, question.directions(start)
+    asked = _spread(question, start, directions)
     for _ in range(_ROUNDS):
         go_on()
         factors = _solved(question, directions, asked)
         if factors is None:
             break
-        slack = question.slack(factors)
+        slack, turned = question.judged(factors)
         if slack >= -_SPARE and accepted(factors):
             best = factors
             if not centred:
                 break
         if slack < before + _LITTLE * abs(before):
             break
-        before, directions = slack, question.directions(question.values(factors))
+        before, directions = slack, turned
     return best
 
 
-def _spread(question: Question) -> list[NDArray[np.bool_]]:
-    """Conditions that a program begins with: every so manieth, and the last."""
-    found = [np.arange(one.place.size) % _EVERY == 0 for one in question.conditions]
-    for one in found:
-        one[-1:] = True
+def _spread(question: Question, values: Complex, directions: Directions) -> list[Asked]:
+    """Conditions that a program begins with: every so manieth, and the last, at the corner that limits there."""
+    found = list[Asked]()
+    for one, turn in zip(question.conditions, directions, strict=True):
+        left = one.at_corners(values, turn)
+        some = np.arange(len(left)) % _EVERY == 0
+        some[-1:] = True
+        own: Asked = some[:, None] & (np.arange(int(left.shape[1])) == left.argmin(axis=1)[:, None])
+        found.append(own)
     return found
 
 
-def _solved(question: Question, directions: Directions, asked: list[NDArray[np.bool_]]) -> Real | None:
-    """The factors of the largest least slack for given directions, by the conditions that limit it.
+def _solved(question: Question, directions: Directions, asked: list[Asked]) -> Real | None:
+    """The factors of the largest least slack for given directions, by the conditions and corners that limit it.
 
     Those `asked`, and with them those that are least where a solution leaves others with less slack than its own.
     """
@@ -119,18 +126,20 @@ def _solved(question: Question, directions: Directions, asked: list[NDArray[np.b
         values, more = question.values(factors), False
         least = slack - _NEAR * abs(slack) - _SPARE
         for (one, unit), turn, own in zip(question.with_units(), directions, asked, strict=True):
-            left = one.ahead(values, turn) / unit
-            around = np.pad(left, 1, constant_values=np.inf)
-            new = (left < least) & (left <= around[:-2]) & (left <= around[2:]) & ~own
-            own |= new
-            more = more or bool(new.any())
+            every = one.at_corners(values, turn) / unit[:, None]
+            left, corner = every.min(axis=1), every.argmin(axis=1)
+            low = left < least
+            low[1:] &= left[1:] <= left[:-1]
+            low[:-1] &= left[:-1] <= left[1:]
+            new = np.flatnonzero(low)
+            new = new[~own[new, corner[new]]]
+            own[new, corner[new]] = True
+            more = more or new.size > 0
         if not more:
             return factors
 
 
-def _solved_some(
-    question: Question, directions: Directions, asked: list[NDArray[np.bool_]]
-) -> tuple[Real, float] | None:
+def _solved_some(question: Question, directions: Directions, asked: list[Asked]) -> tuple[Real, float] | None:
     m = question.basis.axes.shape[1]
     program = Program(m)
     program.not_negative(np.zeros((1, m)), np.array([-1.0]), np.array([_MOST]))
@@ -138,40 +147,26 @@ def _solved_some(
         G, h = question.linear
         program.not_negative(G, -np.maximum(np.abs(h), _UNIT), -h)
     for one, turn, own in zip(question.conditions, directions, asked, strict=True):
-        if own.any():
-            some = one.of(own)
-            _ask(program, some, turn[own], question.basis.at(some.place))
+        row, corner = np.nonzero(own)
+        if row.size:
+            some = one.with_corner(row, corner)
+            _ask(program, some, turn[row], question.basis.at(some.place))
     return program.solved()
 
 
 def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions) -> None:
-    """Add conditions for given directions."""
-    basis = functions.whole
-    unit, single = _units(one), one.a.shape[1:] == (1, 1)
+    """Add conditions with one corner each, for given directions."""
+    basis, unit = functions.whole, _units(one)
     if one.inside:  # |a + b C| <= w - unit t - sum |Q C|
-        helpers = program.norms(one.place, one.q, functions)
-        for some, moved in _corners(one):
-            values = np.einsum("npj,nmjq->nmpq", one.b[some] + moved, basis[some])
-            own = [(index[some], factor[some]) for index, factor in helpers]
-            program.norm(values, one.a[some], -unit[some], one.w[some], own)
+        values = np.einsum("npj,nmjq->nmpq", one.b, basis)
+        program.norm(values, one.a, -unit, one.w, program.norms(one.place, one.q, functions))
         return
     turned = turn.conj().swapaxes(1, 2)
-    if single:
+    if one.a.shape[1:] == (1, 1):
         turned, values = turned[:, 0], basis[:, :, 0, 0]
         fixed = np.real(turned[:, 0] * one.a[:, 0, 0]) - np.real(turned * one.corners).max(axis=1) - one.w
-        for some, moved in _corners(one):
-            ahead = np.real((turned[some] * (one.b[some] + moved)[:, 0]) * values[some])
-            program.hold(ahead, -unit[some], fixed[some], one.q[some, 0, 0, None] * values[some])
+        program.hold(np.real(turned * one.b[:, 0] * values), -unit, fixed, one.q[:, 0, 0, None] * values)
         return
     ahead = np.einsum("nrp,npj,nmjq->nmrq", turned, one.b, basis, optimize=True)
     fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[1])
     program.semidefinite(ahead, fixed, -unit, program.norms(one.place, one.q, functions))
-
-
-def _corners(one: Conditions) -> Iterator[tuple[Indices, Complex]]:
-    """Conditions with a further corner of what b may be, and the corners (N, 1, 1): none of a point twice."""
-    moved = np.broadcast_to(one.moved, (one.place.size, one.moved.shape[1]))
-    for k in range(moved.shape[1]):
-        some = np.flatnonzero(np.all(moved[:, :k] != moved[:, k : k + 1], axis=1))
-        if some.size:
-            yield some, moved[some, k, None, None]

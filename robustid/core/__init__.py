@@ -40,6 +40,7 @@ from robustid.core.progress import (
     Unfinished,
     pass_on,
     show_progress,
+    was_interrupted,
 )
 from robustid.core.rounding import rounded_down, rounded_up
 from robustid.core.state_space import (
@@ -182,6 +183,7 @@ __all__ = [
     "stored",
     "threads_for",
     "time_words",
+    "was_interrupted",
     "worker_pool",
     "written_by",
 ]

@@ -198,6 +198,11 @@ def pass_on(interrupted: bool) -> None:
         raise KeyboardInterrupt
 
 
+def was_interrupted() -> bool:
+    """Return whether a loop has kept a Ctrl-C back while somebody listens: whatever comes now is waited for."""
+    return any(one.interrupted for one in _LISTENING.get())
+
+
 class Pace:
     """The pace of something that is counted, from the first time that it is told."""
 

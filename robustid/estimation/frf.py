@@ -19,6 +19,7 @@ from robustid.estimation.record_faults import record_faults
 
 _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
+_STEP = ". A constant step from rest is data as it is: give it as samples (MixedProblem(time=record), or --time FILE)"
 
 
 @one_thread()
@@ -100,6 +101,10 @@ def estimate_frf(
     G and T of all lines first, by common poles, as many as shorten the description of the spectra; windows are about what these
     leave, and the covariance of both is added, which counts the same noise twice rather than leakage not at all. The light poles,
     four standard deviations on either side, are the `modes` of the response.
+
+    Halves are compared: of the periods (blocks scatter anyway), or of every record, and of the records. Where they differ by D,
+    beyond their noise at a level of 1e-3 for a whole entry, ``w (1 - w) |D|^2`` is added to the variance, w the weight of one half
+    in the mean: a plant that warms up, or another one in the next record. The note says so.
 
     With s^2 the estimated variance, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
     so that
@@ -208,6 +213,8 @@ def _refuse_dead(records: list[TimeRecord]) -> None:
             raise InputError(
                 f"`record`: input {channel.name} is constant ({records[0].u[0, k] + 0.0:.6g}): it excites nothing, and no"
                 " response to it can be estimated; leave that signal out, or take a part of the record in which it moves"
+                + _STEP
+                * all(r.initial == "rest" and r.u[0, k] != 0 for r in records)
             )
     for k, channel in enumerate(records[0].outputs):
         if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):

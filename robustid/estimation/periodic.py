@@ -9,8 +9,9 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
 from robustid.core import Real, as_array, as_count
-from robustid.data import Caveat, TimeRecord
+from robustid.data import Caveat, TimeRecord, stacked
 from robustid.errors import InputError, Remedy
+from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.distortion import detected
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.scatter import scattered
@@ -85,6 +86,7 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         drive, at_inputs, at_outputs = (whole[name][:, 0] for name in ("u" if r is None else "reference", "u", "y"))
         found = detected(drive, at_inputs, at_outputs, index, values, inverse[:, 0])
         scatter = scatter.with_distortion(found)
+    changes = _of_halves(left @ inverse[:, :, None])
     power = np.mean(np.abs(y) ** 2, axis=(2, 4)).mean(axis=1)
     rest = np.mean(np.abs(left) ** 2, axis=(2, 4)).mean(axis=1)
     rest *= blocks * periods / max(blocks * periods - 1, 1)
@@ -92,17 +94,30 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         index=index,
         step=2 * np.pi / (period * first.dt),
         values=values,
-        covariance=scatter.covariance,
+        covariance=scatter.covariance + changes[:, None, :] * np.eye(changes.shape[1]),
         dof=scatter.dof,
         coherence=np.clip(1 - rest / np.where(power > 0, power, 1), 0, 1),
         rounding=rounding,
-        source=f"{source}scatter over {scatter.words}{skipped}",
+        source=f"{source}scatter over {scatter.words}{skipped}{CHANGED if np.any(changes) else ''}",
         excitations=blocks,
         changing=scatter.changing,
         noise=scatter.noise,
         distortion=scatter.distortion,
         real=(2 * index) % period == 0,
     )
+
+
+def _of_halves(errors: np.ndarray) -> Real:
+    """Variances (F, ny nu) that the later half of the periods adds, of errors (F, B, P, ny, nu) of the response of each."""
+    blocks, half = errors.shape[1], errors.shape[2] // 2
+    if half < 2:
+        return np.zeros((len(errors), errors[0, 0, 0].size))
+    halves = np.stack([errors[:, :, :half], errors[:, :, -half:]])  # (2, F, B, half, ny, nu)
+    means = halves.mean(axis=3)
+    dof = 2.0 * blocks * (half - 1)
+    noise = np.sum(np.abs(halves - means[:, :, :, None]) ** 2, axis=(0, 2, 3)) / (dof * blocks * half)
+    first, last = means.mean(axis=2)
+    return stacked(added_variance(last - first, noise, noise, dof))
 
 
 def _response(

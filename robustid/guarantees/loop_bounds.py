@@ -355,9 +355,8 @@ def _without_controller(band: Band, controller: object) -> Loop:
     import control
 
     if controller is None:
-        raise InputError(
-            "`controller` is missing: of a plant in open loop (no `loop`) give the one that is to be tried"
-        )
+        words = "`controller` is missing: of a plant in open loop (no `loop`) give the one that is to be tried"
+        raise InputError(words)
     entries = band.problem.entries
     nothing = np.zeros((entries.inputs, entries.outputs))
     return Loop(control.StateSpace([], [], [], nothing, band.problem.dt or 0.0))

@@ -80,8 +80,8 @@ class StepTube(Frozen):
 
     @property
     def overshoot(self) -> float:
-        """Largest value of any consistent plant beyond a set point of 1, at least 0; of a load the largest size."""
-        if self.of == "load":
+        """Largest value of any consistent plant beyond a set point of 1, at least 0; of others and of a load the largest size."""
+        if self.of == "load" or self.entry[0] != self.entry[1]:
             return float(np.maximum(np.abs(self.lower), np.abs(self.upper)).max())
         return max(float(self.upper.max()) - 1.0, 0.0)
 

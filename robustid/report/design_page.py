@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import scipy.signal
 
-from robustid.controllers import ControllerDesign, DesignStatus, Limits, integral_gain
+from robustid.controllers import ControllerDesign, DesignStatus, Improvement, Limits, integral_gain
 from robustid.core import Complex, StateMatrices, response_at
 from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
@@ -61,13 +61,23 @@ _KEYS = {
 
 def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Document:
     """Build the page of a designed controller."""
-    given = parts.get("sensitivity")
-    improved = () if given is None else as_improvements(given)
+    improved, head = _improved(parts), design_head(design, title, parts)
+    body = design_blocks(design)
+    curves = next((block.chart for block in body if isinstance(block, Drawing)), None)
+    further = improvements_section(design, improved) if improved else []
+    return dataclasses.replace(
+        head,
+        body=[*body, *further, Heading("In plain text"), Code(design.summary())],
+        glance=dataclasses.replace(head.glance, chart=None if curves is None else first_panel(curves)),
+    )
+
+
+def design_head(design: ControllerDesign, title: str | None, parts: Parts) -> Document:
+    """Build the first screen of a designed controller, which is soon there, without its plot."""
+    improved = _improved(parts)
     if title is None and design.proofs:
         problem = design.proofs[0].band.problem
         title = heading("Controller", problem.inputs, problem.outputs)
-    body = design_blocks(design)
-    curves = next((block.chart for block in body if isinstance(block, Drawing)), None)
     return Document(
         title or "Controller",
         head=[
@@ -75,20 +85,19 @@ def design_page(design: ControllerDesign, title: str | None, parts: Parts) -> Do
             design_verdict(design),
             *checked_by_another(parts.get("independent")),
         ],
-        body=[
-            *body,
-            *(improvements_section(design, improved) if improved else []),
-            Heading("In plain text"),
-            Code(design.summary()),
-        ],
+        body=[],
         glance=Glance(
             numbers=_numbers(design),
             words=_words(design),
-            chart=None if curves is None else first_panel(curves),
             next=[*_next(design), *([Text(where)] if (where := where_to_measure(design, improved)) else [])],
             not_covered=NOT_IN_LOOP if design.status is DesignStatus.PROVED else "",
         ),
     )
+
+
+def _improved(parts: Parts) -> tuple[Improvement, ...]:
+    given = parts.get("sensitivity")
+    return () if given is None else as_improvements(given)
 
 
 def design_section(design: ControllerDesign) -> list[Block]:
@@ -116,7 +125,7 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
         *(_open_loop(design) if single else []),
         Heading("The controller"),
         *_controller(design, single),
-        *(steps_section(design) if single else []),
+        *steps_section(design),
         Heading("Peaks and margins", guarantee=True),
         *_margins(design),
         Heading("What it stands on"),

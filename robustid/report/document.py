@@ -270,7 +270,7 @@ def checked_by_another(proved: Mapping[str, bool] | None) -> list[Verdict]:
     word, not_proved = "Checked by another program", [name for name, holds in proved.items() if not holds]
     if not_proved:
         sentence = f"robustid-proof, which counts in exact integers, does not prove {' and '.join(not_proved)}."
-        return [Verdict("failed", "Not proved by another program", sentence, id="independent")]
+        return [Verdict("failed", "Not proved by another program", sentence, id="independent", ahead=True)]
     sentence = f"robustid-proof, which counts in exact integers, proves {' and '.join(proved)} too."
     return [Verdict("consistent", word, sentence, id="independent")]
 

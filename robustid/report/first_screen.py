@@ -70,7 +70,7 @@ def glance(
             *[("margin: factor on all bounds", margin)] * (identification.status is not Status.CONSISTENT),
         ],
         words=words,
-        chart=_chart(identification, parts),
+        chart=_chart(identification, parts) if drawn else None,
         next=steps_with_faults(
             identification.problem.placed_faults,
             parts.get("undoing"),

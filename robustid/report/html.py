@@ -154,7 +154,7 @@ def _json(value: object) -> str:
 
 def packed(text: str) -> str:
     """Pack text for a script element: deflated, as letters that can't end the element; a browser unpacks it."""
-    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
+    return base64.b64encode(zlib.compress(text.encode(), 6)).decode()
 
 
 @functools.cache

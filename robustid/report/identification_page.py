@@ -54,7 +54,11 @@ _AGAIN = "robustid run FILE -o FOLDER"
 
 
 def identification_head(identification: Identification, title: str | None, parts: Parts) -> Document:
-    """Build the first screen of an identification, which is soon there."""
+    """Build the first screen of an identification, which is soon there, without its plot."""
+    return _head(identification, title, parts, drawn=False)
+
+
+def _head(identification: Identification, title: str | None, parts: Parts, *, drawn: bool) -> Document:
     problem, diagnosis = identification.problem, parts.get("diagnosis")
     advice = [] if diagnosis is None else diagnosis.next_steps
     return Document(
@@ -66,7 +70,7 @@ def identification_head(identification: Identification, title: str | None, parts
         ],
         body=[],
         foot=_foot(identification),
-        glance=glance(identification, margin_interval(identification), parts, advice),
+        glance=glance(identification, margin_interval(identification), parts, advice, drawn=drawn),
         notice=unfinished_notice(parts.get("unfinished")),
     )
 
@@ -106,7 +110,7 @@ def identification_page(identification: Identification, title: str | None, parts
         *(map(_of_residual, own) if looped else own),
         *run_file_section(parts.get("run_file")),
     ]
-    return dataclasses.replace(identification_head(identification, title, parts), body=body)
+    return dataclasses.replace(_head(identification, title, parts, drawn=True), body=body)
 
 
 def _of_residual(block: Block) -> Block:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Unpack, cast
 
 from robustid.advice import CommonModes
 from robustid.controllers import ControllerDesign
-from robustid.core import Unfinished, as_flag, as_kind, atomic_write, hz_span
-from robustid.data import FrequencyResponse, TimeRecord
+from robustid.core import Unfinished, as_flag, as_kind, atomic_write
+from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
 from robustid.guarantees import (
@@ -21,17 +20,13 @@ from robustid.guarantees import (
     RobustStabilityMargin,
     StructuredWeight,
     Watch,
-    WorstCaseError,
-    WorstCaseOverPoles,
 )
 from robustid.identification import Comparison, Identification
 from robustid.report import html, with_rich
 from robustid.report.comparison_page import comparison_page
-from robustid.report.data_faults import problem_verdict
-from robustid.report.design_page import design_page
-from robustid.report.document import Code, Document, Glance, Text, Verdict, unfinished_notice
+from robustid.report.design_page import design_head, design_page
+from robustid.report.document import Document, Verdict
 from robustid.report.family_page import family_page
-from robustid.report.first_screen import glance
 from robustid.report.fit_page import fit_page, fit_summary, fit_verdict
 from robustid.report.fit_view import FitView
 from robustid.report.fleet_page import fleet_page
@@ -40,13 +35,12 @@ from robustid.report.identification_page import (
     identification_page,
     identification_summary,
     identification_verdict,
-    margin_interval,
 )
 from robustid.report.identified import Parts
 from robustid.report.interconnection_page import interconnection_page
 from robustid.report.loop_page import loop_page
 from robustid.report.response_charts import ResponseView
-from robustid.report.response_page import response_fault_verdict, response_page, response_summary, response_verdict
+from robustid.report.response_page import response_page, response_summary, response_verdict
 from robustid.report.setups_page import setups_page
 from robustid.report.stability import stability_summary, stability_verdict, weights_summary
 from robustid.report.watch_page import watch_page
@@ -207,10 +201,9 @@ def render_report(
 
 
 def first_screen(result: Shown, **parts: Unpack[Parts]) -> Document:
-    """Build the page of `write_report`, which names the parts, as far as its first screen needs it."""
-    if isinstance(result, Identification):
-        return identification_head(result, None, _given(parts))
-    build, _ = _PAGES[kind_of("result", result, _PAGES)]
+    """Build the page of `write_report`, which names the parts, as far as a terminal shows it: without plots that take long."""
+    kind = kind_of("result", result, _PAGES)
+    build = _HEADS.get(kind, _PAGES[kind][0])
     return build(result, None, _given(parts))
 
 
@@ -233,6 +226,7 @@ _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Watch: (watch_page, ()),
     Fleet: (fleet_page, ()),
 }
+_HEADS: dict[type, Callable[..., Document]] = {Identification: identification_head, ControllerDesign: design_head}
 
 
 def render_summary(
@@ -333,71 +327,3 @@ def refuse_foreign(result: object, given: Iterable[str], belonging: Iterable[str
     for name in given:
         if name not in belonging:
             raise InputTypeError(f"`{name}` doesn't belong to a {type(result).__name__}; leave it out")
-
-
-def notebook_head(result: object) -> str | None:
-    """Head of the page about a result as HTML; of what has no page, the first lines of its summary, or None."""
-    document = _head(result)
-    return None if document is None else html.render_head(document)
-
-
-def _head(result: object) -> Document | None:
-    if isinstance(result, Identification):
-        return _identified(result)
-    if isinstance(result, WorstCaseError):
-        return _identified(result.identification, worst_case=result)
-    if isinstance(result, WorstCaseOverPoles):
-        return _identified(result.identification, over_poles=result)
-    identification = getattr(result, "identification", None)
-    if isinstance(identification, Identification) and hasattr(result, "reduction"):
-        reduction, error = getattr(result, "reduction"), getattr(result, "error", None)  # noqa: B009 - any result of a run
-        left_out = getattr(result, "unfinished", None)
-        return _identified(identification, reduction=reduction, worst_case=error, unfinished=left_out)
-    if isinstance(result, MatrixFraction):
-        said = verdict(result)
-        return _first_screen(said, Glance(said.numbers))
-    if isinstance(result, FrequencyResponse):
-        low, high = result.freq_hz[[0, -1]]
-        size = ("frequency points", f"{result.omega.size}"), ("range", hz_span(low, high))
-        before = response_fault_verdict(ResponseView(result))
-        return _first_screen(verdict(result), Glance([*size, _signals(result), _sample_time(result.dt)]), before)
-    if isinstance(result, TimeRecord):
-        return _record(result)
-    summary = getattr(result, "summary", None)
-    return _listed(type(result).__name__, str(summary())) if callable(summary) else None
-
-
-def _first_screen(said: Verdict, glance: Glance, before: Sequence[Verdict] = ()) -> Document:
-    return Document("", head=[*before, said], body=[], glance=glance)
-
-
-def _identified(identification: Identification, **parts: Unpack[Parts]) -> Document:
-    margin = margin_interval(identification)
-    shown = glance(identification, margin, parts, drawn=False, bounding="rid.worst_case_error(result)")
-    steps = [Text(step.text) for step in shown.next]
-    said = identification_verdict(identification, parts.get("reduction"))
-    found = _first_screen(said, Glance(shown.numbers, shown.words, next=steps), problem_verdict(identification.problem))
-    return dataclasses.replace(found, notice=unfinished_notice(parts.get("unfinished")))
-
-
-def _signals(data: FrequencyResponse | TimeRecord) -> tuple[str, str]:
-    return "outputs × inputs", f"{len(data.outputs)} × {len(data.inputs)}"
-
-
-def _sample_time(dt: float | None) -> tuple[str, str]:
-    return "sample time", "continuous" if dt is None else f"{dt:.6g} s"
-
-
-def _record(record: TimeRecord) -> Document:
-    inputs, outputs = (", ".join(map(str, group)) for group in (record.inputs, record.outputs))
-    bound = "No bound on the errors." if record.bound is None else f"{record.bound.words(record.note)}."
-    sentence = f"{inputs} to {outputs}. {bound[0].upper()}{bound[1:]}"
-    said = Verdict("consistent" if record.bound is not None else "", "Time record", sentence)
-    numbers = [("samples", f"{len(record.u)}"), _sample_time(record.dt), _signals(record)]
-    return _first_screen(said, Glance([*numbers, ("before the first sample", record.initial)]))
-
-
-def _listed(name: str, summary: str) -> Document:
-    lines = summary.splitlines()
-    more = f"\n… {len(lines) - _LINES} more lines: print(result.summary())" if len(lines) > _LINES else ""
-    return Document(name, head=[], body=[Code("\n".join(lines[:_LINES]) + more)])

@@ -7,7 +7,7 @@ import pytest
 import robustid as rid
 from robustid.advice import suggest_kautz, suggest_prior
 from robustid.advice.pole_fit import LineData, told_apart, wanted_in_basis
-from robustid.advice.pole_interval import damped_outside
+from robustid.advice.pole_interval import _least_squares, damped_outside
 from robustid.advice.real_poles import over_decades
 from robustid.errors import InputTypeError
 from robustid.formats import datasets
@@ -306,3 +306,13 @@ def test_what_rises_towards_the_highest_points_is_a_choice_without_an_interval()
     (low, high), *_ = found.omega_interval[~far]
     assert low < 120 * np.pi < high
     assert "far above the frequency points" in found.reason
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(24, 5), (120, 16), (4, 9)])
+def test_least_squares_are_those_by_singular_values_of_dependent_columns_too(rows, columns):
+    rng = np.random.default_rng(rows)
+    for dependent in (False, True) * 10:
+        A, y = rng.standard_normal((rows, columns)), rng.standard_normal(rows)
+        if dependent:
+            A[:, -1] = A[:, 0]
+        np.testing.assert_allclose(_least_squares(A, y), np.linalg.lstsq(A, y, rcond=1e-12)[0], rtol=1e-9, atol=1e-11)

@@ -1,11 +1,14 @@
 """The guaranteed error against the assumptions, and the prior that makes it small."""
 
+import importlib
+
 import numpy as np
 import pytest
 
 import robustid as rid
 from robustid.advice.sensitivity import guaranteed
 from robustid.advice.smallest_gain import smallest_gain
+from robustid.core import Interruptible
 from support.structure import about_structure
 
 
@@ -76,3 +79,22 @@ def test_the_prior_with_the_smallest_guaranteed_error():
         rid.suggest_prior(problem, criterion="best")
     with pytest.raises(rid.errors.InputTypeError, match="MixedProblem"):
         rid.advise.sensitivity(3)
+
+
+def test_ctrl_c_in_a_variation_that_keeps_it_back_ends_the_table(monkeypatch):
+    """An error at some of the frequencies is what one search keeps; the next variations do not begin."""
+    calls = []
+
+    def kept_back(result, **how):
+        calls.append(result)
+        with Interruptible():
+            if len(calls) == 2:
+                raise KeyboardInterrupt
+        return rid.worst_case_error(result, **how)
+
+    monkeypatch.setattr(importlib.import_module(guaranteed.__module__), "worst_case_error", kept_back)
+    record = rid.TimeRecord([1.0, 0.0], [0.5, 0.2], dt=1.0, bound=0.1)
+    problem = rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.5))
+    found = rid.advise.sensitivity(problem, omega=[0.5])
+    assert [row.what for row in found.variations] == ["as stated"]
+    assert len(calls) == 2

@@ -63,6 +63,7 @@ def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path, monk
     code, out, _ = run("mine", *kinds, "-o", "page.html")
     assert code == 0
     assert "written: page.html" in out
+    assert out.endswith("next, the smallest model inside the bounds:\n  robustid reduce mine -o mine-small.npz\n")
     page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
     for heading in (
         "What is guaranteed",

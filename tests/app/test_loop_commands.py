@@ -158,11 +158,14 @@ def test_ctrl_c_keeps_the_controllers_that_were_tried(here, capsys, monkeypatch)
     asked = ["loop", ".", "--controller", "near.npz", "--controller", "bad.npz", "-o", "stopped"]
     with monkeypatch.context() as patch:
         interrupting(patch, "loop_bounds", "unstable_plant")  # of the second
-        code, _, err = words([*asked, "--report", "stopped.html"], capsys, patch)
+        code, out, err = words([*asked, "--report", "stopped.html"], capsys, patch)
     assert code == 130
     assert "what was found by then is written" in err
     assert rid.load(here / "stopped-near").guaranteed
     assert rid.load(here / "stopped-bad").status.name == "UNDECIDED"  # refuted by none as yet
+    assert "robustid report stopped-near -o stopped.html" in out
+    assert not (here / "stopped.html").exists()
+    assert words(["report", "stopped-near", "-o", "stopped.html"], capsys, monkeypatch)[0] == 0
     assert "Stable with every consistent plant" in (here / "stopped.html").read_text(encoding="utf-8")
     interrupting(monkeypatch, "loop_bounds", "LoopAxis")  # before there is anything
     code, _, err = words(["loop", ".", "--controller", "near.npz", "-o", "nothing"], capsys, monkeypatch)

@@ -91,7 +91,7 @@ def ended(program):
 
 def test_ctrl_c_ends_a_call_that_hears_nothing(program):
     running = program(LONG)
-    until(running, "so far")
+    until(running, "1 s so far")  # in the call, however late it began
     os.killpg(running.pid, signal.SIGINT)
     code, out = ended(running)
     assert (code, out.splitlines()[-1]) == (130, "interrupted before the results were written")
@@ -114,7 +114,7 @@ def test_what_keeps_ctrl_c_back_writes_what_it_has_and_is_told_of(program):
 
 def test_a_second_ctrl_c_ends_at_once_what_has_something_to_keep(program):
     running = program(KEEPS)
-    until(running, "searching: 1 of 7, ")
+    until(running, "searching: 1 of 7, 1 s so far")
     os.killpg(running.pid, signal.SIGINT)
     until(running, "Ctrl-C again ends at once")
     os.killpg(running.pid, signal.SIGINT)
@@ -123,10 +123,14 @@ def test_a_second_ctrl_c_ends_at_once_what_has_something_to_keep(program):
 
 def test_an_answer_is_written_for_a_call_that_was_ended(program):
     running = program(LONG, "reduce", "--json")
-    until(running, "begun")
+    until(running, "1 s so far")
     os.killpg(running.pid, signal.SIGINT)
     code, out = ended(running)
     assert (code, '"status": "stopped"' in out) == (130, True)
+
+
+def test_ctrl_c_before_the_command_s_first_line_ends_as_in_it(program):
+    assert ended(program("    raise KeyboardInterrupt")) == (130, "interrupted before the results were written\n")
 
 
 @pytest.mark.parametrize(("command", "code"), [("    sys.exit(3)", 3), ("    pass", 0)])

@@ -82,7 +82,9 @@ def test_the_page_says_by_which_program_it_was_checked(saved, run, monkeypatch):
     denied, out, _ = run([*with_band, "-o", "denied.html"])
     assert denied == 1
     assert "NOT proved by robustid-proof: the identification" in out
-    assert "does not prove the identification and the band" in (saved / "denied.html").read_text()
+    page = (saved / "denied.html").read_text()
+    assert "does not prove the identification and the band" in page
+    assert page.index('id="independent"') < page.index('id="verdict"')  # above what it denies, not folded below
     rid.compare(problem(1).frequency[0], problem(1).frequency[0]).save("same")
     command_line.refused(run(["report", "same", "--independent", "-o", "other.html"]), "needs proofs")
 

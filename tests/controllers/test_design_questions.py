@@ -1,5 +1,6 @@
 """Questions about controllers that have no sense: each is refused with the number that stands in the way."""
 
+import dataclasses
 import math
 
 import control
@@ -9,7 +10,8 @@ import pytest
 import robustid as rid
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import FIR, PID, Attenuation, Fixed, Limits, LowPass, Notch
-from support.design_cases import DT, lag_band
+from support.cases import slow
+from support.design_cases import DT, lag_band, matrix_band_of
 
 TOP = f"{math.pi / DT:.5g}"
 
@@ -102,6 +104,19 @@ def test_bands_that_do_not_go_together_are_refused(bands):
         rid.design_controller(rid.band(bands["sampled"].problem), PID())
     with pytest.raises(rid.RobustIdError, match="stable"):
         bands["sampled"].with_model(control.ss(1.2, 1.0, 1.0, 0.0, DT))
+
+
+@pytest.mark.parametrize("one", [lag_band, slow(lambda: matrix_band_of(0)[1])])
+def test_a_band_that_is_open_somewhere_is_refused_before_the_search(one, monkeypatch):
+    band = one()
+    circle, arc = band.circle, np.searchsorted(band.circle.edges, 40.0)
+    here = (np.arange(circle.bound.size) == arc)[:, None, None]
+    bound, radius = (np.where(here, np.inf, size) for size in (circle.sets.bound, circle.sets.radius))
+    sets = circle.sets._replace(bound=bound, radius=radius)
+    monkeypatch.setattr(type(band), "circle", dataclasses.replace(circle, sets=sets))
+    monkeypatch.setattr("robustid.controllers.plants._about_fewer_states", lambda band: band)
+    with pytest.raises(rid.InputError, match=f"at {circle.edges[arc]:.5g} rad/s nothing is known"):
+        rid.design_controller(band, PID())
 
 
 @pytest.mark.parametrize(

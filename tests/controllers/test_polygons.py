@@ -107,7 +107,7 @@ def test_a_cone_at_the_corners_is_the_condition_and_wins_over_the_disc():
             question = Question(
                 functions, conditions_of(Limits(sensitivity_peak=2.0), held), (np.ones((1, 1)), np.array([C]))
             )
-            found = found_for(question, question.directions(np.full((1, 1, 1), C, complex)), lambda _: True)
+            found = found_for(question, np.full((1, 1, 1), C, complex), lambda _: True)
             assert (found is not None) == kept
 
 

@@ -40,6 +40,7 @@ def test_every_theorem_is_asked_for_its_axioms() -> None:
     assert re.findall(r"^Theorem (\w+)", code(), re.MULTILINE) == re.findall(r"@(\w+)", asked[1])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("coqc") is None, reason="needs the proof assistant Coq: `coqc` on the path")
 def test_coq_proves_the_lemmas_from_the_axioms_of_the_reals(tmp_path: Path) -> None:
     source = shutil.copy(LEMMAS, tmp_path)

@@ -15,7 +15,7 @@ ROOMS = [
     *("core", "data", "formats", "estimation", "bases", "identification", "fitting"),
     *("reduction", "passivity", "guarantees", "controllers", "advice", "report", "app"),
 ]
-OPEN = ("_version", "errors", "figures")
+OPEN = ("_version", "errors", "figures", "spellings")  # import no room
 FILES = sorted(ROOT.rglob("*.py"))
 NAMES = {".".join(("robustid", *path.relative_to(ROOT).with_suffix("").parts)): path for path in FILES}
 MODULES = {name.removesuffix(".__init__"): path for name, path in NAMES.items()}

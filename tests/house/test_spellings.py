@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.app.cli.main import COMMANDS
 from robustid.errors import InputTypeError
-from robustid.spellings import MEANT
+from robustid.spellings import _COMMANDS, MEANT, command_meant
+from support.command_line import words
 
 pytestmark = pytest.mark.quick
 
@@ -206,6 +208,52 @@ def test_each_job_is_found_in_two_attempts(job, spelling):
     found, attempts = looked_up(spelling)
     assert attempts <= 2
     assert callable(found) or job == "modes"
+
+
+@pytest.mark.parametrize(
+    ("typed", "command"),
+    [
+        ("monitor", "watch"),
+        ("fit-model", "fit"),
+        ("plot", "report"),
+        ("bode", "report"),
+        ("vectfit", "fit"),
+        ("N4SID", "fit"),
+        ("moniter", "watch"),
+        ("estimate-frf", "frf"),
+        ("tfestimate", "frf"),
+        ("chirp", "excite"),
+        ("load", "look"),
+        ("balred", "reduce"),
+        ("margins", "loop"),
+        ("pidtune", "control"),
+        ("hinfsyn", "control"),
+        ("save", "export"),
+        ("to-c", "export"),
+        ("diff", "compare"),
+        ("falsify", "refute"),
+        ("proof", "verify"),
+        ("gui", "explore"),
+        ("mcp", "serve"),
+        ("batch", "run"),
+        ("fti", None),  # near a command: told by the parser itself
+        ("xyzzy", None),
+    ],
+)
+def test_words_of_the_field_lead_on_to_commands(typed, command):
+    assert command_meant(typed) == command
+
+
+def test_the_commands_that_are_meant_are_those_that_there_are(capsys, monkeypatch):
+    assert set(_COMMANDS) == set(COMMANDS)
+    known = rid._known().values()
+    unknown = [word for words in _COMMANDS.values() for word in words.split() if "." in word and word not in known]
+    assert [word for word in unknown if not word.startswith("plot.")] == []
+    code, _, err = words(["monitor"], capsys, monkeypatch)
+    assert code == 2
+    assert "No such command 'monitor'; robustid watch is what you look for: Watch a machine" in re.sub(
+        r"[│\s]+", " ", err
+    )
 
 
 def test_what_the_ten_jobs_find_does_them(tmp_path):

@@ -12,7 +12,7 @@ from robustid.report.fit_page import fit_page, fit_summary
 from robustid.report.fit_view import FitView
 from robustid.report.identification_page import identification_page, identification_summary, identification_verdict
 from robustid.report.live import live_words
-from robustid.report.pages import _head
+from robustid.report.notebook import _head
 from robustid.report.response_charts import ResponseView
 from robustid.report.response_page import response_page, response_summary
 from support.faulty_files import response

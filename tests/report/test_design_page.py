@@ -16,7 +16,7 @@ from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
 from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode
 from robustid.report.design_page import _at, design_verdict, shares_table
-from robustid.report.design_steps import step_chart
+from robustid.report.design_steps import entry_charts, step_chart, step_tubes
 from robustid.report.design_structure import factor_words, structure_rows
 from support.design_cases import DT, band_of, matrix_band_of
 from support.forging import kept
@@ -145,6 +145,38 @@ def test_steps_are_those_of_the_loop_with_the_model():
     assert set_point.y[-1] == pytest.approx(1, abs=0.02)
 
 
+@pytest.fixture(scope="module")
+def matrix_design():
+    """Two loops of PI with a band of two inputs and two outputs, and its plant."""
+    plant, band = matrix_band_of(1)
+    one = StateMatrices.of(control.append(*[control.ss(1.0, 1.0, 0.02, 0.3, DT)] * 2))
+    structure = Matrix([[PID(), None], [None, PID()]])
+    limits = Limits(sensitivity_peak=4.0)
+    return plant, design_again((band,), (Plants.of(band).loop,), one, structure, limits, Bandwidth(), 0.5, ())
+
+
+@pytest.mark.slow
+def test_steps_of_a_matrix_are_those_of_control_in_ranges_that_hold_the_plant(matrix_design):
+    truth, design = matrix_design
+    model, C = design.proofs[0].band.model, control.ss(design.controller)
+    tubes = [step_tubes(one)[0] for one in design.proofs]
+    for of, loop_of in (
+        ("set point", lambda plant: control.feedback(plant * C, np.eye(2))),
+        ("load", lambda plant: control.feedback(plant, C)),
+    ):
+        charts = entry_charts(design, tubes, of)
+        area, drawn = charts[0].panels[0].layers
+        steps = [control.step_response(loop_of(plant), drawn.x).outputs for plant in (model, truth)]
+        for (i, j), chart in zip(np.ndindex(2, 2), charts, strict=True):
+            area, drawn = chart.panels[0].layers
+            assert np.abs(drawn.y - steps[0][i, j]).max() < 1e-9
+            assert np.all((area.low <= steps[1][i, j]) & (steps[1][i, j] <= area.high))
+            size = tubes[0][of, i, j].overshoot
+            far = steps[1][i, j].max() - 1 if of == "set point" and i == j else np.abs(steps[1][i, j]).max()
+            assert far <= size
+    assert step_chart(design, tubes).columns == 4
+
+
 def test_the_page_says_what_is_proved_and_what_limits(tmp_path):
     design = small_design()
     write_report(design, tmp_path / "page.html")
@@ -166,8 +198,8 @@ def test_the_page_says_what_is_proved_and_what_limits(tmp_path):
 
 @pytest.mark.slow
 def test_the_figure_of_a_design():
-    assert small_design().plot().axes[0].get_ylabel() == "largest |S|"
-    assert rid.plot.bode(small_design()).axes[1].get_ylabel() == "phase [°]"
+    assert small_design().plot().axes[0].get_ylabel() == "largest |S| [–]"
+    assert rid.plot.bode(small_design()).axes[1].get_ylabel() == "phase of P C [°]"
 
 
 def test_the_page_of_none_says_that_it_is_a_search(tmp_path):
@@ -226,19 +258,17 @@ def test_a_structure_is_said_with_the_signals_or_axes_that_it_stands_between():
 
 
 @pytest.mark.slow
-def test_a_matrix_of_controllers_is_kept_and_shown(tmp_path):
-    band = matrix_band_of(1)[1]
-    one = StateMatrices.of(control.append(*[control.ss(1.0, 1.0, 0.02, 0.3, DT)] * 2))
-    loop = Plants.of(band).loop
-    structure = Matrix([[PID(), None], [None, PID()]])
-    design = design_again((band,), (loop,), one, structure, Limits(sensitivity_peak=4.0), Bandwidth(), 0.5, ())
+def test_a_matrix_of_controllers_is_kept_and_shown(matrix_design, tmp_path):
+    design = matrix_design[1]
     assert design.proofs[0].guaranteed
     again = kept(design, tmp_path / "matrix")
     assert again.shares == design.shares
-    assert again.structure.rows == structure.rows
+    assert again.structure.rows == design.structure.rows
     write_report(again, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "From y2 to u2" in page
+    assert "Overshoot of y2" in page
+    assert "y1, set point of y2" in page
     assert "From y1 to u2" not in page
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +12,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
+from robustid.app.cli.identify import smallest
 from robustid.app.cli.screen import Next, in_words, resumable, telling
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
@@ -107,8 +108,9 @@ def bounds(
         asked = RunFile(worst_case=how)
         work = Work(run=asked, identification=identification, around=around, box=_box(suggested), omega=at)
         carry_out(work, [proved, found.keep_proved, bounded, circled, found.keep_bounded])
-        carry_out(work, [*(over_box if how.over_poles else []), found.draw])
-    found.conclude(work, source)
+        carry_out(work, over_box if how.over_poles else [])
+        steps = found.draw(work, source)
+    found.conclude(work, steps)
     if not found.certified:
         screen.warn(found.console, "a certificate does not hold: robustid verify names it")
     code = 0 if found.certified else 1
@@ -179,27 +181,28 @@ class _Bounds:
         self._keep_band(work)
         self.written += written_files.result_files(self.beside("-poles"))
 
-    def draw(self, work: Work) -> None:
-        """Write the page."""
+    def draw(self, work: Work, source: Path) -> Sequence[Next | str]:
+        """Write the page; the next steps."""
         from robustid.report import write_report
 
-        if self.report is not None:
+        steps = [smallest(source)]
+        kept = [file.with_suffix("") for file in self.written if file.suffix == ".npz"]
+        again = [source, *(word for one in kept for word in ("--bounds", one))]
+        report, said = screen.page_in_time(self.report, again, steps)
+        if report is not None:
             work.around.say("drawing the report")
-            write_report(work.identification, self.report, static=self.static, **self._parts(work))
-            self.written.append(self.report)
+            write_report(work.identification, report, static=self.static, **self._parts(work))
+            self.written.append(report)
+        return said or []
 
     def _parts(self, work: Work) -> Parts:
         return {**work.parts, "stability": self.margins or None}
 
-    def conclude(self, work: Work, source: Path) -> None:
+    def conclude(self, work: Work, steps: Sequence[Next | str]) -> None:
         """Say what was found."""
         from robustid.report import first_screen, verdict
 
         verdicts = {name: verdict(margin) for name, margin in self.margins.items()}
-        small = written_files.free(
-            written_files.stem(source).with_name(f"{written_files.stem(source).name}-small"), ".npz"
-        )
-        steps = [Next("the smallest model inside the bounds", ["reduce", source, "-o", f"{small}.npz"])]
         head = first_screen(work.identification, **self._parts(work))
         said = [dataclasses.replace(one, word=f"Controller {name}: {one.word}") for name, one in verdicts.items()]
         shown = dataclasses.replace(head.glance, numbers=[*head.glance.numbers, *_swept(work.error)])

@@ -85,13 +85,14 @@ def control(
             save(model, found.controller)
         else:
             model.unlink(missing_ok=True)  # that of an earlier design, which --force replaces
+        steps = _next(found, model) if found.status.name == "PROVED" else None
+        report, steps = screen.page_in_time(report, [written_files.stem(output)], steps)
         if report is not None:
             progress("drawing the report", 0, 0)
             write_report(
                 found, report, title=f"Controller for {source[0].stem}" if len(source) == 1 else None, static=static
             )
     written = [*files, model if usable else None, report]
-    steps = _next(found, model) if found.status.name == "PROVED" else None
     head, code = first_screen(found), design_exit(found, [one.band for one in plants])
     screen.conclude(console, head, lambda: [found.summary()], written=written, steps=steps)
     if len(source) > 1:

@@ -109,6 +109,13 @@ def fit(
         result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
     faults, page = placed_faults(frf), None
     undoing = in_command(again(screen.called(context)), faults, [source], [])
+    steps = (
+        _next(source, frf, model_files[0], screen.called(context))
+        if verdict(result, sweep).key == "consistent"
+        else None
+    )
+    if len(model_files) > 1:  # a fit that is kept has a page later, too
+        report, steps = screen.page_in_time(report, [written_files.stem(output)], steps)
     if report is not None:
         with step(console, "drawing the report"):
             page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
@@ -118,11 +125,6 @@ def fit(
         save_model(result.model, output)
     written_files.write_page(report, page)
     head = first_screen(result, data=frf, order_sweep=sweep)
-    steps = (
-        _next(source, frf, model_files[0], screen.called(context))
-        if verdict(result, sweep).key == "consistent"
-        else None
-    )
     written = [*model_files, report]
     screen.conclude(
         console, head, lambda: _everything(result, frf, sweep), written=written, undoing=undoing, steps=steps

@@ -119,13 +119,13 @@ def identify(
     origins = asked_lines.origins, asked_samples.origins
     work.undoing = in_command(again(screen.called(context)), work.identification.problem.placed_faults, *origins)
     steps = next_of(work, output, screen.called(context))
-    conclude(console, work, output, report, steps=steps, static=static)
+    page = conclude(console, work, output, report, steps=steps, static=static)
     found = work.identification
     code = screen.exit_code(found.verified_status, bool(found.problem.open_faults))
     if as_json:
         from robustid.app.answers import verdicts
 
-        files = [*written_files.result_files(output), *kept_loop(work, output), *([report] if report else [])]
+        files = [*written_files.result_files(output), *kept_loop(work, output), *([page] if page else [])]
         screen.write(verdicts.identified(work, files, code), console)
     raise typer.Exit(code)
 
@@ -240,6 +240,13 @@ def next_of(work: Work, output: Path, called: Sequence[str]) -> list[Next | str]
     return [*diagnosis.next_steps[:1], Next("with that change", [*again(called), "--apply"])]
 
 
+def smallest(source: Path) -> Next:
+    """The step to the smallest model inside the bounds."""
+    name = written_files.stem(source)
+    small = written_files.free(name.with_name(f"{name.name}-small"), ".npz")
+    return Next("the smallest model inside the bounds", ["reduce", source, "-o", f"{small}.npz"])
+
+
 def conclude(
     console: Terminal,
     work: Work,
@@ -249,11 +256,14 @@ def conclude(
     steps: Sequence[Next | str] | None,
     static: bool = False,
     title: str | None = None,
-) -> None:
-    """Render everything; only then write, and show what was found."""
+) -> Path | None:
+    """Render everything; only then write, and show what was found; the page, None where Ctrl-C has left it out."""
     from robustid.report import first_screen, render_report
 
-    result = work.identification
+    result, undoing = work.identification, work.undoing
+    report, shown = screen.page_in_time(report, [written_files.stem(output)], steps)
+    if shown is not steps:  # the page first: it says what else is to be done
+        steps, undoing = shown, None
     page = None if report is None else render_report(result, title=title, static=static, **work.parts)
     head = first_screen(result, **work.parts)
     result.save(output)
@@ -261,7 +271,8 @@ def conclude(
         work.looped.save(written_files.beside(output, "-loop"))
     written_files.write_page(report, page)
     written = (*written_files.result_files(output), *kept_loop(work, output), report)
-    screen.conclude(console, head, lambda: everything(work), written=written, undoing=work.undoing, steps=steps)
+    screen.conclude(console, head, lambda: everything(work), written=written, undoing=undoing, steps=steps)
+    return report
 
 
 def kept_loop(work: Work, output: Path) -> tuple[Path, ...]:

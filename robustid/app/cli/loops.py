@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -86,10 +87,11 @@ def loop(
                 found[name] = found[name].refuted(ran.identification)
         for name in places:
             written += _keep_tried(places[name], found[name]) if name in found else []
+        report, steps = screen.page_in_time(report, [places[name] for name in list(found)[:1] if name], None)
         if report is not None:
             _draw(found, report, static)
     files = [*written, *([report] if report else [])]
-    _conclude(console, found, files)
+    _conclude(console, found, files, steps)
     worst = max((one.status.name for one in found.values()), key=("STABLE", "UNDECIDED", "UNSTABLE").index)
     status = {"STABLE": Status.CONSISTENT, "UNSTABLE": Status.INCONSISTENT, "UNDECIDED": Status.UNDECIDED}[worst]
     code = screen.exit_code(status, bool(ran.band.problem.open_faults))
@@ -170,7 +172,9 @@ def read_files(source: Path) -> list[Path]:
     return [file for name in ("loop", "band", "identification") for file in paths(source / name)]
 
 
-def _conclude(console: Terminal, found: dict[str, LoopBounds], written: list[Path]) -> None:
+def _conclude(
+    console: Terminal, found: dict[str, LoopBounds], written: list[Path], steps: Sequence[Next | str] | None
+) -> None:
     """Say the first controller, and the verdicts on the others."""
     from robustid.report import first_screen
 
@@ -186,7 +190,8 @@ def _conclude(console: Terminal, found: dict[str, LoopBounds], written: list[Pat
         named = dataclasses.replace(said, word=f"Controller {first}: {said.word.lower()}")
         head = dataclasses.replace(head, head=[named, *(one for one in head.head if one is not said)])
     good = all(one.status.name == "STABLE" for one in found.values())
-    steps = [Next("its proofs, from the numbers", ["verify", written[0].with_suffix("")])] if good and written else None
+    if steps is None and good and written:
+        steps = [Next("its proofs, from the numbers", ["verify", written[0].with_suffix("")])]
     screen.conclude(console, head, everything, written=written, steps=steps)
 
 

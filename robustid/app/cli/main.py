@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
 import traceback
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from robustid.app.cli.help_page import Explained, parameters, show_help
 from robustid.app.cli.screen import console, plain
 from robustid.app.cli.steps import INTERRUPTED, Step, tell
 from robustid.errors import RobustIdError, SolverError
+from robustid.spellings import command_meant
 
 _START, _MEASURE, _MODEL, _LOOP = "Start", "Measure", "Model and proof", "Controllers and loops"
 COMMANDS = {  # in the order of the list, with the file of each
@@ -64,12 +66,20 @@ def _command(name: str) -> Callable[..., None]:
     return getattr(importlib.import_module(f"robustid.app.cli.{COMMANDS[name]}"), name)
 
 
+def _help(name: str) -> str:
+    return inspect.cleandoc(_command(name).__doc__ or "")
+
+
 class Commands(TyperGroup):
     """Commands whose options are read when one is called, not when all are listed: this keeps the start quick."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is called, with its options."""
         screen.called(ctx).extend(args)
+        if args[0] not in COMMANDS and (found := command_meant(args[0])) is not None:
+            ctx.fail(
+                f"No such command {args[0]!r}; robustid {found} is what you look for: {_first_sentence(_help(found))}"
+            )
         name, command, rest = super().resolve_command(ctx, args)
         if name is None or command is None:
             return name, command, rest

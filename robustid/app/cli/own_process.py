@@ -51,6 +51,8 @@ def start() -> None:
     threading.Thread(target=_end_with, args=(life,), daemon=True).start()
     try:
         _carry_out()
+    except KeyboardInterrupt:  # before the command's own first line, or after its last
+        _stopped()
     except SystemExit as stop:
         if stop.code == INTERRUPTED:  # at once, without the farewells of libraries
             sys.stdout.flush()

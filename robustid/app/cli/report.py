@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Static, Verbose
 from robustid.app.cli.control import design_exit
-from robustid.app.cli.identify import everything, next_of
-from robustid.app.cli.screen import in_words, say, telling
+from robustid.app.cli.identify import everything, next_of, smallest
+from robustid.app.cli.screen import Next, in_words, say, telling
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
     from robustid.advice import Sensitivity
     from robustid.app.cli.terminal import Terminal
     from robustid.app.run.work import Work
+    from robustid.controllers import ControllerDesign
     from robustid.core import Progress
     from robustid.guarantees import Band, ResponseTube, WorstCaseError, WorstCaseOverPoles
-    from robustid.report import Parts
+    from robustid.identification import Identification
+    from robustid.report import Document, Parts
 
 
 def report(
@@ -66,14 +68,8 @@ def report(
     [bold]Example[/bold]: robustid report result --bounds bounds --step 60 -o report.html
     """
     from robustid.app.independent import checker
-    from robustid.app.run.run_file import RunFile
-    from robustid.app.run.run_folder import Surroundings
-    from robustid.app.run.sequence import diagnosed, reduced
-    from robustid.app.run.work import Work
     from robustid.controllers import ControllerDesign
-    from robustid.guarantees import LoopBounds
     from robustid.identification import Identification
-    from robustid.report import first_screen, write_report
 
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
@@ -82,43 +78,92 @@ def report(
         checker()
     with telling(console) as progress:
         result = _loaded(source, progress)
+        page = _Page(console, progress, source, output, title, static, independent)
         if isinstance(result, ControllerDesign):
             _of_identifications({"--bounds": bool(bounds), "--step": steps is not None, "--no-reduce": not reduce})
-            progress("searching what would help" if sensitivity else "drawing the report", 0, 0)
-            helping = result.improvements() if sensitivity else ()
-            more: Parts = {
-                "sensitivity": helping or None,
-                "independent": _asked(console, independent, {"the controller": result}),
-            }
-            write_report(result, output, title=title, static=static, **more)
-            head, said = first_screen(result, **more), [row.sentence for row in helping]
-            screen.conclude(console, head, lambda: [result.summary(), *said], written=[output])
-            raise typer.Exit(_with(more["independent"], design_exit(result)))
-        if not isinstance(result, Identification):
+            code = page.of_design(result, sensitivity)
+        elif isinstance(result, Identification):
+            code = page.of_identification(result, bounds or [], steps, sensitivity, reduce)
+        else:
             _other(result, source, {"--bounds": bounds, "--step": steps, "--sensitivity": sensitivity or None})
-            if independent and not isinstance(result, LoopBounds):
-                raise InputError(
-                    f"--independent needs proofs, and a {type(result).__name__} has none that a file can hold"
-                )
-            asked = _asked(console, independent, {"the loop": result}) if isinstance(result, LoopBounds) else None
-            write_report(result, output, title=title, static=static, independent=asked)
-            said = result.summary() if hasattr(result, "summary") else repr(result)
-            screen.conclude(console, first_screen(result, independent=asked), lambda: [said], written=[output])
-            raise typer.Exit(_with(asked, 0))
-        work = Work(run=RunFile(), identification=result, around=Surroundings(progress))
-        _take_bounds(work, bounds or [])
+            code = page.of_another(result)
+    raise typer.Exit(code)
+
+
+class _Page(NamedTuple):
+    """The page that is asked for, whatever it is about; each kind of result is drawn and concluded, and gives the exit code."""
+
+    console: Terminal
+    progress: Progress
+    source: Path
+    output: Path
+    title: str | None
+    static: bool
+    independent: bool
+
+    def of_design(self, result: ControllerDesign, sensitivity: bool) -> int:
+        """The page of a controller."""
+        self.progress("searching what would help" if sensitivity else "drawing the report", 0, 0)
+        helping = result.improvements() if sensitivity else ()
+        asked = _asked(self.console, self.independent, {"the controller": result})
+        said = [row.sentence for row in helping]
+        self._written(result, {"sensitivity": helping or None, "independent": asked})
+        head = self._head(result, {"sensitivity": helping or None, "independent": asked})
+        screen.conclude(self.console, head, lambda: [result.summary(), *said], written=[self.output])
+        return _with(asked, design_exit(result))
+
+    def of_another(self, result: Any) -> int:
+        """The page of a fit, a comparison, a loop, a connection, a watch or a response."""
+        from robustid.guarantees import LoopBounds
+
+        if self.independent and not isinstance(result, LoopBounds):
+            raise InputError(f"--independent needs proofs, and a {type(result).__name__} has none that a file can hold")
+        asked = _asked(self.console, self.independent, {"the loop": result})
+        self._written(result, {"independent": asked})
+        said = result.summary() if hasattr(result, "summary") else repr(result)
+        screen.conclude(self.console, self._head(result, {"independent": asked}), lambda: [said], written=[self.output])
+        return _with(asked, 0)
+
+    def of_identification(
+        self, result: Identification, bounds: list[Path], steps: int | None, sensitivity: bool, reduce: bool
+    ) -> int:
+        """The page of an identification, with its bounds and what else is asked for."""
+        from robustid.app.run.run_file import RunFile
+        from robustid.app.run.run_folder import Surroundings
+        from robustid.app.run.sequence import diagnosed, reduced
+        from robustid.app.run.work import Work
+
+        work = Work(run=RunFile(), identification=result, around=Surroundings(self.progress))
+        _take_bounds(work, bounds)
         if reduce:
             reduced(work)
         shown: Parts = {"tube": None if steps is None else _tube(work, steps)}
         shown["sensitivity"] = _sensitivity(work) if sensitivity else None
-        shown["independent"] = asked = _asked(console, independent, _proofs(work))
+        shown["independent"] = asked = _asked(self.console, self.independent, _proofs(work))
         diagnosed(work)
         work.around.say("verifying every certificate")
-        write_report(result, output, title=title, static=static, **{**work.parts, **shown})
-    head = first_screen(result, **{**work.parts, "independent": asked})
-    screen.conclude(console, head, lambda: everything(work), written=[output], steps=next_of(work, source, []))
-    code = screen.exit_code(result.verified_status, bool(result.problem.open_faults))
-    raise typer.Exit(_with(asked, code))
+        self._written(result, {**work.parts, **shown})
+        head = self._head(result, {**work.parts, "independent": asked})
+        after = _next(work, self.source)
+        screen.conclude(self.console, head, lambda: everything(work), written=[self.output], steps=after)
+        return _with(asked, screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
+
+    def _written(self, result: Any, parts: Parts) -> None:
+        from robustid.report import write_report
+
+        write_report(result, self.output, title=self.title, static=self.static, **parts)
+
+    def _head(self, result: Any, parts: Parts) -> Document:
+        from robustid.report import first_screen
+
+        return first_screen(result, **parts)
+
+
+def _next(work: Work, source: Path) -> list[Next | str] | None:
+    """Steps to go on with; where the error is bounded already, the smallest model."""
+    if work.error is None and work.band is None and work.over_poles is None:
+        return next_of(work, source, [])
+    return [smallest(source)]
 
 
 def _asked(console: Terminal, independent: bool, named: Mapping[str, object]) -> dict[str, bool] | None:

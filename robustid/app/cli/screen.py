@@ -134,6 +134,17 @@ class Next(NamedTuple):
         return [f"next, {self.what}:", f"  {self.command}"]
 
 
+def page_in_time(
+    report: Path | None, again: Sequence[str | Path], steps: Sequence[Next | str] | None
+) -> tuple[Path | None, Sequence[Next | str] | None]:
+    """The page and the next steps; after Ctrl-C nobody waits for a drawing, and the next step is the command that draws it."""
+    from robustid.core import was_interrupted
+
+    if report is None or not was_interrupted():
+        return report, steps
+    return None, [Next("the page, which Ctrl-C has left out", ["report", *again, "-o", report])]
+
+
 def next_lines(undoing: Undoing | None, steps: Sequence[Next | str]) -> list[str]:
     """Lines that undo a fault of the data, as they are pasted; else those of the steps."""
     if undoing is None:

@@ -257,7 +257,8 @@ def refined(work: Work) -> None:
         return
     polygons = work.error if work.band.box is None else work.over_poles
     work.band = work.band.with_model(work.model)
-    if polygons is not None and polygons.omega.size:
+    ended = work.around.stops.interrupted  # by Ctrl-C: polygons take seconds
+    if polygons is not None and polygons.omega.size and not ended:
         with work.around.step("narrowing the band between semidefinite programs") as limit:
             work.band = work.band.between(polygons, Budget(limit))
     work.around.folder.proved(work.band)
