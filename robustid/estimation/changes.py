@@ -1,7 +1,7 @@
-"""Halves of the measurements that answer in two ways beyond chance: what they differ by is part of the error of the mean.
+"""Halves of the periods that answer in two ways beyond chance: what they differ by is part of the error of the mean.
 
-Noise is not all that keeps a mean response from that of the plant: it warms up within a record, or is another one in the next.
-The scatter of neighbouring lines or periods holds that in part at most, since it doesn't change from one to the next.
+Noise is not all that keeps a mean response from that of the plant: it warms up, or changes half-way. The
+scatter of the periods holds that in part at most.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ import numpy as np
 
 from robustid.core import Real
 
-CHANGED = "; halves of the measurements differ beyond chance, and the bound holds that"
+CHANGED = "; halves of the periods differ beyond chance, and the bound holds that"
 _CHANCE = 1e-3  # of any block of lines, in any entry
 _AROUND = 2  # lines on either side over which the squared difference is taken together
 
 
-def added_variance(difference: np.ndarray, first: Real, last: Real, dof: float, worth: float = 1.0) -> Real:
+def added_variance(difference: np.ndarray, first: Real, last: Real, dof: float) -> Real:
     """Variance of the mean of two halves that their difference D (F, ...) makes necessary, beyond the noise: 0 where there is none.
 
     Without a difference D has the variance ``s^2 = first + last``, estimated, and ``dof log(1 + |D|^2/(dof s^2))`` is exponentially
-    distributed: of `worth` independent lines each, its sum over a block of lines has a gamma distribution (`pintelon2012`, section
+    distributed: its sum over a block of lines has a gamma distribution (`pintelon2012`, section
     2.6). Blocks are all lines, halves of them, quarters, and so on. In a block beyond chance the halves, by their weights w and
     1 - w in the mean, scatter about it with the variance ``w (1 - w) |D|^2``, a quarter where both are known alike.
     """
@@ -29,13 +29,12 @@ def added_variance(difference: np.ndarray, first: Real, last: Real, dof: float, 
     variance = first + last
     safe = np.where(variance > 0, variance, 1)
     seen = np.where(variance > 0, dof * np.log1p(square / (dof * safe)), 0.0)
-    levels = int(np.log2(max(lines * worth, 1))) + 1
+    levels = int(np.log2(max(lines, 1))) + 1
     limit = _CHANCE / (2**levels * max(seen[0].size, 1))
     beyond = np.zeros(seen.shape, dtype=bool)
     for level in range(levels):
         for block in np.array_split(np.arange(lines), 2**level):
-            independent = max(block.size * worth, 1.0)
-            beyond[block] |= gammaincc(independent, independent * seen[block].mean(axis=0)) < limit
+            beyond[block] |= gammaincc(block.size, seen[block].sum(axis=0)) < limit
     around = np.arange(lines)[:, None] + np.arange(-_AROUND, _AROUND + 1)
     mean = square[np.clip(around, 0, lines - 1)].mean(axis=1)
     return np.where(beyond, first * last / safe**2 * np.maximum(square, mean), 0.0)

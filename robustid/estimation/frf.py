@@ -102,9 +102,8 @@ def estimate_frf(
     leave, and the covariance of both is added, which counts the same noise twice rather than leakage not at all. The light poles,
     four standard deviations on either side, are the `modes` of the response.
 
-    Halves are compared: of the periods (blocks scatter anyway), or of every record, and of the records. Where they differ by D,
-    beyond their noise at a level of 1e-3 for a whole entry, ``w (1 - w) |D|^2`` is added to the variance, w the weight of one half
-    in the mean: a plant that warms up, or another one in the next record. The note says so.
+    Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
+    ``w (1 - w) |D|^2`` is added to the variance, w the weight of one half in the mean: a plant that warms up. The note says so.
 
     With s^2 the estimated variance, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
     so that

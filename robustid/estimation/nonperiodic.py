@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Complex, Real, as_array, hz_words
-from robustid.data import Caveat, TimeRecord, stacked
+from robustid.core import as_array, hz_words
+from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError
-from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.common_poles import predicted
 from robustid.estimation.estimate import Estimate, pooled
 
@@ -20,7 +19,6 @@ _ORDER = 2  # of the numerators of G and T, and of their denominator: one resona
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
 _FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
 _MOST = 5000  # lines by default
-_STEPS = 4  # places within half a window at which halves are compared
 _CHUNK = 2**22  # numbers in the largest array
 
 
@@ -37,7 +35,9 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     if loop:
         x = np.fft.rfft(np.stack([np.asarray(r.reference) for r in records]), axis=1) / samples
         z = np.concatenate([y, u], axis=2)
-    half, unknowns = _window(nu, len(records))
+    unknowns = (_ORDER + 1) * (nu + len(records)) + _ORDER
+    half = -(-((unknowns + _SPARE) / len(records) - 1) // 2)
+    half = int(max(half, _ORDER + 1))
     last = (samples - 1) // 2  # the highest line that isn't real
     if last < 2 * half + 1:
         raise InputError(
@@ -50,8 +50,6 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     parts = [_fit(x, z - known.spectra, part, half, last) for part in np.array_split(index, -(-index.size // chunk))]
     values, covariance, residual = (np.concatenate(piece) for piece in zip(*parts, strict=True))
     values, covariance = values + known.values, covariance + known.covariance
-    changes = _of_halves(x, z - known.spectra, index, samples)
-    covariance = covariance + changes[:, None, :] * np.eye(changes.shape[1])
     if loop:
         values, covariance = divided(values, covariance, ny)
     power = np.mean(np.abs(y) ** 2, axis=0)
@@ -66,56 +64,10 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         coherence=np.clip(1 - residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
-        f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)}){CHANGED if np.any(changes) else ''}",
+        f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)})",
         noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
         modes=() if loop else known.modes,  # the poles of a loop are not those of the plant in it
     )
-
-
-def _window(inputs: int, records: int) -> tuple[int, int]:
-    """Half the width of a window in lines, and its unknowns."""
-    unknowns = (_ORDER + 1) * (inputs + records) + _ORDER
-    half = -(-((unknowns + _SPARE) / records - 1) // 2)
-    return int(max(half, _ORDER + 1)), unknowns
-
-
-def _of_halves(x: np.ndarray, z: np.ndarray, index: np.ndarray, samples: int) -> Real:
-    """Variances (F, nz nx) by which the later half of every record adds, or the later half of the records.
-
-    Of the spectra x of the inputs, and of what the common poles leave of those of the outputs, z.
-    """
-    (early_x, late_x), (early_z, late_z) = (_spectra_of_halves(one, samples) for one in (x, z))
-    added = _between((early_x, early_z), (late_x, late_z), index / 2)
-    if len(x) == 1:
-        return added
-    count = len(x) // 2
-    return np.maximum(added, _between((x[:count], z[:count]), (x[-count:], z[-count:]), index))
-
-
-def _spectra_of_halves(spectra: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Spectra (R, K, n) of either half of the samples that these are of, without their offset."""
-    varying: Complex = np.array(spectra)
-    varying[:, 0] = 0
-    signals, half = np.fft.irfft(varying, samples, axis=1), samples // 2
-    return np.fft.rfft(signals[:, :half], axis=1), np.fft.rfft(signals[:, half : 2 * half], axis=1)
-
-
-def _between(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...], place: Real) -> Real:
-    """Variance that the difference of the responses of two sets of records adds, (F, nz nx), at places between the lines."""
-    records, lines, nx = one[0].shape
-    half, unknowns = _window(nx, records)
-    last = lines - 2
-    at = np.unique(np.clip(place.round().astype(int), 1, last))[:: max(half // _STEPS, 1)]
-    if last < 2 * half + 1 or records * (2 * half + 1) - unknowns < 1:
-        return np.zeros((place.size, nx * one[1].shape[2]))
-    (first, _, _), (second, _, _) = fits = [_fit(x, z, at, half, last) for x, z in (one, other)]
-    noise, more = (np.asarray(np.einsum("fii->fi", fit[1]).real, dtype=float) for fit in fits)
-    # Windows overlap: of one another's width each is worth one.
-    worth = min(1.0, float(np.median(np.diff(at, append=at[-1] + half))) / (2 * half + 1))
-    freedom = float(records * (2 * half + 1) - unknowns)
-    added = added_variance(stacked(second - first), noise, more, freedom, worth)
-    above = np.minimum(np.searchsorted(at, place), at.size - 1)
-    return np.maximum(added[np.maximum(above - 1, 0)], added[above])
 
 
 class _Windows(NamedTuple):

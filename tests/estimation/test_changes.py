@@ -9,9 +9,7 @@ from support.cases import slow
 from support.fault_judge import CATALOGUE
 from support.fault_plants import SIMULATED, recipes, records, simulated
 
-LEFT = (
-    0.2  # of the responses: .05 is promised, 5 of 56 random ones were measured, nearly all before halves were compared
-)
+LEFT = 0.2  # of the responses: .05 is promised, and nearly all were left before halves were compared
 WIDENED = 0.02  # of clean responses
 
 
@@ -21,20 +19,16 @@ def distance(frf, plant):
     return float(np.max(np.abs(frf.values - truth) / frf.bound.radius))
 
 
-QUICK = [("periodic", "varying plant", range(1)), ("random", "another plant", range(1))]
-FULL = [
-    (kind, f"{which} plant", range(100, 140)) for kind in ("periodic", "random") for which in ("another", "varying")
-]
-CLEAN = [(("stage", "heater"), range(1)), slow(SIMULATED, range(1000, 1200))]
+CLEAN = [(("stage", "heater"), range(2)), slow(SIMULATED, range(1000, 1200))]
 
 
-@pytest.mark.parametrize(("kind", "name", "seeds"), [*QUICK, *(slow(*each) for each in FULL)])
-def test_the_bound_holds_the_plant_that_half_of_the_measurements_are_of(kind, name, seeds):
-    """A heater 1 % faster in the other half: silent, the bounds were left by up to 1.8 times in most cases."""
+@pytest.mark.parametrize("seeds", [range(2), slow(range(100, 140))])
+def test_the_bound_holds_the_plant_that_half_of_the_periods_are_of(seeds):
+    """A heater that is 1 % faster half-way: silent, its bounds were left by up to 1.36 times in all cases."""
     far = []
     for seed in seeds:
         clean = simulated("heater", seed)
-        faulty = CATALOGUE[f"{name} ({kind})"].of(clean, "limit", np.random.default_rng([seed, 7]))
+        faulty = CATALOGUE["varying plant (periodic)"].of(clean, "limit", np.random.default_rng([seed, 7]))
         assert faulty is not None
         far.append(distance(response_alone(faulty.records, period=faulty.period), clean.plant))
     assert np.sum(np.array(far) > 1) <= LEFT * len(seeds), far
@@ -46,10 +40,9 @@ def test_bounds_of_clean_measurements_stay_as_they_are(plants, seeds):
     for seed in seeds:
         for name in plants:
             recipe, rng = recipes()[name], np.random.default_rng([seed, *map(ord, name)])
-            for kind, period in (("periodic", recipe.period), ("random", None)):
-                found = response_alone(records(recipe, rng, kind=kind), period=period)
-                widened += [(name, kind, seed)] if CHANGED in found.note else []
-    assert len(widened) <= WIDENED * len(seeds) * len(plants) * 2, widened
+            found = response_alone(records(recipe, rng, kind="periodic"), period=recipe.period)
+            widened += [(name, seed)] if CHANGED in found.note else []
+    assert len(widened) <= WIDENED * len(seeds) * len(plants), widened
 
 
 @pytest.mark.parametrize("dof", [3.0, 14.0])
