@@ -55,7 +55,7 @@ from robustid.guarantees.weight_structures import (
     structured_weights,
 )
 from robustid.guarantees.widening import bounds_of_entries
-from robustid.guarantees.worst_case import LEAST, MOST, growing_error, worst_case_error
+from robustid.guarantees.worst_case import LEAST, MOST, error_in_time, growing_error, worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 
 __all__ = [
@@ -131,6 +131,7 @@ __all__ = [
     "diameter",
     "drift",
     "entry_weights",
+    "error_in_time",
     "family",
     "fleet_of",
     "frequencies_of",

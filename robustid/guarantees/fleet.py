@@ -18,6 +18,8 @@ FAR = 3.5  # robust standard deviations
 _FEWEST = 8  # values that a median and a spread are taken from
 _NORMAL = 1.4826  # standard deviation of a normal distribution over the median of its absolute deviations
 _NORMAL_MEAN = 1.2533  # over their mean
+_SEVERAL = {"machine": "machines", "entry": "entries"}
+_LEFT = 10  # names of those that have not been run yet
 _SAME = 1e-9  # of the logarithm: values that are one
 
 
@@ -91,7 +93,7 @@ class Spread(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Fleet(Frozen):
-    """Many machines: their verdicts, the worst cases, those that stand out, and who waits for data.
+    """Many machines, or entries of a matrix: their verdicts, the worst cases, those that stand out, and who waits for data.
 
     Attributes
     ----------
@@ -112,6 +114,10 @@ class Fleet(Frozen):
         Guaranteed errors as shares of the response, per cent, in ascending order.
     seconds : float
         Of all runs together.
+    thing : str
+        "machine" or "entry".
+    left : tuple of str
+        Names of those that have not been run yet.
     """
 
     asked: int
@@ -125,6 +131,8 @@ class Fleet(Frozen):
     outliers: tuple[Outlier, ...]
     relative: Real
     seconds: float
+    thing: str = "machine"
+    left: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(relative=freeze(self.relative))
@@ -140,18 +148,30 @@ class Fleet(Frozen):
         return self.asked - self.rows
 
     @property
+    def things(self) -> str:
+        """The word for several of them."""
+        return _SEVERAL[self.thing]
+
+    @property
+    def left_words(self) -> str:
+        """Names of those that have not been run yet, the first of many; empty where all have been."""
+        more = len(self.left) - _LEFT
+        names = ", ".join(self.left[:_LEFT]) + f" and {more} more" * (more > 0)
+        return f"Not run yet: {names}." if names else ""
+
+    @property
     def verdict(self) -> str:
         """The states in one sentence."""
         parts = [f"{count} {state.value}" for state in FleetState if (count := self.states.get(state, 0))]
         parts += [f"{self.open} not run yet"] * bool(self.open)
-        return f"Of {self.asked} machines {', '.join(parts) or 'none'}."
+        return f"Of {self.asked} {self.things} {', '.join(parts) or 'none'}."
 
     def __repr__(self) -> str:
         return f"<Fleet: {self.verdict}>"
 
     def summary(self) -> str:
         """Every row that is named, in plain text."""
-        lines = [self.verdict]
+        lines = [self.verdict, *[self.left_words] * bool(self.left)]
         lines += [f"{row.name}: {row.state.value}. {row.sentence}" for row in (*self.failed, *self.refuted)]
         lines += [f"{row.name} waits for data: {row.waits}" for row in self.waiting]
         lines += [f"{row.name}: {row.unfinished}" for row in self.unfinished]
@@ -196,7 +216,10 @@ def fleet_of(rows: Collection[FleetRow], asked: int) -> Fleet:
         asked=asked,
         states=states,
         faulty=faulty,
-        **{name: tuple(some) for name, some in kept.items()},
+        refuted=tuple(kept["refuted"]),
+        failed=tuple(kept["failed"]),
+        waiting=tuple(kept["waiting"]),
+        unfinished=tuple(kept["unfinished"]),
         worst=tuple(worst),
         outliers=tuple(outliers),
         relative=np.sort(relative[np.isfinite(relative)]),

@@ -106,23 +106,55 @@ def worst_case_error(
     >>> error.upper.shape, bool(np.all(error.lower <= error.upper)), error.certified
     ((2, 1, 1), True, True)
     """
+    means = Means(executor, progress, resume, Budget(time_limit))
+    return _error(identification, model, omega, (directions, rtol), means, known, least=1)
+
+
+@one_thread()
+def error_in_time(
+    identification: Identification,
+    *,
+    model: control.StateSpace,
+    omega: Real,
+    directions: int,
+    rtol: float,
+    executor: Processes = None,
+    progress: Progress | None = None,
+    resume: Folder | None = None,
+    time_limit: float | None = None,
+    known: Known | None = None,
+) -> WorstCaseError | None:
+    """As `worst_case_error`, for a step of many: None where the time is over before a frequency is finished."""
+    means = Means(executor, progress, resume, Budget(time_limit))
+    found = _error(identification, model, omega, (directions, rtol), means, known, least=0)
+    return found if found.values else None
+
+
+def _error(
+    identification: Identification,
+    model: control.StateSpace | None,
+    omega: ArrayLike | None,
+    sides: tuple[int, float],
+    means: Means,
+    known: Known | None,
+    least: int,
+) -> WorstCaseError:
+    """The error at so many frequencies at `least`, whatever the time is; `sides` are their number, and the part of the gap."""
     as_kind("identification", identification, Identification, "an Identification")
-    directions = as_count("directions", directions, least=LEAST)
+    directions = as_count("directions", sides[0], least=LEAST)
     if directions > MOST:
         raise InputError(f"`directions` must be at most {MOST}, one per degree; got {directions}")
-    gap = gap_of(as_positive("rtol", rtol), directions, identification.problem.entries.single)
+    gap = gap_of(as_positive("rtol", sides[1]), directions, identification.problem.entries.single)
     model = as_nominal(model, identification)
     grid = default_grid(identification.problem) if omega is None else as_frequencies(omega, identification.problem)
     consistent = consistent_set(identification)
-    means = Means(executor, progress, resume, Budget(time_limit))
-    values = value_sets(consistent, grid, directions, gap, means, model, known)
-    workers = None if identification.problem.entries.single else executor
-    intervals = parameter_intervals(consistent, workers, means.budget)
+    values = value_sets(consistent, grid, directions, gap, means, model, known, least)
+    workers = None if identification.problem.entries.single else means.executor
     return WorstCaseError(
         identification=identification,
         model=model,
         values=tuple(values),
-        parameters=intervals,
+        parameters=parameter_intervals(consistent, workers, means.budget),
         directions=directions,
         gap=gap,
         missing=grid[~np.isin(grid, [one.omega for one in values])],

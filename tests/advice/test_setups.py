@@ -118,7 +118,7 @@ def test_a_setup_with_a_mass_is_named_with_two_disjoint_intervals_and_no_average
 LINES = np.linspace(40.0, 90.0, 60)
 
 
-def simple(*modes, bound=1e-5, **more):
+def simple(*modes, bound: float | np.ndarray | None = 1e-5, **more):
     """Two modes or fewer, exact, with a hard bound."""
     values = sum(1 / (w**2 - LINES**2 + 0.02j * w * LINES) for w in modes)
     return rid.FrequencyResponse(LINES, values, bound=bound, **more)

@@ -31,8 +31,14 @@ def test_every_entry_is_a_run_as_if_it_were_asked_alone(tmp_path, matrix):
     items = fleet.items_of([matrix], tmp_path / "out")
     assert [one.name for one in items] == ["beam-0-0", "beam-1-0"]
     with ThreadPoolExecutor(1) as executor:
-        found = fleet.run_fleet(items, tmp_path / "out", executor, tmp_path / "out" / fleet.TABLE)
+        found = fleet.run_fleet(items, tmp_path / "out", executor, tmp_path / "out" / fleet.TABLE, thing="entry")
     assert found.states == {FleetState.CONSISTENT: 2}
+    assert found.verdict == "Of 2 entries 2 consistent."
+    page = (tmp_path / "out" / fleet.PAGE).read_text(encoding="utf-8")
+    words = page[page.index("<body") : page.index("<script")]
+    assert "a row for every entry" in words
+    assert "machine" not in words.lower()
+    assert "One controller for all" not in words
     assert "root / u" in (tmp_path / "out" / "beam-1-0" / "report.html").read_text(encoding="utf-8")
     alone = {"entry": [1, 0], "frequency": [{"file": "g.npz"}], **CLASS, **QUICK}
     rid.run(ask(tmp_path, alone, name="alone.toml"), tmp_path / "alone")
@@ -48,6 +54,25 @@ def test_one_run_is_no_matrix_of_runs_and_one_entry_not_all(tmp_path, matrix):
     both = ask(tmp_path, {"split": "entries", "entry": [0, 0], "frequency": [{"file": "g.npz"}]}, name="both.toml")
     with pytest.raises(InputError, match="entry is one, split is all of them"):
         split.split_files(both, tmp_path / "out")
+
+
+def test_entries_that_were_not_reached_are_named_and_many_shortened(tmp_path):
+    """As after Ctrl-C: the others have no row."""
+    items = [fleet.Item(f"m-{k}-0", "m.toml", str(tmp_path / f"m-{k}-0"), force=False, static=False) for k in range(14)]
+    rows = [FleetRow(one.name, FleetState.CONSISTENT, "") for one in items[:2]]
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    for row in rows:
+        Kept(row, "").write(tmp_path / row.name)
+    with ThreadPoolExecutor(1) as executor, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fleet, "run_item", stop)
+        found = fleet.run_fleet(items, tmp_path, executor, tmp_path / fleet.TABLE, thing="entry")
+    assert found.left == tuple(one.name for one in items[2:])
+    said = f"Not run yet: {', '.join(found.left[:10])} and 2 more."
+    assert said in found.summary()
+    assert said in (tmp_path / fleet.PAGE).read_text(encoding="utf-8")
 
 
 def test_the_time_is_said_from_the_entries_that_are_done(tmp_path):

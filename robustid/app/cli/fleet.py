@@ -38,13 +38,15 @@ def fleet(
     check_table(table)
     items = items_of(paths, folder, force=force, static=static)
     with telling(console) as progress:
-        progress(f"running {len(items)} machines", 0, 0)
+        split = [is_split(path) for path in paths]
+        thing, things = ("entry", "entries") if all(split) else ("machine", "machines")
+        progress(f"running {len(items)} {things}", 0, 0)
         workers = min(os.cpu_count() or 1, len(items)) if executor is None else executor
-        if any(map(is_split, paths)):  # entries take about equally long: the first says how long all will
-            run_fleet(items[:1], folder, workers, table, static=static)
+        if any(split):  # entries take about equally long: the first says how long all will
+            run_fleet(items[:1], folder, workers, table, static=static, thing=thing)
             if words := time_words(items, workers if isinstance(workers, int) else None):
                 screen.say(console, words)
-        found = run_fleet(items, folder, workers, table, static=static, progress=progress)
+        found = run_fleet(items, folder, workers, table, static=static, progress=progress, thing=thing)
     written = [table, folder / PAGE]
     head, status = first_screen(found), _status(found)
     screen.conclude(console, head, lambda: [found.summary()], written=written)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import importlib
 import os
 from collections import Counter
@@ -77,11 +78,12 @@ def run_fleet(
     *,
     static: bool = False,
     progress: Progress | None = None,
+    thing: str = "machine",
 ) -> Fleet:
     """Run every machine whose row does not answer its run file and data already; write the table and the page of all.
 
     A worker that dies takes its own run only, which is tried again, three times in all. Ctrl-C ends the runs: what is finished is
-    kept, and stands in table and page.
+    kept, and stands in table and page. `thing`: the word for one of them, "machine" or "entry".
     """
     folder.mkdir(parents=True, exist_ok=True)
     most = None if isinstance(executor, int) else _AT_ONCE
@@ -90,8 +92,12 @@ def run_fleet(
         for _ in workers.run(run_item, (), items, _named, _lost):
             done += 1
             if progress is not None:
-                progress("running the machines", done, len(items))
-    found, rows = fleet_of(Rows(items), len(items)), Rows(items)
+                progress(f"running every {thing}", done, len(items))
+    rows = Rows(items)
+    found = dataclasses.replace(fleet_of(rows, len(items)), thing=thing)
+    if found.open:
+        named = {row.name for row in rows}
+        found = dataclasses.replace(found, left=tuple(one.name for one in items if one.name not in named))
     write_table(table, rows)
     write_report(found, folder / PAGE, static=static)
     return found

@@ -20,17 +20,16 @@ from robustid.app.run.results import IdentifiedReduced, WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Step, Untouched, Work, carry_out
-from robustid.core import Interruptible, Real, Record, Source
+from robustid.core import Budget, Interruptible, Real, Record, Source
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody
 from robustid.guarantees import (
-    Band,
     Contradiction,
-    WorstCaseError,
     WorstCaseOverPoles,
     band,
     contradiction,
     default_grid,
+    error_in_time,
     limiting_polygons,
     loop_bounds,
     worst_case_error,
@@ -253,14 +252,16 @@ def seen_between(work: Work) -> None:
 
 
 def refined(work: Work) -> None:
-    """The band around the model, kept, with what semidefinite programs add to it."""
-    if work.band is not None:
-        found, ended = (
-            work.band.with_model(work.model),
-            work.around.stops.interrupted,
-        )  # by Ctrl-C: polygons take seconds
-        work.band = found if ended else refined_band(found, work.error, work.over_poles)
-        work.around.folder.proved(work.band)
+    """The band around the model, kept, with what semidefinite programs add: at exact poles the sweep, over a box those over it."""
+    if work.band is None:
+        return
+    polygons = work.error if work.band.box is None else work.over_poles
+    work.band = work.band.with_model(work.model)
+    ended = work.around.stops.interrupted  # by Ctrl-C: polygons take seconds
+    if polygons is not None and polygons.omega.size and not ended:
+        with work.around.step("narrowing the band between semidefinite programs") as limit:
+            work.band = work.band.between(polygons, Budget(limit))
+    work.around.folder.proved(work.band)
 
 
 def in_loop(work: Work) -> None:
@@ -274,12 +275,6 @@ def in_loop(work: Work) -> None:
     if work.band is not None and work.identification.consistent:
         with work.around.step("what holds of its loop", _BAND) as limit:
             work.looped = loop_bounds(work.band.with_model(work.model), work.loop, time_limit=limit)
-
-
-def refined_band(found: Band, error: WorstCaseError | None, over_poles: WorstCaseOverPoles | None = None) -> Band:
-    """The band with the polygons that bound what it does: at exact poles those of the sweep, over a box those over the same box."""
-    polygons = error if found.box is None else over_poles
-    return found if polygons is None or not polygons.omega.size else found.with_polygons(polygons)
 
 
 def narrowed(work: Work) -> None:
@@ -324,16 +319,18 @@ def gridded(work: Work) -> None:
 
 
 def bounded(work: Work) -> None:
-    """The error of every consistent system around the model, which is made small for matrices."""
+    """The error of every consistent system around the model, which is made small for matrices.
+
+    The limit of this step leaves one frequency at least; that of the run, and Ctrl-C, leave none if need be.
+    """
     asked, result, around = work.run.worst_case, work.identification, work.around
     omega = default_grid(result.problem) if work.omega is None else work.omega
-    words, counted = (
-        f"bounding the error at {omega.size} frequencies",
-        around.counted("bounding the error at every frequency"),
-    )
-    with around.step(words, stated=asked.time_limit) as limit:
+    ending = around.stops.interrupted or around.budget.left <= asked.time_limit
+    bounding = error_in_time if ending else worst_case_error
+    counted = around.counted("bounding the error at every frequency")
+    with around.step(f"bounding the error at {omega.size} frequencies", stated=asked.time_limit) as limit:
         how: Record = asked.arguments | counted | {"omega": omega, "known": work.band, "time_limit": limit}
-        work.error = worst_case_error(result, model=work.model, **how)
+        work.error = bounding(result, model=work.model, **how)
 
 
 def limiting(work: Work) -> None:

@@ -57,19 +57,24 @@ def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> D
         open_arcs, middle, between = open_arcs[wide], middle[wide], between[wide]
         if not open_arcs.size or budget.over:
             break
-        band, open_arcs = _halved(search, band, open_arcs, middle, between)
+        band, open_arcs = _halved(search, band, open_arcs, middle, between, budget)
     return band
 
 
 def _halved(
-    search: DirectedSearch, band: DirectedBand, arcs: NDArray[np.intp], middle: Real, between: Real
+    search: DirectedSearch, band: DirectedBand, arcs: NDArray[np.intp], middle: Real, between: Real, budget: Budget
 ) -> tuple[DirectedBand, NDArray[np.intp]]:
-    """The band with knots in the middle of those arcs where a search there gains, and the numbers of their halves."""
+    """The band with knots in the middle of those arcs where a search there gains, and the numbers of their halves.
+
+    Of the first of them, as far as the time goes; one at least.
+    """
     targets = targets_at(band.samples, middle)
     chosen: list[NDArray[np.intp]] = []
     multipliers: list[Complex] = []
     bounds: list[Real] = []
     for k, arc in enumerate(arcs.tolist()):
+        if k and budget.over:
+            break
         target = targets[k : k + 1]
         points = search.nearest(complex(target.base[0]))
         both, low, high = band.of_arc(arc)
@@ -77,6 +82,7 @@ def _halved(
         chosen.append(points)
         multipliers.append(c)
         bounds.append(support)
+    arcs, middle, between = arcs[: len(bounds)], middle[: len(bounds)], between[: len(bounds)]
     loose = between > _LOOSE * smallest_discs(corners_of_supports(np.array(bounds)))[1]
     at = arcs[loose] + 1
     first = arcs[loose] + np.arange(at.size)

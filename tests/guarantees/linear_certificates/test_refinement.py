@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.run.sequence import refined_band
+from robustid.app.run import sequence
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.work import Work
 from robustid.core import Budget
 from robustid.errors import FileFormatError, InputTypeError
 from robustid.guarantees import placement, pole_sweep
 from robustid.guarantees.common_nominal import smallest_disc
+from robustid.guarantees.consistent_set import ConsistentSet
+from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.sweep import Means
 from robustid.identification import margin
 from support.edge_bands import edge_plant
@@ -244,8 +249,11 @@ def test_polygons_at_exact_poles_never_narrow_a_band_over_a_box(tmp_path):
     exact, (band, _) = refined().polygons, over_box()
     for call in (lambda: band.with_polygons(exact), lambda: dataclasses.replace(band, polygons=exact)):
         refused("stand on exact poles, and the band covers a box", call)
-    assert refined_band(band, exact) is band
-    assert refined_band(plain(), exact).narrowed.any()
+    for one, narrows in ((band, False), (plain(), True)):
+        work = Work(run=RunFile(), identification=identified(), band=one, error=exact)
+        sequence.refined(work)
+        assert (work.band.polygons is exact) == narrows
+        assert work.band.narrowed.any() == narrows
     for name, one in (("exact", refined()), ("band", band)):
         one.save(tmp_path / name)
     polygons = json.loads((tmp_path / "exact.json").read_text())["polygons"]
@@ -325,6 +333,21 @@ def test_without_time_the_discs_stand_but_where_they_are_loosest():
     error = rid.worst_case_error(identified(), omega=OMEGA, directions=4, known=Loose(), time_limit=1e-6)
     np.testing.assert_array_equal(error.omega, OMEGA[3:4])
     assert plain().refine(omega=AT[:1], time_limit=30.0).polygons.omega.size == 1  # identified on the way
+
+
+def test_steps_of_a_run_begin_no_program_where_its_time_is_over(monkeypatch):
+    """The band stands; a first frequency takes half a minute where the class decays slowly, and so does the search between."""
+    error = refined().polygons
+    monkeypatch.setattr(ConsistentSet, "extreme", None)
+    monkeypatch.setattr(DirectedSearch, "search", None)
+    around = Surroundings(budget=Budget(1e-6))
+    work = Work(run=RunFile(), identification=identified(), band=plain(), around=around)
+    sequence.bounded(work)
+    assert work.error is None
+    work.error = error
+    sequence.refined(work)
+    assert work.band.polygons is error
+    assert [late.split(" ")[0] for late in around.stops.late] == ["bounding", "narrowing"]
 
 
 def test_over_a_box_nothing_is_begun_that_takes_longer_than_the_time(monkeypatch):

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import Budget
 from robustid.core import progress as clocks
 from robustid.guarantees.linear import search
+from robustid.guarantees.linear.directed_search import DirectedSearch
 
 TWO_PI = 2 * np.pi
 DT, RHO, GAIN = 1e-3, 1.05, 0.05
@@ -149,3 +151,21 @@ def test_a_search_for_contradictions_looks_at_its_time_at_every_step(ticking, mo
         counts.append(len(steps))
     assert counts[0] == 0
     assert 5 < counts[1] < 40 < counts[2]
+
+
+def test_a_search_between_polygons_looks_at_its_time_at_every_step(ticking, monkeypatch):
+    """On every arc too: of a class of slow decay there are hundreds, a tenth of a second each."""
+    steps, own = [], DirectedSearch.search
+    monkeypatch.setattr(DirectedSearch, "search", lambda *one: steps.append(1) or own(*one))
+    frf = PROBLEM.frequency[0]
+    single = rid.FrequencyResponse(frf.omega, frf.values[:, 0, 0], bound=frf.bound.outer_radius[:, 0, 0], dt=DT)
+    result = rid.identify(dataclasses.replace(PROBLEM, frequency=single))
+    plain, error = rid.band(result, knots=20), rid.worst_case_error(result, omega=OMEGA[[3, 8]], directions=6)
+    counts, limits = [], (1.0, 60.0, 120.0)
+    for limit in limits:
+        steps.clear()
+        found = plain.between(error, Budget(limit))
+        centre, radius = found.at(OMEGA)
+        assert np.all(np.abs(truth(OMEGA)[:, 0, 0] - centre[:, 0, 0]) <= radius[:, 0, 0])
+        counts.append(len(steps))
+    assert counts[0] == 0 < counts[1] < 60 < counts[2] < 120
