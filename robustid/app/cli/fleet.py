@@ -42,11 +42,17 @@ def fleet(
         thing, things = ("entry", "entries") if all(split) else ("machine", "machines")
         progress(f"running {len(items)} {things}", 0, 0)
         workers = min(os.cpu_count() or 1, len(items)) if executor is None else executor
-        if any(split):  # entries take about equally long: the first says how long all will
-            run_fleet(items[:1], folder, workers, table, static=static, thing=thing)
-            if words := time_words(items, workers if isinstance(workers, int) else None):
+        forecast = any(split)
+
+        def told(text: str, done: int, count: int) -> None:
+            """Tell of a finished one; entries take about equally long, so that the first says how long all will."""
+            nonlocal forecast
+            if forecast and (words := time_words(items, workers if isinstance(workers, int) else None)):
                 screen.say(console, words)
-        found = run_fleet(items, folder, workers, table, static=static, progress=progress, thing=thing)
+            forecast = False
+            progress(text, done, count)
+
+        found = run_fleet(items, folder, workers, table, static=static, progress=told, thing=thing)
     written = [table, folder / PAGE]
     head, status = first_screen(found), _status(found)
     screen.conclude(console, head, lambda: [found.summary()], written=written)
