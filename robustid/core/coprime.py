@@ -106,10 +106,9 @@ def balanced_scales(system: StateMatrices) -> StateMatrices:
     A, B, C, D = system
     if not A.size:
         return system
-    both = np.abs(np.block([[A, B @ B.T], [C.T @ C, A.T]]))
+    both = np.abs(np.vstack([np.hstack([A, B @ B.T]), np.hstack([C.T @ C, A.T])]))
     np.fill_diagonal(both, 0.0)
-    with np.errstate(invalid="ignore"):  # scipy also reads the scales as a permutation, which isn't used
-        _, (scales, _) = scipy.linalg.matrix_balance(both, permute=False, separate=True)
+    scales = scipy.linalg.lapack.dgebal(both, scale=True)[3]
     there, back = np.split(np.log2(scales), 2)
     scale = np.exp2(np.round((there - back) / 2))
     return StateMatrices(A * scale / scale[:, None], B / scale[:, None], C * scale, D)
@@ -162,11 +161,13 @@ def _least_cost(system: StateMatrices) -> Real:
         X = (X + X.T) / 2
         feedback = -np.asarray(np.linalg.solve(weight, D.T @ C + B.T @ X), dtype=float)
         closed, outputs = A + B @ feedback, C + D @ feedback
-        if decay_of(poles_of(closed), 0.0) <= _SINGULAR * np.linalg.norm(closed):
+        triangle, basis = scipy.linalg.schur(closed, check_finite=False)
+        if decay_of(poles_of(triangle), 0.0) <= _SINGULAR * np.linalg.norm(closed):
             raise np.linalg.LinAlgError("poles on the axis")
-        missing = closed.T @ X + X @ closed + outputs.T @ outputs
-        step = scipy.linalg.solve_continuous_lyapunov(closed.T, -missing)
-        X = X + np.asarray(step, dtype=float)
+        missing = basis.T @ (closed.T @ X + X @ closed + outputs.T @ outputs) @ basis
+        step, scale, _ = scipy.linalg.lapack.dtrsyl(triangle, triangle, missing, trana="T")
+        step = -(basis @ step @ basis.T) / scale
+        X = X + step
         before, size = size, float(np.linalg.norm(step))
         if size <= _SINGULAR * np.linalg.norm(X) or size > before / 2:  # what is left is rounding
             break

@@ -8,16 +8,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.linalg
 
 from robustid.core import (
+    Complex,
+    Real,
     StateMatrices,
     as_flag,
     bilinear_in_s,
     closed_loop,
     decay_of,
     input_states,
-    inverse,
     is_well_posed,
     loop_is_stable,
     mirroring_feedback,
@@ -30,7 +30,7 @@ from robustid.core import (
 )
 from robustid.errors import InputError
 from robustid.identification import as_system, describe_poles
-from robustid.reduction import doubtful_distance, hinf_norm, is_stable
+from robustid.reduction import MOST_DOUBT, doubtful_distance, hinf_norm, is_stable
 
 if TYPE_CHECKING:
     import control
@@ -269,12 +269,11 @@ def _pair(
 
 def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
     """The normalised right factors ``[D; N]``, checked: stable, and an isometry where rounding weighs most."""
-    poles, stable = is_stable(system.A, dt or 0)
-    hidden = [pole for pole in poles[~stable] if _is_hidden(system, pole)]
-    if hidden:
+    hidden = _hidden_poles(system, dt)
+    if hidden.size:
         raise InputError(
             f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
-            f" {describe_poles(np.array(hidden), dt)}. Leave such states out"
+            f" {describe_poles(hidden, dt)}. Leave such states out"
         )
     try:
         found = normalised_factors(system, dt or 0.0)
@@ -288,14 +287,22 @@ def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMa
     return found
 
 
-def _is_hidden(system: StateMatrices, pole: complex) -> bool:
-    """Say whether no input moves a pole or no output shows it, relative to the matrices."""
-    shifted = pole * np.eye(len(system.A)) - system.A
-    for matrix in (np.hstack([shifted, system.B]), np.vstack([shifted, system.C])):
-        levels = np.linalg.svd(matrix, compute_uv=False)
-        if levels[-1] <= _HIDDEN * levels[0]:
-            return True
-    return False
+def _hidden_poles(system: StateMatrices, dt: float | None) -> Complex:
+    """Poles that are not stable and that no input moves or no output shows, relative to the matrices; of a pair one."""
+    A, B, C, _ = system
+    poles = poles_of(A)
+    distance = 1 - np.abs(poles) if dt else -poles.real
+    stable = distance > 0
+    if np.any(np.abs(distance) <= MOST_DOUBT * np.linalg.norm(A)):
+        poles, stable = is_stable(A, dt or 0)
+    poles = poles[~stable & (poles.imag >= 0)]
+    shifted = poles[:, None, None] * np.eye(len(A)) - A
+    hidden = np.zeros(poles.size, dtype=bool)
+    for part, axis in ((B, 2), (C, 1)) if poles.size else ():
+        both = np.concatenate([shifted, np.broadcast_to(part, (poles.size, *part.shape))], axis=axis)
+        levels = np.linalg.svd(both, compute_uv=False)
+        hidden |= levels[:, -1] <= _HIDDEN * levels[:, 0]
+    return poles[hidden]
 
 
 def _is_isometry(factors: StateMatrices, dt: float | None) -> bool:
@@ -347,9 +354,10 @@ def _winds_alike(right: StateMatrices, left: StateMatrices, dt: float | None) ->
         right, left = bilinear_in_s(right, 2.0), bilinear_in_s(left, 2.0)
     if np.linalg.norm(left.D @ right.D, 2) >= _APART:
         return True
-    count = len(left.A)
-    states = scipy.linalg.block_diag(right.A, -left.A.T)
-    inputs = scipy.linalg.block_diag(right.B, -left.C.T)
-    outputs, direct = np.hstack([right.C, left.B.T]), np.hstack([right.D, left.D.T])
-    zeros = poles_of(inverse(StateMatrices(states, inputs, outputs, direct)).A)
-    return np.count_nonzero(zeros.real > 0) == count
+    back: Real = np.asarray(np.linalg.inv(np.hstack([right.D, left.D.T])), dtype=float)
+    states = np.vstack([right.B @ back[: right.B.shape[1]], -left.C.T @ back[right.B.shape[1] :]])
+    states = -states @ np.hstack([right.C, left.B.T])  # A - B D^-1 C of the inverse
+    first = len(right.A)
+    states[:first, :first] += right.A
+    states[first:, first:] -= left.A.T
+    return np.count_nonzero(poles_of(states).real > 0) == len(left.A)

@@ -314,7 +314,13 @@ class _Trials:
     # --- limits ---
 
     def saturated(self) -> Iterator[Trial]:
-        """Inputs at their limits, where nothing is asked of the controller."""
+        """Inputs at their limits, where nothing is asked of the controller: the fewest samples that explain it equally well."""
+        found = [one for one in self.at_limits() if one.counts]
+        least = max(min((one.energy for one in found), default=0.0), _ROUNDING)
+        yield from [one for one in found if one.energy <= _ALIKE * least][:1]
+
+    def at_limits(self) -> Iterator[Trial]:
+        """The same, with edges of the limits that are wider and wider."""
         terms, u = self.terms, self.terms.signals.u
         low, high = np.min(u, axis=0), np.max(u, axis=0)
         known, seen = terms.signals.balance(terms.place)

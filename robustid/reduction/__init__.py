@@ -10,7 +10,7 @@ from robustid.reduction.balanced import (
 from robustid.reduction.controller_model import controller_model
 from robustid.reduction.doubtful_modes import DoubtfulMode, without_doubtful_modes
 from robustid.reduction.error_norm import PeakError, hinf_error, hinf_norm
-from robustid.reduction.gramians import Parts, doubtful_distance, gramian_factors, is_stable
+from robustid.reduction.gramians import MOST_DOUBT, Parts, doubtful_distance, gramian_factors, is_stable
 from robustid.reduction.inverse_hold import ContinuousModel, to_continuous
 from robustid.reduction.loop_from_data import any_loop, loop_from_data, with_auxiliary
 from robustid.reduction.model_worth import ModelWorth, model_worth_having
@@ -19,6 +19,7 @@ from robustid.reduction.response_comparison import why_not_compared
 from robustid.reduction.within_bounds import SearchStatus, reduce_within_bounds
 
 __all__ = [
+    "MOST_DOUBT",
     "ContinuousModel",
     "DoubtfulMode",
     "ModelWorth",

@@ -8,7 +8,18 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Complex, Real, Response, StateMatrices, bilinear_in_s, threads_for
+from robustid.core import (
+    Complex,
+    Real,
+    Response,
+    StateMatrices,
+    bilinear_in_s,
+    input_states,
+    norms,
+    points_of,
+    poles_of,
+    threads_for,
+)
 from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.reduction.gramians import split
@@ -30,6 +41,10 @@ _CLOSER = 0.25 ** np.arange(
 )  # parts of the way to a neighbour that are looked at: a peak may be much narrower than that
 _ZOOMS = 20
 _CURVED = 3e-6  # relative: a parabola of so little height is right to its square
+_TURNED, _SAME = (
+    1e6,
+    1e-10,
+)  # condition of eigenvectors that serve, relative error of the peak that shows that they do not
 
 
 class PeakError(NamedTuple):
@@ -104,14 +119,44 @@ def hinf_norm(system: StateMatrices, dt: float | None) -> PeakError:
     return PeakError(value, angle / float(dt) if dt else angle)
 
 
+class _Modes(NamedTuple):
+    """A response as a sum over its poles: one product of two matrices for all points."""
+
+    poles: Complex
+    left: Complex
+    right: Complex
+    direct: Real
+
+    def at(self, points: Complex) -> Complex:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            terms = self.left / (points[:, None, None] - self.poles)
+        rows = terms.reshape(points.size * len(self.left), self.poles.size)
+        return self.direct + (rows @ self.right).reshape(points.size, *self.direct.shape)
+
+
+def _modes_of(system: StateMatrices) -> _Modes | None:
+    """The poles and their parts; None where eigenvectors almost depend on each other, as at a double pole."""
+    A, B, C, D = system
+    try:
+        poles, vectors = np.linalg.eig(A)
+        back = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return None
+    if np.linalg.norm(vectors) * np.linalg.norm(back) > _TURNED * poles.size:
+        return None
+    left, right = np.asarray(C @ vectors, dtype=complex), np.asarray(back @ B, dtype=complex)
+    return _Modes(np.asarray(poles, dtype=complex), left, right, D)
+
+
 class _Peak:
     """Largest singular value of a stable response: lower bound by evaluation, proof of the level by eigenvalues."""
 
     def __init__(self, system: StateMatrices, *, discrete: bool):
-        self.discrete, self.d = discrete, system.D
-        self.response = Response(system)
+        self.discrete, self.system, self.d = discrete, system, system.D
+        self.response = _modes_of(system) or Response(system)
         self.continuous = bilinear_in_s(system, 2.0) if discrete else system
         self.value, self.omega, self.lowest = 0.0, np.inf, 0.0
+        self.low = _LOW  # of the best: what is lower is no peak worth refining
 
     def search(self) -> tuple[float, float]:
         poles = self.response.poles
@@ -127,6 +172,7 @@ class _Peak:
         self._look([np.pi if self.discrete else np.inf])
         self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
         for _ in range(_ROUNDS):
+            self._settle()
             crossings = self._crossings(self.value * (1 + _RTOL))
             before = self.value
             if not crossings.size:
@@ -142,8 +188,21 @@ class _Peak:
             self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
         return self.value, self.omega
 
+    def _settle(self) -> None:
+        """The best value by a factorisation of its own where it is a sum over poles; no such sums from here on if that was off."""
+        if isinstance(self.response, Response) or not np.isfinite(self.omega):
+            return
+        A, B, C, D = self.system
+        place = points_of(np.array([self.omega]), 1.0 if self.discrete else None)
+        sum_over_poles, self.value = self.value, float(np.linalg.norm(D + C @ input_states(A, B, place)[0], 2))
+        if abs(sum_over_poles - self.value) > _SAME * self.value:
+            self.response = Response(self.system)
+
     def _look(self, frequencies: ArrayLike) -> Real:
-        """Largest singular values at the frequencies; the largest of all is kept."""
+        """Largest singular values at the frequencies, where they are not much lower than the largest of all, which is kept.
+
+        Elsewhere what is surely reached, from the sum of squares.
+        """
         omega = np.asarray(frequencies, dtype=float)
         found = self._at(omega)
         if found.size and np.max(found) > self.value:
@@ -153,15 +212,22 @@ class _Peak:
     def _at(self, omega: Real) -> Real:
         values = np.repeat(self.d[None].astype(complex), omega.size, axis=0)
         near = np.isfinite(omega)
-        values[near] = self.response.at(np.exp(1j * omega[near]) if self.discrete else 1j * omega[near])
-        return np.linalg.norm(values, 2, axis=(1, 2))
+        values[near] = self.response.at(points_of(omega[near], 1.0 if self.discrete else None))
+        if 1 in self.d.shape:
+            return norms(values)
+        squares: Real = np.linalg.norm(values, axis=(1, 2))
+        found = squares / np.sqrt(min(self.d.shape))
+        high = squares >= self.low * max(self.value, float(np.max(found, initial=0.0)))
+        found[high] = norms(values[high])
+        return found
 
     def _zoom(self, marks: Real, values: Real, best: NDArray[np.intp]) -> None:
         """Peaks at the best of some frequencies, refined between their neighbours: all of them in each round."""
         sides = np.clip(best[:, None] + _BESIDE, 0, marks.size - 1)
         omega, found = marks[sides], values[sides]
-        for _ in range(_ZOOMS):
-            rows = found[:, 1] >= _LOW * self.value
+        for count in range(_ZOOMS):
+            self.low = 1 - (1 - _LOW) * _CLOSER[0] ** count  # what a parabola may still rise by shrinks with its square
+            rows = found[:, 1] >= self.low * self.value
             if not rows.any():  # the peak is elsewhere
                 break
             omega, found = omega[rows], found[rows]
@@ -171,6 +237,7 @@ class _Peak:
             if np.all(found[:, 1:2] - found <= _CURVED * self.value):
                 break
             omega, found = _best_three(np.hstack([omega, points]), np.hstack([found, seen]))
+        self.low = _LOW
 
     def _crossings(self, level: float) -> Real:
         """Frequencies in continuous time where a singular value may be `level`, none of them missing; ascending."""
@@ -186,9 +253,7 @@ class _Peak:
         a = a + b @ left @ d.conj().T @ c
         right = np.eye(d.shape[0]) + d @ left @ d.conj().T
         above, below = b @ left @ b.conj().T, -c.conj().T @ right @ c
-        values: Complex = scipy.linalg.eigvals(
-            np.block([[a, above], [below, -a.conj().T]]), overwrite_a=True, check_finite=False
-        )
+        values = poles_of(np.block([[a, above], [below, -a.conj().T]]))
         sizes = np.abs(values)
         near = np.abs(np.real(values)) <= np.maximum(_NEAR * sizes, _NEAR_ZERO * np.max(sizes))
         omega = np.imag(values[near])

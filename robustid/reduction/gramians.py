@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _EPS = np.finfo(float).eps
 
 # A double integrator, rounded in any coordinates, moves by about the square root of eps.
-_MOST_DOUBT = 1e-7
+MOST_DOUBT = 1e-7
 
 # Rows solved at a time: small enough that copies of a diagonal block cost nothing, large enough to call BLAS rarely.
 _BLOCK = 96
@@ -92,7 +92,7 @@ def doubtful_distance(a: Real) -> tuple[Complex, Real]:
         return np.zeros(0, dtype=complex), np.zeros(0)
     poles, left, right = scipy.linalg.eig(a, left=True, right=True)
     cosine = np.abs(np.sum(left.conj() * right, axis=0))
-    move = np.minimum(10 * a.shape[0] * _EPS / np.maximum(cosine, _EPS), _MOST_DOUBT)
+    move = np.minimum(10 * a.shape[0] * _EPS / np.maximum(cosine, _EPS), MOST_DOUBT)
     return poles, move * np.linalg.norm(a, 2)
 
 

@@ -54,6 +54,7 @@ def record_of(controller=CONTROLLER, samples=400):
         ({"u": lambda one: -one.u}, "sign", "input u", -1),
         ({"y": lambda one: np.roll(one.y, 2)}, "late", "controller", -2),
         ({"y": lambda one: one.y + 0.25}, "offset", "output", 0.25),
+        ({"u": lambda one: np.clip(one.u, -1.5, 1.5)}, "saturated", "input", 0.1325),
     ],
 )
 def test_the_fault_says_where_and_how_large(change, kind, where, size):
