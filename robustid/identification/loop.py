@@ -36,7 +36,7 @@ from robustid.core import (
 from robustid.data import Fault, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, Remedy
 from robustid.identification.loop_faults import loop_faults
-from robustid.identification.loop_terms import LAWS, answer, controller_output
+from robustid.identification.loop_terms import LAWS, OPENED, answer, controller_output, opened_by
 from robustid.identification.validation import as_system, describe_poles
 
 if TYPE_CHECKING:
@@ -303,20 +303,23 @@ class Loop(Frozen):
             record, reference=u + controller_output(self._controller, y, periodic=record.initial == "periodic")
         )
 
-    def opened_response(self, frf: FrequencyResponse) -> FrequencyResponse:
-        r"""Response of R from that of the closed loop, from r (at the input) to y: ``R = D_c^-1 (T_y D~_c^-1 - N_x)``.
+    def opened_response(self, frf: FrequencyResponse, *, of: str = "y") -> FrequencyResponse:
+        r"""Response of R from one of the closed loop: T_y from r (at the input) to y, T_u to u, or S from an output error to y.
 
-        A bound b of the entries of T_y is one of R: ``|D_c^-1| b |D~_c^-1|``.
+        ``D_c^-1 (T_y D~_c^-1 - N_x)``, ``N_c^-1 (D_x - T_u D~_c^-1)`` or ``(D~_x - D_c^-1 S) N~_c^-1``, for `of` = "y", "u",
+        "sensitivity". A bound b of the entries is one of R, such as ``|D_c^-1| b |D~_c^-1|``. T_u and S tell R where C acts.
         """
         nu, ny = self.shape
-        if frf.values.shape[1:] != (ny, nu):
+        if of not in OPENED:
+            raise InputError(f"`of` must be one of {tuple(OPENED)}; got {of!r}")
+        wanted = {"y": (ny, nu), "u": (nu, nu), "sensitivity": (ny, ny)}[of]
+        if frf.values.shape[1:] != wanted:
             got = " x ".join(map(str, frf.values.shape[1:]))
-            raise InputError(f"`frf` must have {ny} outputs and {nu} inputs, from r to y; got {got}")
+            raise InputError(f"`frf` must have {wanted[0]} outputs and {wanted[1]} inputs, {OPENED[of]}; got {got}")
         self._check_time(frf.dt or 0.0, "frf")
         points = points_of(frf.omega, self.dt)
-        M, back = response_at(self.factors, points), response_at(self.back, points)
-        left, right = np.linalg.inv(M[:, nu:, nu:]), np.linalg.inv(back[:, :nu, :nu])
-        values = left @ (frf.values @ right - M[:, nu:, :nu])
+        left, own, right = opened_by(response_at(self.factors, points), response_at(self.back, points), nu, of)
+        values = left @ (frf.values @ right - own)
         bound = None if frf.bound is None else np.abs(left) @ frf.bound.outer_radius @ np.abs(right)
         return FrequencyResponse(frf.omega, values, bound=bound, dt=frf.dt, note=frf.note)
 

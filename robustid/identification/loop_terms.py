@@ -15,6 +15,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import (
+    Complex,
     Real,
     StateMatrices,
     bilinear_in_s,
@@ -28,6 +29,12 @@ from robustid.errors import InputError
 
 # What is added is r at the input, C r at the reference, or -C r at the output.
 LAWS = {"input": "r - C y", "reference": "C (r - y)", "output": "-C (y + r)"}
+OPENED = {
+    "y": "from r to y",
+    "u": "from r to u",
+    "sensitivity": "from an error of y to y",
+}  # responses of which R follows
+_BLIND = 1e-9  # of its largest value: a controller that does so little tells nothing
 SHIFTS = 5  # samples by which terms are moved at most
 _NOTHING = 1e-12  # relative
 _EDGE = 1e-6  # distance of a pole from the unit circle that is rounding
@@ -226,3 +233,31 @@ def controller_output(controller: StateMatrices, y: Real, *, periodic: bool) -> 
     answers = np.zeros((len(lines), len(controller.C)), dtype=complex)
     answers[~near] = (response_at(controller, points[~near]) @ lines[~near, :, None])[:, :, 0]
     return np.asarray(np.fft.irfft(answers, len(y), axis=0), dtype=float)
+
+
+def opened_by(M: Complex, back: Complex, nu: int, of: str) -> tuple[Complex, Complex, Complex]:
+    """Left, own and right at each frequency, so that R is ``left (G right - own)`` of a response G of `OPENED`."""
+    numerator, denominator = (M[:, :nu, nu:], back[:, :nu, nu:]), (M[:, nu:, nu:], back[:, :nu, :nu])
+    if of == "sensitivity":
+        right = _undone(numerator[1], columns=False)
+        return -_inverse(denominator[0]), denominator[0] @ back[:, nu:, nu:] @ right, right
+    right = _inverse(denominator[1])
+    if of == "y":
+        return _inverse(denominator[0]), M[:, nu:, :nu], right
+    return _undone(numerator[0], columns=True), M[:, :nu, :nu], right
+
+
+def _inverse(factor: Complex) -> Complex:
+    return np.asarray(np.linalg.inv(factor), dtype=np.complex128)
+
+
+def _undone(factor: Complex, *, columns: bool) -> Complex:
+    """The inverse of a factor of the controller at each frequency: of all that enters it, or that leaves it."""
+    levels: Real = np.asarray(np.linalg.svd(factor, compute_uv=False), dtype=float)
+    enough = factor.shape[1] >= factor.shape[2] if columns else factor.shape[1] <= factor.shape[2]
+    if not enough or np.any(levels[:, -1] <= _BLIND * np.max(levels)):
+        raise InputError(
+            "`frf` must tell R, and what the controller does not pass on is not in it: at some frequency it has no gain, or it has"
+            ' other numbers of inputs and outputs. Give the response from r to y, of="y"'
+        )
+    return np.asarray(np.linalg.pinv(factor), dtype=np.complex128)

@@ -170,6 +170,29 @@ def test_a_bound_of_the_closed_loop_is_one_of_the_residual(dt):
     assert np.all(np.abs(opened.values - true) <= opened.bound.outer_radius * (1 + 1e-9))
 
 
+@pytest.mark.parametrize("of", ["y", "u", "sensitivity"])
+@pytest.mark.parametrize("dt", TIMES)
+def test_the_residual_follows_from_each_response_of_the_closed_loop(dt, of):
+    square = (case(dt, False, seed) for seed in range(20))
+    loop, plant, controller = next(one for one in square if one[0].shape[0] == one[0].shape[1] > 1)
+    at, rng = points(dt, 30), np.random.default_rng(1)
+    p, c = response_at(plant, at), response_at(controller, at)
+    one = np.eye(loop.shape[0])
+    closed = {
+        "y": p @ np.linalg.inv(one + c @ p),
+        "u": np.linalg.inv(one + c @ p),
+        "sensitivity": np.linalg.inv(one + p @ c),
+    }[of]
+    true = response_at(StateMatrices.of(loop.residual_of(control.ss(*plant, dt))), at)
+    omega = np.angle(at) / dt if dt else at.imag
+    exact = loop.opened_response(rid.FrequencyResponse(omega, closed, dt=dt or None), of=of)
+    assert apart(exact.values, true) < 1e-9
+    error = rng.standard_normal(closed.shape) + 1j * rng.standard_normal(closed.shape)
+    noisy = rid.FrequencyResponse(omega, closed + 0.01 * error / np.abs(error), bound=0.01, dt=dt or None)
+    opened = loop.opened_response(noisy, of=of)
+    assert np.all(np.abs(opened.values - true) <= opened.bound.outer_radius * (1 + 1e-9))
+
+
 def test_wrong_loops_are_refused_in_words():
     plant, integral = control.ss(0.5, 1.0, 1.0, 0.0, 0.1), control.ss(1.0, 1.0, 0.1, 0.1, 0.1)
     refused("`auxiliary` is missing: the controller has a pole", rid.Loop, integral)
@@ -182,6 +205,12 @@ def test_wrong_loops_are_refused_in_words():
     refused("1 inputs and 1 outputs", loop.opened, rid.TimeRecord(np.ones((9, 2)), np.ones(9), dt=0.1))
     refused("`controller` must have 1 outputs", loop.parameter_of, control.ss([], [], [], np.ones((2, 1)), 0.1))
     refused("must have a `reference` of 1 signals", loop.residual, rid.TimeRecord(np.ones(9), np.ones(9), dt=0.1))
+    refused("`of` must be one of", loop.opened_response, rid.FrequencyResponse([1.0], [1.0], dt=0.1), of="T")
+    wide = rid.Loop(control.ss([], [], [], [[0.1], [0.2]], 0.1))
+    refused(
+        "2 outputs and 2 inputs, from r to u", wide.opened_response, rid.FrequencyResponse([1.0], [1.0], dt=0.1), of="u"
+    )
+    refused("not in it", wide.opened_response, rid.FrequencyResponse([1.0], [1.0], dt=0.1), of="sensitivity")
 
 
 def test_the_controller_that_ran_has_a_margin_without_end_and_soon():
