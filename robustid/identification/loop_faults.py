@@ -121,7 +121,7 @@ def _peaked(error: Real) -> float:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
+    return f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def _follows_reference(terms: Terms, left: Real) -> float:
