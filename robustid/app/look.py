@@ -252,8 +252,11 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
 
 def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ...]]:
     """Arguments of `load` to try after a refusal, and those of them that stand for what nobody has said."""
-    remedy = error.remedy if "fields" in error.remedy else {}
-    unknown = tuple(name for name in _STANDS_FOR if name == error.argument or (name == "dt" and name in remedy))
+    measured = set(error.remedy) == {"dt"}  # the step of a time column, which stands for nothing
+    remedy = error.remedy if measured or "fields" in error.remedy else {}
+    unknown = tuple(
+        name for name in _STANDS_FOR if name == error.argument or (name == "dt" and name in remedy and not measured)
+    )
     if not remedy and not unknown:
         return {}, ()
     tried = {**given, **remedy}

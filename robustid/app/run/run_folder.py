@@ -127,7 +127,8 @@ class RunFolder:
         place = self._identification(member)
         if place is None or not self.resume or not paths(place)[1].is_file():
             return None
-        found = load_result(place, "identification")
+        found: Identification = load_result(place, "identification")
+        found = dataclasses.replace(found, choices=Unfinished.without(found.choices))  # it is this run that goes on
         return found if found.objective == objective and fingerprint(found.problem) == fingerprint(problem) else None
 
     def identified(self, result: Identification, *, member: int | None = None) -> None:

@@ -360,12 +360,16 @@ def sharpened(work: Work) -> None:
 
 def circled(work: Work) -> None:
     """The bound between the frequencies too, where it is asked for."""
-    asked, around = work.run.worst_case, work.around
-    if asked.circle and work.error is not None and not around.stops.interrupted:
-        around.say("bounding the error between the frequencies")
+    asked, around, words = work.run.worst_case, work.around, "bounding the error between the frequencies"
+    if not asked.circle or work.error is None:
+        return
+    if not around.stops.interrupted:
+        around.say(words)
         with Interruptible():  # the error at the frequencies stays
             work.error = work.error.completed(executor=around.executor)
-            work.error.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
+            work.error.on_circle(asked.rtol, **around.counted(words))
+    if work.error.known_circle is None:
+        around.stops.late.append(words)
 
 
 def judged(work: Work) -> None:
