@@ -119,7 +119,7 @@ def decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surrou
     """Consistency with its proof; in a larger class, where the program chose one that is too small by a little."""
     refuted, result = _refuted(problem, around), identified(run, problem, around)
     for _ in range(_LARGER):
-        if (larger := with_larger_gain(run, result)) is None:
+        if around.stops.interrupted or (larger := with_larger_gain(run, result)) is None:
             break
         run, problem = larger
         around.folder.choices(run)
