@@ -360,7 +360,8 @@ def _odd(item: Item) -> list[Fault]:
     found: list[Fault] = []
     missing = int(np.sum(~np.isfinite(values)))
     if missing:
-        words = f"{name} has {missing} values that are not finite, of {values.size}"
+        counted = "1 value that is" if missing == 1 else f"{missing} values that are"
+        words = f"{name} has {counted} not finite, of {values.size}"
         found.append(Fault(FaultKind.NOT_FINITE, words, where=name, size=missing))
     if np.iscomplexobj(values) and _two_sided(values):
         half = values.shape[0] // 2
