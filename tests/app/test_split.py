@@ -64,7 +64,7 @@ def test_every_column_is_a_run_of_all_outputs_of_one_input(tmp_path, run):
     asked = ask(tmp_path, {"split": "columns", **content}, name="beam.toml")
     code, out, _ = run(["run", asked, "-o", tmp_path / "out"])
     assert code == 0
-    assert "2 runs, each within its time_limit of 300 s: " in out
+    assert "2 runs, each with a time_limit of 300 s: " in out
     assert "All consistent" in out
     page = (tmp_path / "out" / fleet.PAGE).read_text(encoding="utf-8")
     assert "Columns of a matrix" in page
@@ -113,7 +113,7 @@ def test_the_time_is_said_before_any_is_done_and_from_those_that_are(tmp_path):
     items = [
         fleet.Item(f"m-{k}-0", str(asked), str(tmp_path / f"m-{k}-0"), force=False, static=False) for k in range(21)
     ]
-    said = "21 runs, each within its time_limit of 60 s: 11 min at most, on 2 processes"
+    said = "21 runs, each with a time_limit of 60 s: 11 min at most, on 2 processes"
     assert split.time_words(items, 2) == said
     Kept(FleetRow("m-0-0", FleetState.CONSISTENT, "", seconds=12.0), "").write(tmp_path / "m-0-0")
     assert split.time_words(items, 2) == "20 of 21 are left, one took 12 s: about 2 min, on 2 processes"

@@ -75,7 +75,7 @@ def time_words(items: Sequence[Item], workers: int | None) -> str:
     if not seconds:
         limit = read_run_file(Path(items[0].path)).time_limit
         most = _minutes(math.ceil(left / (workers or 1)) * limit)
-        return f"{left} runs, each within its time_limit of {limit:g} s: {most} at most, {where}"
+        return f"{left} runs, each with a time_limit of {limit:g} s: {most} at most, {where}"
     each = statistics.median(seconds)
     one = "one took" if len(seconds) == 1 else f"{len(seconds)} took in the median"
     about = _minutes(left * each / (workers or 1))
