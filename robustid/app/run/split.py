@@ -72,14 +72,13 @@ def time_words(items: Sequence[Item], workers: int | None) -> str:
         if workers is None
         else f"on {workers} {'process' if workers == 1 else 'processes'}"
     )
+    rounds = math.ceil(left / (workers or 1))
     if not seconds:
         limit = read_run_file(Path(items[0].path)).time_limit
-        most = _minutes(math.ceil(left / (workers or 1)) * limit)
-        return f"{left} runs, each with a time_limit of {limit:g} s: {most} at most, {where}"
+        return f"{left} runs, each with a time_limit of {limit:g} s: {_minutes(rounds * limit)} at most, {where}"
     each = statistics.median(seconds)
     one = "one took" if len(seconds) == 1 else f"{len(seconds)} took in the median"
-    about = _minutes(left * each / (workers or 1))
-    return f"{left} of {len(items)} are left, {one} {each:.3g} s: about {about}, {where}"
+    return f"{left} of {len(items)} are left, {one} {each:.3g} s: about {_minutes(rounds * each)}, {where}"
 
 
 def _minutes(seconds: float) -> str:
