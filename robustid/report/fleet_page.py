@@ -77,7 +77,7 @@ def fleet_page(found: Fleet, heading: str | None, parts: Parts) -> Document:
     if found.unfinished:
         body += [Heading("Out of time"), _sentences(found, found.unfinished, "", unfinished=True)]
     return Document(
-        heading or ("Fleet" if found.thing == "machine" else "Entries of a matrix"),
+        heading or ("Fleet" if found.thing == "machine" else f"{found.things.capitalize()} of a matrix"),
         head=[fleet_verdict(found), *faults],
         body=body,
         glance=Glance(
@@ -147,8 +147,8 @@ def _next(found: Fleet) -> str:
         return "Correct what the sentences of the failed runs name; the same command with --force runs these again, no others."
     if found.waiting:
         return "The same command, when the data are there, runs those that wait for them, no others."
-    if found.thing == "entry":
-        return "The model and the band of an entry are in the folder of its name, with a page of their own."
+    if found.thing != "machine":
+        return f"Model and band of every {found.thing} are in the folder of its name, with a page of their own."
     return (
         "One controller for all: robustid control FOLDER/*/ --structure ... names the machines that make it expensive."
     )

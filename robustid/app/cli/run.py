@@ -160,10 +160,10 @@ def run(
     """
     with in_words(_WORDS), contextlib.ExitStack() as stack:
         executor: Executor | int | None = _executor(stack, workers, cluster)
-        from robustid.app.run.split import is_split
+        from robustid.app.run.split import split_of
 
         files = _here(config, output, screen.console(stderr=as_json, verbose=verbose))
-        if len(files) > 1 or files[0].is_dir() or is_split(files[0]):
+        if len(files) > 1 or files[0].is_dir() or split_of(files[0]):
             how: dict[str, bool] = {"static": static, "force": force, "verbose": verbose, "as_json": as_json}
             raise typer.Exit(fleet(files, output, executor, table, **how))
         if table is not None:
