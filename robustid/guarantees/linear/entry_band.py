@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Budget, Complex, Frozen, Real, freeze, kept_by_content
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
+from robustid.guarantees.linear.certificate import choose, discs, targets_at
 from robustid.guarantees.linear.error_sets import KnownErrors
 from robustid.guarantees.linear.samples import KEPT, Number, Samples
 from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
@@ -231,8 +231,7 @@ def evaluate(
         part = slice(start, start + stack)
         targets = targets_at(samples, angles[part])
         chosen, own = choose(samples, targets, points[part]), d[part].astype(complex)
-        found[0][part] = centres(samples, chosen, targets, own, extraction.known)
-        found[1][part] = radii(samples, chosen, targets, own, extraction.known)
+        found[0][part], found[1][part] = discs(samples, chosen, targets, own, extraction.known)
     return found
 
 
