@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ def kept_by_content(*, most: int) -> Callable[[Callable[..., Result]], Callable[
             return function(*(np.frombuffer(content, kind).reshape(shape) for content, kind, shape in contents))
 
         @functools.wraps(function)
-        def called(*arrays: NDArray[Any]) -> Result:
+        def called(*arrays: NDArray[np.generic]) -> Result:
             if len(arrays[0]) > most:
                 return function(*arrays)
             return kept(*((one.tobytes(), one.dtype.str, one.shape) for one in arrays))
