@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
+
+from robustid.core.kept import kept_by_content
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -15,7 +16,6 @@ Numbers = NDArray[np.inexact]  # real or complex
 Array = NDArray[Any]
 
 _BLOCK = 1024  # columns worked on at once: they stay in the cache
-_KEPT = 200  # states, up to which the last Schur forms are kept: a megabyte each
 
 
 class StateSpace(Protocol):
@@ -96,16 +96,10 @@ def scaled_states(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     return balanced, B / scale[:, None], C * scale
 
 
+@kept_by_content(most=200)  # states: a page asks for one model many times
 def _schur_of(A: Numbers) -> tuple[Complex, Complex]:
-    """Complex Schur form and basis of a matrix; of small ones the last few are kept: a page asks for one model many times."""
-    if len(A) > _KEPT:
-        return scipy.linalg.schur(A, output="complex")
-    return _kept_schur(A.dtype.str, len(A), A.tobytes())
-
-
-@functools.lru_cache(maxsize=8)
-def _kept_schur(kind: str, size: int, content: bytes) -> tuple[Complex, Complex]:
-    T, basis = scipy.linalg.schur(np.frombuffer(content, kind).reshape(size, -1), output="complex")
+    """Complex Schur form and basis of a matrix."""
+    T, basis = scipy.linalg.schur(A, output="complex")
     T.setflags(write=False)
     basis.setflags(write=False)
     return T, basis

@@ -15,20 +15,18 @@ _CHANCE = 1e-3  # of any block of lines, in any entry
 _AROUND = 2  # lines on either side over which the squared difference is taken together
 
 
-def added_variance(difference: np.ndarray, first: Real, last: Real, dof: float) -> Real:
+def added_variance(difference: np.ndarray, noise: Real, dof: float) -> Real:
     """Variance of the mean of two halves that their difference D (F, ...) makes necessary, beyond the noise: 0 where there is none.
 
-    Without a difference D has the variance ``s^2 = first + last``, estimated, and ``dof log(1 + |D|^2/(dof s^2))`` is exponentially
-    distributed: its sum over a block of lines has a gamma distribution (`pintelon2012`, section
-    2.6). Blocks are all lines, halves of them, quarters, and so on. In a block beyond chance the halves, by their weights w and
-    1 - w in the mean, scatter about it with the variance ``w (1 - w) |D|^2``, a quarter where both are known alike.
+    Without a difference D has the variance s^2, twice the `noise` of a half, estimated, and ``dof log(1 + |D|^2/(dof s^2))`` is
+    exponentially distributed: its sum over a block of lines has a gamma distribution (`pintelon2012`, section 2.6). Blocks are all
+    lines, halves of them, quarters, and so on. In a block beyond chance the halves scatter about their mean with |D|^2/4.
     """
     from scipy.special import gammaincc
 
     lines, square = len(difference), np.abs(difference) ** 2
-    variance = first + last
-    safe = np.where(variance > 0, variance, 1)
-    seen = np.where(variance > 0, dof * np.log1p(square / (dof * safe)), 0.0)
+    known = noise > 0
+    seen = np.where(known, dof * np.log1p(square / (2 * dof * np.where(known, noise, 1))), 0.0)
     levels = int(np.log2(max(lines, 1))) + 1
     limit = _CHANCE / (2**levels * max(seen[0].size, 1))
     beyond = np.zeros(seen.shape, dtype=bool)
@@ -37,4 +35,4 @@ def added_variance(difference: np.ndarray, first: Real, last: Real, dof: float) 
             beyond[block] |= gammaincc(block.size, seen[block].sum(axis=0)) < limit
     around = np.arange(lines)[:, None] + np.arange(-_AROUND, _AROUND + 1)
     mean = square[np.clip(around, 0, lines - 1)].mean(axis=1)
-    return np.where(beyond, first * last / safe**2 * np.maximum(square, mean), 0.0)
+    return np.where(beyond & known, np.maximum(square, mean) / 4, 0.0)

@@ -117,7 +117,7 @@ def _of_halves(errors: np.ndarray) -> Real:
     dof = 2.0 * blocks * (half - 1)
     noise = np.sum(np.abs(halves - means[:, :, :, None]) ** 2, axis=(0, 2, 3)) / (dof * blocks * half)
     first, last = means.mean(axis=2)
-    return stacked(added_variance(last - first, noise, noise, dof))
+    return stacked(added_variance(last - first, noise, dof))
 
 
 def _response(

@@ -117,8 +117,16 @@ class PoleFit:
             moved[pair] += 1j * z[1 + pair.size :]
             return float(z[0] * unit), moved
 
+        latest: tuple[np.ndarray, list[Projection]] = np.array([np.nan]), []
+
+        def entries_at(z: np.ndarray) -> list[Projection]:
+            nonlocal latest
+            if not np.array_equal(latest[0], z):  # slopes are asked for where a residual has just been
+                latest = z.copy(), list(self._entries(self.values, self._functions(*unpack(z))))
+            return latest[1]
+
         def residual(z: np.ndarray) -> np.ndarray:
-            return np.concatenate([one.residual for one in self._entries(self.values, self._functions(*unpack(z)))])
+            return np.concatenate([one.residual for one in entries_at(z)])
 
         plain = held and delay == 0
         reach = () if plain else _STEP * np.eye(len(moves))
@@ -127,8 +135,7 @@ class PoleFit:
             ends = [[self._functions(*unpack(z + step)) for step in (e, -e)] for e in reach]
             changes = [(up - down) / (2 * _STEP) for up, down in ends]
             rows: list[np.ndarray] = []
-            entries = self._entries(self.values, self._functions(*unpack(z)))
-            for weight, one in zip(self.weight.T, entries, strict=True):
+            for weight, one in zip(self.weight.T, entries_at(z), strict=True):
                 c = one.coefficients
                 ways = self._ways(unpack(z)[1], c) if plain else np.stack([each @ c for each in changes], axis=1)
                 rows.append(one.tangent(_real(weight[:, None] * ways)))

@@ -26,7 +26,7 @@ from robustid.core import (
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import independent_entries, which
 from robustid.guarantees.linear.amplitudes import Extraction, extract
-from robustid.guarantees.linear.certificate import centres, choose, radii
+from robustid.guarantees.linear.certificate import choose, discs
 from robustid.guarantees.linear.entry_band import extraction_fits, multipliers_fit
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.predictions import lines_of, nothing, predicted_lines, predicted_rows
@@ -99,7 +99,8 @@ class Contradiction(Frozen, Savable):
         """Centre and radius of the disc that holds zero, if any system keeps all bounds."""
         targets, d = nothing(self.samples, np.array([self.base])), self.multipliers[None]
         parts = self.samples, choose(self.samples, targets, self.points[None]), targets, d, self.extraction.known
-        return complex(centres(*parts)[0]), float(radii(*parts)[0])
+        centre, radius = discs(*parts)
+        return complex(centre[0]), float(radius[0])
 
     @property
     def excess(self) -> float:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import scipy.signal
 
 from robustid.controllers import ControllerDesign, DesignStatus, Improvement, Limits, integral_gain
 from robustid.core import Complex, StateMatrices, response_at
@@ -356,6 +355,8 @@ def _roots_table(design: ControllerDesign) -> Table:
 
 
 def _zeros_and_poles(system: StateMatrices) -> tuple[Complex, Complex]:
+    import scipy.signal
+
     A, B, C, D = system
     found = cast("tuple[Complex, Complex, float]", scipy.signal.ss2zpk(A, B, C, D))
     return np.asarray(found[0], dtype=complex), np.asarray(found[1], dtype=complex)

@@ -156,20 +156,24 @@ def rounding(samples: Samples, terms: int) -> float:
     return (4 * terms + 64 + 16 / inside) * _EPS
 
 
-def radii(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known: Amplitudes) -> Real:
-    r"""Radius of the disc around `centres` that holds the target of every consistent system, (B,).
+def discs(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known: Amplitudes) -> tuple[Complex, Real]:
+    r"""Centres and radii (B,) of the discs that hold the target of every consistent system.
+
+    Centres: the combination of the samples, and what of the functions it misses, at their centres. Radii:
 
     .. math:: \sum_k |d_k| (\varepsilon_k + A' R_k) + K |r_d| + \sum_i \Delta_i |(\sum_k d_k P_i(z_k)) - P_i(z_0)| + A' R_0
 
     with A the largest amplitudes, R what the series leave out, Delta_i the radii of the coefficients.
     """
+    missed, (coefficient, _) = mismatch(chosen, targets, d), known.coefficients(samples)
+    centre = (d * chosen.y).sum(axis=1) - missed @ coefficient
     if not np.all(np.isfinite(known.radius)):
-        return np.full(len(d), np.inf)
-    return Radii(samples, chosen, targets, known)(d, class_square(chosen, targets, d), mismatch(chosen, targets, d))
+        return centre, np.full(len(d), np.inf)
+    return centre, Radii(samples, chosen, targets, known)(d, class_square(chosen, targets, d), missed)
 
 
 class Radii:
-    """The `radii` of any multipliers of the same points and targets: what does not depend on them is computed once."""
+    """The radii of any multipliers of the same points and targets: what does not depend on them is computed once."""
 
     def __init__(self, samples: Samples, chosen: Chosen, targets: Targets, known: Amplitudes) -> None:
         _, self._radius = known.coefficients(samples)
@@ -193,9 +197,3 @@ class Radii:
         of_class = np.sqrt(np.maximum(square, 0.0) + self._rounding * sizes**2)
         total = (size * self._bound).sum(axis=1) + leak + self._beyond + of_class
         return total * (1 + 1e-12) + 8 * terms * _EPS * (size * self._y).sum(axis=1)
-
-
-def centres(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known: Amplitudes) -> Complex:
-    """Centres of the discs, (B,): the combination of the samples, and what of the functions it misses, at their centres."""
-    coefficient, _ = known.coefficients(samples)
-    return (d * chosen.y).sum(axis=1) - mismatch(chosen, targets, d) @ coefficient

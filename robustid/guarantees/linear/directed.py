@@ -26,16 +26,17 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, freeze
+from robustid.core import Complex, Frozen, Real, freeze, kept_by_content
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.certificate import Targets, targets_at
 from robustid.guarantees.linear.error_sets import KnownErrors
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, smallest_discs
-from robustid.guarantees.linear.samples import Samples
+from robustid.guarantees.linear.samples import KEPT, Samples
 
 _EPS = float(np.finfo(float).eps)
 _CORNERS = 1e-12  # relative rounding of corners
@@ -235,6 +236,13 @@ class DirectedBand(Frozen):
 
     def supports(self, angles: Real) -> Real:
         """Bounds of Re(exp(-j theta) F) at angles, (N, M): an arc at a time, with the multipliers of both ends in proportion."""
+        return self._kept_supports(angles)
+
+    @functools.cached_property
+    def _kept_supports(self) -> Callable[[Real], Real]:
+        return kept_by_content(most=KEPT)(self._evaluated)
+
+    def _evaluated(self, angles: Real) -> Real:
         found = np.empty((angles.size, self.turns.size))
         before = np.clip(np.searchsorted(self.angles, angles, side="right") - 1, 0, self.angles.size - 2)
         part = (angles - self.angles[before]) / (self.angles[before + 1] - self.angles[before])
@@ -246,7 +254,7 @@ class DirectedBand(Frozen):
             points, low, high = self.of_arc(int(before[own[0]]))
             t = part[own][:, None, None]
             found[own] = supports(self.sides, targets[start:stop], points, (1 - t) * low + t * high, self.turns)
-        return found
+        return freeze(found)
 
     def of_arc(self, arc: int) -> tuple[NDArray[np.intp], Complex, Complex]:
         """The points of the knots at both ends of an arc, (n,), and the multipliers of these, (M, n) each."""

@@ -6,17 +6,17 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Complex, Frozen, Real, freeze
+from robustid.core import Budget, Complex, Frozen, Real, freeze, kept_by_content
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
+from robustid.guarantees.linear.certificate import choose, discs, targets_at
 from robustid.guarantees.linear.error_sets import KnownErrors
-from robustid.guarantees.linear.samples import Number, Samples
+from robustid.guarantees.linear.samples import KEPT, Number, Samples
 from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
 from robustid.identification import MixedProblem
 
@@ -80,6 +80,13 @@ class EntryBand(Frozen):
 
     def at(self, angles: Real) -> tuple[Complex, Real]:
         """Centres and radii at angles between the knots."""
+        return self._kept_at(angles)
+
+    @functools.cached_property
+    def _kept_at(self) -> Callable[[Real], tuple[Complex, Real]]:
+        return kept_by_content(most=KEPT)(self._evaluated)
+
+    def _evaluated(self, angles: Real) -> tuple[Complex, Real]:
         found = np.empty(angles.size, complex), np.empty(angles.size)
         before = np.clip(np.searchsorted(self.angles, angles, side="right") - 1, 0, self.angles.size - 2)
         part = (angles - self.angles[before]) / (self.angles[before + 1] - self.angles[before])
@@ -91,7 +98,7 @@ class EntryBand(Frozen):
             new = self.between(before[~known], part[~known])
             for whole, own in zip(found, new, strict=True):
                 whole[~known] = own
-        return found
+        return freeze(found[0]), freeze(found[1])
 
     def errors(self, nominal: Complex, angles: Real, rounding: float) -> KnownErrors:
         """F less nominal values (N, k) at angles, these known up to rounding: bounds and discs (N, k)."""
@@ -224,8 +231,7 @@ def evaluate(
         part = slice(start, start + stack)
         targets = targets_at(samples, angles[part])
         chosen, own = choose(samples, targets, points[part]), d[part].astype(complex)
-        found[0][part] = centres(samples, chosen, targets, own, extraction.known)
-        found[1][part] = radii(samples, chosen, targets, own, extraction.known)
+        found[0][part], found[1][part] = discs(samples, chosen, targets, own, extraction.known)
     return found
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Real, StateMatrices, simulate
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.certificate import Targets, centres, choose, radii
+from robustid.guarantees.linear.certificate import Targets, choose, discs
 from robustid.guarantees.linear.functions import Functions
 from robustid.guarantees.linear.samples import Samples
 from robustid.guarantees.linear.search import POINTS, reweighted
@@ -64,10 +64,10 @@ def response_discs(extraction: Extraction, u: Real) -> tuple[Real, Real]:
         chosen = choose(samples, own, np.broadcast_to(points, (own.base.size, points.size)))
         nothing = np.zeros((own.base.size, size), complex)
         tried = [nothing, reweighted(samples, chosen, own, known)] if size else [nothing]
-        discs = [(centres(samples, chosen, own, d, known), radii(samples, chosen, own, d, known)) for d in tried]
-        best = np.argmin([radius for _, radius in discs], axis=0)
-        found[0][part] = np.choose(best, [centre.real for centre, _ in discs])
-        found[1][part] = np.choose(best, [radius for _, radius in discs])
+        ways = [discs(samples, chosen, own, d, known) for d in tried]
+        best = np.argmin([radius for _, radius in ways], axis=0)
+        found[0][part] = np.choose(best, [centre.real for centre, _ in ways])
+        found[1][part] = np.choose(best, [radius for _, radius in ways])
     return found
 
 

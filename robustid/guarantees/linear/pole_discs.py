@@ -28,8 +28,6 @@ import functools
 from typing import Any
 
 import numpy as np
-import scipy.optimize
-import scipy.signal
 import scipy.sparse.csgraph
 import scipy.special
 from numpy.typing import NDArray
@@ -128,6 +126,8 @@ class PoleDiscs(Frozen):
 
     def responses(self, u: Real) -> Complex:
         """Responses of the functions to an input (T,) from zero initial conditions, (T, columns)."""
+        import scipy.signal  # half of the time that importing this room took
+
         found: list[Complex] = []
         start = np.concatenate([np.zeros(self.delay), u])[: u.size].astype(complex)
         for poles, sizes, far in zip(self.poles, self.sizes, self._far_groups, strict=True):
@@ -243,6 +243,8 @@ def distances(points: Complex, s: complex | Complex) -> Real:
 
 def middle_of(points: Complex) -> complex:
     """Middle of a small hyperbolic disc of Re s < 0 around points."""
+    import scipy.optimize
+
     scale, turn = np.exp(np.log(-points.real).mean()), points.imag.mean()
 
     def of(parts: Real) -> complex:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robustid.core import Budget, Complex, Frozen, Real, Record, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.linear.amplitudes import Extraction, extract
-from robustid.guarantees.linear.certificate import Chosen, Targets, centres, choose, radii
+from robustid.guarantees.linear.certificate import Chosen, Targets, choose, discs
 from robustid.guarantees.linear.functions import fixed_functions
 from robustid.guarantees.linear.samples import Samples, samples_of
 from robustid.guarantees.linear.search import FEW, POINTS, nearest_points, reweighted
@@ -121,8 +121,7 @@ def _found(
         np.put_along_axis(d, others, reweighted(samples, rest, predicted, known, budget=budget), axis=1)
         bound = chosen.bound + chosen.left_out @ known.largest
         y, own_bound = (np.take_along_axis(one, at, axis=1)[:, 0] for one in (chosen.y, bound.astype(complex)))
-        discs = centres(samples, chosen, targets, d, known), radii(samples, chosen, targets, d, known)
-        numbers.append((y, own_bound.real, *discs))
+        numbers.append((y, own_bound.real, *discs(samples, chosen, targets, d, known)))
     y, bound, centre, radius = (np.concatenate(one) for one in zip(*numbers, strict=True))
     # Zero is in the disc about `centre` if any system keeps all bounds.
     return Predictions(base, points, multipliers, own, y.astype(complex), bound, centre + y, radius - bound)

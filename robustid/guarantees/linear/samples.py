@@ -19,6 +19,7 @@ from robustid.identification import MixedProblem, excited_lines
 from robustid.identification.formulation import initial_state, measured_entries
 
 Entry = tuple[int, int]
+KEPT = 4096  # angles of which the last answers are kept: charts, verdicts and loops ask at the same ones
 _ROWS = 256  # samples of the records of an entry that are used
 _MEAN = 1e-12  # rounding of a mean
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import InputNormalPair, solve_stein, stein_powers
-from robustid.core import Frozen, freeze
+from robustid.core import Frozen, freeze, kept_by_content
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import (
     Ball,
@@ -26,6 +26,22 @@ from robustid.identification.formulation.ball import (
 )
 from robustid.identification.formulation.quadrature import QuadratureMap
 from robustid.identification.interpolant import interpolants
+
+_KEPT = 64  # order up to which the last bases are kept, 2 MB each: of the same data many classes are asked for
+
+
+@kept_by_content(most=_KEPT)
+def _basis(A: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
+    n = len(A)
+    unit = np.zeros((n, n, n))
+    unit[np.arange(n), :, np.arange(n)] = c[0]
+    return freeze(solve_stein(A.T, A, unit))
+
+
+@kept_by_content(most=_KEPT)
+def _symmetric_basis(A: NDArray[np.float64], c: NDArray[np.float64], T: NDArray[np.float64]) -> NDArray[np.float64]:
+    H = T @ _basis(A, c)
+    return freeze((H + H.transpose(0, 2, 1)) / 2)
 
 
 class SarasonMap(Frozen, abc.ABC):
@@ -66,10 +82,7 @@ class SarasonMap(Frozen, abc.ABC):
     @functools.cached_property
     def basis(self) -> NDArray[np.float64]:
         """X(e_j) of one entry for every unit vector, shape (n, n, n)."""
-        n = self.pair.order
-        unit = np.zeros((n, n, n))
-        unit[np.arange(n), :, np.arange(n)] = self.pair.c[0]
-        return freeze(solve_stein(self.pair.A.T, self.pair.A, unit))
+        return _basis(self.pair.A, self.pair.c)
 
     @functools.cached_property
     def unit_matrices(self) -> NDArray[np.float64]:
@@ -85,8 +98,7 @@ class SarasonMap(Frozen, abc.ABC):
     @functools.cached_property
     def symmetric_basis(self) -> NDArray[np.float64]:
         """H(e_j) = T X(e_j), symmetrised, shape (n, n, n)."""
-        H = self.symmetry @ self.basis
-        return freeze((H + H.transpose(0, 2, 1)) / 2)
+        return _symmetric_basis(self.pair.A, self.pair.c, self.symmetry)
 
     def of(self, entries: Entries) -> SarasonMap:
         """The same map for matrices of another shape."""
