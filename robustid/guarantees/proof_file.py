@@ -86,8 +86,6 @@ def proof_text(result: object) -> str:
         return _of_polygons(result)
     if not isinstance(result, Band):
         raise InputError(NOT_YET.format("only bands, polygons, loops and identifications have"))
-    if result.box is not None:
-        raise InputError(NOT_YET.format("it is over a pole-uncertainty box"))
     return _of_band(result)
 
 
@@ -108,7 +106,7 @@ def _of_band(band: Band) -> str:
         stated = repr(float(radius * (1 + 1e-8) + 1e-15 * (abs(centre) + size)))
         statements.append({"kind": "disc", "omega": repr(frequency), "centre": decimal(centre), "radius": stated})
         evidence.append(_sums(one.samples, base, points, d))
-    if band.model is not None and band.model.nstates <= MOST_STATES:
+    if band.problem.dt and band.model is not None and band.model.nstates <= MOST_STATES:
         for axis in _on_axis(band, StateMatrices.of(band.model)):
             statements.append(axis[0])
             evidence.append(axis[1])
@@ -134,8 +132,10 @@ def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Record, Record]
 def _of_loop(found: LoopBounds) -> str:
     """Worst cases of a controller of a plant that was measured in open loop, on the whole axis: of the sensitivity, and others."""
     check_expressed(found.band.problem)
-    if not found.in_open_loop or found.band.box is not None:
-        raise InputError(NOT_YET.format("its plant was measured in a loop, or has poles in a box"))
+    if not found.band.problem.dt:
+        raise InputError(NOT_YET.format("it is a loop in continuous time"))
+    if not found.in_open_loop:
+        raise InputError(NOT_YET.format("its plant was measured in a loop"))
     if not found.guaranteed or not np.isfinite(peak := found.peaks["sensitivity"].value):
         raise InputError(NOT_YET.format("its controller is not proved to stabilise every consistent plant"))
     one, dt = found.band.bands[0], float(found.band.problem.dt or 1.0)
@@ -202,8 +202,6 @@ def _multipliers(band: EntryBand, angle: float) -> tuple[Any, Complex]:
 
 
 def _of_contradiction(found: Contradiction) -> str:
-    if found.box is not None:
-        raise InputError(NOT_YET.format("it is over a pole-uncertainty box"))
     evidence = _sums(found.samples, found.base, found.points, found.multipliers)
     return _file(found.problem, found.extraction, [{"kind": "inconsistent"}], [evidence])
 
@@ -309,7 +307,9 @@ def _reflections(result: Identification) -> Real:
     problem = result.problem
     bounds = [one.bound.inner_radius[one.bound.used] for one in problem.frequency]
     least = min(float(one.min()) for one in [*bounds, *(one.bound.radius[one.bound.used] for one in problem.time)])
-    count = int(np.log(_KEPT * prior.gain_bound / least) / np.log(prior.decay_rate)) + 2
+    angles = problem.plane.angles(np.array([0.0, *(float(row[0]) for row in lines_of(problem))]))
+    rate = -np.log1p(-problem.region.inside(angles).min()) / 2  # of the decay of powers of zeta
+    count = int(np.log(_KEPT * prior.gain_bound / least) / rate) + 2
     count = min(max(count, 1), _MOST)
     alpha, beta, gamma, delta = (np.asarray(one) for one in data.sarason.interpolants(result.coefficients).realise())
     u, v, state = np.zeros(count), np.eye(1, count)[0], beta.ravel()
@@ -329,7 +329,7 @@ def _reflections(result: Identification) -> Real:
 def _file(
     problem: MixedProblem, extraction: Extraction | None, statements: list[Record], evidence: list[Record]
 ) -> str:
-    text = json.dumps(question_of(problem, statements))
+    text = json.dumps(question_of(problem, statements, None if extraction is None else extraction.samples.functions))
     used = [one[name] for sums in evidence for one in sums.get("factors", []) for name in ("f", "g")]
     nodes = 2 * len(lines_of(problem)) + 2
     powers = max((int(term[0]) - nodes + 1 for terms in used for term in terms), default=0)
@@ -351,8 +351,10 @@ def _parameters(problem: MixedProblem, extraction: Extraction | None) -> Record:
     if extraction is None or known is None or not np.all(np.isfinite(known.radius)):
         return {"centre": [], "radius": [], "combinations": []}
     rows = zip(base_of(extraction.samples).tolist(), extraction.points, extraction.multipliers, strict=True)
+    fixed = extraction.samples.functions.fixed_count
     return {
-        "centre": [dyadic(one.real) for one in known.centre.tolist()],
+        "centre": [dyadic(one.real) for one in known.centre[:fixed].tolist()]
+        + [pair(one) for one in known.centre[fixed:].tolist()],
         "radius": [dyadic(one * _WIDER) for one in known.radius.tolist()],
         "combinations": [_sums(extraction.samples, base, points, d) for base, points, d in rows],
     }
