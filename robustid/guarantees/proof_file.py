@@ -25,6 +25,7 @@ from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
 from robustid.guarantees.loop_bounds import LoopBounds
 from robustid.guarantees.proof_arcs import MOST_STATES, Arcs, Known, arcs_of
 from robustid.guarantees.proof_factors import MOST_POWERS, InKernels, in_kernels
+from robustid.guarantees.proof_passive import scattering_of
 from robustid.guarantees.proof_question import (
     NOT_YET,
     check_expressed,
@@ -38,7 +39,7 @@ from robustid.guarantees.proof_question import (
 )
 from robustid.guarantees.value_set import ValueSet
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem, SupportCertificate, as_system
+from robustid.identification import Identification, MixedProblem, SupportCertificate, as_system, identify
 from robustid.identification.formulation import Formulation
 
 VERSION = 1
@@ -61,11 +62,12 @@ def proof_text(result: object) -> str:
     Parameters
     ----------
     result : Band, WorstCaseError, LoopBounds, Identification or Contradiction
-        Of one input and one output in discrete time, with exact poles and a class without a weight; records from rest. Of a band
-        the discs of its sums at its frequencies and, around a model of at most 64 states, bounds of its error on the whole axis; of
-        bounds the supports of its polygons; of a loop with a controller that every consistent plant is stabilised, and peaks
-        and margins on the whole axis (a plant measured in open loop); of an identification the system that fits, or that none
-        does.
+        Of one input and one output, of a class without a weight; records from rest, in discrete time and beside exact poles. Of a
+        band, over a pole-uncertainty box too, the discs of its sums at its frequencies and, in discrete time around a model of at
+        most 64 states, bounds of its error on the whole axis; of bounds at exact poles the supports of their polygons; of a loop in
+        discrete time with a controller that every consistent plant is stabilised, and peaks and margins on the whole axis (a plant
+        measured in open loop); of an identification the system that fits, or that none does, of passive classes that of
+        S = (F - r)/(F + r).
 
     Returns
     -------
@@ -77,7 +79,7 @@ def proof_text(result: object) -> str:
         The format does not express the problem or the result yet.
     """
     if isinstance(result, Identification):
-        return _of_identification(result)
+        return _of_passive(result) if result.problem.prior.positive_real else _of_identification(result)
     if isinstance(result, Contradiction):
         return _of_contradiction(result)
     if isinstance(result, LoopBounds):
@@ -147,7 +149,8 @@ def _of_loop(found: LoopBounds) -> str:
     if arcs is None:
         raise InputError(NOT_YET.format("its sums do not say on every arc that its loop is stable"))
     proofs = [_arcs(one, known, arcs, "loop"), *_further(found, known)]
-    return _file(found.band.problem, one.extraction, *map(list, zip(*proofs, strict=True)))
+    statements, evidence = map(list, zip(*proofs, strict=True))
+    return _file(found.band.problem, one.extraction, statements, evidence)
 
 
 def _further(found: LoopBounds, known: Known) -> Iterator[tuple[Record, Record]]:
@@ -201,9 +204,18 @@ def _multipliers(band: EntryBand, angle: float) -> tuple[Any, Complex]:
     return points, d
 
 
-def _of_contradiction(found: Contradiction) -> str:
+def _of_contradiction(found: Contradiction, response: str | None = None) -> str:
     evidence = _sums(found.samples, found.base, found.points, found.multipliers)
-    return _file(found.problem, found.extraction, [{"kind": "inconsistent"}], [evidence])
+    return _file(found.problem, found.extraction, [{"kind": "inconsistent"}], [evidence], response)
+
+
+def _of_passive(result: Identification) -> str:
+    """The same statement about S = (F - r)/(F + r), with a proof that is searched anew."""
+    problem, words = scattering_of(result.problem, inside=result.status is Status.CONSISTENT)
+    found = identify(problem)
+    if found.status is not result.status:
+        raise InputError(NOT_YET.format("it is at the border of its passive class"))
+    return _of_identification(found, words)
 
 
 def _of_polygons(found: WorstCaseError) -> str:
@@ -257,13 +269,13 @@ def _beyond(posed: Formulation, one: ValueSet, turn: complex, proof: SupportCert
     return max(problem.prior.gain_bound * float(np.sqrt(square)) - float(paid), 0.0)
 
 
-def _of_margin(result: Identification) -> str:
+def _of_margin(result: Identification, response: str | None) -> str:
     """Multipliers of the samples and of the matrix inequality that refute the class."""
     posed, proof = result.formulation, result.certificate
     functions = in_kernels(posed, ())
     A = posed.sarason.pair.A
     evidence = _with_factors(posed, functions, proof.samples, A @ proof.ball @ A.T - proof.ball)
-    return _file(result.problem, _extraction(result.problem), [{"kind": "inconsistent"}], [evidence])
+    return _file(result.problem, _extraction(result.problem), [{"kind": "inconsistent"}], [evidence], response)
 
 
 def _extraction(problem: MixedProblem) -> Extraction:
@@ -287,18 +299,18 @@ def _with_factors(posed: Formulation, functions: InKernels, samples: Complex, Y:
     return {"base": ["0", "0"], "factors": pairs, "multipliers": rows}
 
 
-def _of_identification(result: Identification) -> str:
+def _of_identification(result: Identification, response: str | None = None) -> str:
     """The values of a system at the samples, or sums that refute the class."""
     check_expressed(result.problem)
     if result.status is Status.INCONSISTENT:
         found = contradiction(result.problem)
-        return _of_margin(result) if found is None else _of_contradiction(found)
+        return _of_margin(result, response) if found is None else _of_contradiction(found, response)
     if result.status is not Status.CONSISTENT:
         raise InputError(NOT_YET.format("it is undecided"))
     gains = _reflections(result)
     parameters = [dyadic(one) for one in np.ravel(result.parameters).tolist()]
     evidence = {"reflections": [dyadic(one) for one in gains.tolist()], "parameters": parameters}
-    return _file(result.problem, None, [{"kind": "consistent"}], [evidence])
+    return _file(result.problem, None, [{"kind": "consistent"}], [evidence], response)
 
 
 def _reflections(result: Identification) -> Real:
@@ -327,9 +339,17 @@ def _reflections(result: Identification) -> Real:
 
 
 def _file(
-    problem: MixedProblem, extraction: Extraction | None, statements: list[Record], evidence: list[Record]
+    problem: MixedProblem,
+    extraction: Extraction | None,
+    statements: list[Record],
+    evidence: list[Record],
+    response: str | None = None,
 ) -> str:
-    text = json.dumps(question_of(problem, statements, None if extraction is None else extraction.samples.functions))
+    functions = None if extraction is None else extraction.samples.functions
+    question = question_of(problem, statements, functions)
+    if response is not None:
+        question["units"]["response"] = response
+    text = json.dumps(question)
     used = [one[name] for sums in evidence for one in sums.get("factors", []) for name in ("f", "g")]
     nodes = 2 * len(lines_of(problem)) + 2
     powers = max((int(term[0]) - nodes + 1 for terms in used for term in terms), default=0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import Complex, Real, Record, SPlane
 from robustid.errors import InputError
-from robustid.identification import MixedProblem, Prior
+from robustid.identification import BoundedReal, MixedProblem, Prior
 
 if TYPE_CHECKING:
     from robustid.bases import ParametricBasis
@@ -56,9 +56,10 @@ def check_expressed(problem: MixedProblem) -> None:
     """Refuse problems that version 1 of the format cannot state."""
     bounds = [one.bound for one in problem.frequency]
     reasons = {
+        "it bounds a passive class without a gain bound": problem.prior.positive_real,
         "it has several inputs or outputs": problem.entries.shape != (1, 1),
         "it has records that do not begin at rest": any(one.initial != "rest" for one in problem.time),
-        "its class is not the ball of one gain bound": type(problem.prior) is not Prior
+        "its class is not the ball of one gain bound": type(problem.prior) not in (Prior, BoundedReal)
         or not problem.weighting.trivial,
         "its parameters have intervals": problem.parameter_bounds is not None,
         "bounds are ellipses, or joint": any(one.tilt is not None or one.joint != "entry" for one in bounds),

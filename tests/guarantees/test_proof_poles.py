@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from support.proof_kinds import (
     band_over_box,
     boxed,
     continuous,
+    passive,
     proofs_in_continuous_time,
     proofs_over_boxes,
     with_model_over_box,
@@ -197,6 +199,39 @@ def test_arcs_in_continuous_time_are_not_readable(program, tmp_path):
     text = _bare("100", "arcs")
     assert asked(program, text, tmp_path)[0] == 2
     assert not judged(text)
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("kind", ["positive", "negative"])
+def test_a_passive_class_is_one_of_scattering_parameters(program, tmp_path, kind):
+    for shifted, status in ((0.0, "CONSISTENT"), (1.5, "INCONSISTENT")):
+        posed = passive(0, kind, shifted=shifted)
+        found = rid.identify(posed)
+        assert found.status.name == status
+        text = proof_text(found)
+        assert asked(program, text, tmp_path)[0] == 0
+        assert judged(text)
+        # Every disc of S holds, or is held by, the image of the disc of F that it stands for.
+        said, (frf,) = parts(text)[0], posed.frequency
+        assert said["class"]["gain_bound"] == "1.0"
+        slack, r = map(float, re.findall(r"(?:F \+|r =) ([^,]*),", said["units"]["response"]))
+        for (_, *numbers), w, y, e in zip(
+            said["data"], frf.omega, frf.values[:, 0, 0], frf.bound.outer_radius[:, 0, 0], strict=True
+        ):
+            a, b, bound = map(float, numbers)
+            G = (y + e * np.exp(1j * np.linspace(0, 2 * np.pi, 100))) * (1j * w if kind == "negative" else 1) + slack
+            away = np.abs((G - r) / (G + r) - complex(a, b))
+            assert np.all(away <= bound * (1 + 1e-9)) if shifted else np.all(away >= bound * (1 - 1e-9))
+
+
+@pytest.mark.quick
+def test_bounds_of_passive_classes_are_those_of_bounded_real_ones_only(program, tmp_path):
+    found = rid.identify(passive(0, "bounded"))
+    text = proof_text(rid.worst_case_error(found, omega=[0.7], directions=4))
+    assert asked(program, text, tmp_path)[0] == 0
+    found = rid.identify(passive(0))
+    with pytest.raises(InputError, match="passive class without a gain bound"):
+        proof_text(rid.worst_case_error(found, omega=[0.7], directions=4))
 
 
 @pytest.mark.quick

@@ -11,6 +11,7 @@ import robustid as rid
 from robustid.core import Real
 from robustid.guarantees import Band, contradiction, proof_text
 from robustid.guarantees.linear.functions import pairs_of
+from support.passive import passive_edge
 from support.proof_loops import shortened
 from support.proofs import problem, sealed
 
@@ -91,3 +92,16 @@ def proofs_in_continuous_time(seed: int) -> list[str]:
     if seed % 2:
         texts.append(proof_text(rid.band(posed, box=box_of(posed), omega=1.01 * omega[:1])))
     return [*texts, proof_text(rid.identify(continuous(seed, off=3.0)))]
+
+
+def passive(seed: int, kind: str = "positive", *, shifted: float = 0.0) -> rid.MixedProblem:
+    """A passive problem of one port; `shifted` moves all its samples into the half-plane that the class forbids."""
+    problem_ = passive_edge(seed, kind, 1)[1]
+    if not shifted:
+        return problem_
+    (frf,) = problem_.frequency
+    values, s = frf.values[:, 0, 0], 1j * frf.omega
+    scale = s if kind == "negative" else np.ones(s.size)
+    values = values - shifted * np.median(np.abs(scale * values)) / scale
+    moved = rid.FrequencyResponse(frf.omega, values, bound=frf.bound.outer_radius[:, 0, 0])
+    return rid.MixedProblem(frequency=moved, prior=problem_.prior)
