@@ -25,6 +25,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "controller_stage": ("pole-uncertainty box", "poles in a box"),
     "flexible_structure": (),
     "motor_torsion": ("at rest",),
+    "passive_beam": ("bounds a passive class",),
     "proved_band": ("pole-uncertainty box",),
     "short_records": ("several inputs",),
     "torsion_margin": (),
