@@ -201,7 +201,7 @@ static int run(const char *name) { /* the exit status of the checker, of the tex
     if (folder < 0 || write(folder, shared->text, shared->size) != (ssize_t)shared->size) _exit(97);
     close(folder);
     own[1] = (char *)name;
-    P = 320; lost = 0; N = M = R = nodes = powers = longest = 0; cauchy = NULL; ready = NULL;
+    P = 320; lost = 0; N = M = R = nodes = powers = longest = 0; cauchy = NULL; ready = NULL; modes = modes_end = NULL;
     int jumped = setjmp(back);
     return jumped ? jumped - 1 : checked(2, own);
 }

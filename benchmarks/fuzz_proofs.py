@@ -9,7 +9,6 @@ files and includes the checker). Every accepted file that was not met before goe
 from __future__ import annotations
 
 import hashlib
-import json
 import subprocess
 import sys
 import tempfile
@@ -22,10 +21,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import robustid as rid
 from robustid.guarantees import proof_text
 from support.proof_judge import judged
+from support.proof_kinds import first_of, proofs_in_continuous_time, proofs_over_boxes
 from support.proof_loops import by_hand, polynomials, small_proofs
-from support.proofs import SANITIZED, problem, sealed
+from support.proofs import SANITIZED, problem
 
 SOURCE = Path(__file__).with_suffix(".c")
+_SMALL = 40_000
 WATCHED = {"ASAN_OPTIONS": "detect_leaks=0:quarantine_size_mb=4:allocator_may_return_null=1:hard_rss_limit_mb=2000"}
 
 
@@ -39,16 +40,10 @@ def proofs() -> list[str]:
             found = rid.identify(problem(seed, 2, samples=samples))
             omega = found.problem.frequency[0].omega[1:]
             bounds = rid.worst_case_error(found, omega=1.01 * omega, directions=3)
-            texts += [proof_text(found), _first(proof_text(bounds)), proof_text(rid.band(found.problem, omega=omega))]
-    return texts
-
-
-def _first(text: str) -> str:
-    """The file of the first statement alone."""
-    question, evidence = (json.loads(text)[name] for name in ("question", "evidence"))
-    for one in (question, evidence):
-        one["statements"] = one["statements"][:1]
-    return sealed(question, evidence)
+            texts += [proof_text(found), first_of(proof_text(bounds)), proof_text(rid.band(found.problem, omega=omega))]
+    # Boxes of poles and continuous time: small files, so that most changes touch what is new in them.
+    more = [*proofs_over_boxes(1), *proofs_in_continuous_time(1)]
+    return texts + [one for one in more if len(one) < _SMALL]
 
 
 def main(count: int, seed: int) -> int:

@@ -165,6 +165,19 @@ Proof.
   assert (m <= 1) by (apply Rnot_lt_le; intros L; nra). nra.
 Qed.
 
+(* ---- "Modes": what a pole a_1 leaves of 1/(1 - a x), both sides times (1 - a x) (1 - a_1 x) (1 - a_1* a): with C = (1 - |a_1|^2)/(1 - a_1* a),
+   1/(1 - a x) = C/(1 - a_1 x) + tau beta/(1 - a x); and 1 - |tau|^2 = (1 - |a_1|^2) (1 - |a|^2)/|1 - a_1* a|^2 ---- *)
+Theorem mode_step a a1 x : ((real 1 - conj a1 * a) * (real 1 - a1 * x) =
+  real (1 - square a1) * (real 1 - a * x) + (a - a1) * (x - conj a1))%C.
+Proof. complex. Qed.
+
+Theorem mode_inside a a1 : square (real 1 - conj a1 * a) - square (a - a1) = (1 - square a1) * (1 - square a).
+Proof. parts; ring. Qed.
+
+(* C = 1 + a_1* tau, so |C| is at most 1 + r_1 *)
+Theorem mode_amplitude a a1 : (real 1 - conj a1 * a + conj a1 * (a - a1) = real (1 - square a1))%C.
+Proof. complex. Qed.
+
 (* ---- "A system": Schur's step maps numbers of modulus at most 1 to numbers of that kind, at every point of the disc ---- *)
 Lemma schur_identity g a : square (real 1 + real g * a) - square (real g + a) = (1 - g * g) * (1 - square a).
 Proof. parts; ring. Qed.
@@ -588,7 +601,7 @@ Proof.
   rewrite cmod_mul, cmod_conj. lra.
 Qed.
 
-Definition proved := (@parameters, @schur_step, @reflections_bounded, @reflections_real, @cauchy_schwarz,
+Definition proved := (@parameters, @mode_step, @mode_inside, @mode_amplitude, @schur_step, @reflections_bounded, @reflections_real, @cauchy_schwarz,
   @contraction_bounded, @pair_costs, @residual_costs, @supremum, @identity, @weak_duality, @parameters_proved,
   @disc_proved, @support_proved, @inconsistency_proved, @chord,
   @product_of_chords, @apart).

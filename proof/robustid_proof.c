@@ -8,8 +8,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-enum { DEPTH = 16, TEXT = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200 }; /* what a file may ask for */
-enum { SAMPLES = 20000, FUNCTIONS = 64, TERMS = 4096, LARGEST = 256 << 20 };
+enum { DEPTH = 16, TEXT = 400, DYADIC = 4000, DECIMAL = 400, LARGE = 40000, CACHED = 200, /* what a file may ask for */
+       SAMPLES = 20000, FUNCTIONS = 64, TERMS = 4096, LARGEST = 256 << 20 };
 static void unreadable(const char *why, const char *what) {
     printf("not readable: %s%s%s\n", why, *what ? ": " : "", what);
     exit(2);
@@ -31,10 +31,7 @@ static num *array(size_t count) {
     for (size_t k = 0; k < count; k++) mpz_inits(found[k].re, found[k].im, found[k].r, NULL);
     return found;
 }
-static void release(num *x, size_t count) {
-    for (size_t k = 0; k < count; k++) mpz_clears(x[k].re, x[k].im, x[k].r, NULL);
-    free(x);
-}
+static void release(num *x, size_t count) { for (size_t k = 0; k < count; k++) mpz_clears(x[k].re, x[k].im, x[k].r, NULL); free(x); }
 #define HELD(x) static num x; static int x##_; if (!x##_) { mpz_inits(x.re, x.im, x.r, NULL); x##_ = 1; }
 static void set(num *z, const num *x) { mpz_set(z->re, x->re); mpz_set(z->im, x->im); mpz_set(z->r, x->r); }
 static void integer(num *z, long value) { mpz_set_si(z->re, value); mpz_mul_2exp(z->re, z->re, P); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); }
@@ -62,27 +59,22 @@ static void over(num *z, const num *x, unsigned long k) { /* by a positive integ
     mpz_fdiv_q_ui(z->re, x->re, k); mpz_fdiv_q_ui(z->im, x->im, k); mpz_cdiv_q_ui(z->r, x->r, k); mpz_add_ui(z->r, z->r, 2);
 }
 static void divide(num *z, const num *x, const num *y) { /* |1/x - 1/y| <= r/(|y| (|y| - r)) for |x - y| <= r */
-    HELD(by);
-    mpz_mul(T1, y->re, y->re); mpz_addmul(T1, y->im, y->im);
-    mpz_sqrt(T2, T1); mpz_sub(T2, T2, y->r);
+    HELD(by); mpz_mul(T1, y->re, y->re); mpz_addmul(T1, y->im, y->im); mpz_sqrt(T2, T1); mpz_sub(T2, T2, y->r);
     if (mpz_sgn(T2) <= 0) { lost = 1; integer(z, 0); return; }
     mpz_mul_2exp(T3, y->r, 2 * P); mpz_mul(T2, T2, T2); mpz_cdiv_q(by.r, T3, T2);
     mpz_mul_2exp(T3, y->re, 2 * P); mpz_fdiv_q(by.re, T3, T1);
     mpz_mul_2exp(T3, y->im, 2 * P); mpz_fdiv_q(by.im, T3, T1); mpz_neg(by.im, by.im);
-    mpz_add_ui(by.r, by.r, 2);
-    mul(z, x, &by);
+    mpz_add_ui(by.r, by.r, 2); mul(z, x, &by);
 }
 static void exactly(num *z) { mpz_add(z->re, z->re, z->r); mpz_set_ui(z->im, 0); mpz_set_ui(z->r, 0); } /* not below a real number */
 static void above(num *z, const num *x) { /* not below |x| */
-    mpz_mul(T1, x->re, x->re); mpz_addmul(T1, x->im, x->im);
-    mpz_sqrtrem(z->re, T2, T1);
+    mpz_mul(T1, x->re, x->re); mpz_addmul(T1, x->im, x->im); mpz_sqrtrem(z->re, T2, T1);
     if (mpz_sgn(T2)) mpz_add_ui(z->re, z->re, 1);
     mpz_set(z->r, x->r); exactly(z);
 }
 static void root(num *z, const num *x) { /* not below the root of x; 0 of negative ones */
     if (z != x) set(z, x);
-    exactly(z);
-    if (mpz_sgn(z->re) <= 0) { integer(z, 0); return; }
+    exactly(z); if (mpz_sgn(z->re) <= 0) { integer(z, 0); return; }
     mpz_mul_2exp(z->re, z->re, P); mpz_sqrt(z->re, z->re); mpz_add_ui(z->re, z->re, 1);
 }
 static void charge(num *z, const num *x, const num *y) { HELD(one); above(&one, x); mul(&one, &one, y); add(z, z, &one); } /* |x| y more */
@@ -90,12 +82,9 @@ static int at_most(const num *x, const num *y) { HELD(d); sub(&d, y, x); return 
 static int less(const num *x, const num *y) { HELD(d); sub(&d, y, x); return !lost && mpz_cmp(d.re, d.r) > 0; }
 static int positive(const num *x) { return !lost && mpz_cmp(x->re, x->r) > 0; }
 static void turn(num *z, const num *x) { /* exp(-j x), 0 <= x < 4: from k = 8 on terms that are left out are together at most the last one */
-    HELD(term); HELD(by); HELD(size);
-    integer(&by, 0); mpz_neg(by.im, x->re); mpz_set(by.r, x->r);
-    integer(&term, 1); integer(z, 1);
+    HELD(term); HELD(by); HELD(size); integer(&by, 0); mpz_neg(by.im, x->re); mpz_set(by.r, x->r); integer(&term, 1); integer(z, 1);
     for (unsigned long k = 1; k <= 8 || (mpz_sizeinbase(size.re, 2) >= 16 && !lost); k++) {
-        mul(&term, &term, &by); over(&term, &term, k);
-        add(z, z, &term); above(&size, &term);
+        mul(&term, &term, &by); over(&term, &term, k); add(z, z, &term); above(&size, &term);
     }
     mpz_add(z->r, z->r, size.re);
 }
@@ -111,8 +100,7 @@ static int is(const node *one, const char *text) {
 static node *value(int depth) {
     node *found = room(1, sizeof *found), **last = &found->child;
     if (depth > DEPTH) unreadable("too deeply nested", "");
-    blank();
-    found->start = at;
+    blank(); found->start = at;
     found->kind = *at == '"' ? 's' : *at == '{' ? 'o' : *at == '[' ? 'a' : 'i';
     if (found->kind == 'i') {
         found->end = at += strspn(at, "0123456789");
@@ -122,38 +110,27 @@ static node *value(int depth) {
     }
     at++;
     if (found->kind == 's') {
-        found->start = at;
-        while (*at >= 0x20 && *at <= 0x7e && *at != '\\' && *at != '"') at++;
-        found->end = at;
-        expect('"');
+        for (found->start = at; *at >= 0x20 && *at <= 0x7e && *at != '\\' && *at != '"';) at++;
+        found->end = at; expect('"');
         if (found->end - found->start > TEXT) unreadable("a string that is too long", "");
         return found;
     }
     char end = found->kind == 'o' ? '}' : ']';
     for (blank(); found->count || *at != end; at++) {
         node *key = end == '}' ? value(depth + 1) : NULL;
-        if (key) {
-            if (key->kind != 's') unreadable("a key that is no string", "");
-            blank(); expect(':');
-        }
+        if (key && key->kind != 's') unreadable("a key that is no string", "");
+        if (key) { blank(); expect(':'); }
         *last = value(depth + 1); (*last)->key = key;
-        last = &(*last)->next; found->count++;
-        blank();
+        last = &(*last)->next; found->count++; blank();
         if (*at != ',') break;
     }
-    expect(end);
-    found->end = at;
+    expect(end); found->end = at;
     return found;
 }
-static node *find(const node *object, const char *key) {
-    node *one = object->child;
-    while (one && !is(one->key, key)) one = one->next;
-    return one;
-}
+static node *find(const node *object, const char *key) { node *one = object->child; while (one && !is(one->key, key)) one = one->next; return one; }
 static void fields(const node *object, const char *keys[], size_t count, node *found[]) { /* all of them, so none twice */
     if (object->kind != 'o' || object->count != count) unreadable("an object has other keys than it must; one must be", keys[0]);
-    for (size_t k = 0; k < count; k++)
-        if (!(found[k] = find(object, keys[k]))) unreadable("a key is missing", keys[k]);
+    for (size_t k = 0; k < count; k++) if (!(found[k] = find(object, keys[k]))) unreadable("a key is missing", keys[k]);
 }
 #define FIELDS(object, found, ...) do { const char *keys_[] = {__VA_ARGS__}; fields(object, keys_, sizeof keys_ / sizeof *keys_, found); } while (0)
 static node *list(node *one, const char *what) { if (one->kind != 'a') unreadable("there must be a list", what); return one->child; }
@@ -191,27 +168,18 @@ static void number(num *z, const node *one) { /* "-12.5e-3" or "-123p-60", an in
     else { mpz_set_ui(z->r, !mpz_divisible_p(z->re, T1)); mpz_fdiv_q(z->re, z->re, T1); }
     if (s != one->start) mpz_neg(z->re, z->re);
 }
-static void above_zero(num *z, const node *one, const char *what) {
-    number(z, one);
-    if (!positive(z)) unreadable("a number that must be positive", what);
-}
+static void above_zero(num *z, const node *one, const char *what) { number(z, one); if (!positive(z)) unreadable("a number that must be positive", what); }
 static void complex(num *z, const node *re) { /* and the next value, the imaginary part */
-    HELD(im);
-    number(z, re); number(&im, re->next);
+    HELD(im); number(z, re); number(&im, re->next);
     mpz_set(z->im, im.re); mpz_add(z->r, z->r, im.r);
 }
 static void pair(num *z, node *one) { complex(z, list_of(one, 2, "a complex number [re, im]")); }
-static void numbers(num *z, node *one, size_t count, const char *what) {
-    for (one = list_of(one, count, what); one; one = one->next) number(z++, one);
-}
+static void numbers(num *z, node *one, size_t count, const char *what) { for (one = list_of(one, count, what); one; one = one->next) number(z++, one); }
 static size_t term(num *z, node *row, size_t limit) { /* of a row [k, re, im] the index, and the number */
     complex(z, list_of(row, 3, "a row [k, re, im]")->next);
     return index_below(row->child, limit);
 }
-static node *terms(node *one) {
-    if (one->count > TERMS) unreadable("more rows [k, re, im] than version 1 allows", "");
-    return list(one, "rows [k, re, im]");
-}
+static node *terms(node *one) { if (one->count > TERMS) unreadable("too many rows [k, re, im]", ""); return list(one, "rows [k, re, im]"); }
 
 /* ---- Vectors: of functionals sum c_k phi(zeta_k) + sum c_s phi_s, and of functions sum c_k/(1 - zeta zeta_k*) + sum c_s zeta^s. Nodes
  * 0..N-1 are those of the lines, N..2N-1 their conjugates, 2N and 2N+1 those of a statement; then come `powers` coefficients. ---- */
@@ -219,9 +187,7 @@ static size_t N, M, R, nodes, powers, longest; /* lines, parametric functions, s
 static num K, rho, sample_time, *zeta, *cauchy;
 static char *ready;
 static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*); those of lines are kept */
-    HELD(one);
-    int keeps = cauchy && k < 2 * N && l < 2 * N;
-    num *z = keeps ? cauchy + 2 * N * k + l : &one;
+    HELD(one); int keeps = cauchy && k < 2 * N && l < 2 * N; num *z = keeps ? cauchy + 2 * N * k + l : &one;
     if (keeps && ready[2 * N * k + l]) return z;
     times(z, &zeta[k], &zeta[l], 1);
     sub(z, &ONE, z); divide(z, &ONE, z);
@@ -230,8 +196,7 @@ static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*); those 
 }
 static size_t length(const num *c) { size_t top = powers; while (top && zero(c + nodes + top - 1)) top--; return top; }
 static void values(num *out, const num *in, const num *also) { /* of a function, where it or `also` is not 0 */
-    HELD(sum); HELD(one);
-    size_t own = length(in), top = length(also) > own ? length(also) : own;
+    HELD(sum); HELD(one); size_t own = length(in), top = length(also) > own ? length(also) : own;
     for (size_t k = 0; k < nodes; k++) {
         if (zero(in + k) && zero(also + k)) continue;
         for (size_t l = 0; l < nodes; l++) if (!zero(in + l)) accumulate(&sum, kernel(k, l), in + l, 0);
@@ -254,8 +219,7 @@ static void size_of(num *z, const num *x, const num *y, size_t count) { /* above
 }
 /* Above the norm of a functional in H2 seen from `base`: that of the representer of what it is of (1 - base* zeta) phi, scaled. */
 static void norm(num *z, const num *c, const num *base) {
-    HELD(one); HELD(scale);
-    num *f = array(nodes + powers), *at = array(nodes + powers);
+    HELD(one); HELD(scale); num *f = array(nodes + powers), *at = array(nodes + powers);
     for (size_t k = 0; k < nodes + powers; k++) {
         if (k < nodes) { times(&one, &zeta[k], base, 1); mul(&one, &one, c + k); }
         else times(&one, k + 1 < nodes + powers ? c + k + 1 : &NONE, base, 1);
@@ -269,10 +233,7 @@ static void norm(num *z, const num *c, const num *base) {
 }
 /* Takes from a functional what (f, g) is, <phi g, f>, and adds to `cost` what that costs: |f| |g|. */
 static void factor(num *cost, num *c, node *evidence) {
-    HELD(size); HELD(one);
-    node *side[2], *row;
-    num *v[2], *at[2];
-    size_t all = nodes + powers, top;
+    HELD(size); HELD(one); node *side[2], *row; num *v[2], *at[2]; size_t all = nodes + powers, top;
     FIELDS(evidence, side, "f", "g");
     for (int k = 0; k < 2; k++) {
         v[k] = array(all); at[k] = array(all);
@@ -310,9 +271,7 @@ static void product(num *out, const num *x, const num *y, size_t rows, size_t co
     }
 }
 static void resolve(const known *f, const num *z) { /* by elimination in place; a pivot that may be 0 proves nothing */
-    HELD(one); HELD(pivot);
-    num *m = f->R;
-    size_t n = f->n;
+    HELD(one); HELD(pivot); num *m = f->R; size_t n = f->n;
     for (size_t a = 0; a < n * n; a++) { if (a % (n + 1)) integer(m + a, 0); else set(m + a, z); sub(m + a, m + a, f->A + a); }
     for (size_t p = 0; p < n; p++) {
         num *low = m + p * n;
@@ -332,8 +291,7 @@ static void respond(num *out, const known *f, const num *z) { /* the values at z
     for (size_t i = 0; i < f->m; i++) add(out + i, out + i, f->D + i);
 }
 static void bends(const known *f, const num *z, const num *d) { /* of |f'| + |f''|: |C R| |R B| (g^2 + 2 |R| g^3) */
-    HELD(size); HELD(g); HELD(one);
-    size_t n = f->n;
+    HELD(size); HELD(g); HELD(one); size_t n = f->n;
     resolve(f, z); size_of(&size, f->R, f->R, n * n);
     mul(&g, d, &size); sub(&g, &ONE, &g);
     if (!positive(&g)) lost = 1;
@@ -343,9 +301,7 @@ static void bends(const known *f, const num *z, const num *d) { /* of |f'| + |f'
     for (size_t i = 0; i < f->m; i++) { product(f->y, f->C + i * n, f->R, 1, n, n); size_of(&one, f->y, f->y, n); mul(f->off + i, &g, &one); exactly(f->off + i); }
 }
 static int stable(const known *f, const num *power, int more) { /* A^(2^k), k < 40, is a contraction */
-    HELD(size);
-    size_t n = f->n;
-    num *square = array(n * n);
+    HELD(size); size_t n = f->n; num *square = array(n * n);
     size_of(&size, power, power, n * n);
     int found = less(&size, &ONE);
     if (!found && more) { product(square, power, power, n, n, n); found = stable(f, square, more - 1); }
@@ -355,42 +311,78 @@ static int stable(const known *f, const num *power, int more) { /* A^(2^k), k < 
 
 /* ---- The question: lines and their conjugates, then samples of records. ---- */
 static num *samples, *bounds, *functions, *about, *within, *decay; /* functions: M a node, and the responses at samples of records */
+/* A mode c n(x)/(1 - a x), its pole a in a region around `poles`: their functions from number `first` on, each before its conjugate. */
+typedef struct { size_t first, degree, terms; num *numerator, *poles, *sizes, *reach, beyond; } mode;
+static mode *modes, *modes_end;
+static num corner, kappa; /* of continuous time: z = (corner + s)/(corner - s), kappa = alpha/corner; else 0 */
 static num *target, *wanted; /* the functional of a statement: target_0 F(2N) + target_1 F(2N + 1) + sum wanted_i p_i */
 static struct { num *u; size_t t; } *record;
 static known parametric;
-static num here; /* exp(j omega T) of the frequency that was placed last */
-static void place(size_t k, size_t conjugate, const node *omega) { /* zeta and the functions at exp(j omega T) and its conjugate */
-    HELD(x);
-    integer(&here, -1);
-    if (!is(omega, "half")) {
-        number(&x, omega); mul(&x, &x, &sample_time);
-        mpz_fdiv_q_2exp(T1, x.re, P);
-        if (mpz_cmp(x.re, x.r) < 0 || mpz_cmp_ui(T1, 4) >= 0) unreadable("a frequency that is negative, or far above half the sample rate", "");
-        turn(&here, &x);
+static num here; /* z of the frequency that was placed last */
+static void read_modes(node *one) {
+    HELD(x); HELD(inside); HELD(scale); node *part[3], *row = list(one, "modes"); modes = modes_end = room(one->count, sizeof *modes);
+    for (; row; row = row->next, modes_end++) {
+        mode *m = modes_end;
+        FIELDS(row, part, "numerator", "poles", "reach");
+        m->first = M; m->degree = part[0]->count; m->terms = part[1]->count; M += 2 * m->terms;
+        if (!m->terms || M > 4 * FUNCTIONS || m->degree > FUNCTIONS) unreadable("a mode of no pole, or too many of them", "");
+        m->numerator = array(m->degree); m->poles = array(m->terms); m->reach = array(m->terms); m->sizes = array(m->terms);
+        numbers(m->numerator, part[0], m->degree, "a numerator"); numbers(m->reach, part[2], m->terms, "a reach for every pole");
+        one = list(part[1], "poles");
+        for (size_t j = 0; j < m->terms; j++, one = one->next) {
+            pair(m->poles + j, one); times(&inside, m->poles + j, m->poles + j, 1); sub(&inside, &ONE, &inside);
+            if (!positive(&inside) || !positive(m->reach + j) || !less(m->reach, &ONE)) unreadable("a pole that is not inside the circle", "");
+            if (!j) { mul(&x, m->reach, m->reach); sub(&x, &ONE, &x); mul(&scale, &x, &inside); continue; }
+            divide(&x, &inside, &scale); root(&x, &x); mul(m->sizes + j, m->reach + j - 1, &x); /* above |C_j/C_1| */
+        }
+        mpz_inits(m->beyond.re, m->beyond.im, m->beyond.r, NULL);
+        sub(&x, &ONE, m->reach); divide(&m->beyond, m->reach + m->terms - 1, &x); exactly(&m->beyond);
     }
-    divide(&zeta[k], &here, &rho); mirrored(&zeta[conjugate], &zeta[k]); mirrored(&here, &here);
-    respond(functions + k * M, &parametric, &here);
-    for (size_t i = 0; i < M; i++) mirrored(functions + conjugate * M + i, functions + k * M + i);
+}
+static void respond_modes(num *out, const num *x) { /* n(x) b_1 ... b_(j-1)/(1 - a_j x), b = (x - a*)/(1 - a x), and with a* in place of a */
+    HELD(value); HELD(a); HELD(one);
+    for (const mode *m = modes; m < modes_end; m++) for (size_t k = 0; k < 2 * m->terms; k++) {
+        size_t turned = k >= m->terms, j = k % m->terms;
+        if (!j) integer(&value, 0);
+        for (size_t s = j ? 0 : m->degree; s-- > 0;) { mul(&value, &value, x); add(&value, &value, m->numerator + s); }
+        num *z = out + m->first + 2 * j + turned;
+        set(&a, m->poles + j); if (turned) mirrored(&a, &a);
+        mul(&one, &a, x); sub(&one, &ONE, &one); divide(z, &value, &one);
+        mirrored(&a, &a); sub(&one, x, &a); mul(&value, z, &one);
+    }
+}
+static void spread(num *z, const num *values) { /* what the modes have beyond their terms, more */
+    for (const mode *m = modes; m < modes_end; m++) for (int k = 0; k < 2; k++) charge(z, values + m->first + k, &m->beyond);
+}
+static void place(size_t k, size_t conjugate, const node *omega) { /* zeta and the functions at exp(j omega T) and its conjugate */
+    HELD(x); integer(&here, -1);
+    if (!is(omega, "half")) {
+        number(&x, omega); mul(&x, &x, &sample_time); mpz_fdiv_q_2exp(T1, x.re, P);
+        if (mpz_cmp(x.re, x.r) < 0 || (zero(&corner) && mpz_cmp_ui(T1, 4) >= 0)) unreadable("a frequency that is negative, or far above half the sample rate", "");
+        if (zero(&corner)) turn(&here, &x);
+        else { set(&here, &corner); mpz_set(here.im, x.re); mpz_add(here.r, here.r, x.r); mirrored(&x, &here); divide(&here, &x, &here); }
+    }
+    mul(&x, &kappa, &here); add(&x, &x, &rho); divide(&zeta[k], &here, &x); mirrored(&zeta[conjugate], &zeta[k]);
+    respond_modes(functions + k * M, &here); mirrored(&here, &here); respond(functions + k * M, &parametric, &here);
+    for (size_t i = 0, F = parametric.m; i < M; i++) mirrored(functions + conjugate * M + (i < F ? i : F + ((i - F) ^ 1)), functions + k * M + i);
 }
 
 /* ---- The sums. ---- */
 static void sums(num *centre, num *radius, num *leak, node *evidence) { /* the disc of all consistent systems; `leak`: of parameters */
-    HELD(base); HELD(d); HELD(one); HELD(size); HELD(cost);
-    node *part[3], *row;
-    num *c = array(nodes + powers), *missed = array(M);
+    HELD(base); HELD(d); HELD(one); HELD(size); HELD(cost); node *part[3], *row; num *c = array(nodes + powers), *missed = array(M);
     FIELDS(evidence, part, "base", "factors", "multipliers");
     pair(&base, part[0]);
     integer(centre, 0); integer(radius, 0); integer(leak, 0); integer(&cost, 0);
-    for (size_t i = 0; i < M; i++) { /* missed = sum d_k P_i(k) - its target */
-        sub(missed + i, missed + i, wanted + i);
-        for (size_t k = 0; k < 2; k++) if (!zero(target + k)) { mul(&one, target + k, functions + (2 * N + k) * M + i); sub(missed + i, missed + i, &one); }
+    for (size_t i = 0; i < M; i++) sub(missed + i, missed + i, wanted + i); /* missed = sum d_k P_i(k) - its target */
+    for (size_t k = 0; k < 2; k++) if (!zero(target + k)) {
+        const num *own = functions + (2 * N + k) * M;
+        for (size_t i = 0; i < M; i++) { mul(&one, target + k, own + i); sub(missed + i, missed + i, &one); }
+        set(c + 2 * N + k, target + k); integer(&one, 0); spread(&one, own); charge(radius, target + k, &one);
     }
-    for (size_t k = 0; k < 2; k++) set(c + 2 * N + k, target + k);
     for (row = terms(part[2]); row; row = row->next) {
         size_t k = term(&d, row, 2 * N + R), own = k < 2 * N ? k % N : k - N, at = k < 2 * N ? k : k + 2;
         times(&one, &d, samples + own, k >= N && k < 2 * N); /* the conjugate sample: F* at the conjugate node */
-        add(centre, centre, &one);
-        charge(radius, &d, bounds + own);
+        add(centre, centre, &one); charge(radius, &d, bounds + own);
         if (k < 2 * N) sub(c + k, c + k, &d);
         for (size_t s = 0; k >= 2 * N && s <= record[k - 2 * N].t; s++) {
             mul(&one, record[k - 2 * N].u + record[k - 2 * N].t - s, decay + s); mul(&one, &one, &d);
@@ -399,30 +391,33 @@ static void sums(num *centre, num *radius, num *leak, node *evidence) { /* the d
         for (size_t i = 0; i < M; i++) { mul(&one, &d, functions + at * M + i); add(missed + i, missed + i, &one); }
     }
     if (M && !positive(within)) lost = 1; /* nothing is proved of the parameters */
-    for (size_t i = 0; i < M; i++) {
-        mul(&one, missed + i, about + i); sub(centre, centre, &one);
-        charge(leak, missed + i, within + i);
-    }
+    for (size_t i = 0; i < M; i++) { mul(&one, missed + i, about + i); sub(centre, centre, &one); charge(leak, missed + i, within + i); }
     for (row = list(part[1], "factors"); row; row = row->next) factor(&cost, c, row);
-    norm(&size, c, &base);
-    add(&cost, &cost, &size); mul(&cost, &cost, &K);
+    norm(&size, c, &base); add(&cost, &cost, &size); mul(&cost, &cost, &K);
     add(radius, radius, &cost); add(radius, radius, leak); exactly(radius); exactly(leak);
     release(c, nodes + powers); release(missed, M);
 }
 static int parameters_proved(node *evidence) { /* b + E u <= u and E u < u for the stated distances u */
-    HELD(centre); HELD(radius); HELD(leak);
-    node *part[3], *row;
-    int proved = 1;
+    HELD(centre); HELD(radius); HELD(leak); node *part[3], *row; int proved = 1;
     FIELDS(evidence, part, "centre", "radius", "combinations");
     if (M && !list(part[0], "centres") && !list(part[1], "radii") && !list(part[2], "combinations")) return 1;
-    numbers(about, part[0], M, "centres of the parameters"); numbers(within, part[1], M, "radii of the parameters");
-    row = list_of(part[2], M, "combinations of the parameters");
-    for (size_t i = 0; i < M; i++, row = row->next) {
-        integer(wanted + i, 1);
-        sums(&centre, &radius, &leak, row);
-        integer(wanted + i, 0);
-        sub(&centre, &centre, about + i); /* parameters are real */
-        mpz_set_ui(centre.im, 0); above(&centre, &centre); add(&radius, &radius, &centre);
+    size_t F = parametric.m, count = F + (size_t)(modes_end - modes);
+    node *centres = list_of(part[0], count, "centres of the parameters"), *radii = list_of(part[1], count, "radii of the parameters");
+    row = list_of(part[2], count, "combinations of the parameters");
+    for (size_t i = 0; i < F; i++, centres = centres->next, radii = radii->next) { number(about + i, centres); number(within + i, radii); }
+    for (mode *m = modes; m < modes_end; m++, centres = centres->next, radii = radii->next) { /* the amplitude and its conjugate */
+        pair(about + m->first, centres); mirrored(about + m->first + 1, about + m->first);
+        number(within + m->first, radii); set(within + m->first + 1, within + m->first);
+        above(&radius, about + m->first); add(&radius, &radius, within + m->first); mul(&m->beyond, &m->beyond, &radius);
+        for (size_t j = 2; j < 2 * m->terms; j++) mul(within + m->first + j, m->sizes + j / 2, &radius);
+    }
+    for (size_t k = 0; k < N; k++) spread(bounds + k, functions + k * M);
+    for (size_t k = 0; k < count; k++, row = row->next) {
+        size_t i = k < F ? k : modes[k - F].first;
+        integer(wanted + i, 1); sums(&centre, &radius, &leak, row); integer(wanted + i, 0);
+        sub(&centre, &centre, about + i);
+        if (k < F) mpz_set_ui(centre.im, 0); /* a real parameter */
+        above(&centre, &centre); add(&radius, &radius, &centre);
         if (!positive(within + i) || !at_most(&radius, within + i) || !less(&leak, within + i)) proved = 0;
     }
     return proved;
@@ -432,13 +427,10 @@ static int parameters_proved(node *evidence) { /* b + E u <= u and E u < u for t
 static void words(const node *one, const char *after) { fwrite(one->start, 1, (size_t)(one->end - one->start), stdout); fputs(after, stdout); }
 /* disc: |F - centre| <= radius; support: Re(direction F) <= value; inconsistent: no system, since the disc of the functional 0 does not hold 0. */
 static int by_sums(node *claim, node *evidence) {
-    HELD(centre); HELD(stated); HELD(radius); HELD(leak); HELD(limit);
-    node *part[4];
-    char kind = *find(claim, "kind")->start;
+    HELD(centre); HELD(stated); HELD(radius); HELD(leak); HELD(limit); node *part[4]; char kind = *find(claim, "kind")->start;
     integer(target, kind != 'i'); integer(target + 1, 0);
     if (kind == 'i') {
-        FIELDS(claim, part, "kind");
-        sums(&centre, &radius, &leak, evidence);
+        FIELDS(claim, part, "kind"); sums(&centre, &radius, &leak, evidence);
         mul(&radius, &radius, &radius); times(&limit, &centre, &centre, 1);
         int none = less(&radius, &limit);
         puts(none ? "proved: no system of the class keeps every sample within its bound" : "not proved: no system is consistent");
@@ -460,18 +452,34 @@ static int by_sums(node *claim, node *evidence) {
 
 /* ---- Arcs: known functions a, b, c, and F in a disc at every knot; between two knots a + b F is near the chord of its discs. ---- */
 typedef struct { num z, known[3], value, centre, radius; } knot; /* a, b, c; the disc of F; that of a + b F */
+/* Of modes |d2/dt2 F| <= A t sum |n_k| ((k + h)^2 + h^2 + h), t = 1/(d (1 - r_1)), h = (1 + r_1) t, d the distance of a pole; to the sum z. */
+static void bend_modes(num *z, const num *middle, const num *d) {
+    HELD(t); HELD(h); HELD(more); HELD(one); HELD(sum);
+    for (const mode *m = modes; m < modes_end; m++) for (int turned = 0; turned < 2; turned++) {
+        set(&t, m->poles); if (turned) mirrored(&t, &t);
+        sub(&t, middle, &t); divide(&t, &ONE, &t); above(&t, &t);
+        mul(&h, &t, d); sub(&h, &ONE, &h); if (!positive(&h)) lost = 1;
+        divide(&t, &t, &h); sub(&h, &ONE, m->reach); divide(&t, &t, &h); exactly(&t);
+        add(&h, &ONE, m->reach); mul(&h, &h, &t); mul(&more, &h, &h); add(&more, &more, &h);
+        integer(&sum, 0);
+        for (size_t k = 0; k < m->degree; k++) {
+            integer(&one, (long)k); add(&one, &one, &h); mul(&one, &one, &one); add(&one, &one, &more);
+            exactly(&one); charge(&sum, m->numerator + k, &one);
+        }
+        mul(&sum, &sum, &t); exactly(&sum); charge(z, about + m->first, &sum); charge(z, within + m->first, &sum);
+    }
+}
 /* How far along an arc a, a + b F and c may be from their chords: the page has the bounds of |f''| s^2/8 and of products of chords. */
 static void bend(const known *f, const knot *one, const knot *two) {
-    HELD(eighth); HELD(db); HELD(df); HELD(h); HELD(x); HELD(y);
-    num *off = f->off;
+    HELD(eighth); HELD(db); HELD(df); HELD(h); HELD(x); HELD(y); num *off = f->off;
     sub(&y, &two->z, &one->z); above(&y, &y);
     if (!at_most(&y, &ONE)) lost = 1;
     mul(&x, &y, &y); integer(&h, 4); sub(&h, &h, &x); add(&h, &h, &h); divide(&eighth, &x, &h); /* s^2 <= y^2/(1 - y^2/4) */
     over(&y, &y, 2); add(&x, &one->z, &two->z); over(&x, &x, 2);
     bends(f, &x, &y); bends(&parametric, &x, &y);
-    sub(&x, &rho, &ONE); mul(&x, &x, &x); divide(&h, &rho, &x); mul(&h, &h, &K); /* |d2/dt2 phi(exp(-jt)/rho)| <= rho/(rho - 1)^2 */
-    for (size_t i = 0; i < M; i++) { charge(&h, about + i, parametric.off + i); charge(&h, within + i, parametric.off + i); }
-    mul(&h, &h, &eighth);
+    sub(&h, &rho, &ONE); mul(&h, &h, &h); divide(&h, &rho, &h); mul(&h, &h, &K); /* |d2/dt2 phi(exp(-jt)/rho)| <= rho/(rho - 1)^2 */
+    for (size_t i = 0; i < parametric.m; i++) { charge(&h, about + i, parametric.off + i); charge(&h, within + i, parametric.off + i); }
+    bend_modes(&h, &x, &y); mul(&h, &h, &eighth);
     for (size_t i = 0; i < f->m; i++) { mul(off + i, off + i, &eighth); exactly(off + i); }
     sub(&db, &two->known[1], &one->known[1]); above(&db, &db); sub(&df, &two->value, &one->value); above(&df, &df);
     mul(&x, &db, &df); over(&x, &x, 4); add(&x, &x, off);
@@ -481,12 +489,11 @@ static void bend(const known *f, const knot *one, const knot *two) {
 }
 /* arcs: |a + b F| <= bound; loop: a + b F is not 0 and does not turn around 0, |c/(a + b F)| <= bound. Re(u* (a + b F)) - |c| is concave. */
 static int on_arcs(node *claim, node *evidence) {
-    HELD(radius); HELD(leak); HELD(limit); HELD(x); HELD(y); HELD(u); HELD(size);
-    node *part[4], *sum[1], *edge, *bound;
-    known f;
+    HELD(radius); HELD(leak); HELD(limit); HELD(x); HELD(y); HELD(u); HELD(size); node *part[4], *sum[1], *edge, *bound; known f;
     knot *last = (knot *)array(sizeof(knot) / sizeof(num)), *now = (knot *)array(sizeof(knot) / sizeof(num));
     int loop = is(find(claim, "kind"), "loop"), turns = 0, start = 0;
     FIELDS(claim, part, "kind", "functions", "edges", "bounds"); FIELDS(evidence, sum, "knots");
+    if (!zero(&corner)) unreadable("arcs of a class in continuous time", "");
     read_known(&f, part[1]); edge = list(part[2], "edges");
     if (f.m != (loop ? 3 : 2) || part[2]->count < 2) unreadable("other functions or fewer edges than there must be", "");
     bound = list_of(part[3], part[2]->count - 1, "a bound of every arc"); *sum = list_of(*sum, part[2]->count, "sums of every knot");
@@ -494,8 +501,7 @@ static int on_arcs(node *claim, node *evidence) {
     integer(target, 1); integer(target + 1, 0);
     for (; edge && proved && !lost; edge = edge->next, *sum = (*sum)->next) {
         place(2 * N, 2 * N + 1, edge);
-        set(&now->z, &here); respond(now->known, &f, &here);
-        sums(&now->value, &radius, &leak, *sum);
+        set(&now->z, &here); respond(now->known, &f, &here); sums(&now->value, &radius, &leak, *sum);
         mul(&now->centre, &now->value, &now->known[1]); add(&now->centre, &now->centre, &now->known[0]);
         if (is(edge, "0") || is(edge, "half")) mpz_set_ui(now->centre.im, 0); /* real there */
         integer(&now->radius, 0); charge(&now->radius, &now->known[1], &radius); exactly(&now->radius);
@@ -526,13 +532,11 @@ static int on_arcs(node *claim, node *evidence) {
     return proved;
 }
 static int consistent(node *claim, node *evidence) { /* phi = b/a: a and b at nodes, and the coefficients that records see */
-    HELD(one); HELD(below); HELD(sum);
-    node *part[2];
-    FIELDS(claim, part, "kind");
-    FIELDS(evidence, part, "reflections", "parameters");
-    size_t count = part[0]->count, all = N + longest;
+    HELD(one); HELD(below); HELD(sum); node *part[2];
+    FIELDS(claim, part, "kind"); FIELDS(evidence, part, "reflections", "parameters");
+    if (modes != modes_end) unreadable("a system of a class with modes", "");
+    size_t count = part[0]->count, all = N + longest; int proved = 1;
     num *a = array(all), *b = array(all), *g = array(count), *p = array(M);
-    int proved = 1;
     numbers(g, part[0], count, "reflection coefficients"); numbers(p, part[1], M, "parameters");
     for (size_t s = 0; s < all; s++) integer(a + s, s <= N);
     while (proved && count-- > 0) { /* b, a become g a + zeta b, a + g zeta b */
@@ -557,33 +561,29 @@ static int consistent(node *claim, node *evidence) { /* phi = b/a: a and b at no
         mul(&one, &one, &K);
         for (size_t i = 0; i < M; i++) accumulate(&sum, functions + (k < N ? k : k + N + 2) * M + i, p + i, 0);
         settle(&below, &sum); add(&one, &one, &below);
-        sub(&one, samples + k, &one); above(&one, &one);
-        proved &= at_most(&one, bounds + k);
+        sub(&one, samples + k, &one); above(&one, &one); proved &= at_most(&one, bounds + k);
     }
     puts(proved ? "proved: a system of the class keeps every sample within its bound" : "not proved: a system is consistent");
     return proved;
 }
 
 /* ---- SHA-256 (FIPS 180-4) of the text of the question. ---- */
-static void sha256(const unsigned char *text, size_t size, char hex[65]) {
-    uint32_t k[64], h[8], w[64], s[8]; /* k and h: the first bits of the roots of primes after the point */
-    mpz_set_ui(T2, 1);
+static void sha256(const char *text, size_t size, char hex[65]) {
+    uint32_t k[64], h[8], w[64], s[8]; mpz_set_ui(T2, 1); /* k and h: the first bits of the roots of primes after the point */
     for (int i = 0; i < 64; i++) {
         mpz_nextprime(T2, T2); mpz_mul_2exp(T1, T2, 96); mpz_root(T1, T1, 3); k[i] = (uint32_t)mpz_get_ui(T1);
         if (i < 8) { mpz_mul_2exp(T1, T2, 64); mpz_sqrt(T1, T1); h[i] = (uint32_t)mpz_get_ui(T1); }
     }
     size_t blocks = (size + 9 + 63) / 64;
-    unsigned char *padded = room(blocks, 64);
-    memcpy(padded, text, size);
-    padded[size] = 0x80;
-    for (int i = 0; i < 8; i++) padded[blocks * 64 - 1 - (size_t)i] = (unsigned char)((uint64_t)size * 8 >> (8 * i));
+    uint32_t *m = room(blocks, 64), *end = m + 16 * blocks;
+    mpz_import(T1, size, 1, 1, 0, 0, text); mpz_mul_2exp(T1, T1, 8); mpz_add_ui(T1, T1, 0x80); /* it begins with a brace, so no word is lost */
+    mpz_mul_2exp(T1, T1, 8 * (64 * blocks - size - 1)); mpz_add_ui(T1, T1, 8 * size); mpz_export(m, NULL, 1, 4, 0, 0, T1);
 #define TURN(x, n) ((x) >> (n) | (x) << (32 - (n)))
-    for (const unsigned char *m = padded; m < padded + 64 * blocks; m += 64) {
-        memcpy(s, h, sizeof s);
+    for (; m < end; m += 16) {
+        memcpy(s, h, sizeof s); memcpy(w, m, 64);
         for (int i = 0; i < 64; i++) {
-            if (i < 16) w[i] = (uint32_t)m[4 * i] << 24 | (uint32_t)m[4 * i + 1] << 16 | (uint32_t)m[4 * i + 2] << 8 | m[4 * i + 3];
-            else w[i] = w[i - 16] + (TURN(w[i - 15], 7) ^ TURN(w[i - 15], 18) ^ w[i - 15] >> 3) + w[i - 7] +
-                        (TURN(w[i - 2], 17) ^ TURN(w[i - 2], 19) ^ w[i - 2] >> 10);
+            if (i > 15) w[i] = w[i - 16] + (TURN(w[i - 15], 7) ^ TURN(w[i - 15], 18) ^ w[i - 15] >> 3) + w[i - 7] +
+                               (TURN(w[i - 2], 17) ^ TURN(w[i - 2], 19) ^ w[i - 2] >> 10);
             uint32_t one = s[7] + (TURN(s[4], 6) ^ TURN(s[4], 11) ^ TURN(s[4], 25)) + ((s[4] & s[5]) ^ (~s[4] & s[6])) + k[i] + w[i];
             uint32_t two = (TURN(s[0], 2) ^ TURN(s[0], 13) ^ TURN(s[0], 22)) + ((s[0] & s[1]) ^ (s[0] & s[2]) ^ (s[1] & s[2]));
             memmove(s + 1, s, 7 * sizeof *s);
@@ -596,8 +596,7 @@ static void sha256(const unsigned char *text, size_t size, char hex[65]) {
 
 /* ---- The file. ---- */
 static size_t read_record(node *one, size_t first, const num *level) { /* u, samples [t, y, bound], and responses of the functions */
-    HELD(response);
-    node *part[2], *row;
+    HELD(response); node *part[2], *row;
     FIELDS(one, part, "input", "samples");
     const known *f = &parametric;
     size_t S = f->n, count = part[0]->count;
@@ -620,13 +619,10 @@ static size_t read_record(node *one, size_t first, const num *level) { /* u, sam
     return first;
 }
 static void read_question(node *part[7]) {
-    HELD(level);
-    node *unit[3], *two[2], *of[3], *row = list(part[4], "data"), *one;
-    size_t first = 0;
+    HELD(level); node *unit[3], *two[2], *of[4], *row = list(part[4], "data"), *one; size_t first = 0;
     FIELDS(part[2], unit, "frequency", "time", "response");
     if (!is(unit[0], "rad/s") || !is(unit[1], "s") || unit[2]->kind != 's') unreadable("the units must be rad/s, s, and a string", "");
-    above_zero(&sample_time, part[1], "sample_time"); above_zero(&level, part[3], "level");
-    N = part[4]->count;
+    above_zero(&level, part[3], "level"); N = part[4]->count;
     for (one = list(part[5], "records"); one; one = one->next) {
         FIELDS(one, two, "input", "samples");
         if (two[0]->count > powers) powers = two[0]->count;
@@ -634,19 +630,25 @@ static void read_question(node *part[7]) {
     }
     if (!(N + R) || N > SAMPLES || R > SAMPLES || powers > TERMS) unreadable("no data, or more of it than version 1 allows", "");
     nodes = 2 * N + 2;
-    FIELDS(part[0], of, "gain_bound", "decay_rate", "functions");
-    above_zero(&K, of[0], "gain_bound"); above_zero(&rho, of[1], "decay_rate");
+    if (part[0]->count == 4) FIELDS(part[0], of, "gain_bound", "decay_rate", "functions", "modes");
+    else FIELDS(part[0], of, "gain_bound", "decay_rate", "functions");
+    above_zero(&K, of[0], "gain_bound");
+    if (is(part[1], "continuous")) { /* |phi| <= 1 where Re s > -alpha: [alpha, corner] */
+        one = list_of(of[1], 2, "a decay rate [alpha, corner]");
+        above_zero(&rho, one, "decay rate"); above_zero(&corner, one->next, "corner"); integer(&sample_time, 1);
+        divide(&kappa, &rho, &corner); add(&rho, &ONE, &kappa);
+    } else { above_zero(&sample_time, part[1], "sample_time"); above_zero(&rho, of[1], "decay_rate"); }
     if (!less(&ONE, &rho)) unreadable("a decay rate that is not above 1", "");
-    read_known(&parametric, of[2]);
-    M = parametric.m; about = array(M); within = array(M); target = array(2); wanted = array(M);
+    read_known(&parametric, of[2]); M = parametric.m;
+    if (part[0]->count == 4) read_modes(of[3]);
+    if (R && (modes != modes_end || !zero(&corner))) unreadable("records of a class with modes, or in continuous time", "");
+    about = array(M); within = array(M); target = array(2); wanted = array(M);
     samples = array(N + R); bounds = array(N + R); zeta = array(nodes); functions = array((nodes + R) * M); decay = array(powers);
-    record = room(R, sizeof *record);
-    if (N <= CACHED) { cauchy = array(4 * N * N); ready = room(4 * N * N, 1); }
+    record = room(R, sizeof *record); if (N <= CACHED) { cauchy = array(4 * N * N); ready = room(4 * N * N, 1); }
     for (size_t s = 0; s < powers; s++) { if (s) divide(decay + s, decay + s - 1, &rho); else integer(decay, 1); }
     for (size_t k = 0; k < N; k++, row = row->next) {
         node *child = list_of(row, 4, "a line [omega, re, im, bound]");
-        place(k, N + k, child);
-        complex(samples + k, child->next);
+        place(k, N + k, child); complex(samples + k, child->next);
         above_zero(bounds + k, child->next->next->next, "bound of a sample"); mul(bounds + k, bounds + k, &level);
     }
     for (one = part[5]->child; one; one = one->next) first = read_record(one, first, &level);
@@ -660,16 +662,14 @@ int main(int count, char **words_of) {
     long size = fseek(file, 0, SEEK_END) ? -1 : ftell(file);
     if (size < 0 || size > LARGEST || fseek(file, 0, SEEK_SET)) unreadable("no file of at most 256 MiB", words_of[1]);
     char *text = room((size_t)size + 1, 1);
-    at = text; size = (long)fread(text, 1, (size_t)size, file);
-    fclose(file);
-    node *whole = value(0);
-    blank();
+    at = text; size = (long)fread(text, 1, (size_t)size, file); fclose(file);
+    node *whole = value(0); blank();
     if (at != text + size) unreadable("something follows after the proof", "");
     FIELDS(whole, part, "format", "version", "digest", "question", "evidence");
     if (!is(part[0], "robustid-proof") || index_below(part[1], 1000) != 1) unreadable("this is not version 1 of robustid-proof", "");
     FIELDS(part[3], asked, "class", "sample_time", "units", "level", "data", "records", "statements");
     FIELDS(part[4], proof, "powers", "parameters", "statements");
-    sha256((const unsigned char *)part[3]->start, (size_t)(part[3]->end - part[3]->start), hex);
+    sha256(part[3]->start, (size_t)(part[3]->end - part[3]->start), hex);
     if (!is(part[2], hex)) { printf("not proved: the digest is not that of the question, %s\n", hex); return 1; }
     claim = list(asked[6], "statements");
     evidence = list_of(proof[2], asked[6]->count, "evidence of every statement");
@@ -680,7 +680,7 @@ int main(int count, char **words_of) {
         if (gains && gains->count > TERMS) unreadable("more reflection coefficients than version 1 allows", "");
         if (gains && P < 320 + 2 * gains->count) P = 320 + 2 * gains->count;
     }
-    num *made[] = {&ONE, &NONE, &K, &rho, &sample_time, &here};
+    num *made[] = {&ONE, &NONE, &K, &rho, &sample_time, &here, &corner, &kappa};
     for (size_t k = 0; k < sizeof made / sizeof *made; k++) mpz_inits(made[k]->re, made[k]->im, made[k]->r, NULL);
     integer(&ONE, 1);
     read_question(asked);

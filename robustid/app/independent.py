@@ -43,7 +43,7 @@ def checker() -> str:
 
 
 def proof_texts(result: Any) -> list[str]:
-    """Return the proof files of a result: of a design one for each of its bands; InputError as `proof_text`."""
+    """Return the proof files of a result: of designs one a band, of families one a member; InputError as `proof_text`."""
     from robustid.guarantees import proof_text
 
     return [proof_text(one) for one in getattr(result, "proofs", ()) or (result,)]

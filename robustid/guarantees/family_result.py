@@ -80,6 +80,11 @@ class Family(WorstCase):
         return tuple(m.result.with_model(self.model) for m in self.members)
 
     @property
+    def proofs(self) -> tuple[Bounded, ...]:
+        """Bounded values of every member: their proofs together are that of the family."""
+        return tuple(m.result for m in self.members)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the members."""
         return tuple(m.name for m in self.members)

@@ -13,6 +13,7 @@ import numpy as np
 from robustid.core import Complex, Real, Record, StateMatrices, normalising_feedback, scaled_states
 from robustid.errors import InputError
 from robustid.guarantees.linear.entry_band import EntryBand
+from robustid.guarantees.linear.pole_discs import PoleDiscs
 from robustid.guarantees.proof_question import NOT_YET
 
 MOST_STATES = 64  # of functions in a file
@@ -132,7 +133,8 @@ class Between:
 
     def __init__(self, band: EntryBand, known: StateMatrices, loop: bool) -> None:
         self._band, self._known, self._loop = band, known, loop
-        basis, problem = band.samples.problem.parametric, band.samples.problem
+        functions, problem = band.samples.functions, band.samples.problem
+        basis, self._modes = functions.fixed, functions.modes
         none = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((0, 0)), np.zeros((0, 1)))
         self._functions = none if basis is None else StateMatrices(*map(np.asarray, basis.matrices))
         centre, radius = band.extraction.known.centre, band.extraction.known.radius
@@ -173,7 +175,11 @@ class Between:
         eighth = np.where(chord < 1, chord**2 / (8 - 2 * chord**2), np.inf)
         middle, half = (z[1:] + z[:-1]) / 2, chord / 2
         off = eighth * _bends(self._known, middle, half)
-        f = eighth * (self._of_class + self._reach @ _bends(self._functions, middle, half))
+        fixed = len(self._functions.D)
+        parametric = self._reach[:fixed] @ _bends(self._functions, middle, half)
+        if self._modes is not None:
+            parametric = parametric + self._reach[fixed:] @ _bends_of_modes(self._modes, middle, half)
+        f = eighth * (self._of_class + parametric)
         db, df = np.abs(known[1:, 1] - known[:-1, 1]), np.abs(value[1:] - value[:-1]) + reach[1:] + reach[:-1]
         first = np.abs(known[:-1, 1]), np.abs(value[:-1]) + reach[:-1]
         whole = off[0] + db * df / 4 + (first[0] + db) * f + off[1] * (first[1] + df + f)
@@ -201,6 +207,20 @@ def _bends(system: StateMatrices, z: Complex, reach: Real) -> Real:
     left = 1 - reach * size
     g = np.where(left > 0, 1 / np.where(left > 0, left, 1.0), np.inf)
     return np.where(rows > 0, rows * state * (g**2 + 2 * size * g**3), 0.0)
+
+
+def _bends_of_modes(modes: PoleDiscs, middle: Complex, reach: Real) -> Real:
+    """Bounds of |d2/dt2| of modes of amplitude 1 with their poles anywhere, (M, N), infinite where one is too near."""
+    total = np.zeros((modes.middle.size, middle.size))
+    powers = np.array([0, 1] if modes.delay < 0 else [modes.delay])[:, None, None]
+    first = modes.distance[:, None]
+    for poles in (modes.middle, modes.middle.conj()):
+        d = np.abs(middle - poles[:, None]) - reach
+        size = 1 / (np.where(d > 0, d, 1.0) * (1 - first))
+        pole = (1 + first) * size
+        found = size * ((powers + pole) ** 2 + pole**2 + pole).sum(axis=0)
+        total += np.where(d > 0, found, np.inf)
+    return total
 
 
 def _scaled(system: StateMatrices) -> tuple[Exact, Exact, Exact, Exact]:

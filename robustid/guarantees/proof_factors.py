@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from robustid.bases import InputNormalPair
-from robustid.core import Real
+from robustid.core import Real, SPlane
 from robustid.guarantees.proof_question import lines_of
-from robustid.identification import ball_arithmetic
+from robustid.identification import MixedProblem, ball_arithmetic
 from robustid.identification.formulation import ExactFormulation, Formulation
 
 _BITS = 640  # of the arithmetic: coefficients along kernels of close nodes are large, and cancel
@@ -38,7 +38,7 @@ def in_kernels(posed: Formulation, further: tuple[float, ...]) -> InKernels:
     lines = [(omega[k], k, count + k) for k in order]
     delays, half = [None] * posed.determined, posed.determined // 2
     cascade = [*turns, *lines[0::2], *delays[:half], *lines[1::2], *delays[half:]]
-    return _Kernels(cascade, problem.dt, problem.prior.decay_rate, 2 * count + 2)
+    return _Kernels(cascade, _Placing(problem), 2 * count + 2)
 
 
 class _Powers:
@@ -60,10 +60,9 @@ class _Kernels:
     Every section is the all-pass function of a node and its conjugate, of a real node, or a delay (None).
     """
 
-    def __init__(self, cascade: list[tuple[float, int, int] | None], dt: float, rate: float, first: int) -> None:
+    def __init__(self, cascade: list[tuple[float, int, int] | None], placing: _Placing, first: int) -> None:
         with ball_arithmetic(_BITS) as flint:
-            radius = 1 / _stated(flint, rate)
-            self._sections = [_Section(flint, None if one is None else one[0], dt, radius) for one in cascade]
+            self._sections = [_Section(flint, None if one is None else placing(flint, one[0])) for one in cascade]
             self._places: list[tuple[int, ...]] = []
             self._rows: list[list[_Number]] = []
             for number, one in enumerate(cascade):
@@ -71,7 +70,7 @@ class _Kernels:
                     continue
                 omega, node, conjugate = one
                 # Half the sample rate is real in double precision only: the mean of both nodes is nearer to it than either.
-                self._places += [(node, conjugate)] if real_node(omega * dt) else [(conjugate,), (node,)]
+                self._places += [(node, conjugate)] if placing.real(omega) else [(conjugate,), (node,)]
                 self._rows += list(self._row(flint, number))
             self._count, self._first = sum(one is None for one in cascade), first
             self._powers = self._polynomials(flint) if self._count else []
@@ -136,19 +135,42 @@ def real_node(turn: float) -> bool:
     return turn == 0 or turn >= np.pi * (1 - 1e-15)
 
 
-class _Section:
-    """The all-pass function with the zeros radius exp(-+j omega T), one where they are real or 0, as `line_section` has it."""
+class _Placing:
+    """Zeta of the frequencies of a problem, as numbers in a file say them."""
 
-    def __init__(self, flint: ModuleType, omega: float | None, dt: float, radius: _Number) -> None:
-        if omega is None or real_node(omega * dt):
-            node = flint.arb(0) if omega is None else radius if omega == 0 else -radius
+    def __init__(self, problem: MixedProblem) -> None:
+        self._dt, self._prior, self._plane = problem.dt, problem.prior, problem.plane
+
+    def real(self, omega: float) -> bool:
+        """Say whether it is real."""
+        return real_node(omega * self._dt) if self._dt else omega == 0
+
+    def __call__(self, flint: ModuleType, omega: float) -> _Number:
+        """A ball around it, real or complex."""
+        w, real = _stated(flint, omega), self.real(omega)
+        if isinstance(self._plane, SPlane):
+            s = flint.arb(0) if real else flint.acb(0, w)
+            corner, alpha = _stated(flint, self._plane.corner), _stated(flint, float(self._prior.decay or 0))
+            return (corner - s) / (corner + 2 * alpha + s)
+        radius, turn = 1 / _stated(flint, self._prior.decay_rate), w * _stated(flint, self._dt)
+        if real:
+            return radius if omega == 0 else -radius
+        return radius * flint.acb(turn.cos(), -turn.sin())
+
+
+class _Section:
+    """The all-pass function with the zeros w* and w, one where they are real or 0, as `line_section` has it."""
+
+    def __init__(self, flint: ModuleType, zeta: _Number) -> None:
+        if not isinstance(zeta, flint.acb):
+            node = flint.arb(0) if zeta is None else zeta
             root = (1 - node * node).sqrt()
             self.nodes = [flint.acb(node)]
             self._a, self._b, self._c, self._d = [[node]], [root], [root], -node
             return
-        turn = _stated(flint, omega) * _stated(flint, dt)
-        self.nodes = [radius * flint.acb(turn.cos(), sign * turn.sin()) for sign in (-1, 1)]
-        k = -2 * radius * turn.cos() / (1 + radius * radius), radius * radius
+        self.nodes = [zeta, zeta.conjugate()]
+        square = zeta.real * zeta.real + zeta.imag * zeta.imag
+        k = -2 * zeta.real / (1 + square), square
         s = [((1 - one) * (1 + one)).sqrt() for one in k]
         # The product of both reflections.
         self._a, self._b = [[-k[0], -s[0] * k[1]], [s[0], -k[0] * k[1]]], [s[0] * s[1], k[0] * s[1]]

@@ -25,6 +25,7 @@ from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
 from robustid.guarantees.loop_bounds import LoopBounds
 from robustid.guarantees.proof_arcs import MOST_STATES, Arcs, Known, arcs_of
 from robustid.guarantees.proof_factors import MOST_POWERS, InKernels, in_kernels
+from robustid.guarantees.proof_passive import scattering_of
 from robustid.guarantees.proof_question import (
     NOT_YET,
     check_expressed,
@@ -38,7 +39,7 @@ from robustid.guarantees.proof_question import (
 )
 from robustid.guarantees.value_set import ValueSet
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem, SupportCertificate, as_system
+from robustid.identification import Identification, MixedProblem, SupportCertificate, as_system, identify
 from robustid.identification.formulation import Formulation
 
 VERSION = 1
@@ -61,11 +62,12 @@ def proof_text(result: object) -> str:
     Parameters
     ----------
     result : Band, WorstCaseError, LoopBounds, Identification or Contradiction
-        Of one input and one output in discrete time, with exact poles and a class without a weight; records from rest. Of a band
-        the discs of its sums at its frequencies and, around a model of at most 64 states, bounds of its error on the whole axis; of
-        bounds the supports of its polygons; of a loop with a controller that every consistent plant is stabilised, and peaks
-        and margins on the whole axis (a plant measured in open loop); of an identification the system that fits, or that none
-        does.
+        Of one input and one output, of a class without a weight; records from rest, in discrete time and beside exact poles. Of a
+        band, over a pole-uncertainty box too, the discs of its sums at its frequencies and, in discrete time around a model of at
+        most 64 states, bounds of its error on the whole axis; of bounds at exact poles the supports of their polygons; of a loop in
+        discrete time with a controller that every consistent plant is stabilised, and peaks and margins on the whole axis (a plant
+        measured in open loop); of an identification the system that fits, or that none does, of passive classes that of
+        S = (F - r)/(F + r).
 
     Returns
     -------
@@ -77,7 +79,7 @@ def proof_text(result: object) -> str:
         The format does not express the problem or the result yet.
     """
     if isinstance(result, Identification):
-        return _of_identification(result)
+        return _of_passive(result) if result.problem.prior.positive_real else _of_identification(result)
     if isinstance(result, Contradiction):
         return _of_contradiction(result)
     if isinstance(result, LoopBounds):
@@ -86,8 +88,6 @@ def proof_text(result: object) -> str:
         return _of_polygons(result)
     if not isinstance(result, Band):
         raise InputError(NOT_YET.format("only bands, polygons, loops and identifications have"))
-    if result.box is not None:
-        raise InputError(NOT_YET.format("it is over a pole-uncertainty box"))
     return _of_band(result)
 
 
@@ -108,7 +108,7 @@ def _of_band(band: Band) -> str:
         stated = repr(float(radius * (1 + 1e-8) + 1e-15 * (abs(centre) + size)))
         statements.append({"kind": "disc", "omega": repr(frequency), "centre": decimal(centre), "radius": stated})
         evidence.append(_sums(one.samples, base, points, d))
-    if band.model is not None and band.model.nstates <= MOST_STATES:
+    if band.problem.dt and band.model is not None and band.model.nstates <= MOST_STATES:
         for axis in _on_axis(band, StateMatrices.of(band.model)):
             statements.append(axis[0])
             evidence.append(axis[1])
@@ -134,8 +134,10 @@ def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Record, Record]
 def _of_loop(found: LoopBounds) -> str:
     """Worst cases of a controller of a plant that was measured in open loop, on the whole axis: of the sensitivity, and others."""
     check_expressed(found.band.problem)
-    if not found.in_open_loop or found.band.box is not None:
-        raise InputError(NOT_YET.format("its plant was measured in a loop, or has poles in a box"))
+    if not found.band.problem.dt:
+        raise InputError(NOT_YET.format("it is a loop in continuous time"))
+    if not found.in_open_loop:
+        raise InputError(NOT_YET.format("its plant was measured in a loop"))
     if not found.guaranteed or not np.isfinite(peak := found.peaks["sensitivity"].value):
         raise InputError(NOT_YET.format("its controller is not proved to stabilise every consistent plant"))
     one, dt = found.band.bands[0], float(found.band.problem.dt or 1.0)
@@ -147,7 +149,8 @@ def _of_loop(found: LoopBounds) -> str:
     if arcs is None:
         raise InputError(NOT_YET.format("its sums do not say on every arc that its loop is stable"))
     proofs = [_arcs(one, known, arcs, "loop"), *_further(found, known)]
-    return _file(found.band.problem, one.extraction, *map(list, zip(*proofs, strict=True)))
+    statements, evidence = map(list, zip(*proofs, strict=True))
+    return _file(found.band.problem, one.extraction, statements, evidence)
 
 
 def _further(found: LoopBounds, known: Known) -> Iterator[tuple[Record, Record]]:
@@ -201,11 +204,18 @@ def _multipliers(band: EntryBand, angle: float) -> tuple[Any, Complex]:
     return points, d
 
 
-def _of_contradiction(found: Contradiction) -> str:
-    if found.box is not None:
-        raise InputError(NOT_YET.format("it is over a pole-uncertainty box"))
+def _of_contradiction(found: Contradiction, response: str | None = None) -> str:
     evidence = _sums(found.samples, found.base, found.points, found.multipliers)
-    return _file(found.problem, found.extraction, [{"kind": "inconsistent"}], [evidence])
+    return _file(found.problem, found.extraction, [{"kind": "inconsistent"}], [evidence], response)
+
+
+def _of_passive(result: Identification) -> str:
+    """The same statement about S = (F - r)/(F + r), with a proof that is searched anew."""
+    problem, words = scattering_of(result.problem, inside=result.status is Status.CONSISTENT)
+    found = identify(problem)
+    if found.status is not result.status:
+        raise InputError(NOT_YET.format("it is at the border of its passive class"))
+    return _of_identification(found, words)
 
 
 def _of_polygons(found: WorstCaseError) -> str:
@@ -259,13 +269,13 @@ def _beyond(posed: Formulation, one: ValueSet, turn: complex, proof: SupportCert
     return max(problem.prior.gain_bound * float(np.sqrt(square)) - float(paid), 0.0)
 
 
-def _of_margin(result: Identification) -> str:
+def _of_margin(result: Identification, response: str | None) -> str:
     """Multipliers of the samples and of the matrix inequality that refute the class."""
     posed, proof = result.formulation, result.certificate
     functions = in_kernels(posed, ())
     A = posed.sarason.pair.A
     evidence = _with_factors(posed, functions, proof.samples, A @ proof.ball @ A.T - proof.ball)
-    return _file(result.problem, _extraction(result.problem), [{"kind": "inconsistent"}], [evidence])
+    return _file(result.problem, _extraction(result.problem), [{"kind": "inconsistent"}], [evidence], response)
 
 
 def _extraction(problem: MixedProblem) -> Extraction:
@@ -289,18 +299,18 @@ def _with_factors(posed: Formulation, functions: InKernels, samples: Complex, Y:
     return {"base": ["0", "0"], "factors": pairs, "multipliers": rows}
 
 
-def _of_identification(result: Identification) -> str:
+def _of_identification(result: Identification, response: str | None = None) -> str:
     """The values of a system at the samples, or sums that refute the class."""
     check_expressed(result.problem)
     if result.status is Status.INCONSISTENT:
         found = contradiction(result.problem)
-        return _of_margin(result) if found is None else _of_contradiction(found)
+        return _of_margin(result, response) if found is None else _of_contradiction(found, response)
     if result.status is not Status.CONSISTENT:
         raise InputError(NOT_YET.format("it is undecided"))
     gains = _reflections(result)
     parameters = [dyadic(one) for one in np.ravel(result.parameters).tolist()]
     evidence = {"reflections": [dyadic(one) for one in gains.tolist()], "parameters": parameters}
-    return _file(result.problem, None, [{"kind": "consistent"}], [evidence])
+    return _file(result.problem, None, [{"kind": "consistent"}], [evidence], response)
 
 
 def _reflections(result: Identification) -> Real:
@@ -309,7 +319,9 @@ def _reflections(result: Identification) -> Real:
     problem = result.problem
     bounds = [one.bound.inner_radius[one.bound.used] for one in problem.frequency]
     least = min(float(one.min()) for one in [*bounds, *(one.bound.radius[one.bound.used] for one in problem.time)])
-    count = int(np.log(_KEPT * prior.gain_bound / least) / np.log(prior.decay_rate)) + 2
+    angles = problem.plane.angles(np.array([0.0, *(float(row[0]) for row in lines_of(problem))]))
+    rate = -np.log1p(-problem.region.inside(angles).min()) / 2  # of the decay of powers of zeta
+    count = int(np.log(_KEPT * prior.gain_bound / least) / rate) + 2
     count = min(max(count, 1), _MOST)
     alpha, beta, gamma, delta = (np.asarray(one) for one in data.sarason.interpolants(result.coefficients).realise())
     u, v, state = np.zeros(count), np.eye(1, count)[0], beta.ravel()
@@ -327,9 +339,17 @@ def _reflections(result: Identification) -> Real:
 
 
 def _file(
-    problem: MixedProblem, extraction: Extraction | None, statements: list[Record], evidence: list[Record]
+    problem: MixedProblem,
+    extraction: Extraction | None,
+    statements: list[Record],
+    evidence: list[Record],
+    response: str | None = None,
 ) -> str:
-    text = json.dumps(question_of(problem, statements))
+    functions = None if extraction is None else extraction.samples.functions
+    question = question_of(problem, statements, functions)
+    if response is not None:
+        question["units"]["response"] = response
+    text = json.dumps(question)
     used = [one[name] for sums in evidence for one in sums.get("factors", []) for name in ("f", "g")]
     nodes = 2 * len(lines_of(problem)) + 2
     powers = max((int(term[0]) - nodes + 1 for terms in used for term in terms), default=0)
@@ -351,8 +371,10 @@ def _parameters(problem: MixedProblem, extraction: Extraction | None) -> Record:
     if extraction is None or known is None or not np.all(np.isfinite(known.radius)):
         return {"centre": [], "radius": [], "combinations": []}
     rows = zip(base_of(extraction.samples).tolist(), extraction.points, extraction.multipliers, strict=True)
+    fixed = extraction.samples.functions.fixed_count
     return {
-        "centre": [dyadic(one.real) for one in known.centre.tolist()],
+        "centre": [dyadic(one.real) for one in known.centre[:fixed].tolist()]
+        + [pair(one) for one in known.centre[fixed:].tolist()],
         "radius": [dyadic(one * _WIDER) for one in known.radius.tolist()],
         "combinations": [_sums(extraction.samples, base, points, d) for base, points, d in rows],
     }

@@ -103,3 +103,19 @@ def test_a_design_for_several_bands_has_a_proof_for_each(saved):
     texts = proof_texts(both)
     assert [asked(program, text, saved)[0] for text in texts] == [0, 0]
     assert len(set(texts)) == 2
+
+
+def test_a_family_has_a_proof_for_each_member(saved, run, monkeypatch):
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    omega, prior = np.array([0.5, 1.5, 2.5]), rid.Prior(gain_bound=2.0, decay_rate=1.5)
+    members = []
+    for gain in (0.8, 1.0):
+        frf = rid.FrequencyResponse(omega, gain * (1 + 0.3 * np.exp(-1j * omega)), bound=0.05, dt=1.0)
+        found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
+        members.append(rid.guarantee.Member(found, amplitude=gain))
+    rid.family(members, omega=omega[:1], directions=4).save("family")
+    code, out, _ = run(["verify", "family", "--independent", "--export", "proof.json"])
+    assert code == 0, out
+    assert out.count("verified   independently, in exact integers: question") == 2
+    assert "member     amplitude 0.8" in out
+    assert (saved / "proof-2.json").exists()

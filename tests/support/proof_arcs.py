@@ -144,7 +144,7 @@ class Knot:
 
 def on_arcs(judge: Judge, said: Any, evidence: Any, *, loop: bool) -> bool:
     """Bounds of a + b F on arcs; or of c/(a + b F), and that a + b F has no zero outside of the circle nor on it."""
-    if set(said) != {"kind", "functions", "edges", "bounds"} or set(evidence) != {"knots"}:
+    if set(said) != {"kind", "functions", "edges", "bounds"} or set(evidence) != {"knots"} or judge.continuous:
         raise Refused("other keys")
     edges, bounds, known = said["edges"], [number(one) for one in said["bounds"]], Known.of(said["functions"])
     if len(known.D) != 2 + loop or len(edges) < 2 or not len(edges) == len(evidence["knots"]) == len(bounds) + 1:
@@ -176,8 +176,12 @@ def _bend(judge: Judge, known: Known, functions: Known, one: Knot, two: Knot) ->
     sizes = functions.bends(middle, half)
     if sizes and not judge.within:
         raise Refused("nothing is said of the parameters")
-    for q, u, size in zip(judge.about, judge.within, sizes, strict=True):
-        of_class += (abs(q) + u) * size
+    if judge.modes and not judge.within:
+        raise Refused("nothing is said of the amplitudes")
+    for q, u, size in zip(judge.about, judge.within, sizes, strict=False):
+        of_class += (q.most + u) * size
+    for mode in judge.modes:
+        of_class += mode.bends(middle, half)
     f, (b, d) = rounded_up(eighth * of_class), (one.known[1], two.known[1])
     product = (d - b).most * ((two.value - one.value).most + one.reach + two.reach) / 4
     value = max(one.value.most + one.reach, two.value.most + two.reach)

@@ -10,7 +10,8 @@ from fractions import Fraction
 from typing import Any
 
 from support.proof_arcs import on_arcs
-from support.proof_numbers import GRID, Disc, Refused, number, root, solve, turn
+from support.proof_modes import Mode
+from support.proof_numbers import GRID, Disc, Refused, number, root, rounded_up, solve, turn
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -36,21 +37,28 @@ class Judge:
         units, of = self.question["units"], self.question["class"]
         if (units["frequency"], units["time"]) != ("rad/s", "s"):
             raise Refused("other units")
-        self.K, self.rho, self.T = (
-            number(of["gain_bound"]),
-            number(of["decay_rate"]),
-            number(self.question["sample_time"]),
-        )
-        level = number(self.question["level"])
-        if min(self.K, self.T, level) <= 0 or self.rho <= 1:
+        self.K, level = number(of["gain_bound"]), number(self.question["level"])
+        self.continuous = self.question["sample_time"] == "continuous"
+        if self.continuous:
+            self.alpha, self.corner = (number(one) for one in of["decay_rate"])
+            self.rho = self.T = 1 + self.alpha
+        else:
+            self.rho, self.T = number(of["decay_rate"]), number(self.question["sample_time"])
+        if min(self.K, self.T, level, self.corner if self.continuous else 1) <= 0 or self.rho <= 1:
             raise Refused("no class")
+        self.modes = [Mode(one) for one in of.get("modes", [])]
+        if set(of) - {"modes"} != {"gain_bound", "decay_rate", "functions"}:
+            raise Refused("other keys")
         self.matrices = {name: of["functions"][name] for name in "ABCD"}
         self.omega = [row[0] for row in self.question["data"]]
         self.y = [Disc(number(row[1]), number(row[2])) for row in self.question["data"]]
         self.bound = [number(row[3]) * level for row in self.question["data"]]
         if any(one <= 0 for one in self.bound):
             raise Refused("a bound that is not positive")
-        self.N, self.M = len(self.y), len(self.matrices["D"])
+        self.N, self.fixed = len(self.y), len(self.matrices["D"])
+        self.M = self.fixed + sum(2 * len(one.poles) for one in self.modes)
+        if self.question["records"] and (self.modes or self.continuous):
+            raise Refused("records")
         self.records: list[tuple[list[Fraction], int, Fraction, Fraction, list[Fraction]]] = []
         for one in self.question["records"]:
             u = [number(v) for v in one["input"]]
@@ -62,8 +70,8 @@ class Judge:
         self.powers = max([self.evidence["powers"], *(len(u) for u, *_ in self.records)])
         placed = [self.place(one) for one in self.omega]
         self.nodes = [zeta for zeta, _ in placed] + [zeta.conj for zeta, _ in placed]
-        self.P = [values for _, values in placed] + [[one.conj for one in values] for _, values in placed]
-        self.about: list[Fraction] = []
+        self.P = [values for _, values in placed] + [self.conjugate(values) for _, values in placed]
+        self.about: list[Disc] = []
         self.within: list[Fraction] = []
 
     def responses(self, u: list[Fraction]) -> list[list[Fraction]]:
@@ -85,10 +93,22 @@ class Judge:
             return _power(nodes[k], m - count)
         return _power(nodes[m].conj, k - count) if m < count else Disc(int(k == m))
 
+    def conjugate(self, values: list[Disc]) -> list[Disc]:
+        """The functions at the conjugate of a node: those of modes stand beside their conjugates."""
+        own, pairs = values[: self.fixed], values[self.fixed :]
+        return [one.conj for one in own + [pairs[k ^ 1] for k in range(len(pairs))]]
+
     def turned(self, omega: str) -> Disc:
-        """exp(-j omega T); "half" is half the sample rate."""
+        """exp(-j omega T), or (b - s)/(b + s) in continuous time; "half" is half the sample rate, or infinity."""
         if omega == "half":
             return Disc(-1)
+        if self.continuous:
+            w = number(omega)
+            if w < 0:
+                raise Refused("a frequency out of range")
+            # (b - jw)^2/(b^2 + w^2)
+            size = self.corner**2 + w**2
+            return Disc((self.corner**2 - w**2) / size, -2 * self.corner * w / size)
         x = number(omega) * self.T
         if not 0 <= x <= 4:
             raise Refused("a frequency out of range")
@@ -108,7 +128,13 @@ class Judge:
         for i, row in enumerate(C):
             for a in range(size):
                 values[i] += Disc(number(row[a])) * state[a]
-        return e * Disc(1 / self.rho), values
+        for mode in self.modes:
+            values += mode.values(e)
+        if not self.continuous:
+            return e * Disc(1 / self.rho), values
+        # (b - s)/(b + 2 alpha + s) at s = jw, which is b (1 - e)/(1 + e).
+        kappa = Disc(self.alpha / self.corner)
+        return e * (Disc(1) + kappa + kappa * e).inverse, values
 
     def norm(self, terms: dict[int, Disc], nodes: list[Disc], base: Disc) -> Fraction:
         """Above the norm of sum c_k phi(zeta_k) in H2 of the measure of the base."""
@@ -131,7 +157,7 @@ class Judge:
     ) -> tuple[Disc, Fraction, Fraction]:
         """Centre and radius of the functional of all consistent systems, and the part of the radius from parameters."""
         zeta, values = at or (Disc(0), [Disc(0)] * self.M)
-        nodes, P = [*self.nodes, zeta, zeta.conj], [*self.P, values, [one.conj for one in values]]
+        nodes, P = [*self.nodes, zeta, zeta.conj], [*self.P, values, self.conjugate(values)]
         if set(evidence) != {"base", "factors", "multipliers"}:
             raise Refused("other keys")
         rest = dict(target)
@@ -139,6 +165,8 @@ class Judge:
         for k, t in target.items():
             missed = [m - t * p for m, p in zip(missed, P[k], strict=True)]
         centre, radius = Disc(0), Fraction(0)
+        for k, t in target.items():
+            radius += t.most * self.beyond(P[k])
         for k, a, b in evidence["multipliers"]:
             d = Disc(number(a), number(b))
             if not 0 <= k < 2 * self.N + len(self.records):
@@ -154,7 +182,7 @@ class Judge:
                 continue
             own = k % self.N
             centre += d * (self.y[own] if k < self.N else self.y[own].conj)
-            radius += d.most * self.bound[own]
+            radius += d.most * (self.bound[own] + self.beyond(P[k]))
             rest[k] = rest.get(k, Disc(0)) - d
             missed = [m + d * p for m, p in zip(missed, P[k], strict=True)]
         cost = Fraction(0)
@@ -179,7 +207,7 @@ class Judge:
             raise Refused("nothing is said of the parameters")
         parametric = Fraction(0)
         for m, q, u in zip(missed, self.about, self.within, strict=True):
-            centre -= m * Disc(q)
+            centre -= m * q
             parametric += m.most * u
         return centre, radius + parametric, parametric
 
@@ -188,14 +216,33 @@ class Judge:
         said = self.evidence["parameters"]
         if self.M and not any(said.values()):
             return
-        self.about, self.within = [number(one) for one in said["centre"]], [number(one) for one in said["radius"]]
-        if not len(self.about) == len(self.within) == len(said["combinations"]) == self.M:
+        own, sizes = [number(one) for one in said["radius"]], list[Fraction]()
+        if not len(own) == len(said["centre"]) == len(said["combinations"]) == self.fixed + len(self.modes):
             raise Refused("not a disc for every parameter")
-        for i, evidence in enumerate(said["combinations"]):
+        about = [Disc(number(one)) for one in said["centre"][: self.fixed]]
+        places = list(range(self.fixed))
+        for mode, (a, b), u in zip(self.modes, said["centre"][self.fixed :], own[self.fixed :], strict=True):
+            places.append(len(about))
+            q, rest = Disc(number(a), number(b)), 2 * len(mode.poles) - 2
+            mode.amplitude = q.most + u
+            about += [q, q.conj] + [Disc(0)] * rest
+            sizes += [u, u] + [mode.amplitude * size for size in mode.sizes for _ in range(2)]
+        self.about, self.within = about, own[: self.fixed] + sizes
+        for number_, evidence in enumerate(said["combinations"]):
+            i = places[number_]
             centre, radius, parametric = self.sums(evidence, {}, wanted=i)
-            apart = abs(centre.re - self.about[i]) + centre.error
+            away = centre - self.about[i]
+            apart = abs(away.re) + away.error if number_ < self.fixed else away.most
             if not (self.within[i] > 0 and apart + radius <= self.within[i] and parametric < self.within[i]):
                 raise Refused("a parameter")
+
+    def beyond(self, values: list[Disc]) -> Fraction:
+        """What the modes have beyond their terms, at a node with these values."""
+        total, place = Fraction(0), self.fixed
+        for mode in self.modes:
+            total += mode.rest * mode.amplitude * (values[place].most + values[place + 1].most)
+            place += 2 * len(mode.poles)
+        return rounded_up(total)
 
     def disc(self, said: Any, evidence: Any) -> bool:
         centre, radius, _ = self.sums(evidence, {2 * self.N: Disc(1)}, self.place(said["omega"]))
@@ -219,7 +266,7 @@ class Judge:
         return on_arcs(self, said, evidence, loop=True)
 
     def consistent(self, said: Any, evidence: Any) -> bool:
-        if set(evidence) != {"reflections", "parameters"} or set(said) != {"kind"}:
+        if set(evidence) != {"reflections", "parameters"} or set(said) != {"kind"} or self.modes:
             raise Refused("other keys")
         gains, p = (
             [Disc(number(one)) for one in evidence["reflections"]],

@@ -24,6 +24,7 @@ _KINDS = (
     "worst-case error",
     "band over poles",
     "band",
+    "family",
     "loop bounds",
     "interconnection",
     "controller design",
@@ -127,10 +128,16 @@ def _independent_failures(console: Terminal, proof: str) -> list[str]:
 
 def _failures(console: Terminal, result: Any, exact: bool) -> list[str]:
     """Print what an identification, or bounds, claim; the names of what does not hold."""
-    from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+    from robustid.guarantees import Band, Family, WorstCaseError, WorstCaseOverPoles
 
     if isinstance(result, Band):
         return _sum_failures(console, result, exact)
+    if isinstance(result, Family):
+        failed: list[str] = []
+        for member in result.members:
+            say(console, f"member     {screen.plain(member.name)}")
+            failed += _failures(console, member.result, exact)
+        return failed
     failed = _identification_failures(console, getattr(result, "identification", result), exact)
     if isinstance(result, WorstCaseError):
         failed += _bound_failures(console, result, exact)

@@ -116,7 +116,7 @@ class _Stack:
         total = np.maximum(np.where(np.isfinite(total), total, (sizes * self.bound).sum(axis=1)), _EXACT)
         least = _FLOOR * total[:, None] / (np.maximum(radius, 1e-300) * max(radius.size, 1))
         return [
-            self.bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + 1e-300),
+            self.bound / np.maximum(sizes, _FLOOR * sizes.max(axis=1, keepdims=True) + _EXACT),
             1 / np.sqrt(np.maximum(square, (1e-6 * total) ** 2 + 1e-300)),
             np.maximum(radius, 1e-300) / np.maximum(np.abs(missed[:, ~self._free]), least),
         ]
@@ -184,7 +184,7 @@ def reweighted(
         if step or start is not None:
             new = [old * np.clip(now / old, *_CHANGE) ** _FARTHER for old, now in zip(used, new, strict=True)]
             largest = np.abs(d).max(axis=1, keepdims=True)
-            new[0] = np.minimum(new[0], stack.bound / (_FLOOR * largest + 1e-300))
+            new[0] = np.minimum(new[0], stack.bound / (_FLOOR * largest + _EXACT))
         used = new
     return stack.best
 

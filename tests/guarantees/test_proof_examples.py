@@ -1,0 +1,74 @@
+"""What the examples find, as proof files: the checker in C proves all that the format expresses."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import robustid as rid
+from robustid.app.independent import proof_texts
+from robustid.errors import InputError
+from support.example_runs import FOLDER
+from support.example_runs import load as load_example
+from support.measured import needs
+from support.proofs import asked, built
+
+# Examples of one entry, and what of theirs the format does not express.
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "continuous_time": ("continuous time",),
+    "controller_levitation": ("measured in a loop",),
+    "controller_motor": ("pole-uncertainty box", "poles in a box"),
+    "controller_stage": ("pole-uncertainty box", "poles in a box"),
+    "flexible_structure": (),
+    "motor_torsion": ("at rest",),
+    "passive_beam": ("bounds a passive class",),
+    "proved_band": ("pole-uncertainty box",),
+    "short_records": ("several inputs",),
+    "torsion_margin": (),
+    "voorhoeve2016": (),
+    "worst_case": (),
+}
+MEASURED = {"controller_motor", "motor_torsion", "torsion_margin"}
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("checker"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_the_examples_find_is_proved(program, tmp_path, monkeypatch, name):
+    if name in MEASURED:
+        needs("two_mass/MultisineTypeA.mat")
+    found: list[Any] = []
+
+    def keeping(made: Callable[..., Any]) -> Callable[..., Any]:
+        def kept(*given: Any, **named: Any) -> Any:
+            found.append(made(*given, **named))
+            return found[-1]
+
+        return kept
+
+    kept = (rid, "identify"), (rid, "worst_case_error"), (rid, "band"), (rid, "loop_bounds"), (rid, "design_controller")
+    for owner, made in (*kept, (rid.guarantee, "contradiction")):
+        monkeypatch.setattr(owner, made, keeping(getattr(owner, made)))
+    monkeypatch.syspath_prepend(FOLDER)
+    monkeypatch.setattr(sys, "argv", [name, "--out", str(tmp_path)])
+    main = load_example(name).main
+    main(sys.argv[1:]) if main.__code__.co_argcount else main()
+    texts: list[str] = []
+    refusals: list[str] = []
+    for one in found:
+        try:
+            texts += proof_texts(one)
+        except InputError as refusal:
+            refusals.append(str(refusal))
+    assert all(any(reason in one for reason in EXAMPLES[name]) for one in refusals), refusals
+    assert texts
+    for text in texts:
+        assert asked(program, text, tmp_path, seconds=600)[0] == 0
