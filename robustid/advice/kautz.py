@@ -273,9 +273,11 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
     """Pairs with the intervals that the points leave, real poles with all that was searched: their places are a choice."""
     top = float(fit.plane.omega(fit.angle[-1:])[0])
     # The fastest one stands for the constant, which no other pole has; one that is faster than the last for a straight line.
-    omega = np.append(np.minimum(found.omega, _FASTER * top), _FASTEST * top)
+    fast = (found.omega >= _FASTER * top) & (found.damping == 1)
+    one = np.arange(found.omega.size) == np.argmax(fast)  # of several, of which the points see the same straight line
+    omega = np.append(np.minimum(found.omega, _FASTER * top)[~fast | one], _FASTEST * top)
     order = np.argsort(omega)
-    omega, damping = omega[order], np.append(found.damping, 1.0)[order]
+    omega, damping = omega[order], np.append(found.damping[~fast | one], 1.0)[order]
     pair = damping < 1
     ends = np.array([[max(lowest, 1e-6 * top) / BELOW, 2 * top], [1.0, 1.0]])
     edges, level, reached = np.tile(ends, (order.size, 1, 1)), np.ones(order.size), np.ones(order.size, bool)

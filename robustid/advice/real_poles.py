@@ -99,6 +99,8 @@ def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
             break
         _, (poles,) = fit.search(order, np.zeros(1))
         found = _left(fit, poles)
+        if frf.dt is None and found.largest > 1:
+            found = _descended(fit, poles, found)
         gain = best.left - found.left
         _log.debug("%d poles: largest |residual|/bound %.3g", order, found.largest)
         if gain > 0 and (gain >= _WORTH * whole or gain >= _WORTH_LEFT * best.left):
@@ -106,6 +108,12 @@ def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
         elif order > step:  # the first alone may win nothing where two follow the response
             break
     return best
+
+
+def _descended(fit: PoleFit, poles: Complex, before: RealPoles) -> RealPoles:
+    """The poles after a descent from there, where it leaves less: what rises like s has its pole far beyond the points."""
+    found = _left(fit, fit.refine(0.0, poles, held=True).poles)
+    return found if found.left < before.left and np.all(found.damping > 0) else before
 
 
 def _left(fit: PoleFit, poles: Complex) -> RealPoles:

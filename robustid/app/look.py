@@ -252,8 +252,11 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
 
 def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ...]]:
     """Arguments of `load` to try after a refusal, and those of them that stand for what nobody has said."""
-    remedy = error.remedy if "fields" in error.remedy else {}
-    unknown = tuple(name for name in _STANDS_FOR if name == error.argument or (name == "dt" and name in remedy))
+    measured = set(error.remedy) == {"dt"}  # the step of a time column, which stands for nothing
+    remedy = error.remedy if measured or "fields" in error.remedy else {}
+    unknown = tuple(
+        name for name in _STANDS_FOR if name == error.argument or (name == "dt" and name in remedy and not measured)
+    )
     if not remedy and not unknown:
         return {}, ()
     tried = {**given, **remedy}
@@ -357,7 +360,8 @@ def _odd(item: Item) -> list[Fault]:
     found: list[Fault] = []
     missing = int(np.sum(~np.isfinite(values)))
     if missing:
-        words = f"{name} has {missing} values that are not finite, of {values.size}"
+        counted = "1 value that is" if missing == 1 else f"{missing} values that are"
+        words = f"{name} has {counted} not finite, of {values.size}"
         found.append(Fault(FaultKind.NOT_FINITE, words, where=name, size=missing))
     if np.iscomplexobj(values) and _two_sided(values):
         half = values.shape[0] // 2

@@ -157,6 +157,11 @@ class Unfinished:
         left_out = dataclasses.replace(self, run=run)
         return {_LEFT_OUT: Choice(left_out, Source.STOPPED, left_out.sentence)}
 
+    @staticmethod
+    def without(choices: Mapping[str, Choice]) -> dict[str, Choice]:
+        """Return the choices of a result without what it keeps of the run that found it."""
+        return {name: one for name, one in choices.items() if name != _LEFT_OUT}
+
     @property
     def word(self) -> str:
         """The reason in one word."""
@@ -165,11 +170,11 @@ class Unfinished:
     @property
     def sentence(self) -> str:
         """The reason, and the way on."""
-        late = f"the time was over in: {'; '.join(self.steps)}" if self.steps else ""
+        late = "; ".join(self.steps)
         if self.interrupted:
             start = (
                 f"Ctrl-C ended {self.run} before its end: what stands here was found by then, and holds"
-                + f"; {late}" * bool(late)
+                + f"; not finished: {late}" * bool(late)
             )
             again = (
                 "The same run with resume goes on from what is finished."
@@ -177,8 +182,8 @@ class Unfinished:
                 else "Run it again for the rest."
             )
             return f"{start}. {again}"
-        further = "goes further" + ", with resume from what is finished" * self.resumable
-        return f"What stands here holds, but {late}; each kept the best so far. A larger time_limit {further}."
+        further = "A larger time_limit goes further" + ", with resume from what is finished" * self.resumable
+        return f"What stands here holds, but the time was over in: {late}; each kept the best so far. {further}."
 
 
 @dataclasses.dataclass(eq=False)

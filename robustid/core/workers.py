@@ -16,6 +16,7 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Any, TypeVar
 
+from robustid.core.cluster_calls import is_dask, with_every_end
 from robustid.errors import InputTypeError, RobustIdError, SolverError
 
 _log = logging.getLogger("robustid")
@@ -115,14 +116,14 @@ class Workers:
         self._own: WorkerPool | None = None
         if not isinstance(executor, Executor):
             executor = self._own = worker_pool(_count(executor))
-        self._executor = executor
+        self._executor = with_every_end(executor)
         count = getattr(executor, "_max_workers", None)
         if isinstance(count, int):
             # Those in flight are lost with a pool that breaks: no more of them than keep its workers busy.
             most = most or (count if isinstance(executor, WorkerPool) else 2 * count)
         self._most = most or float("inf")
         # Of Dask, too, a worker that dies takes no items of others with it.
-        self._apart = isinstance(executor, WorkerPool) or type(executor).__module__.startswith("distributed")
+        self._apart = isinstance(executor, WorkerPool) or is_dask(executor)
 
     def __enter__(self) -> Workers:
         return self

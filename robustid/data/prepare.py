@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from robustid.core import as_array, as_count, as_float, as_positive
 from robustid.data.time_record import TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError, InputTypeError, Remedy
 
 # Lines up to this part of the new Nyquist frequency pass the filter; from the new Nyquist frequency on it blocks.
 PASSBAND = 0.8
@@ -236,7 +236,13 @@ def _check_record(record: object) -> None:
 def uniform_step(time: np.ndarray, samples: int) -> float:
     """The sample time of instants that are uniform; else a sentence."""
     if time.shape != (samples,):
-        raise InputError(f"the time has shape {time.shape} where `u` has {samples} samples; give `dt` instead")
+        words = f"the time has shape {time.shape} where `u` has {samples} samples; give "
+        if time.ndim == 1 and 1 < time.size != samples and samples > 1:
+            step = uniform_step(time, time.size)
+            raise InputError(
+                words, Remedy({"dt": float(f"{step:.9g}")}), ", the step of that time, instead", argument="time"
+            )
+        raise InputError(f"{words}`dt` instead")
     if samples < 2:
         raise InputError("one sample gives no sample time; give `dt`")
     steps = np.diff(as_array("time", time))

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Budget, Frozen, Interruptible, Progress, Savable, StateMatrices, as_flag, one_thread
+from robustid.core import (
+    Budget,
+    Frozen,
+    Interruptible,
+    Progress,
+    Savable,
+    StateMatrices,
+    Unfinished,
+    as_flag,
+    one_thread,
+)
 from robustid.data import FrequencyResponse, as_frequency_response
 from robustid.errors import InputError
 from robustid.figures import Drawable, Modes
@@ -67,6 +77,8 @@ class MatrixFraction(Frozen, Drawable, Modes, Savable):
     modal : Modal or None
         Structure of the modes that was asked for. `model`, `poles` and `cost` keep it exactly; numerator and denominator are formed
         of that model, as far as `fraction.error` says.
+    unfinished : Unfinished or None
+        What Ctrl-C left out of the sweep that its order comes from; pages of the fit say it first.
     """
 
     problem: FractionProblem
@@ -79,6 +91,7 @@ class MatrixFraction(Frozen, Drawable, Modes, Savable):
     reflected: int = 0
     unstable_cost: float = np.nan
     modal: Modal | None = None
+    unfinished: Unfinished | None = None
 
     @property
     def model(self) -> control.StateSpace:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Frozen, exponents_of, freeze
+from robustid.core import Frozen, Unfinished, exponents_of, freeze
 from robustid.figures import Drawable
 from robustid.fitting.fraction.fraction_iteration import FitStatus
 from robustid.fitting.matrix_fraction import MatrixFraction
@@ -86,6 +86,11 @@ class OrderSweep(Frozen, Drawable):
             outside=freeze(self.outside),
             unresolved=freeze(self.unresolved),
         )
+
+    @property
+    def unfinished(self) -> Unfinished | None:
+        """The orders that Ctrl-C left out; None where it ended none."""
+        return Unfinished((), interrupted=True, run="the sweep over the order") if self.interrupted else None
 
     @property
     def orders(self) -> np.ndarray:

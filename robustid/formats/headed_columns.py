@@ -21,6 +21,7 @@ _AXES = ("omega", "freq_hz", f"{UNSURE}frequency")
 _SCALES = {"Z": units.OHM, "Y": units.SIEMENS}
 _SIGNALS = {"Z": (("voltage", "v", "V"), ("current", "i", "A")), "Y": (("current", "i", "A"), ("voltage", "v", "V")),
             "S": (("b", "b", ""), ("a", "a", ""))}  # fmt: skip
+_SECONDS = re.compile(r"(s|sec|min|h)(\^?\d|\*\*\d|²)?")  # of a rate, not of an input
 _QUOTIENT = re.compile(r"\(?([^()/]+|[^()]*\([^()]*\)[^()]*|[^()]+)\)?\s*/\s*([^()/]+)")
 
 
@@ -43,8 +44,8 @@ def from_headings(table: Table, kind: str | None) -> Table:
     frequency = table.columns[axis]
     found = _quantities(table, frequency.size if isinstance(frequency, np.ndarray) else 0)
     for (quantity, _), entries in found.items():
-        if not quantity and all(column.heading.sign > 0 for column in entries[""].values()):
-            continue  # without a quantity or a sign the roles say as much
+        if not quantity and all(column.heading.sign > 0 and not _sides(column)[1] for column in entries[""].values()):
+            continue  # without a quantity, a sign or the unit of an input the roles say as much
         complete = {entry: values for entry, parts in entries.items() if (values := _values(parts)) is not None}
         if not complete:
             continue
@@ -160,7 +161,8 @@ def _with_response(
     of, names = f"{quantity} " if quantity else "", [column.name for column in said]
     how = f"{table.how}; response {of}from {', '.join(map(repr, names[:4]))}" + " …" * (len(names) > 4)
     how += turned(names)
-    facts: Options = dict(zip(("outputs", "inputs"), _signals(quantity, outputs, inputs, unit, scale), strict=True))
+    signals = _signals(quantity, outputs, inputs, _sides(first), scale)
+    facts: Options = dict(zip(("outputs", "inputs"), signals, strict=True))
     columns = {**table.columns, "values": matrix}
     frequency = table.columns[axis]
     if isinstance(frequency, np.ndarray) and frequency.size == len(matrix):
@@ -189,18 +191,27 @@ def _unit(column: _Column) -> str:
     return column.heading.unit[2:].lstrip(" ") if column.heading.decibels else column.heading.unit
 
 
+def _sides(column: _Column) -> tuple[str, str]:
+    """Units of output and input: "g/N" is of both, "m/s" of the output alone, and that of a phase of none."""
+    unit = "" if column.heading.part == "phase" else _unit(column)
+    match = _QUOTIENT.fullmatch(unit)
+    if match is None or _SECONDS.fullmatch(match[2].strip()):
+        return unit, ""
+    return match[1].strip(), match[2].strip()
+
+
 def _signals(
-    quantity: str, outputs: list[str], inputs: list[str], unit: str, scale: float | None
+    quantity: str, outputs: list[str], inputs: list[str], sides: tuple[str, str], scale: float | None
 ) -> tuple[list[tuple[str, str]] | None, list[tuple[str, str]] | None]:
     """Names and units of outputs and inputs; None where the headings say nothing of them."""
     if quantity in _SIGNALS:
-        sides = _SIGNALS[quantity]
-        own = [side[2] for side in sides] if scale is not None else [unit, ""]
+        usual = _SIGNALS[quantity]
+        own = [side[2] for side in usual] if scale is not None else ["/".join(filter(None, sides)), ""]
         names = ([word if not index else f"{letter}{'_' * index.isalpha()}{index}" for index in side]
-                 for (word, letter, _), side in zip(sides, (outputs, inputs), strict=True))  # fmt: skip
+                 for (word, letter, _), side in zip(usual, (outputs, inputs), strict=True))  # fmt: skip
         above, below = ([(name, one) for name in side] for side, one in zip(names, own, strict=True))
         return above, below
-    above, below = match.groups() if (match := _QUOTIENT.fullmatch(unit)) else (unit, "")
-    if quantity in ("H", "G"):
-        return [(f"y{row}", above.strip()) for row in outputs], [(f"u{column}", below.strip()) for column in inputs]
-    return ([(quantity, above.strip())], None) if quantity else (None, None)
+    above, below = sides
+    if quantity in ("H", "G") or (below and not quantity):
+        return [(f"y{row}", above) for row in outputs], [(f"u{column}", below) for column in inputs]
+    return ([(quantity, above)], None) if quantity else (None, None)

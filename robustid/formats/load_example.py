@@ -39,9 +39,8 @@ def example(table: Table, *, dt: bool) -> list[str | Remedy]:
     lengths = [len(values) for _, values in columns]
     length = max(set(lengths), key=lambda count: (lengths.count(count), count))
     columns = [(address, values) for address, values in columns if len(values) == length]
-    frequency = next(
-        (column for column in columns if _kind(column[0]) == "frequency" or speaks_of_frequency(column[0])), None
-    )
+    spoken = (column for column in columns if _kind(column[0]) == "frequency" or speaks_of_frequency(column[0]))
+    frequency = next((column for column in spoken if _runs(column[1])), None)  # the speed of a motor is no axis
     timed = (column for column in columns if axis_role(column[0]) == "time")
     first = frequency or next(timed, columns[0])
     enough = len(columns) > 2 or (len(columns) == 2 and _kind(first[0]) is not None) or _complex(columns[1:])
@@ -121,6 +120,11 @@ def _columns(table: Table) -> Iterator[tuple[str, np.ndarray]]:
         elif values.ndim == 2 and values.shape[0] <= _MOST_SIGNALS < values.shape[1]:
             for k, row in enumerate(values):
                 yield written(name, (k, slice(None))), row
+
+
+def _runs(values: np.ndarray) -> bool:
+    """Return whether the values rise or fall throughout, as those of an axis do."""
+    return _increases(values) or _increases(values[::-1])
 
 
 def _increases(values: np.ndarray) -> bool:

@@ -18,7 +18,7 @@ FAR = 3.5  # robust standard deviations
 _FEWEST = 8  # values that a median and a spread are taken from
 _NORMAL = 1.4826  # standard deviation of a normal distribution over the median of its absolute deviations
 _NORMAL_MEAN = 1.2533  # over their mean
-_SEVERAL = {"machine": "machines", "entry": "entries"}
+_SEVERAL = {"machine": "machines", "entry": "entries", "column": "columns"}
 _LEFT = 10  # names of those that have not been run yet
 _SAME = 1e-9  # of the logarithm: values that are one
 
@@ -115,7 +115,7 @@ class Fleet(Frozen):
     seconds : float
         Of all runs together.
     thing : str
-        "machine" or "entry".
+        "machine", "entry" or "column".
     left : tuple of str
         Names of those that have not been run yet.
     """

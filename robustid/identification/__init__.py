@@ -13,7 +13,7 @@ from robustid.identification.comparing import compare
 from robustid.identification.comparison import Comparison, Differing
 from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
-from robustid.identification.formulation import FORMS, told_apart_functions
+from robustid.identification.formulation import FORMS, check_equations, told_apart_functions
 from robustid.identification.loop import Loop
 from robustid.identification.loop_response import loop_response
 from robustid.identification.margin import prove_margin
@@ -61,6 +61,7 @@ __all__ = [
     "as_weight",
     "ball_arithmetic",
     "certify_support",
+    "check_equations",
     "check_gain",
     "check_model",
     "check_sampled",

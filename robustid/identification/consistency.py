@@ -8,7 +8,18 @@ import time
 
 import numpy as np
 
-from robustid.core import Budget, Choice, Interruptible, Progress, Source, as_positive, one_thread, pass_on, threads_for
+from robustid.core import (
+    Budget,
+    Choice,
+    Interruptible,
+    Progress,
+    Source,
+    Stops,
+    as_positive,
+    one_thread,
+    pass_on,
+    threads_for,
+)
 from robustid.data import FrequencyPoints, TimeRecord
 from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.formulation.base import Formulation
@@ -113,12 +124,15 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
     if objective == "order":
         check_conic_size(max(data.sarason.blocks))
     clock.lap("assembly")
-    claim, passed = prove_margin(data, solver, accuracy, budget.share(_PROOF))
+    stops = Stops()
+    with stops.listening():
+        claim, passed = prove_margin(data, solver, accuracy, budget.share(_PROOF))
     clock.lap("margin")
     _log.info("margin between %.6g and %.6g", claim.certificate.value, claim.margin)
     level = level_of(objective, claim.margin, claim.accuracy, formulation.problem.prior)
     chosen: tuple[Candidate, Formulation, dict[str, Choice]] | None = None
     with Interruptible():
+        pass_on(stops.interrupted and bool(passed))  # a point of the way is there: nobody waits for the centre
         chosen = _choose_point(formulation, level, objective, solver, passed, budget)
     point, used, choices = chosen or _interrupted(formulation, level, objective, passed)
     clock.lap("centre")

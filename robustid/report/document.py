@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal
 
 from robustid.core import Unfinished
@@ -304,3 +304,8 @@ def certificates(count: int, hold: bool, id: str) -> Verdict:
 def unfinished_notice(unfinished: Unfinished | None) -> Text | None:
     """Words that come first on the page of a run that ended before its end; None of others."""
     return None if unfinished is None else Text(unfinished.sentence, "warning", "unfinished", head=unfinished.word)
+
+
+def pasted(steps: Iterable[tuple[str, str]]) -> list[Text]:
+    """Next steps that are commands, each behind what it is for."""
+    return [Text(f"{what[0].upper()}{what[1:]}: {command}", code=(command,)) for what, command in steps]

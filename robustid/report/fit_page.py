@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data import Undoing, expected_feedthrough
+from robustid.data import expected_feedthrough
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
@@ -22,6 +22,8 @@ from robustid.report.document import (
     Text,
     Verdict,
     checks_table,
+    pasted,
+    unfinished_notice,
 )
 from robustid.report.fit_charts import convergence_chart, fit_pole_chart, response_charts, with_deviation
 from robustid.report.fit_view import FitView
@@ -78,11 +80,12 @@ def fit_page(fit: MatrixFraction, title: str | None, parts: Parts) -> Document:
             *([] if order_sweep is None else order_sweep_section(order_sweep)),
             *matrices_section(f"model, order {view.model.nstates}", view.model, view.dt or 0.0),
         ],
-        glance=_glance(view, entries[0], parts.get("undoing")),
+        glance=_glance(view, entries[0], parts),
+        notice=unfinished_notice(view.unfinished),
     )
 
 
-def _glance(view: FitView, entry: Chart, undoing: Undoing | None) -> Glance:
+def _glance(view: FitView, entry: Chart, parts: Parts) -> Glance:
     """The first screen: order, fit, residual, the first entry, what to do next."""
     said = fit_verdict(view)
     worst = ", worst entry" if view.ny * view.nu > 1 else ""
@@ -96,9 +99,12 @@ def _glance(view: FitView, entry: Chart, undoing: Undoing | None) -> Glance:
         steps = ["Let it run longer (--time-limit), or fit a lower order: --order auto compares them."]
     elif said.key == "weak" and view.fit.status is FitStatus.BOUNDARY:
         steps = ["A lower order, or a narrower band (--band), often leaves the stability boundary."]
-    steps.append("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
+    told = pasted(parts.get("steps", ())) or [Text(step, code=_COMMANDS) for step in steps]
+    told.append(
+        Text("A least-squares fit guarantees nothing about the machine: look at the residuals in the plot first.")
+    )
     faults = [] if view.data is None else placed(view.data)
-    after = steps_with_faults(faults, undoing, [Text(step, code=_COMMANDS) for step in steps])
+    after = steps_with_faults(faults, parts.get("undoing"), told)
     left_out = "how far the machine is from this model, between the frequency points and on them"
     return Glance(numbers=numbers, chart=first_panel(entry), next=after, not_covered=left_out)
 
@@ -106,7 +112,9 @@ def _glance(view: FitView, entry: Chart, undoing: Undoing | None) -> Glance:
 def fit_summary(view: FitView) -> list[Block]:
     """Build the summary of a fit at the terminal."""
     sure = [Text(SIGMA, "soft")] if view.covariance is not None else []
+    notice = unfinished_notice(view.unfinished)
     return [
+        *([] if notice is None else [notice]),
         *_data_faults(view),
         fit_verdict(view),
         Facts(summary_rows(view)),

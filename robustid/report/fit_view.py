@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Signal, StateMatrices, as_kind, as_signals, points_of, response_at
+from robustid.core import Signal, StateMatrices, Unfinished, as_kind, as_signals, points_of, response_at
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, OrderSweep, fit_covariance, mode_table
@@ -57,6 +57,11 @@ class FitView:
     def omega(self) -> np.ndarray:
         """Frequency points, rad/s."""
         return self.fit.problem.omega
+
+    @property
+    def unfinished(self) -> Unfinished | None:
+        """Orders that Ctrl-C left out of the sweep that the order comes from, whether it is at hand or the fit keeps it."""
+        return self.fit.unfinished if self.sweep is None else self.sweep.unfinished
 
     @property
     def dt(self) -> float | None:

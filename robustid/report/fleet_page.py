@@ -15,6 +15,7 @@ from robustid.report.words import at_most, number
 
 _LISTED = 10  # rows of a table at the terminal
 _CELLS = 350
+_DOTS = 18.0  # times the usual size, over the root of their number: few are large, many don't hide each other
 _OUTLIERS = (
     "The logarithm of a quantity is more than 3.5 robust standard deviations from the median of all: of a normal spread five in ten"
     " thousand are that far. Unlike is not wrong: look at its data first."
@@ -27,7 +28,8 @@ def error_chart(found: Fleet) -> Chart:
     count = np.arange(1, found.relative.size + 1)
     kept = thinned(count.astype(float), [found.relative], _CELLS)
     values = rounded(positive(found.relative[kept]))
-    layer = Layer(found.thing, count[kept], values, DATA, marker="circle", size=0.6)
+    size = min(max(_DOTS / float(np.sqrt(count.size)), 0.7), 1.8)
+    layer = Layer(found.thing, count[kept], values, DATA, marker="circle", size=size)
     reach = magnitude_range(float(np.max(found.relative)), [float(np.min(found.relative))])
     y = Axis("guaranteed error [% of the response]", log=True, range=reach)
     return Chart("errors", (Panel("", Axis(f"{found.things}, in the order of their error"), y, [layer]),), linked=True)
@@ -75,7 +77,7 @@ def fleet_page(found: Fleet, heading: str | None, parts: Parts) -> Document:
     if found.unfinished:
         body += [Heading("Out of time"), _sentences(found, found.unfinished, "", unfinished=True)]
     return Document(
-        heading or ("Fleet" if found.thing == "machine" else "Entries of a matrix"),
+        heading or ("Fleet" if found.thing == "machine" else f"{found.things.capitalize()} of a matrix"),
         head=[fleet_verdict(found), *faults],
         body=body,
         glance=Glance(
@@ -145,8 +147,8 @@ def _next(found: Fleet) -> str:
         return "Correct what the sentences of the failed runs name; the same command with --force runs these again, no others."
     if found.waiting:
         return "The same command, when the data are there, runs those that wait for them, no others."
-    if found.thing == "entry":
-        return "The model and the band of an entry are in the folder of its name, with a page of their own."
+    if found.thing != "machine":
+        return f"Model and band of every {found.thing} are in the folder of its name, with a page of their own."
     return (
         "One controller for all: robustid control FOLDER/*/ --structure ... names the machines that make it expensive."
     )

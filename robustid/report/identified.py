@@ -57,6 +57,7 @@ class Parts(TypedDict, total=False):
     band: Band | None
     unfinished: Unfinished | None
     undoing: Undoing | None
+    steps: Sequence[tuple[str, str]]
     loop: LoopBounds | None
     plant: PlantReduction | None
     candidates: Mapping[str, LoopBounds] | None

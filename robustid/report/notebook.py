@@ -46,7 +46,8 @@ def _head(result: object) -> Document | None:
         return _identified(identification, reduction=reduction, worst_case=error, unfinished=left_out)
     if isinstance(result, MatrixFraction):
         said = verdict(result)
-        return _first_screen(said, Glance(said.numbers))
+        found = _first_screen(said, Glance(said.numbers))
+        return dataclasses.replace(found, notice=unfinished_notice(result.unfinished))
     if isinstance(result, FrequencyResponse):
         low, high = result.freq_hz[[0, -1]]
         size = ("frequency points", f"{result.omega.size}"), ("range", hz_span(low, high))

@@ -152,6 +152,9 @@ def write_report(
         What Ctrl-C or the time limit of a run has left out: the first line.
     undoing : Undoing, optional
         What undoes a fault of the data, as it is pasted: the first of the next steps.
+    steps : sequence of (str, str)
+        Commands to go on with as they are pasted, each behind what it is for, with the names of one's own files: the next steps of
+        a MatrixFraction or a frequency response.
     loop : LoopBounds, optional
         Of a plant in a loop, from `loop_bounds(band, loop)`: worst cases and margins over every consistent plant, a section.
     plant : PlantReduction, optional
@@ -212,11 +215,11 @@ def _given(parts: Parts) -> Parts:
     return cast("Parts", {name: part for name, part in parts.items() if part is not None and part != ()})
 
 
-_OF_DATA = ("data", "order_sweep", "records", "forbidden")
+_OF_DATA = ("data", "order_sweep", "records", "forbidden", "steps")
 _PAGES: dict[type, tuple[Callable[..., Document], tuple[str, ...]]] = {
     Identification: (identification_page, tuple(name for name in Parts.__annotations__ if name not in _OF_DATA)),
-    MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing")),
-    FrequencyResponse: (response_page, ("records", "undoing")),
+    MatrixFraction: (fit_page, (*_OF_DATA[:2], "undoing", "steps")),
+    FrequencyResponse: (response_page, ("records", "undoing", "steps")),
     Family: (family_page, ("findings", "withheld", "run_file", "unfinished", "undoing", "design")),
     LoopBounds: (loop_page, ("candidates", "independent")),
     Interconnection: (interconnection_page, ("forbidden",)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.data import Bound, Caveat, FrequencyResponse, Undoing, joint_radius
+from robustid.data import Bound, Caveat, FrequencyResponse, joint_radius
 from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
 from robustid.report.curves import most_drawn
@@ -21,6 +21,7 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
+    pasted,
 )
 from robustid.report.identified import Parts
 from robustid.report.response_charts import ResponseView, entry_charts, overview_charts, spectrum_charts
@@ -64,16 +65,16 @@ def response_page(frf: FrequencyResponse, title: str | None, parts: Parts) -> Do
             *(block for chart in overview_charts(view) for block in _overview(view, chart)),
             *_spectra(view, spectra),
         ],
-        glance=_glance(view, entries[0], parts.get("undoing")),
+        glance=_glance(view, entries[0], parts),
     )
 
 
-def _glance(view: ResponseView, entry: Chart, undoing: Undoing | None) -> Glance:
+def _glance(view: ResponseView, entry: Chart, parts: Parts) -> Glance:
     """The first screen: points, relative bound, the first entry, what to do next."""
     steps = [Text(f"A model with a proof: {_COMMAND}", code=(_COMMAND,))]
     if view.frf.bound is None:
         steps = [Text("Give a bound of the errors (--frequency-bound), or estimate it from records: robustid frf.")]
-    after = steps_with_faults(placed(view.frf), undoing, steps)
+    after = steps_with_faults(placed(view.frf), parts.get("undoing"), pasted(parts.get("steps", ())) or steps)
     left_out = "" if view.frf.bound is None else "what lies between the frequency points"
     return Glance(numbers=_numbers(view), chart=first_panel(entry), next=after, not_covered=left_out)
 

@@ -293,6 +293,21 @@ def test_a_cell_of_two_relaxations_has_real_poles_whatever_modes_beside_a_remain
     assert np.abs(np.log(real * 0.015)).min() < 0.05
 
 
+@pytest.mark.parametrize("seed", [4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8) if seed != 4)])
+def test_a_cell_with_the_inductance_of_its_leads_keeps_its_relaxations(seed):
+    """Relocated poles stay near the points and leave five times the bound; that of the inductance is far beyond them."""
+    omega, rng = 2 * np.pi * np.geomspace(0.1, 1e4, 51), np.random.default_rng(seed)
+    values = 0.0125 + 2e-7j * omega + 0.02 / (1 + 0.05j * omega) + 0.004 / (1 + 3e-4j * omega)
+    noise = 0.002 * (rng.standard_normal(51) + 1j * rng.standard_normal(51)) / np.sqrt(2)
+    frf = rid.estimate_bound(rid.FrequencyResponse(omega, values * (1 + noise)))
+    assert over_decades(frf).largest <= 1
+    found = rid.suggest_kautz(frf)
+    real = found.omega[found.damping == 1]
+    assert np.abs(np.log(real * 0.05)).min() < 0.05
+    assert np.abs(np.log(real * 3e-4)).min() < 0.05
+    assert np.all(np.diff(np.sort(real)) > 0)  # of several far poles one stands for the straight line
+
+
 def test_what_rises_towards_the_highest_points_is_a_choice_without_an_interval():
     """A loudspeaker: resonance at 60 Hz and the inductance of its coil; no pole of it lies near the points."""
     omega, rng = 2 * np.pi * np.geomspace(10, 20000, 120), np.random.default_rng(1)

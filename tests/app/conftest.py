@@ -2,12 +2,15 @@
 
 import io
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
 import robustid as rid
+from robustid.app.run import fleet
+from robustid.core import Workers
 from support import command_line
 from support.run_files import keep_discs, keep_whole, only_identify
 
@@ -16,6 +19,12 @@ from support.run_files import keep_discs, keep_whole, only_identify
 def run(capsys, monkeypatch):
     """The command line: run(arguments) gives (exit code, stdout, stderr)."""
     return lambda arguments: command_line.main([str(part) for part in arguments], capsys, monkeypatch)
+
+
+@pytest.fixture
+def threads(monkeypatch):
+    """Processes of the command replaced by a thread of this one."""
+    monkeypatch.setattr(fleet, "Workers", lambda executor, most: Workers(ThreadPoolExecutor(1), most))
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 """robustid fit on real files: a model on disk, sentences, exit codes."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.io
@@ -113,6 +115,16 @@ def test_rigid_body_and_roll_off(files, run):
     assert int(np.sum(np.abs(np.diag(model.A)) == 0)) >= 2
     gain = np.abs(model(1j * HZ * np.array([1e5, 1e6]), squeeze=False))
     np.testing.assert_allclose(gain[..., 0] / gain[..., 1], 100, rtol=0.01)
+
+
+def test_next_steps_of_the_page_are_commands_with_ones_own_names(files, run):
+    code, out, _ = run(["hertz.npz", "--frequency-unit", "Hz", "--order", "1", "-o", "low.npz", "--report", "low.html"])
+    compared = "robustid fit hertz.npz --frequency-unit Hz --order auto -o low.npz --report low.html --force"
+    assert code == 1
+    assert compared in out
+    page = (files / "low.html").read_text(encoding="utf-8")
+    assert compared in re.sub(r"<[^>]+>", "", page)
+    assert "--frequency FILE" not in re.sub(r"<[^>]+>", "", page)
 
 
 def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatch):

@@ -105,6 +105,47 @@ def test_a_sweep_that_ended_before_its_end_says_so_first(files, run):
     assert "Unfinished: Its time limit, or Ctrl-C, ended the sweep: 3 of 4 frequencies are bounded" in before
 
 
+def test_an_interrupted_sweep_over_the_order_is_said_first_and_kept_with_the_fit(tmp_path, monkeypatch, run):
+    monkeypatch.chdir(tmp_path)
+    omega = np.linspace(1.0, 20.0, 60)
+    values = sum(1 / ((1j * omega) ** 2 + 0.02j * one * omega + one**2) for one in (3.0, 7.0, 15.0))
+    rid.save("frf.npz", rid.FrequencyResponse(omega, values + 1e-4 * np.random.default_rng(0).normal(size=60)))
+    told = screen.told
+
+    def stopping(*options):
+        own = told(*options)
+
+        def progress(text, done, count):
+            own(text, done, count)
+            if "range of orders" in text and done > 2:
+                raise KeyboardInterrupt
+
+        return progress
+
+    monkeypatch.setattr(screen, "told", stopping)
+    code, out, err = run(["fit", "frf.npz", "--order", "auto", "-o", "fit", "--report", "fit.html"])
+    said = "Interrupted: Ctrl-C ended the sweep over the order before its end"
+    assert code == 130, err
+    assert " ".join(out.split()).index(said) < out.index("onverged")
+    assert "next, the page, which Ctrl-C has left out:" in out
+    monkeypatch.setattr(screen, "told", told)
+    assert run(["report", "fit", "-o", "fit.html"])[0] == 0
+    before, _ = first_screen(tmp_path / "fit.html")
+    assert said in " ".join(before.split())
+    assert rid.load("fit").unfinished.interrupted
+
+
+def test_a_circle_that_ctrl_c_left_out_is_named(files, run, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    assert run([*COMMAND, *CLASS, "-o", "circled", "--no-reduce"])[0] == 0
+    monkeypatch.setattr("robustid.guarantees.WorstCaseError.on_circle", stop)
+    code, out, err = run(["bounds", "circled", "--circle", "--omega", "60", "-o", "circled-bounds"])
+    assert code == 130, err
+    assert "not finished: bounding the error between the frequencies" in " ".join(out.split())
+
+
 def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):
     said = []
     result = rid.run(
@@ -119,6 +160,9 @@ def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):
     assert "Unfinished: What stands here holds" in before
     assert "Consistent" in after
     assert result.band.certified
+    # A page that is made later of what the folder keeps says it too.
+    rid.write_report(rid.load("out/identification"), "later.html")
+    assert "Unfinished: What stands here holds" in first_screen(folder / "later.html")[0]
 
 
 def test_a_search_for_a_contradiction_has_a_share_of_the_time_and_says_that_it_is_over(folder, monkeypatch):
@@ -139,6 +183,7 @@ def test_a_run_in_its_time_leaves_nothing_out(folder):
     result = rid.run(ask(folder, DATA, STATED, {"worst_case": {"compute": False}}), "out")
     assert result.unfinished is None
     assert "Unfinished" not in "".join(first_screen(folder / "out" / "report.html"))
+    assert "unfinished" not in rid.load("out/identification").choices
 
 
 @pytest.mark.slow
@@ -157,7 +202,10 @@ def test_an_interrupted_run_is_gone_on_with_where_something_keeps_it(folder, kep
     assert result.unfinished.interrupted
     assert result.unfinished.resumable is kept
     if kept:
+        rid.write_report(rid.load("out/identification"), "later.html")
+        assert "Interrupted: Ctrl-C ended the run before its end" in first_screen(folder / "later.html")[0]
         assert rid.run(path, "out", resume=True).unfinished is None
+        assert "unfinished" not in rid.load("out/identification").choices
 
 
 def test_an_interrupted_search_for_a_class_is_gone_on_with(folder, monkeypatch):

@@ -18,7 +18,6 @@ import pytest
 
 import robustid as rid
 from robustid.app.run import fleet, fleet_item, reading
-from robustid.core import Workers
 from robustid.errors import InputError
 from robustid.guarantees import FleetState
 from support.fleets import machines, numbers, written
@@ -238,12 +237,6 @@ def test_run_files_that_are_not_there_are_named(tmp_path):
 def test_a_worker_that_does_not_see_the_folder_says_so(tmp_path):
     (item,) = fleet.items_of(machines(tmp_path / "runs", 1), tmp_path / "nowhere")
     refused("does not see the folder", fleet_item.run_item, item)
-
-
-@pytest.fixture
-def threads(monkeypatch):
-    """Processes of the command replaced by a thread of this one."""
-    monkeypatch.setattr(fleet, "Workers", lambda executor, most: Workers(ThreadPoolExecutor(1), most))
 
 
 @pytest.mark.usefixtures("threads", "unreduced")

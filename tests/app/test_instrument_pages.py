@@ -36,6 +36,14 @@ def grid(use):
     return instruments.dq_parts()
 
 
+def battery(use):
+    hz = np.logspace(4, -1, 51)
+    w = 2j * np.pi * hz  # an inductance, and two relaxations far apart: modes that a class could hold are none
+    use.setattr(instruments, "HZ", hz)
+    use.setattr(instruments, "CELL", measured(0.0125 + 2e-7 * w + 0.02 / (1 + 0.05 * w) + 0.004 / (1 + 3e-4 * w)))
+    return instruments.ec_lab()
+
+
 def band_pass(use):
     hz = np.linspace(2.2e9, 2.7e9, 101)
     w, pole = 2j * np.pi * hz, 2 * np.pi * 2.45e9
@@ -48,6 +56,7 @@ def band_pass(use):
 @pytest.mark.parametrize(
     ("name", "make", "read", "shown"),
     [
+        ("peis.mpt", battery, "51 frequency points, 0.1 to 10000 Hz, voltage [V] / current [A], continuous", "[Ω]"),
         ("woofer.zma", woofer, "200 frequency points, 10 to 20000 Hz, voltage [V] / current [A], continuous", "[Ω]"),
         ("grid.csv", grid, "v_d [V], v_q [V] / i_d [A], i_q [A], all of 2 outputs and 2 inputs", "singular value [Ω]"),
         ("filter.csv", band_pass, "101 frequency points, 2200 to 2700 MHz, b2 / a1, continuous", "b2 / a1"),

@@ -162,3 +162,28 @@ def test_a_large_model_is_told_by_its_size_and_modes_and_a_record_by_the_names_i
         *("--time-field", "time=t", "--time-field", "u=force", "--time-field", "y=position"),
         *("--period", "50"),
     ]
+
+
+def test_a_time_of_one_sample_less_gives_its_step_and_the_speed_of_a_motor_is_no_frequency(
+    tmp_path, capsys, monkeypatch
+):
+    """The lines of `new` are read as they stand."""
+    monkeypatch.chdir(tmp_path)
+    y, u = np.random.default_rng(0).standard_normal((2, 200))
+    time = 0.004 * np.arange(200)
+    scipy.io.savemat("beam.mat", {"times": time[:-1], "inputvalues": u[:, None], "outputvalues": y[:, None]})
+    found = rid.look("beam.mat")
+    assert (found.arguments, found.unknown) == ({"dt": 0.004}, ())
+    assert "give `dt=0.004`, the step of that time, instead" in found.refusal
+    assert rid.load("beam.mat", **found.arguments).dt == 0.004
+    _, _, said = command(["frf", "beam.mat"], capsys, monkeypatch)
+    assert "give --dt 0.004" in said
+    table = np.column_stack([time, u, y])
+    np.savetxt("motor.txt", table, header="time\tiq\tomega_m", comments="", delimiter="\t")
+    found = rid.look("motor.txt")
+    assert found.arguments == {"fields": {"time": "time", "u": "iq", "y": "omega_m"}}
+    assert isinstance(rid.load("motor.txt", **found.arguments), rid.TimeRecord)
+    for name in ("beam.mat", "motor.txt"):
+        assert command(["new", name, "-o", f"{name}.toml"], capsys, monkeypatch)[0] == 0
+        (source,) = read_run_file(f"{name}.toml").record
+        assert source.dt == (0.004 if name == "beam.mat" else None)

@@ -87,7 +87,7 @@ def _as_lists(value):
 
 MISUSE = {
     "unknown section": ({"mods": {"hz": [1.0]}}, "ask.toml: the file has no key 'mods'; the nearest is 'modes'"),
-    "nothing near": ({"xyz": {"every": 2}}, "has no key 'xyz'; these are known: title, time_limit, entry, split, record"),
+    "nothing near": ({"xyz": {"every": 2}}, "has no key 'xyz'; these are known: title, time_limit, entry, column, split, record"),
     "old section": ({"lines": {"every": 2}}, "no key 'lines' any more: it is called 'frequency_points' now"),
     "old key": (
         {"estimate": {"rest_factor": 2.0}},

@@ -1,8 +1,11 @@
 """Processes of our own: what one that dies takes with it, and that none outlives the process that started it."""
 
+import asyncio
+import concurrent.futures
 import os
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -69,3 +72,55 @@ def _alive(pid):
     if state.stdout.startswith("Z"):  # ended; nobody has asked for its exit code yet
         return False
     return bool(state.stdout.strip())
+
+
+class Lost:
+    """A call that ended on a worker that died with its result; then the scheduler died."""
+
+    status = "finished"
+
+    def __init__(self, error):
+        self.error = error
+
+    def result(self):
+        if self.error is not None:
+            raise self.error
+        return "made again"
+
+    def _result(self, raiseit=True):
+        found = concurrent.futures.Future()
+        if self.error is None:
+            found.set_result(self.result())
+        else:
+            found.set_exception(self.error)
+        return found
+
+    def add_done_callback(self, told):
+        threading.Thread(target=told, args=(self,)).start()
+
+
+class Cluster:
+    """A client of which the first call is lost, with a loop of events in a thread of its own."""
+
+    def __init__(self):
+        self.loop, self.calls, self.events = self, 0, asyncio.new_event_loop()
+        threading.Thread(target=self.events.run_forever, daemon=True).start()
+
+    def submit(self, function, *arguments, **options):
+        self.calls += 1
+        return Lost(concurrent.futures.CancelledError("scheduler-connection-lost") if self.calls == 1 else None)
+
+    def add_callback(self, function, *arguments):
+        self.events.call_soon_threadsafe(function, *arguments)
+
+
+def test_a_call_that_a_cluster_loses_twice_is_made_again():
+    distributed = pytest.importorskip("distributed.cfexecutor", reason="Dask is not installed: robustid[distributed]")
+    cluster, found = Cluster(), []
+    with Workers(distributed.ClientExecutor(cluster, pure=False), 10) as workers:
+        calls = threading.Thread(target=lambda: found.extend(workers.run(print, (), ["a"], str)), daemon=True)
+        calls.start()
+        calls.join(20)
+    cluster.events.call_soon_threadsafe(cluster.events.stop)
+    assert found == [("a", "made again")]
+    assert cluster.calls == 2

@@ -50,6 +50,7 @@ READ = {
     "woofer.zma": (files.zma(), HZ, SPEAKER, OHM),
     "titled.zma": (files.zma_titled(), HZ, SPEAKER, OHM),
     "plate.csv": (files.accelerance(HZ, SPEAKER, HZ / HZ), HZ, SPEAKER, ([("y", "g")], [("u", "N")])),
+    "plate_polar.csv": (files.polar("g/N"), HZ, SPEAKER, ([("y", "g")], [("u", "N")])),
     "plate.uff": (files.hammer_test(EVEN, np.stack([SPEAKER, CELL], axis=1), np.ones((9, 2))), EVEN, np.stack([[SPEAKER], [CELL]]),
                   ([("1Z+", "m/s^2"), ("2Z+", "m/s^2")], [("2Z+", "N")])),
     "grid.csv": (files.dq_parts(), HZ, MATRIX, GRID),
@@ -90,6 +91,12 @@ def test_files_of_instruments(tmp_path, name):
     assert (found.kind, found.refusal, found.arguments, found.faulty) == ("frequency", "", {}, False)
     np.testing.assert_array_equal(found.data.values, frf.values)
     assert ("is turned, as the minus in the name says" in found.how) == (name in TURNED)
+
+
+@pytest.mark.parametrize(("unit", "sides"), [("mm/s/V", ("mm/s", "V")), ("m/s", ("", "")), ("mm", ("", ""))])
+def test_a_unit_is_of_output_and_input_only_where_it_names_both(tmp_path, unit, sides):
+    frf = load(write(tmp_path, "x.csv", files.polar(unit)))
+    assert (frf.outputs[0].unit, frf.inputs[0].unit) == sides
 
 
 def test_a_minus_in_a_name_is_a_sign_where_the_column_is_named_too(tmp_path):

@@ -76,6 +76,14 @@ def test_too_large_for_every_form_says_what_each_would_need():
     assert "0.3 1/s" in str(said.value)
 
 
+def test_equations_of_many_entries_that_no_memory_holds_are_refused_at_once():
+    frf = rid.FrequencyResponse(np.linspace(1.0, 30.0, 30), np.ones((30, 100, 4)), bound=0.1, dt=0.1)
+    prior = rid.Prior(gain_bound=1.0, decay_rate=3.0)
+    many = problem(frequency=frf, prior=prior, parametric=rid.kautz([3.0, 9.0, 15.0, 20.0], 0.02, dt=0.1))
+    words = r"400 entries and 12000 samples: the equations of 8 functions .* 0.61 GB.* single entries, frf.entry"
+    refused(words, rid.identify, many, error=rid.errors.SizeError)
+
+
 def test_ten_thousand_samples_are_answered():
     assert identified(problem(**record(10_000))).consistent
 

@@ -3,6 +3,7 @@
 import pytest
 
 import robustid as rid
+from robustid.core import Source
 from support.problems import random_problem
 
 pytestmark = pytest.mark.quick
@@ -67,3 +68,11 @@ def test_time_enough_changes_nothing_and_progress_comes_to_its_end(question):
     assert (found.margin, found.margin_lower, found.notes) == (whole.margin, whole.margin_lower, whole.notes)
     assert told == sorted(told)
     assert told[0] < 0.5 < told[-1] == 1
+
+
+def test_after_ctrl_c_on_the_way_to_the_margin_nobody_waits_for_the_centre(question):
+    problem, whole = question
+    found = rid.identify(problem, solver="structured", progress=interrupting(3))
+    check(problem, found, whole)
+    assert found.choices["margin"].source is found.choices["objective"].source is Source.STOPPED
+    assert "interrupted" in found.choices["objective"].reason

@@ -96,7 +96,7 @@ def test_withheld_points_decide_the_colour_where_there_are_any(error, key):
     assert said.key == key
     assert sweep.fits[4].status.converged
     assert verdict_on(sweep.fits[4], sweep) == said
-    shown = dict(_glance(view, response_charts(view)[0], None).numbers)
+    shown = dict(_glance(view, response_charts(view)[0], {}).numbers)
     assert ("fit at withheld points" in shown) == np.isfinite(error)
     assert ("−119 % at frequency points that were withheld" in said.sentence) == (key == "failed")
 

@@ -382,6 +382,12 @@ def accelerance(hz, values, coherence):
     return (names + lines(hz, values.real, values.imag, coherence, separator=",", number="{:.6e}")).encode()
 
 
+def polar(unit):
+    """Magnitude and phase whose titles say no quantity, but a unit."""
+    names = f"Frequency [Hz],Magnitude [{unit}],Phase [deg]\r\n"
+    return (names + lines(HZ, np.abs(SPEAKER), degrees(SPEAKER), separator=",")).encode()
+
+
 def gain_and_phase(hz, values):
     """A trace of a Bode 100 in dB and degrees."""
     names = "Frequency (Hz);Trace 1: Gain: Magnitude (dB);Trace 1: Gain: Phase (°)\r\n"

@@ -265,7 +265,8 @@ def fitted(
     files: Iterable[Path | None],
 ) -> Answer:
     """A matrix fraction."""
-    own = {"model": model_row(found.model), "faults": faults_of(faults)}
+    left_out = None if found.unfinished is None else found.unfinished.sentence
+    own: Record = {"model": model_row(found.model), "faults": faults_of(faults), "unfinished": left_out}
     return concluded("fit", status, head, exit_code, files, **own)
 
 

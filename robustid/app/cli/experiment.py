@@ -186,10 +186,13 @@ def frf(
                 raise
             raise error.reworded({}, lambda cut: f"{cut} (--first {cut.arguments['samples']})") from None
     undoing = _undoing(screen.called(context), found, output, files.origins)
-    page = None if report is None else render_report(found, static=static, records=records, undoing=undoing)
+    written, steps = [output, report], _then_model(found, output)
+    page = None
+    if report is not None:
+        commands = [(one.what, one.command) for one in steps]
+        page = render_report(found, static=static, records=records, undoing=undoing, steps=commands)
     save(output, found)
     written_files.write_page(report, page)
-    written, steps = [output, report], _then_model(found, output)
     head = first_screen(found)
     screen.conclude(console, head, lambda: [render_summary(found)], written=written, undoing=undoing, steps=steps)
     if as_json:
@@ -242,7 +245,7 @@ def _undoing(called: list[str], found: FrequencyResponse, output: Path, records:
     return in_command(again(called), of_records, [], records) or in_command(further, of_response, [output], [])
 
 
-def _then_model(found: FrequencyResponse, output: Path) -> list[Next | str]:
+def _then_model(found: FrequencyResponse, output: Path) -> list[Next]:
     name = output.with_suffix("")
     if found.bound is None:
         fit = written_files.free(name.with_name(f"{name.name}-fit"), ".npz", ".html")

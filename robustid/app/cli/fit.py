@@ -106,19 +106,17 @@ def fit(
         both = dataclasses.replace(structure, feedthrough=limits.feedthrough, time_limit=limits.time_limit)
         asked |= both.arguments | _weight(source, frf, relative)
         sweep = _swept(console, frf, asked) if wanted is None else None
-        result = _fitted(console, frf, sweep.suggested if sweep is not None else int(wanted or 0), asked)
+        result = _fitted(console, frf, int(wanted or 0), asked) if sweep is None else _best(console, frf, sweep, asked)
     faults, page = placed_faults(frf), None
     undoing = in_command(again(screen.called(context)), faults, [source], [])
-    steps = (
-        _next(source, frf, model_files[0], screen.called(context))
-        if verdict(result, sweep).key == "consistent"
-        else None
-    )
+    good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
+    steps = _steps(good, sweep, screen.called(context)) or _next(source, frf, model_files[0], screen.called(context))
+    commands = [(one.what, one.command) for one in steps]
     if len(model_files) > 1:  # a fit that is kept has a page later, too
         report, steps = screen.page_in_time(report, [written_files.stem(output)], steps)
     if report is not None:
         with step(console, "drawing the report"):
-            page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing)
+            page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing, steps=commands)
     if len(model_files) > 1:
         result.save(output)
     else:
@@ -129,7 +127,6 @@ def fit(
     screen.conclude(
         console, head, lambda: _everything(result, frf, sweep), written=written, undoing=undoing, steps=steps
     )
-    good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
     code = screen.exit_code(good, any(not one.fault.undone for one in faults))
     if as_json:
         from robustid.app.answers import verdicts
@@ -146,7 +143,18 @@ def _everything(result: MatrixFraction, frf: FrequencyResponse, sweep: OrderSwee
     return [found] if sweep is None else [sweep.summary(), found]
 
 
-def _next(source: Path, frf: FrequencyResponse, model: Path, called: list[str]) -> list[Next | str]:
+def _steps(good: Status, sweep: OrderSweep | None, called: list[str]) -> list[Next]:
+    """Commands before anything is done with the fit: the orders that Ctrl-C left out, or others than one that misses the data."""
+    from robustid.app.run.undoing import again, with_value
+
+    if sweep is not None and sweep.interrupted:
+        return [Next("all the orders", again(called))]
+    if good is Status.CONSISTENT or sweep is not None:
+        return []
+    return [Next("a range of orders, compared", again(with_value(called, "--order", "auto")))]
+
+
+def _next(source: Path, frf: FrequencyResponse, model: Path, called: list[str]) -> list[Next]:
     """A proof from the same file, read in the same way; the model for another program where no bound of errors is known."""
     from robustid.app.run.undoing import options_among
     from robustid.estimation import estimate_bound
@@ -211,6 +219,13 @@ def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: Option
                 tell(f"fitting order {order}, iteration {number}: {line}", 0, 0)
 
         return fit_mfd(frf, order=order, progress=progress, **asked)
+
+
+def _best(console: Terminal, frf: FrequencyResponse, sweep: OrderSweep, asked: Options) -> MatrixFraction:
+    """The fit of the order that a sweep suggests; after Ctrl-C that of the sweep, which says what it has left out."""
+    if sweep.interrupted:
+        return dataclasses.replace(sweep.fits[sweep.suggested], unfinished=sweep.unfinished)
+    return _fitted(console, frf, sweep.suggested, asked)
 
 
 def _swept(console: Terminal, frf: FrequencyResponse, asked: Options) -> OrderSweep:

@@ -30,7 +30,7 @@ def fleet(
     """Run the machines, show what was found of all, and return the exit code."""
     from robustid.app.run.fleet import PAGE, TABLE, items_of, run_fleet
     from robustid.app.run.fleet_table import check_table
-    from robustid.app.run.split import is_split, time_words
+    from robustid.app.run.split import THINGS, split_of, time_words
     from robustid.report import first_screen
 
     folder, console = output or Path("fleet"), screen.console(stderr=as_json, verbose=verbose)
@@ -38,21 +38,29 @@ def fleet(
     check_table(table)
     items = items_of(paths, folder, force=force, static=static)
     with telling(console) as progress:
-        split = [is_split(path) for path in paths]
-        thing, things = ("entry", "entries") if all(split) else ("machine", "machines")
-        progress(f"running {len(items)} {things}", 0, 0)
+        kinds = {split_of(path) for path in paths}
+        kind = kinds.pop() if len(kinds) == 1 else None
         workers = min(os.cpu_count() or 1, len(items)) if executor is None else executor
-        forecast = any(split)
+
+        def forecast() -> None:
+            """Say how long parts of a matrix take, which take about equally long: before them, and again after the first."""
+            if kind and (words := time_words(items, workers if isinstance(workers, int) else None)):
+                screen.say(console, words)
+
+        forecast()
+        progress(f"running {len(items)} {kind or 'machines'}", 0, 0)
+        told_again = False
 
         def told(text: str, done: int, count: int) -> None:
-            """Tell of a finished one; entries take about equally long, so that the first says how long all will."""
-            nonlocal forecast
-            if forecast and (words := time_words(items, workers if isinstance(workers, int) else None)):
-                screen.say(console, words)
-            forecast = False
+            nonlocal told_again
+            if not told_again:
+                forecast()
+            told_again = True
             progress(text, done, count)
 
-        found = run_fleet(items, folder, workers, table, static=static, progress=told, thing=thing)
+        found = run_fleet(
+            items, folder, workers, table, static=static, progress=told, thing=THINGS.get(kind or "", "machine")
+        )
     written = [table, folder / PAGE]
     head, status = first_screen(found), _status(found)
     screen.conclude(console, head, lambda: [found.summary()], written=written)

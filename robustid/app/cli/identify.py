@@ -258,6 +258,7 @@ def conclude(
     title: str | None = None,
 ) -> Path | None:
     """Render everything; only then write, and show what was found; the page, None where Ctrl-C has left it out."""
+    from robustid.app.run.results import marked
     from robustid.core import Interruptible, was_interrupted
     from robustid.report import first_screen, render_report
 
@@ -272,9 +273,7 @@ def conclude(
     if shown is not steps:  # the page first: it says what else is to be done
         steps, undoing = shown, None
     head = first_screen(result, **work.parts)
-    left_out = work.around.unfinished
-    kept = {} if left_out is None else left_out.kept("the identification")  # for pages that its file is drawn on
-    dataclasses.replace(result, choices=result.choices | kept).save(output)
+    marked(result, work.around.unfinished, "the identification").save(output)
     if work.looped is not None:
         work.looped.save(written_files.beside(output, "-loop"))
     written_files.write_page(report, page)

@@ -160,10 +160,10 @@ def run(
     """
     with in_words(_WORDS), contextlib.ExitStack() as stack:
         executor: Executor | int | None = _executor(stack, workers, cluster)
-        from robustid.app.run.split import is_split
+        from robustid.app.run.split import split_of
 
         files = _here(config, output, screen.console(stderr=as_json, verbose=verbose))
-        if len(files) > 1 or files[0].is_dir() or is_split(files[0]):
+        if len(files) > 1 or files[0].is_dir() or split_of(files[0]):
             how: dict[str, bool] = {"static": static, "force": force, "verbose": verbose, "as_json": as_json}
             raise typer.Exit(fleet(files, output, executor, table, **how))
         if table is not None:
@@ -232,6 +232,7 @@ def _run(
     else:
         status, identifications = result.status, list(result.identifications.values())
     good = status is Status.CONSISTENT and not result.contradicted
+    stopped = result.unfinished is not None and result.unfinished.interrupted
     written = sorted(path for path in folder.iterdir() if path.is_file())
     screen.conclude(
         console,
@@ -239,7 +240,7 @@ def _run(
         lambda: _everything(result),
         written=written,
         undoing=result.undoing,
-        steps=_next(folder) if good else None,
+        steps=_after_ctrl_c(config, folder) if stopped else _next(folder) if good else None,
     )
     faulty = any(one.problem.open_faults for one in identifications)
     code = screen.exit_code(Status.INCONSISTENT if result.contradicted else status, faulty)
@@ -249,6 +250,17 @@ def _run(
         said = "refuted" if result.contradicted else status.name.lower()
         screen.write(verdicts.ran(result, said, code, written), console)
     raise typer.Exit(code)
+
+
+def _after_ctrl_c(config: Path, folder: Path) -> list[Next | str]:
+    """The rest of a run, and the page of what is there, which nobody has waited for."""
+    rest = Next("the rest, from what is finished", ["run", config, "-o", folder, "--resume"])
+    result = next((name for name in ("family", "identification") if (folder / f"{name}.npz").is_file()), None)
+    if result is None:
+        return [rest]
+    bounds = [folder / name for name in ("band", "worst_case") if (folder / f"{name}.npz").is_file()]
+    kept = [word for one in bounds * (result == "identification") for word in ("--bounds", one)]
+    return [rest, Next("a page of what was found", ["report", folder / result, *kept, "-o", folder / "report.html"])]
 
 
 def _next(folder: Path) -> list[Next | str] | None:

@@ -115,7 +115,7 @@ def views(run: RunFile, folder: Path, progress: Progress, tables: Tables | None 
 
     def opened(name: str, entry: Entry | None, progress: Progress) -> Session:
         stated, data = read(name, progress)
-        stated = dataclasses.replace(stated, entry=entry)
+        stated = dataclasses.replace(stated, entry=entry, column=None)
         if not name:
             return Session.of(stated, data, folder, progress)
         return family.joined((name, entry), _alike(stated, family.many(entry), data, folder, progress))

@@ -14,7 +14,7 @@ from typing import Any
 
 from robustid.app.run.fleet_item import Item, Kept, failed, run_item
 from robustid.app.run.fleet_table import write_table
-from robustid.app.run.split import is_split, split_files
+from robustid.app.run.split import split_files, split_of
 from robustid.core import Interruptible, Progress, Workers
 from robustid.errors import InputError, SolverError
 from robustid.guarantees import Fleet, FleetRow, fleet_of
@@ -44,7 +44,7 @@ class Rows(Collection[FleetRow]):
 def items_of(paths: Sequence[Path], folder: Path, *, force: bool = False, static: bool = False) -> list[Item]:
     """The machines of run files, or of folders with run files, named by these: by their folders too where names repeat.
 
-    Of a run file with `split` each entry is one.
+    Of a run file with `split` each entry or column is one.
     """
     files: list[Path] = []
     for path in paths:
@@ -52,7 +52,7 @@ def items_of(paths: Sequence[Path], folder: Path, *, force: bool = False, static
         if not found:
             raise InputError(f"{path} is a folder without run files; give NAME.toml, or a folder that holds some")
         for one in found:
-            files += [part for part in (split_files(one, folder) if is_split(one) else [one]) if part not in files]
+            files += [part for part in (split_files(one, folder) if split_of(one) else [one]) if part not in files]
     if missing := [path for path in files if not path.is_file()]:
         raise InputError(f"{missing[0]}: there is no such file; check the name and the folder")
     names = [path.stem for path in files]
@@ -83,7 +83,7 @@ def run_fleet(
     """Run every machine whose row does not answer its run file and data already; write the table and the page of all.
 
     A worker that dies takes its own run only, which is tried again, three times in all. Ctrl-C ends the runs: what is finished is
-    kept, and stands in table and page. `thing`: the word for one of them, "machine" or "entry".
+    kept, and stands in table and page. `thing`: the word for one of them, "machine", "entry" or "column".
     """
     folder.mkdir(parents=True, exist_ok=True)
     most = None if isinstance(executor, int) else _AT_ONCE

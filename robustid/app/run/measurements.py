@@ -133,16 +133,18 @@ def all_entries(
 
 
 def part_of(run: RunFile, data: Measured) -> tuple[RunFile, Measured]:
-    """The entry, the band and the points that a run file asks for, of all that was read for it, without the delay."""
-    if (entry := run.entry) is not None:
+    """The entry or column, the band and the points that a run file asks for, of all that was read for it, without the delay."""
+    entry, column = run.entry, run.column
+    if entry is not None or column is not None:
         if any(len(record.inputs) > 1 for record in data.excited):  # the output answers to the other inputs too
             data = data._replace(excited=())
         try:
-            data = data.each(lambda item: item.entry(*entry))
+            data = data.each(lambda item: item[:, :, column] if entry is None else item.entry(*entry))
         except InputError as error:
-            raise InputError(
-                f"entry = {list(entry)} is the number or name of an output and an input: {error}"
-            ) from None
+            said = f"column = {column!r} is the number or name of an input"
+            if entry is not None:
+                said = f"entry = {list(entry)} is the number or name of an output and an input"
+            raise InputError(f"{said}: {error}") from None
     run, data = _without_delay(run, data)
     if (band := run.frequency_points.band_hz) is not None:
         data = data.each_response(lambda frf: frf.band(*band))._replace(excited=())

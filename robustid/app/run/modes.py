@@ -21,7 +21,7 @@ from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
 from robustid.core import Budget, Real, Source, hz_scale, hz_words, pass_on
 from robustid.data import FaultKind, FrequencyResponse, TimeRecord
-from robustid.errors import InputError, InputTypeError, Remedy, SizeError
+from robustid.errors import InputError, InputTypeError
 from robustid.estimation import delay_fault, response_faults
 from robustid.fitting import (
     MatrixFraction,
@@ -34,11 +34,10 @@ from robustid.fitting import (
     suggest_order,
 )
 from robustid.guarantees import has_box
-from robustid.identification import MixedProblem, validate
+from robustid.identification import MixedProblem, check_equations, validate
 
 Box = tuple[Real, Real]  # (M, 2) each: natural frequencies in rad/s, damping ratios
 
-_MOST_NUMBERS = 2**26  # in the equations of one mode in all entries, half a gigabyte, of which there are several copies
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side
 _MOST = 2  # integrators of a class
@@ -50,23 +49,10 @@ _FAST = 0.7  # decay of a pole per sample that any non-parametric part holds as 
 _SLOW = {1: 0.2, 2: 0.05}  # decay over the longest record below which a pole, or a pair, is a guess: drift or sustained
 
 
-def _check_size(frf: FrequencyResponse) -> None:
-    """Refuse a matrix whose equations no memory holds, before minutes of a search for its modes."""
-    points, *shape = frf.values.shape
-    entries = int(np.prod(shape))
-    numbers = 4 * points * entries**2
-    if numbers > _MOST_NUMBERS:
-        raise SizeError(
-            f"`problem` has {entries} entries at {points} frequency points: the equations of one mode alone are"
-            f" {8e-9 * numbers:.2g} GB, {8e-9 * _MOST_NUMBERS:.2g} GB are possible. ",
-            Remedy({}, "Take single entries: frf.entry(output, input)"),
-        )
-
-
 def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     """The poles of the parametric part, from the response where they aren't stated."""
-    for frf in data.responses:
-        _check_size(frf)
+    for frf in data.responses:  # before minutes of a search for modes: the two functions of one alone
+        check_equations(frf.values.size, frf.values[0].size, 2)
     if run.modes.hz is not None:
         return run if run.modes.delay is not None else run.changed("modes", delay=int(bool(data.dt)))
     chosen = run.modes

@@ -243,9 +243,7 @@ def run(
     resume, force, static = (as_flag(*one) for one in (("resume", resume), ("force", force), ("static", static)))
     asked = read_run_file(path)
     if asked.split is not None:
-        raise InputError(
-            f"{path.name}: split asks for a run of every entry; on the command line: robustid run {path.name}"
-        )
+        raise InputError(f"{path.name}: split asks for several runs; on the command line: robustid run {path.name}")
     _check_folder(path, folder, resume, force)
     kept = RunFolder(folder, resume, static)
     budget = Budget(asked.time_limit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import math
 from collections.abc import Mapping
 
@@ -46,6 +47,7 @@ def posed(
     A class that is chosen is held against the experiments one by one: from those that contradict the others it is not taken, and
     the problem says so. `reference` is what becomes of a class that says nothing; see `with_prior`.
     """
+    importlib.import_module("control")  # half a second, for which a Ctrl-C in what comes would have to wait
     # Refuses what lacks a sample time or a bound, before anything is computed from it.
     alone = MixedProblem(frequency=data.responses, time=data.records, prior=placeholder(run, data))
     _check(run, alone)

@@ -111,7 +111,7 @@ class IdentifiedReduced(Frozen):
     def numbers(self) -> dict[str, Savable | None]:
         """Everything that is saved with its proofs, by the names of the files."""
         found: dict[str, Savable | None] = {
-            "identification": self.identification,
+            "identification": marked(self.identification, self.unfinished, "the run"),
             "worst_case": self.error,
             "over_poles": self.over_poles,
             "band": self.band,
@@ -278,6 +278,12 @@ class FamilyRun(Frozen):
             "undoing": self.undoing,
             "design": self.design,
         }
+
+
+def marked(found: Identification, unfinished: Unfinished | None, run: str) -> Identification:
+    """The identification with what the run that found it has left out, for pages that are drawn from its file."""
+    kept = {} if unfinished is None else unfinished.kept(run)
+    return dataclasses.replace(found, choices=Unfinished.without(found.choices) | kept)
 
 
 def unfinished_words(unfinished: Unfinished | None) -> list[str]:

@@ -183,7 +183,7 @@ class RunFile(Frozen, General):
             for f in dataclasses.fields(want)
             for value in [getattr(want, f.name)]
         )
-        same = [(run.title, run.entry) for run in (self, asked)]
+        same = [(run.title, run.entry, run.column) for run in (self, asked)]
         return alike and same[0] == same[1]
 
 
@@ -209,6 +209,7 @@ def _check_loop(run: RunFile) -> None:
     wrong = {
         "[[members]]": bool(run.members),
         "entry": run.entry is not None,
+        "column": run.column is not None,
         "[delay]": run.delay.seconds != 0.0,
         f"[[record]] use = {others[0] if others else ''!r}": bool(others),
     }
@@ -350,6 +351,8 @@ def _check_sources(run: RunFile) -> None:
         raise InputError(
             "[worst_case] over_poles = true needs the pole-uncertainty box: give hz_interval and damping_interval in [modes]"
         )
+    if run.entry is not None and run.column is not None:
+        raise InputError("entry is one of a column: leave column out, or entry for all outputs of that input")
     if not run.record and not run.frequency:
         raise InputError("no data: give [[record]] or [[frequency]] with file = ..., or dataset = ... in a [[record]]")
     for k, source in enumerate(run.record, start=1):

@@ -127,7 +127,8 @@ class RunFolder:
         place = self._identification(member)
         if place is None or not self.resume or not paths(place)[1].is_file():
             return None
-        found = load_result(place, "identification")
+        found: Identification = load_result(place, "identification")
+        found = dataclasses.replace(found, choices=Unfinished.without(found.choices))  # it is this run that goes on
         return found if found.objective == objective and fingerprint(found.problem) == fingerprint(problem) else None
 
     def identified(self, result: Identification, *, member: int | None = None) -> None:
@@ -186,6 +187,9 @@ class RunFolder:
         usable = design is not None and design.status in (DesignStatus.PROVED, DesignStatus.FOUND)
         if usable and design is not None and design.controller is not None:
             save_model(design.controller, self.folder / _CONTROLLER)
+        if result.unfinished is not None and result.unfinished.interrupted:  # nobody waits for a drawing after Ctrl-C
+            (self.folder / _PAGE).unlink(missing_ok=True)
+            return
         result.report(self.folder / _PAGE, static=self.static)
         if result.unfinished is None:
             self._clear()

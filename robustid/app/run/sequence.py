@@ -20,7 +20,7 @@ from robustid.app.run.results import IdentifiedReduced, WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Step, Untouched, Work, carry_out
-from robustid.core import Budget, Interruptible, Real, Record, Source
+from robustid.core import Budget, Interruptible, Real, Record, Source, pass_on
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody
 from robustid.guarantees import (
@@ -119,7 +119,7 @@ def decided(run: RunFile, problem: MixedProblem, left: Untouched, around: Surrou
     """Consistency with its proof; in a larger class, where the program chose one that is too small by a little."""
     refuted, result = _refuted(problem, around), identified(run, problem, around)
     for _ in range(_LARGER):
-        if (larger := with_larger_gain(run, result)) is None:
+        if around.stops.interrupted or (larger := with_larger_gain(run, result)) is None:
             break
         run, problem = larger
         around.folder.choices(run)
@@ -150,6 +150,8 @@ def identified(
     if before is not None:
         around.say(f"margin and model{of}: taken from the unfinished run")
         return before
+    # Of a class whose search was cut short nothing can be decided at once; a folder keeps the gains that were found for later.
+    pass_on(around.stops.interrupted and around.folder.folder is None)
     if around.folder.folder is not None and problem.coefficients >= _MANY and problem.frequency:
         around.say(
             "so many coefficients take minutes; every = 2 in [frequency_points] halves them, and tests with the others"
@@ -209,6 +211,9 @@ def reduced(work: Work) -> None:
 def compared_with_fits(work: Work) -> None:
     """The small model, or one inside the bounds that is significantly better, beside the best fits of the data."""
     result, left = work.identification, work.left
+    if work.around.stops.interrupted:
+        work.not_compared = "Ctrl-C left out the comparison of the small model with the best fits of the data."
+        return
     work.not_compared = why_not_compared(result, work.small, left.response, left.records)
     if work.not_compared:
         return
@@ -360,12 +365,16 @@ def sharpened(work: Work) -> None:
 
 def circled(work: Work) -> None:
     """The bound between the frequencies too, where it is asked for."""
-    asked, around = work.run.worst_case, work.around
-    if asked.circle and work.error is not None and not around.stops.interrupted:
-        around.say("bounding the error between the frequencies")
+    asked, around, words = work.run.worst_case, work.around, "bounding the error between the frequencies"
+    if not asked.circle or work.error is None:
+        return
+    if not around.stops.interrupted:
+        around.say(words)
         with Interruptible():  # the error at the frequencies stays
             work.error = work.error.completed(executor=around.executor)
-            work.error.on_circle(asked.rtol, **around.counted("bounding the error between the frequencies"))
+            work.error.on_circle(asked.rtol, **around.counted(words))
+    if work.error.known_circle is None:
+        around.stops.late.append(words)
 
 
 def judged(work: Work) -> None:

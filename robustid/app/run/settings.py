@@ -357,10 +357,14 @@ class General:
         text=output_input,
         metavar="OUTPUT,INPUT",
     )
+    column: int | str | None = key(
+        either(whole(), text()),
+        help="Input, by number from 0 or by name, whose column of a MIMO response, all outputs, is used; default all.",
+    )
     split: str | None = key(
-        text(("entries",)),
-        help='"entries": a run of its own for every entry of a MIMO response, as of several machines: for a matrix that is too'
-        " large for one problem.",
+        text(("entries", "columns")),
+        help='A run of its own for every entry of a MIMO response ("entries") or every input ("columns"), as of several machines:'
+        " for a matrix that is too large for one problem.",
     )
 
 

@@ -39,6 +39,13 @@ def with_option(arguments: Sequence[str], flag: str, value: str) -> list[str]:
     return [*found, flag, value]
 
 
+def with_value(arguments: Sequence[str], flag: str, value: str) -> list[str]:
+    """Arguments of a command with another value of an option that it was called with."""
+    before = ["", *arguments[:-1]]
+    changed = (value if last == flag else word for last, word in zip(before, arguments, strict=True))
+    return [f"{flag}={value}" if word.startswith(f"{flag}=") else word for word in changed]
+
+
 def options_among(arguments: Sequence[str], flags: set[str]) -> list[str]:
     """Options with one value that a command was called with, as far as they are among the flags."""
     found: list[str] = []

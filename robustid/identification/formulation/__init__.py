@@ -11,7 +11,7 @@ from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.exact import QUICK_EXACT, ExactFormulation
 from robustid.identification.formulation.parametric_rows import ToldApart, told_apart_functions
 from robustid.identification.formulation.parts import Part, parts_of
-from robustid.identification.formulation.rows import Rows
+from robustid.identification.formulation.rows import Rows, check_equations
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.formulation.sections import SectionsFormulation
 from robustid.identification.formulation.taylor import TaylorFormulation
@@ -35,6 +35,7 @@ __all__ = [
     "SymmetricBall",
     "TaylorFormulation",
     "ToldApart",
+    "check_equations",
     "formulate",
     "formulate_in",
     "formulate_over",

@@ -12,11 +12,13 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.core import Array, Frozen, Numbers, Real, freeze, singular_parts
-from robustid.errors import InputError
+from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.formulation.assembly import Assembly, Block
 from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
 from robustid.identification.formulation.functions import Functions
 from robustid.identification.problem import MixedProblem
+
+_MOST_NUMBERS = 2**26  # in the equations of the parameters, half a gigabyte, of which there are several copies
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -89,9 +91,25 @@ def measurement_rows(functions: Functions) -> Rows:
     return _stacked(functions.problem, experiment_blocks(functions), functions)
 
 
+def check_equations(samples: int, entries: int, functions: int) -> None:
+    """Refuse so many parametric functions for every entry where no memory holds their equations in the samples of all."""
+    numbers = 2 * samples * entries * functions
+    if numbers > _MOST_NUMBERS:
+        part = "thin the data, frf.select(slice(None, None, step))"
+        raise SizeError(
+            f"`problem` has {entries} entries and {samples} samples: the equations of {functions} functions for every entry are"
+            f" {8e-9 * numbers:.2g} GB, {8e-9 * _MOST_NUMBERS:.2g} GB are possible. ",
+            Remedy(
+                {}, part.capitalize() if entries == 1 else f"Take single entries, frf.entry(output, input), or {part}"
+            ),
+        )
+
+
 def experiment_blocks(functions: Functions) -> list[Block]:
     """The rows of all experiments of the problem, responses first."""
     problem = functions.problem
+    if problem.parametric is not None:
+        check_equations(problem.samples, problem.entries.count, problem.parametric.size)
     assembly = Assembly(problem, functions)
     blocks = [block for frf in problem.frequency for block in assembly.lines(frf)]
     for record in problem.time:
