@@ -33,7 +33,10 @@ Extractions = tuple[Extraction, ...]  # of the independent entries
 
 
 def extractions_over(problem: MixedProblem, omega: Real, damping: Real) -> Extractions:
-    """Search sums that extract the amplitudes of the modes from the samples, for poles anywhere in a box (M, 2), (M, 2)."""
+    """Search sums that extract the amplitudes of the modes from the samples, for poles anywhere in a box (M, 2), (M, 2).
+
+    Here and below the poles of the parametric part lie in the box.
+    """
     with one_thread():
         return tuple(extract(one) for one in _samples(problem, omega, damping))
 

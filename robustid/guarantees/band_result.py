@@ -20,7 +20,7 @@ from robustid.guarantees.linear.solved_nodes import JoinedBands
 from robustid.guarantees.nominal import as_frequencies, as_nominal, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
-from robustid.guarantees.placement import OfExactPoles, OverBox, candidates_of, placed
+from robustid.guarantees.placement import OfExactPoles, OverBox, candidates_of, known_errors, placed
 from robustid.guarantees.refinement import (
     SAME,
     check_polygons,
@@ -29,7 +29,6 @@ from robustid.guarantees.refinement import (
     narrowed,
     narrowed_norm,
     polygons_hold,
-    polygons_of,
     smaller_discs,
 )
 from robustid.guarantees.relative_error import RelativeErrors, relative_errors
@@ -37,6 +36,7 @@ from robustid.guarantees.scope import pole_words
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.whole_axis import whole_axis
+from robustid.guarantees.worst_case import worst_case_error
 from robustid.identification import Identification, identify
 
 if TYPE_CHECKING:
@@ -174,8 +174,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     ) -> Band:
         """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
 
-        Those of `worst_case_error`, or over a box of `worst_case_over_poles` in few cells. By default at up to 40 frequencies in
-        the range of the data, where they are estimated to gain most over the discs, if that is 5 % at least.
+        Those of `worst_case_error`, or over a box those of its cells, which are halved where the error is largest. By default at
+        up to 40 frequencies in the range of the data, over a box 24, where they are estimated to gain most over the discs, if that
+        is 5 % at least.
 
         Parameters
         ----------
@@ -222,14 +223,22 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         if identification is None:
             identification = identify(self.problem, time_limit=time_limit)
         thing = as_kind("identification", identification, Identification, "an Identification")
-        if omega is not None:
-            return self.between(polygons_of(thing, self.box, self.model, omega, self, means), budget)
-        plain = dataclasses.replace(self, polygons=None, joined=())
-        about, grid = as_nominal(self.model, thing), candidates_of(self, self.problem, self.omega)
         check_same(thing.problem, self.problem)
+        plain = dataclasses.replace(self, polygons=None, joined=())
+        about = as_nominal(self.model, thing)
+        if self.box is None and omega is not None:
+            found = worst_case_error(thing, model=about, omega=omega, known=self, **means.options)
+            return self.between(found, budget)
+        grid = candidates_of(self, self.problem, self.omega, self.box) if omega is None else omega
         if self.box is None:
             return placed(OfExactPoles(thing, about), plain, grid, means)
-        return placed(OverBox(thing, about, self.box, grid, budget), plain, grid, means)
+        errors = known_errors(plain, thing.problem, about, grid)
+        programs = OverBox(thing, about, self.box, errors.max(axis=0), budget, every=omega is not None)
+        if omega is None:
+            return placed(programs, plain, grid, means)
+        programs.solve(grid[np.argsort(-errors.max(axis=(1, 2)), kind="stable")], plain, means)
+        polygons = programs.polygons()
+        return self if polygons is None else self.between(polygons, budget)
 
     def with_polygons(self, polygons: Bounded) -> Self:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.

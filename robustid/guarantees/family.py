@@ -198,7 +198,7 @@ def _at(error: Bounded, grid: Real) -> Bounded:
     used = np.isin(error.omega, grid)
     if used.all():
         return error
-    kept = tuple(item.at(grid) for item in error.kept)
+    kept = tuple(item.at(grid) for item in error.kept if not item.values or np.isin(item.omega, grid).any())
     if isinstance(error, WorstCaseError):
         missing = np.union1d(error.missing, error.omega[~used])
         return dataclasses.replace(error, values=kept[0].values, missing=missing)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -23,14 +24,14 @@ from robustid.core import (
     threads_for,
 )
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
-from robustid.guarantees.amplitude_bounds import Extractions, amplitudes_proved
+from robustid.guarantees.amplitude_bounds import amplitudes_proved
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import which
 from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.over_cells import WorstCase
-from robustid.guarantees.pole_cells import PoleCell, box_of
+from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
 from robustid.guarantees.pole_sweep import affordable, bounded, circle_over_poles, default_frequencies, searched
 from robustid.guarantees.sweep import Folder, Known, Means, Processes
@@ -57,18 +58,16 @@ class WorstCaseOverPoles(WorstCase):
     box : PoleCell
         As it was stated, with proved bounds of the amplitudes of its modes.
     kept : tuple of KeptCell
-        The parts of it that may contain the poles, with the certificates of their bounds.
+        The parts of it that may contain the poles, with the certificates of their bounds. Those that have values at a frequency
+        cover the box, with those that are refuted; at another one they may be others.
     refuted : tuple of RefutedCell
         Those that are proved not to.
-    extractions : tuple of Extraction
-        Sums over the samples that prove the amplitudes, of every independent entry.
     """
 
     identification: Identification
     kept: tuple[KeptCell, ...]
     box: PoleCell
     refuted: tuple[RefutedCell, ...]
-    extractions: Extractions
 
     def __post_init__(self) -> None:
         self._set(omega=freeze(self.omega))
@@ -80,20 +79,27 @@ class WorstCaseOverPoles(WorstCase):
 
     @property
     def cells(self) -> tuple[PoleCell, ...]:
-        """Cells that may contain the poles."""
-        return tuple(item.cell for item in self.kept)
+        """Cells that may contain the poles: at the frequency with most of them."""
+        return tuple(item.cell for item in max(self._covers, key=len))
+
+    @functools.cached_property
+    def _covers(self) -> tuple[tuple[KeptCell, ...], ...]:
+        """Cells that stand together at a frequency, each way once."""
+        every = (tuple(k for k, item in enumerate(self.kept) if not item.values or w in item.omega) for w in self.omega)
+        return tuple(tuple(self.kept[k] for k in ways) for ways in dict.fromkeys(every))
 
     def not_relaxed_enough(self) -> list[str]:
         """Cells whose relaxed problem can't be shown in ball arithmetic to cover all their poles; needs `robustid[exact]`.
 
         Named too are entries whose amplitudes are not proved.
         """
-        unproved = [f"entry {one.samples.entry}" for one in self.extractions if not amplitudes_proved(one)]
-        return unproved + [
-            f"cell {number}, expansion about its middle"
-            for number, item in enumerate((*self.kept, *self.refuted), start=1)
-            if not relaxed_enough(item.cell, self.problem, self.omega)
-        ]
+        found: list[str] = []
+        for number, item in enumerate((*self.kept, *self.refuted), start=1):
+            proofs = item.cell.proofs
+            found += [f"cell {number}, entry {one.samples.entry}" for one in proofs if not amplitudes_proved(one)]
+            if not relaxed_enough(item.cell, self.problem, self.omega):
+                found.append(f"cell {number}, expansion about its middle")
+        return found
 
     def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
         """Every inequality that is stated of a cell, with its certificate."""
@@ -107,15 +113,20 @@ class WorstCaseOverPoles(WorstCase):
 
     @property
     def covered(self) -> bool:
-        """Return whether the cells, kept and refuted, cover the box, with no smaller amplitudes than are proved."""
-        box, cells = self.box, [*self.cells, *(item.cell for item in self.refuted)]
+        """Return whether cells of every frequency and those refuted cover the box, with no smaller amplitudes than are proved."""
+        box, problem = self.box, self.problem
         try:
-            stated, _ = box_of(self.identification, box.omega, box.damping, box.delay, self.extractions)
+            checked_box(self.identification, box.omega, box.damping, box.delay)
         except (InputError, InputTypeError):
             return False
-        alike = all(c.delay == box.delay and c.dt == stated.dt for c in (box, *cells))
-        enough = all(np.all(stated.amplitude <= c.amplitude * _AGAIN) for c in cells)
-        return alike and enough and box.covered_by(cells)
+        gone = [item.cell for item in self.refuted]
+        cells = [*(item.cell for item in self.kept), *gone]
+        alike = all(c.delay == box.delay and c.dt == problem.dt for c in (box, *cells))
+        return (
+            alike
+            and all(_amplitudes_hold(cell, problem) for cell in cells)
+            and all(box.covered_by([*(item.cell for item in cover), *gone]) for cover in self._covers)
+        )
 
     @property
     def supported(self) -> bool:
@@ -149,7 +160,7 @@ class WorstCaseOverPoles(WorstCase):
         return self.box.omega[order], self.box.damping[order]
 
     def _refined(self, rtol: float, everywhere: bool, means: Means) -> CircleBound:
-        return circle_over_poles(self.problem, self.kept, self.model, self.omega, rtol, everywhere, means)
+        return circle_over_poles(self.problem, self.cells, self.model, self.omega, rtol, everywhere, means)
 
     def __repr__(self) -> str:
         return (
@@ -193,6 +204,11 @@ class WorstCaseOverPoles(WorstCase):
 
 
 Bounded = WorstCaseError | WorstCaseOverPoles  # the worst case of one plant
+
+
+def _amplitudes_hold(cell: PoleCell, problem: MixedProblem) -> bool:
+    proved = cell.proved_again(problem)
+    return proved is not None and bool(np.all(proved <= cell.amplitude * _AGAIN))
 
 
 def _interval(omega: Real, damping: Real) -> str:
@@ -258,8 +274,8 @@ def worst_case_over_poles(
 
     Notes
     -----
-    Assumes the number of modes. Their amplitudes over the whole box, in every entry, are bounded first, by sums over the samples
-    that extract them, as those of `band`.
+    Assumes the number of modes. Their amplitudes over every cell, in every entry, are bounded first, by sums over the samples that
+    extract them, as those of `band`.
 
     Examples
     --------
@@ -274,7 +290,7 @@ def worst_case_over_poles(
     (True, True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    whole, proofs = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
+    whole = box_of(identification, omega_interval, damping_interval, as_count("delay", delay))
     problem, model = identification.problem, as_nominal(model, identification)
     cells, directions = as_count("cells", cells, least=1), as_count("directions", directions, least=3)
     gap = gap_of(as_positive("rtol", rtol), directions, problem.entries.single)
@@ -293,11 +309,5 @@ def worst_case_over_poles(
     means = Means(executor, progress, resume, budget)
     kept, grid = bounded(sets, grid, (directions, gap), means, model, known)
     return WorstCaseOverPoles(
-        identification=identification,
-        model=model,
-        omega=grid,
-        box=whole,
-        kept=kept,
-        refuted=tuple(refuted),
-        extractions=proofs,
+        identification=identification, model=model, omega=grid, box=whole, kept=kept, refuted=tuple(refuted)
     )

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Real, threads_for
-from robustid.errors import InconsistentDataError, InputError
+from robustid.core import Budget, Interruptible, Real, threads_for
+from robustid.errors import InputError
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.parameters import parameter_intervals
 from robustid.guarantees.pole_cells import box_of
 from robustid.guarantees.pole_proofs import KeptCell
-from robustid.guarantees.pole_sweep import Searched, affordable, bounded, matters, searched
+from robustid.guarantees.pole_tree import Branch, PoleTree
 from robustid.guarantees.refinement import discs_of, in_order
 from robustid.guarantees.sweep import Known, Means, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency, gap_of
@@ -28,19 +28,23 @@ if TYPE_CHECKING:
     import control
 
 _GRID = 40  # further candidates, equally spaced
-_MOST, _ROUND, _ROUND_OF_CELLS = 40, 8, 4  # frequencies, and of these so many before the next are chosen
+_THIN = 1e-3  # of a frequency, that is left out so near above another one, over a box
+_AROUND = 13  # and so many over three times the width of the box of every mode
+_MOST, _ROUND = 40, 8  # frequencies, and of these so many before the next are chosen
+_MOST_OF_CELLS, _ROUND_OF_CELLS = 20, 4  # the same over a box
 _MANY = 4  # entries: of more all frequencies are chosen at once, since the search between them takes as long as they do
 _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good enough
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
-_CELLS, _SEARCH = 8, 0.25  # of a pole-uncertainty box, at most; part of the time in which they are found
+_CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
+_MORE = 2.0  # times as many, to begin with those of another frequency
+_SHARE = 1 / 3  # of the time that is left, for the cells at one frequency
+_WORDS = "bounding the error over the pole-uncertainty box"
 _HALF = 0.5  # of the radius of a disc: what a polygon may be that nothing is known of
-_TWICE = 2.0  # what the remainder of a cell adds to a polygon, in the samples and at its frequency, over itself
 _SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
 _SIDES_OF_CELLS = 8, 0.1  # and of cells
 _QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
 _BETWEEN = 0.2  # of the time: for the search between the polygons
 _NO_TIME = 1e-9
-_LEAST = 0.1  # of a polygon: what is its own, and not that of the relaxation
 
 
 class Refinable(Known, Protocol):
@@ -58,6 +62,7 @@ class Programs(abc.ABC):
     """Semidefinite programs of one statement, and the polygons that were found."""
 
     together: int  # frequencies that are chosen at once
+    most = _MOST
 
     def __init__(self, identification: Identification, model: control.StateSpace) -> None:
         self.identification, self.model = identification, model
@@ -70,10 +75,6 @@ class Programs(abc.ABC):
     @abc.abstractmethod
     def polygons(self) -> Bounded | None:
         """Everything that was found; None where nothing was."""
-
-    def added(self, omega: Real) -> Real:
-        """Parts of the radii of polygons that the relaxation of the poles adds at frequencies, (F, ny, nu), approximately."""
-        return np.zeros((omega.size, *self.entries.shape))
 
 
 class OfExactPoles(Programs):
@@ -120,123 +121,133 @@ class OfExactPoles(Programs):
 
 
 class OverBox(Programs):
-    """Poles anywhere in a box, in few cells."""
+    """Poles anywhere in a box, at every frequency in cells of their own: the more, the nearer it is to the largest error."""
 
-    together = _ROUND_OF_CELLS
+    together, most = _ROUND_OF_CELLS, _MOST_OF_CELLS
 
     def __init__(
-        self, identification: Identification, model: control.StateSpace, box: Box, omega: Real, budget: Budget
+        self,
+        identification: Identification,
+        model: control.StateSpace,
+        box: Box,
+        largest: Real,
+        budget: Budget,
+        every: bool = False,
     ) -> None:
         super().__init__(identification, model)
         problem = identification.problem
-        self._whole, self._proofs = box_of(identification, *in_order(problem, box))
         directions, rtol = _SIDES_OF_CELLS
-        self._sides = directions, gap_of(rtol, directions, self.entries.single)
+        sides = directions, gap_of(rtol, directions, self.entries.single)
+        self._largest = largest  # of the errors that are known in the band, (ny, nu)
+        self._every = every
         with threads_for(problem.coefficients):
-            self._sets, self._refuted, self._each = self._cells(omega, budget)
-        if not self._sets:
-            raise InconsistentDataError(
-                f"no system with poles in the pole-uncertainty box fits the data: all {len(self._refuted)} cells of it are"
-                " refuted; loosen the bounds, the prior or the box"
-            )
-        if any(one is None for _, one in self._sets) and np.isfinite(self._each):
+            self._tree = PoleTree(problem, model, box_of(identification, *in_order(problem, box)), sides, budget)
+        self._covers: dict[float, list[Branch]] = {}
+        self._interrupted = False
+
+    def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+        """As `Programs.solve`, one after the other; those that gain nothing over known discs are kept where `every` one is."""
+        radii: dict[float, Real] = {}
+        error = known_errors(known, self.identification.problem, self.model, omega)
+        share = (error / self._largest).max(axis=(1, 2))
+        most = np.ceil(_CELLS + (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0)).astype(int)
+        with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
+            for k, w in enumerate(omega.tolist()):
+
+                def told(done: int, before: int = int(most[:k].sum())) -> None:
+                    if means.progress is not None:
+                        means.progress(_WORDS, before + done, int(most.sum()))
+
+                mine = means._replace(budget=None if means.budget is None else means.budget.share(_SHARE))
+                how = w, error[k : k + 1], int(most[k]), mine, told
+                leaves = None if self._interrupted else self._tree.cover(*how, self._beside(w, int(most[k])))
+                if leaves is None:
+                    break
+                radii[w] = self._radius(leaves, w)
+                if np.any(radii[w] < np.inf if self._every else radii[w] < known.at([w])[1][0] / _GAIN):
+                    self._covers[w] = leaves
+        self._interrupted |= sweep.interrupted
+        if not self._covers and any(not np.all(np.isfinite(one)) for one in radii.values()):
             raise InputError(
                 "a cell of the pole-uncertainty box is so wide that no sample says anything of all its poles at once: the discs of"
                 " `band` stand alone; measure more frequency points around the modes, or state a smaller box"
             )
-        self._kept: list[dict[float, tuple[ValueSet, ...]]] = [{} for _ in self._sets]
+        return np.array(sorted(radii)), np.array([radii[w] for w in sorted(radii)]).reshape(-1, *self.entries.shape)
 
-    def _cells(self, omega: Real, budget: Budget) -> Searched:
-        """As many cells as leave time for enough frequencies, and the seconds of one of them at one; infinite without time."""
-        problem, begun = self.identification.problem, time.monotonic()
-        margins = Budget(budget.seconds)
-        sets, refuted = searched(problem, self._whole, omega, 1, budget, margins)
-        # One frequency, with sides of every entry, takes longer.
-        if budget.left < self.entries.count * (time.monotonic() - begun):
-            return sets, refuted, np.inf
-        narrow = omega[np.argsort(self._whole.slack(omega).max(axis=(1, 2)), kind="stable")]
-        most, each = affordable(sets, narrow[: narrow.size // 2 + 1], self._sides, budget, self.model)
-        if most > 1 and matters(self._whole, problem, omega):
-            most = min(most, _CELLS)
-            sets, refuted = searched(problem, self._whole, omega, most, budget.share(_SEARCH), margins)
-            each = np.inf if margins.over else each
-        return sets, refuted, each
+    def _beside(self, omega: float, most: int) -> list[Branch]:
+        """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box."""
+        box = self._tree.root.cell
+        nearest = min(self._covers, key=lambda w: abs(w - omega), default=np.inf)
+        leaves = self._covers.get(nearest, [])
+        near = abs(nearest - omega) <= np.ptp(box.omega[box.widest_at(omega)]) and len(leaves) <= _MORE * most
+        return leaves if near else []
 
-    def added(self, omega: Real) -> Real:
-        """As `Programs.added`: the remainder of the cells' expansions."""
-        return _TWICE * np.max([cell.slack(omega) for cell, _ in self._sets], axis=0)
-
-    def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
-        """As `Programs.solve`; a frequency at which a cell alone is as large as the known disc is looked at no further.
-
-        Only so many, the first of them, as are finished in all cells by the end of the time.
-        """
-        if means.budget is not None and means.budget.seconds is not None:
-            omega = omega[: max(int(means.budget.left / (self._each * len(self._sets))), 0)]
-        omega = np.sort(omega)
-        most = known.at(omega)[1] / _GAIN
-        looked = np.full((omega.size, *self.entries.shape), np.nan)
-
-        def pays(cell: KeptCell, here: Real) -> NDArray[np.bool_]:
-            radius, at = discs_of((cell,), here, self.entries)[1], np.searchsorted(omega, here)
-            looked[at] = np.fmax(looked[at], radius)
-            return np.asarray((radius < most[at]).any(axis=(1, 2)))
-
-        kept, grid = bounded(self._sets, omega, self._sides, means, self.model, known, pays)
-        for mine, one in zip(self._kept, kept, strict=True):
-            mine |= by_frequency(one.at(grid).values)
-        seen = ~np.isnan(looked).all(axis=(1, 2))
-        return omega[seen], looked[seen]
+    def _radius(self, leaves: list[Branch], omega: float) -> Real:
+        return discs_of([leaf.kept(omega) for leaf in leaves], np.array([omega]), self.entries)[1][0]
 
     def polygons(self) -> WorstCaseOverPoles | None:
         """As `Programs.polygons`."""
-        omega = sorted(self._kept[0])
-        if not omega:
+        if not self._covers:
             return None
+        omega = sorted(self._covers)
+        used = dict.fromkeys(leaf for w in omega for leaf in self._covers[w])
         kept = tuple(
-            KeptCell(tuple(one for w in omega for one in mine[w]), cell)
-            for mine, (cell, _) in zip(self._kept, self._sets, strict=True)
+            KeptCell(tuple(one for w in omega if leaf in self._covers[w] for one in leaf.values[w]), leaf.cell)
+            for leaf in used
         )
         return WorstCaseOverPoles(
             identification=self.identification,
             model=self.model,
             omega=np.array(omega),
-            box=self._whole,
+            box=self._tree.root.cell,
             kept=kept,
-            refuted=tuple(self._refuted),
-            extractions=self._proofs,
+            refuted=tuple(self._tree.refuted),
         )
 
 
-def candidates_of(band: Known, problem: MixedProblem, omega: Real) -> Real:
-    """Frequencies at which polygons are thought of: those of a band, and a grid, in the range of the data."""
+def known_errors(known: Known, problem: MixedProblem, model: control.StateSpace, omega: Real) -> Real:
+    """Bounds of the errors of a model that known discs give, (F, ny, nu)."""
+    centre, radius = known.at(omega)
+    return np.abs(centre - problem.plane.values_at(model, omega)) + radius
+
+
+def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | None = None) -> Real:
+    """Frequencies at which polygons are thought of: those of a band, a grid, and some around a box, in the range of the data."""
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = band.range
     if lines.size:
         low, high = max(low, float(lines.min())), min(high, float(lines.max()))
     inside = omega[(omega >= low) & (omega <= high)]
-    return np.union1d(inside, np.linspace(low, high, _GRID))
+    every = [inside, np.linspace(low, high, _GRID)]
+    for least, most in () if box is None else box[0]:
+        every.append(np.linspace(*np.clip(np.array([2 * least - most, 2 * most - least]), low, high), _AROUND))
+    found = np.unique(np.concatenate(every))
+    return found if box is None else found[np.diff(found, prepend=-np.inf) > _THIN * found]
 
 
 def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     """The band with polygons at those candidates, rising, where they gain most, until nothing or no time is left.
 
-    Radii of polygons are estimated from those of the discs of the samples alone, times what those beside had in these units, and
-    what the relaxation of the poles adds.
+    Radii of polygons are estimated from those of the discs of the samples alone, times what those beside had in these units.
     """
-    plain, added = band.at(candidates)[1], programs.added(candidates)
+    plain = band.at(candidates)[1]
     tried = np.full(plain.shape, np.nan)  # radii, of those that were looked at
     found, count, joining = band, 0, 0.0
     polygons = joined = None
     # The search between the polygons, which ends where its time does.
     searching = 0.0 if means.budget is None or means.budget.seconds is None else _BETWEEN * means.budget.left
-    size = programs.together if plain[0].size <= _MANY else _MOST
-    while count < _MOST:
-        room = min(size, _MOST - count)
+    size = programs.together if plain[0].size <= _MANY else programs.most
+    while count < programs.most:
+        room = min(size, programs.most - count)
         with np.errstate(invalid="ignore", divide="ignore"):  # nothing is gained where nothing is known, or all is
-            gain = (found.at(candidates)[1] / _estimated(plain, tried, added, candidates)).max(axis=(1, 2))
+            now, then = found.at(candidates)[1], _estimated(plain, tried, candidates)
+            gain = (now / then).max(axis=(1, 2))
+            drop = np.nan_to_num((now - then) / plain.max(axis=0)).max(axis=(1, 2))
         if count:
-            chosen = _apart(np.where(np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN), gain, 0), room)
+            new = np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN)
+            chosen = np.union1d(
+                _apart(np.where(new, drop, 0), room // 2), _apart(np.where(new, gain, 0), room - room // 2)
+            )
         else:
             chosen = _first(np.where(gain > _GAIN, plain.max(axis=(1, 2)), 0), room)
         if not chosen.size:
@@ -272,19 +283,15 @@ def _less(means: Means, seconds: float) -> Means:
     return means._replace(budget=Budget(max(budget.left - seconds, _NO_TIME)))
 
 
-def _estimated(plain: Real, tried: Real, added: Real, omega: Real) -> Real:
-    """Radii of polygons (F, ny, nu): in units of those of the discs they change from one that was tried to the next.
-
-    Without what the relaxation of the poles adds.
-    """
+def _estimated(plain: Real, tried: Real, omega: Real) -> Real:
+    """Radii of polygons (F, ny, nu): in units of those of the discs they change from one that was tried to the next."""
     found = _HALF * plain
     for entry in np.ndindex(*plain.shape[1:]):
         known = np.isfinite(tried[:, *entry]) & np.isfinite(plain[:, *entry])
         if known.any():
-            own = np.maximum(tried - added, _LEAST * tried)[known, *entry]
-            level = np.log(own / plain[known, *entry])
+            level = np.log(tried[known, *entry] / plain[known, *entry])
             found[:, *entry] = plain[:, *entry] * np.exp(np.interp(omega, omega[known], level))
-    return found + added
+    return found
 
 
 def _first(radius: Real, count: int) -> NDArray[np.intp]:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Array, Complex, Frozen, Real, as_array, exponents_of, freeze
+from robustid.core import Array, Arrays, Complex, Frozen, Real, as_array, exponents_of, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
-from robustid.guarantees.amplitude_bounds import Extractions, extractions_over, largest_amplitudes
+from robustid.guarantees.amplitude_bounds import Extractions, extractions_of, extractions_over, largest_amplitudes
 from robustid.guarantees.widening import Points, bounds_at, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
 
@@ -47,6 +47,8 @@ class PoleCell(Frozen):
     delay : int, samples
     dt : float, s
         0 in continuous time.
+    proofs : tuple of Extraction
+        Sums over the samples that prove the amplitudes, of every independent entry; empty: they are stated.
     """
 
     omega: Real
@@ -54,6 +56,7 @@ class PoleCell(Frozen):
     amplitude: Real
     delay: int
     dt: float
+    proofs: Extractions = ()
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude")})
@@ -194,24 +197,42 @@ class PoleCell(Frozen):
         slack = self.slack(omega)
         return float(np.divide(slack, bounds, out=np.zeros(slack.shape), where=np.isfinite(bounds)).max())
 
-    def split(self, problem: MixedProblem, omega: Real) -> tuple[PoleCell, PoleCell]:
-        """Two halves of the side of the mode that matters most."""
+    def widest(self, problem: MixedProblem, omega: Real) -> int:
+        """Mode whose remainder is largest in units of the bounds, at frequencies and at the samples."""
         omega = np.concatenate([omega, *(f.omega for f in problem.frequency)])
         weight = np.minimum(self.remainder(omega), _ENDLESS).reshape(omega.size, len(self.middle), -1)
         bounds = bounds_at(problem, omega).reshape(omega.size, 1, -1)
-        mode = int(np.argmax((weight / bounds).max(axis=(0, 2))))
-        sides = [
-            np.ptp(self.omega[mode]),
-            np.ptp(self.damping[mode]) * self.omega[mode].mean(),
-        ]  # how far each moves the pole
+        return int(np.argmax((weight / bounds).max(axis=(0, 2))))
+
+    def widest_at(self, omega: float) -> int:
+        """Mode whose remainder is largest at a frequency."""
+        return int(np.argmax(self.remainder(np.array([omega])).reshape(len(self.middle), -1).max(axis=1)))
+
+    def split(self, problem: MixedProblem, mode: int) -> tuple[PoleCell, PoleCell] | None:
+        """Two halves of the side of a mode that moves its pole more, each with its own amplitudes; None if these have no bound."""
+        sides = [np.ptp(self.omega[mode]), np.ptp(self.damping[mode]) * self.omega[mode].mean()]
         name = "omega" if sides[0] >= sides[1] else "damping"
         middle = float(getattr(self, name)[mode].mean())
         halves: list[PoleCell] = []
         for end in (0, 1):
-            ends = np.array(getattr(self, name))
-            ends[mode, 1 - end] = middle
-            halves.append(dataclasses.replace(self, **{name: ends}))
+            ends = {"omega": np.array(self.omega), "damping": np.array(self.damping)}
+            ends[name][mode, 1 - end] = middle
+            try:
+                halves.append(proved_cell(problem, ends["omega"], ends["damping"], self.delay))
+            except InputError:
+                return None
         return halves[0], halves[1]
+
+    def proved_again(self, problem: MixedProblem) -> Real | None:
+        """Amplitudes that its proofs give, evaluated anew; None where they give none."""
+        try:
+            return (
+                proved_cell(problem, self.omega, self.damping, self.delay, self.proofs).amplitude
+                if self.proofs
+                else None
+            )
+        except InputError:
+            return None
 
     @property
     def ends(self) -> Real:
@@ -219,10 +240,7 @@ class PoleCell(Frozen):
         return np.concatenate([self.omega, self.damping])
 
     def covered_by(self, cells: Sequence[PoleCell]) -> bool:
-        """Return whether cells that lie inside leave out none of its poles, by their ends alone.
-
-        They were made by cuts, so that some cut leaves each of them on one side of it; false for cells that were made otherwise.
-        """
+        """Return whether cells that lie inside leave out none of its poles, by their ends alone."""
         whole, parts = self.ends, [cell.ends for cell in cells]
         return all(_within(part, whole) for part in parts) and _covered(whole, parts)
 
@@ -232,17 +250,35 @@ def _within(inner: Real, outer: Real) -> bool:
 
 
 def _covered(whole: Real, parts: list[Real]) -> bool:
+    """Say whether parts of a box cover it: cut where none of them lies on both sides, else where fewest do, which are cut too."""
     if any(_within(whole, part) for part in parts):
         return True
-    for side, part in itertools.product(range(len(whole)), parts):
-        cut = part[side, 1]
-        below = [p for p in parts if p[side, 1] <= cut]
-        above = [p for p in parts if p[side, 0] >= cut]
-        if below and above and len(below) + len(above) == len(parts):
-            halves = np.array([whole, whole])
-            halves[0, side, 1] = halves[1, side, 0] = cut
-            return _covered(halves[0], below) and _covered(halves[1], above)
-    return False
+    side, cut = _cut(whole.tolist(), [part.tolist() for part in parts])
+    if side < 0:
+        return False
+    for end in (0, 1):
+        half = whole.copy()
+        half[side, 1 - end] = cut
+        mine = [part.copy() for part in parts if (part[side, 0] < cut if end == 0 else part[side, 1] > cut)]
+        for part in mine:
+            part[side] = np.clip(part[side], *half[side])
+        if not _covered(half, mine):
+            return False
+    return True
+
+
+def _cut(whole: list[list[float]], parts: list[list[list[float]]]) -> tuple[int, float]:
+    """Side of a box and the end of a part where it is cut; side -1 where no part ends inside."""
+    best, found = len(parts) + 1, (-1, 0.0)
+    for side, (low, high) in enumerate(whole):
+        ends = [part[side] for part in parts]
+        for cut in {end for pair in ends for end in pair if low < end < high}:
+            across = sum(a < cut < b for a, b in ends)
+            if across < best:
+                best, found = across, (side, cut)
+            if not across:
+                return found
+    return found
 
 
 def checked_box(
@@ -282,25 +318,45 @@ def checked_box(
     return omega, damping, delay
 
 
-def box_of(
-    identification: Identification,
-    omega: ArrayLike | None,
-    damping: ArrayLike | None,
-    delay: int,
-    extractions: Extractions | None = None,
-) -> tuple[PoleCell, Extractions]:
-    """Pole-uncertainty box as one cell, with certified bounds of its amplitudes, and the sums that prove these.
+def box_of(identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int) -> PoleCell:
+    """Pole-uncertainty box as one cell, with certified bounds of its amplitudes.
 
     Raises
     ------
     InputError
         As `checked_box`; the samples bound no amplitude of some mode by itself.
     """
-    omega, damping, delay = checked_box(identification, omega, damping, delay)
-    problem = identification.problem
-    extractions = extractions_over(problem, omega, damping) if extractions is None else extractions
-    largest = largest_amplitudes(problem, omega, damping, extractions)
-    return PoleCell(omega, damping, problem.entries.as_given(largest), delay, problem.dt), extractions
+    return proved_cell(identification.problem, *checked_box(identification, omega, damping, delay))
+
+
+def proved_cell(
+    problem: MixedProblem, omega: Real, damping: Real, delay: int, proofs: Extractions | None = None
+) -> PoleCell:
+    """Cell of modes in the order of the parametric part, with amplitudes that the samples prove; `proofs` as they are known.
+
+    Raises
+    ------
+    InputError
+        The samples bound no amplitude of some mode by itself.
+    """
+    own = _about(problem, omega, damping, delay)
+    proofs = extractions_over(own, omega, damping) if proofs is None else proofs
+    largest = problem.entries.as_given(largest_amplitudes(own, omega, damping, proofs))
+    return PoleCell(omega, damping, largest, delay, problem.dt, proofs)
+
+
+def loaded_cell(
+    problem: MixedProblem, omega: Real, damping: Real, delay: int, multipliers: Sequence[Arrays]
+) -> PoleCell:
+    """Cell whose amplitudes known multipliers prove. ValueError for those of other entries or samples."""
+    own = _about(problem, omega, damping, delay)
+    return proved_cell(problem, omega, damping, delay, extractions_of(own, omega, damping, multipliers))
+
+
+def _about(problem: MixedProblem, omega: Real, damping: Real, delay: int) -> MixedProblem:
+    """The statement with the pairs at the middle of a cell."""
+    pairs = kautz(omega.mean(axis=1), damping.mean(axis=1), dt=problem.dt, delay=delay)
+    return dataclasses.replace(problem, parametric=pairs, parameter_bounds=None)
 
 
 def _modes(identification: Identification, delay: int) -> Complex:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
 from typing import Self
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Real
+from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, independent_entries
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import (
@@ -38,6 +39,11 @@ class Cell(Frozen):
 
     values: tuple[ValueSet, ...]
 
+    @functools.cached_property
+    def omega(self) -> Real:
+        """Frequencies of the values, rad/s."""
+        return freeze(np.array(list(by_frequency(self.values))))
+
     def of_entry(self, output: int, input: int) -> tuple[ValueSet, ...]:
         """The values of an entry at every frequency; of symmetric matrices those of either one."""
         places = (output, input), (input, output)
@@ -64,7 +70,8 @@ class Cell(Frozen):
 class KeptCell(Cell):
     """A cell of a pole-uncertainty box that may contain the poles: the values are those of its relaxed problem.
 
-    None where the cell is so wide that no sample says anything.
+    At some frequencies other cells, which cover the same poles, may stand in place of it: it has no values there. None at all where
+    the cell is so wide that no sample says anything.
     """
 
     cell: PoleCell
@@ -87,8 +94,9 @@ class KeptCell(Cell):
                 yield RelaxedClaim(f"{name}, {one.name}", *parts)
 
     def is_about(self, problem: MixedProblem, omega: Real) -> bool:
-        """Return whether there are no polygons, or such as of any cell, of a relaxed problem."""
-        return not self.values or (super().is_about(problem, omega) and self.cell.relaxed(problem) is not None)
+        """Return whether there are no polygons, or such as of any cell, at some of the frequencies, of a relaxed problem."""
+        here = omega[np.isin(omega, self.omega)]
+        return not self.values or (super().is_about(problem, here) and self.cell.relaxed(problem) is not None)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -119,15 +127,17 @@ def union_of(cells: Sequence[Cell], nominal: Complex, omega: Real) -> tuple[Real
     """Bound of |F - nominal|, (F, ny, nu), and range of |F|, (F, ny, nu, 2), over all systems of any cell."""
     shape = nominal.shape
     upper, low, high = np.zeros(shape), np.full(shape, np.inf), np.zeros(shape)
+    if not all(item.values for item in cells):
+        return np.full(shape, np.inf), np.stack([np.zeros(shape), np.full(shape, np.inf)], axis=-1)
     for item in cells:
-        slack = item.slack(omega)
-        far, least, most = np.full(shape, np.inf), np.zeros(shape), np.full(shape, np.inf)
-        for entry in np.ndindex(*shape[1:]) if item.values else ():
-            sets, at = item.of_entry(*entry), (slice(None), *entry)
-            far[at] = [one.farthest(m)[0] for one, m in zip(sets, nominal[at].tolist(), strict=True)]
-            least[at], most[at] = np.array([one.magnitude for one in sets]).T
-        upper, high = np.maximum(upper, far + slack), np.maximum(high, most + slack)
-        low = np.minimum(low, np.maximum(0.0, least - slack))
+        here = np.isin(omega, item.omega)
+        slack, about = item.slack(omega[here]), nominal[here]
+        for entry in np.ndindex(*shape[1:]):
+            sets, at, extra = item.of_entry(*entry), (here, *entry), slack[:, *entry]
+            far = [one.farthest(m)[0] for one, m in zip(sets, about[:, *entry].tolist(), strict=True)]
+            least, most = np.array([one.magnitude for one in sets]).T
+            upper[at], high[at] = np.maximum(upper[at], far + extra), np.maximum(high[at], most + extra)
+            low[at] = np.minimum(low[at], np.maximum(0.0, least - extra))
     return upper, np.stack([low, high], axis=-1)
 
 
@@ -135,17 +145,13 @@ def corners_of(cells: Sequence[Cell], omega: Real, entry: Entry) -> list[Complex
     """At every frequency, points whose convex hull holds an entry of every system of any cell; None where one is too wide."""
     if not all(item.values for item in cells):
         return [None] * omega.size
-    slacks, sets = [item.slack(omega)[:, *entry] for item in cells], [item.of_entry(*entry) for item in cells]
-    found: list[Complex | None] = []
-    for k in range(omega.size):
-        if not all(np.isfinite(slack[k]) for slack in slacks):
-            found.append(None)
-            continue
-        each = [
-            (mine[k].vertices[:, None] + slack[k] * _AROUND).ravel() for mine, slack in zip(sets, slacks, strict=True)
-        ]
-        found.append(np.concatenate(each))
-    return found
+    found: list[list[Complex]] = [[] for _ in omega]
+    for item in cells:
+        here = np.flatnonzero(np.isin(omega, item.omega))
+        slack = item.slack(omega[here])[:, *entry]
+        for k, one, extra in zip(here.tolist(), item.of_entry(*entry), slack.tolist(), strict=True):
+            found[k].append((one.vertices[:, None] + extra * _AROUND).ravel())
+    return [np.concatenate(each) if np.all(np.isfinite(np.concatenate(each))) else None for each in found]
 
 
 def hulls_of(cells: Sequence[Cell], omega: Real, entry: Entry) -> list[Complex] | None:

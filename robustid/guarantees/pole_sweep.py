@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustid.core import Budget, Real, as_count, worker_pool
 from robustid.errors import InconsistentDataError, InputError, Status
@@ -29,14 +28,12 @@ if TYPE_CHECKING:
 _log = logging.getLogger("robustid")
 
 Cells = list[tuple[PoleCell, ConsistentSet | None]]
-Searched = tuple[Cells, list[RefutedCell], float]  # cells that are left, refuted ones, seconds of one at a frequency
 
 LIMITLESS = 1000  # cells, where time is no matter
 _ENOUGH = 24  # frequencies, for which cells are left undivided where the time is short
 _MATTERS = 0.25  # part of the bounds beside that the relaxation may cost before a cell is split
 _DIRECTIONS, _FIRST = 6, 12  # of the first look at a cell: directions, frequencies
 _ACCURACY = 1e-2
-_FIRST_LOOK = 0.5  # part of the time for the first cell, where it leaves few frequencies to the others
 
 
 def default_frequencies(problem: MixedProblem, modes: Real) -> Real:
@@ -47,19 +44,25 @@ def default_frequencies(problem: MixedProblem, modes: Real) -> Real:
     return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), modes.mean(axis=1)]), 0, top))
 
 
-def matters(cell: PoleCell, problem: MixedProblem, grid: Real) -> bool:
-    """Return whether the relaxation of a cell costs so much, at frequencies and samples, that it is worth a split."""
-    omega = np.concatenate([grid, *(f.omega for f in problem.frequency)])
-    return cell.cost(omega, bounds_at(problem, omega)) > _MATTERS
+def looked_at(
+    cell: PoleCell, problem: MixedProblem, budget: Budget | None = None
+) -> RefutedCell | ConsistentSet | None:
+    """Refutation of a cell, or the set of its relaxed problem; None where no sample says anything, or the time is over."""
+    posed = posed_relaxation(cell, problem)
+    if posed is None:
+        return None
+    claim, passed = prove_margin(posed.data, "structured", 1e-3, budget)
+    if claim.certificate.value > 1:
+        return RefutedCell(cell, claim.certificate)
+    return None if budget is not None and budget.over else set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
 
 
 def searched(
-    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget, margins: Budget | None = None
+    problem: MixedProblem, whole: PoleCell, grid: Real, limit: int, budget: Budget
 ) -> tuple[Cells, list[RefutedCell]]:
     """Split cells until their relaxation costs little; leave out what is refuted.
 
-    A cell is split where the time suffices for both halves and all that wait, by the longest that one has taken. Where that of
-    `margins` is over the margin ends, and the cell has no set.
+    A cell is split where the time suffices for both halves and all that wait, by the longest that one has taken.
     """
     waiting = [whole]
     kept: Cells = []
@@ -72,19 +75,17 @@ def searched(
         costs = [c.cost(omega, bounds) for c in waiting]
         widest = int(np.argmax(costs))
         cell = waiting.pop(widest)
-        posed = posed_relaxation(cell, problem)
-        claim, passed = (None, []) if posed is None else prove_margin(posed.data, "structured", 1e-3, margins)
-        if claim is not None and claim.certificate.value > 1:
-            refuted.append(RefutedCell(cell, claim.certificate))
+        found = looked_at(cell, problem)
+        if isinstance(found, RefutedCell):
+            refuted.append(found)
             continue
         longest, count = max(longest, time.monotonic() - before), len(waiting) + 2
-        if costs[widest] > _MATTERS and len(kept) + count <= limit and count * longest < budget.left:
-            waiting += cell.split(problem, grid)
-            continue
-        consistent = None
-        if posed is not None and claim is not None and not (margins is not None and margins.over):
-            consistent = set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
-        kept.append((cell, consistent))
+        worth = costs[widest] > _MATTERS and len(kept) + count <= limit and count * longest < budget.left
+        halves = cell.split(problem, cell.widest(problem, grid)) if worth else None
+        if halves is None:
+            kept.append((cell, found))
+        else:
+            waiting += halves
         _log.info("%d cells kept, %d refuted, %d waiting", len(kept), len(refuted), len(waiting))
     return kept, refuted
 
@@ -109,12 +110,10 @@ def bounded(
     means: Means,
     model: control.StateSpace,
     known: Known | None = None,
-    pays: Callable[[KeptCell, Real], NDArray[np.bool_]] | None = None,
 ) -> tuple[tuple[KeptCell, ...], Real]:
     """The values of every cell, and the frequencies that are finished in all of them.
 
-    One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part. Frequencies
-    at which a cell says, by `pays`, that it isn't worth the others are left out, and counted as done.
+    One pool of processes, one count and one folder for all cells, and of the time that is left to each the same part.
     """
     left = sum(consistent is not None for _, consistent in sets)
     done, count = 0, grid.size * left
@@ -132,15 +131,11 @@ def bounded(
             if consistent is None:
                 found.append((cell, None))
                 continue
-            share = 1 / left if pays is None else max(1 / left, _FIRST_LOOK * (number == 1))
-            mine = means.part(f"cell-{number}", share, counted)
+            mine = means.part(f"cell-{number}", 1 / left, counted)
             values = by_frequency(value_sets(consistent, grid, *settings, mine, model, known))
             # Other frequencies are of no use any more: the union is over all cells.
             done, left, grid = done + grid.size, left - 1, grid[np.isin(grid, list(values))]
             found.append((cell, values))
-            if pays is not None:
-                worth = pays(KeptCell(tuple(one for w in grid.tolist() for one in values[w]), cell), grid)
-                done, grid = done + left * int(np.sum(~worth)), grid[worth]
             if not grid.size:
                 break
     found += [(cell, {}) for cell, _ in sets[len(found) :]]
@@ -150,7 +145,7 @@ def bounded(
 
 def circle_over_poles(
     problem: MixedProblem,
-    kept: Sequence[KeptCell],
+    cells: Sequence[PoleCell],
     model: control.StateSpace,
     omega: Real,
     rtol: float,
@@ -163,12 +158,12 @@ def circle_over_poles(
     within the bound of that problem on the circle, and the largest remainder on the arc.
     """
     circles: list[CircleBound] = []
-    for number, item in enumerate(kept, start=1):
-        mine = means.part(f"circle-{number}", 1 / (len(kept) - number + 1))
-        found = _of_cell(problem, item.cell, model, omega, rtol, everywhere, mine)
+    for number, cell in enumerate(cells, start=1):
+        mine = means.part(f"circle-{number}", 1 / (len(cells) - number + 1))
+        found = _of_cell(problem, cell, model, omega, rtol, everywhere, mine)
         circles += [] if found is None else [found]
         if means.progress is not None:
-            means.progress("bounding the error between the frequencies", number, len(kept))
+            means.progress("bounding the error between the frequencies", number, len(cells))
     if not circles:
         raise InconsistentDataError(
             "no system with poles in the pole-uncertainty box fits the data: every cell of it is refuted"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Real, Record, exponents_of, fingerprint, one_thread
+from robustid.core import Budget, Complex, Real, exponents_of, fingerprint, one_thread
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import Entry
@@ -16,12 +16,10 @@ from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.functions import Box, pairs_of
 from robustid.guarantees.linear.polygon_discs import hull
 from robustid.guarantees.linear.solved_nodes import Nodes, joined_band
-from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles, worst_case_over_poles
+from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.pole_proofs import Cell, corners_of, union_of
-from robustid.guarantees.sweep import Known, Means
-from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem
+from robustid.identification import MixedProblem
 from robustid.identification.formulation import Entries
 
 if TYPE_CHECKING:
@@ -29,22 +27,6 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-12  # relative: of corners, and of distances from a centre
 SAME = 1e-9  # relative distance up to which two frequencies are one
-
-
-def polygons_of(
-    identification: Identification,
-    box: Box | None,
-    model: control.StateSpace | None,
-    omega: Real,
-    known: Known,
-    means: Means,
-) -> Bounded:
-    """Worst case at frequencies, those first at which the known discs are loose; over the box where there is one."""
-    how: Record = {"model": model, "omega": omega, "known": known, **means.options}
-    if box is None:
-        return worst_case_error(identification, **how)
-    omega_interval, damping_interval, delay = in_order(identification.problem, box)
-    return worst_case_over_poles(identification, omega_interval, damping_interval, delay=delay, **how)
 
 
 def in_order(problem: MixedProblem, box: Box) -> tuple[Real, Real, int]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Arrays, Complex, Real, Record, StateMatrices, as_count, fields_of, keep
-from robustid.guarantees.amplitude_bounds import extractions_of
 from robustid.guarantees.band import Multipliers, band_of_multipliers
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.circle import CircleBound
@@ -23,9 +21,8 @@ from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.pole_cells import PoleCell, box_of
+from robustid.guarantees.pole_cells import PoleCell, loaded_cell
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
-from robustid.guarantees.value_set import by_frequency
 from robustid.guarantees.watch_result import Watch
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MarginCertificate, MixedProblem
@@ -45,13 +42,18 @@ class _Circle(TypedDict):
     entries: Real
 
 
+class _Cell(TypedDict):
+    ends: Ends
+    amplitudes: tuple[Arrays, ...]
+
+
 class _Kept(TypedDict):
-    cell: Ends
+    cell: _Cell
     values: Arrays
 
 
 class _Refuted(TypedDict):
-    cell: Ends
+    cell: _Cell
     certificate: MarginCertificate
 
 
@@ -124,54 +126,46 @@ def _over_poles(band: WorstCaseOverPoles) -> Record:
     return {
         "identification": band.identification,
         "nominal": _own_nominal(band),
-        "box": _ends(band.box),
+        "box": _cell(band.box),
         "delay": band.box.delay,
         "omega": band.omega,
-        "amplitudes": tuple(_amplitudes(one) for one in band.extractions),
-        "kept": tuple({"cell": _ends(item.cell), "values": pack_values(item.values)} for item in band.kept),
-        "refuted": tuple({"cell": _ends(item.cell), "certificate": item.certificate} for item in band.refuted),
+        "kept": tuple({"cell": _cell(item.cell), "values": pack_values(item.values)} for item in band.kept),
+        "refuted": tuple({"cell": _cell(item.cell), "certificate": item.certificate} for item in band.refuted),
     }
 
 
 def _make_over_poles(
     identification: Identification,
     nominal: StateMatrices | None,
-    box: Ends,
+    box: _Cell,
     delay: int,
     omega: Real,
-    amplitudes: tuple[Arrays, ...],
     kept: tuple[_Kept, ...],
     refuted: tuple[_Refuted, ...],
 ) -> WorstCaseOverPoles:
-    problem, proofs = identification.problem, extractions_of(identification.problem, *box, amplitudes)
-    whole, _ = box_of(identification, *box, as_count("delay", delay), proofs)
+    problem, delay = identification.problem, as_count("delay", delay)
+
+    def loaded(cell: _Cell) -> PoleCell:
+        return loaded_cell(problem, *cell["ends"], delay, cell["amplitudes"])
+
     cells = tuple(
-        KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), _cell(whole, *item["cell"]))
+        KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), loaded(item["cell"]))
         for item in kept
     )
-    if not cells or any(item.values and len(by_frequency(item.values)) != omega.size for item in cells):
+    if not cells or not all(np.all(np.isin(item.omega, omega)) for item in cells):
         raise ValueError("it keeps no cell, or one that is bounded at other frequencies than it")
     return WorstCaseOverPoles(
         identification=identification,
         model=_nominal(nominal, identification),
         omega=omega,
-        box=whole,
+        box=loaded(box),
         kept=cells,
-        refuted=tuple(RefutedCell(_cell(whole, *item["cell"]), item["certificate"]) for item in refuted),
-        extractions=proofs,
+        refuted=tuple(RefutedCell(loaded(item["cell"]), item["certificate"]) for item in refuted),
     )
 
 
-def _ends(cell: PoleCell) -> Ends:
-    return cell.omega, cell.damping
-
-
-def _cell(box: PoleCell, omega: Real, damping: Real) -> PoleCell:
-    """Part of the pole-uncertainty box: amplitudes and delay are those of the whole."""
-    cell = dataclasses.replace(box, omega=omega, damping=damping)
-    if {cell.omega.shape, cell.damping.shape} != {box.omega.shape}:
-        raise ValueError("its cells have not the modes of the pole-uncertainty box")
-    return cell
+def _cell(cell: PoleCell) -> _Cell:
+    return {"ends": (cell.omega, cell.damping), "amplitudes": tuple(_amplitudes(one) for one in cell.proofs)}
 
 
 def _own_nominal(result: Bounded) -> StateMatrices | None:

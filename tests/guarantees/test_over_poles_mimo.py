@@ -87,7 +87,7 @@ def test_the_amplitudes_of_every_entry_are_its_own_and_of_their_units():
         prior=dataclasses.replace(problem.prior, scaling=units),
     )
     box = box_around(problem.parametric)
-    plain, other = (box_of(rid.identify(one), *box, 1)[0].amplitude for one in (problem, scaled))
+    plain, other = (box_of(rid.identify(one), *box, 1).amplitude for one in (problem, scaled))
     assert plain.shape == (1, 2, 2)
     np.testing.assert_allclose(other, units * plain, rtol=1e-3)
 

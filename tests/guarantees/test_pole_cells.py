@@ -107,7 +107,7 @@ def test_halves_cover_a_cell_and_do_not_refute_the_truth():
     )
     assert rid.identify(problem).consistent
     for _ in range(5):
-        halves = whole.split(problem, problem.frequency[0].omega)
+        halves = whole.split(problem, whole.widest(problem, problem.frequency[0].omega))
         inside = [np.all((h.omega[:, 0] <= data.modes[:, 0]) & (data.modes[:, 0] <= h.omega[:, 1])) for h in halves]
         inside = [
             a and np.all((h.damping[:, 0] <= data.modes[:, 1]) & (data.modes[:, 1] <= h.damping[:, 1]))

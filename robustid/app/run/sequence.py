@@ -51,7 +51,7 @@ _SUMS = 0.2  # of the time that is left when a step begins, as those of the next
 _MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5
 # What narrows a band that is proved at every frequency already ends within this part of the time of the whole run: a run that has
 # taken long is not made much longer for it. And the least, of the time that is left.
-_NARROWED, _LEAST = 0.1, 0.03
+_NARROWED, _LEAST = 0.12, 0.03
 _LIMITING = 0.5  # of the time that is left: the loop itself comes after
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more

@@ -16,7 +16,7 @@ from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Work
 from robustid.core import Budget
 from robustid.errors import FileFormatError, InputTypeError
-from robustid.guarantees import placement, pole_sweep
+from robustid.guarantees import placement, pole_sweep, pole_tree
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.linear.directed_search import DirectedSearch
@@ -170,10 +170,10 @@ def test_polygons_stand_where_they_gain(monkeypatch):
 
 @pytest.mark.slow
 def test_over_a_box_polygons_that_are_no_better_are_not_pursued(monkeypatch):
-    monkeypatch.setattr(placement, "_MOST", 4)
-    monkeypatch.setattr(placement, "_CELLS", 2)
-    band = over_box()[0]
-    programs = placement.OverBox(identified(), identified().model, BOX, OMEGA, Budget())
+    monkeypatch.setattr(placement.OverBox, "most", 4)
+    band, model = over_box()[0], identified().model
+    largest = placement.known_errors(band, identified().problem, model, OMEGA).max(axis=0)
+    programs = placement.OverBox(identified(), model, BOX, largest, Budget())
 
     class Small(Loose):
         def at(self, omega):
@@ -351,7 +351,7 @@ def test_steps_of_a_run_begin_no_program_where_its_time_is_over(monkeypatch):
 
 
 def test_over_a_box_nothing_is_begun_that_takes_longer_than_the_time(monkeypatch):
-    monkeypatch.setattr(placement, "affordable", None)
+    monkeypatch.setattr(pole_tree, "value_sets", None)
     found = over_box()[0].refine(identified(), time_limit=1e-6)
     assert found.polygons is None
     np.testing.assert_array_equal(found.radius, over_box()[0].radius)

@@ -1,0 +1,150 @@
+"""Cells of a pole-uncertainty box as trees: halved at a frequency where their systems are farthest from the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.core import Budget, Pieces, Real
+from robustid.errors import InconsistentDataError
+from robustid.guarantees.consistent_set import ConsistentSet
+from robustid.guarantees.pole_cells import PoleCell
+from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
+from robustid.guarantees.pole_sweep import looked_at
+from robustid.guarantees.sweep import Means, value_sets
+from robustid.guarantees.value_set import ValueSet
+from robustid.identification import MixedProblem
+
+if TYPE_CHECKING:
+    import control
+
+_LITTLE = 1e-3  # of the error: the remainder of a cell that is left as it is
+_LESS = 0.97  # times the largest error of a cell: what that of its quarters has to be for more of them
+
+
+class Branch:
+    """A cell, what is known of it, and its halves by the mode that was halved.
+
+    Attributes
+    ----------
+    found : RefutedCell, ConsistentSet or None
+        None: no sample says anything of all its poles at once.
+    values : dict
+        Polygons by frequency, rad/s.
+    """
+
+    def __init__(self, cell: PoleCell, name: str, found: RefutedCell | ConsistentSet | None) -> None:
+        self.cell, self.name, self.found = cell, name, found
+        self.values: dict[float, tuple[ValueSet, ...]] = {}
+        self.halves: dict[int, tuple[Branch, ...]] = {}
+
+    def kept(self, omega: float) -> KeptCell:
+        """The cell with its values at a frequency; without any of one that is too wide."""
+        return KeptCell(self.values.get(omega, ()), self.cell)
+
+
+class PoleTree:
+    """Cells of a box, of which those that hold the largest error at a frequency are halved; what they share is computed once.
+
+    Raises
+    ------
+    InconsistentDataError
+        The whole box is refuted.
+    """
+
+    def __init__(
+        self,
+        problem: MixedProblem,
+        model: control.StateSpace,
+        whole: PoleCell,
+        sides: tuple[int, float],
+        budget: Budget | None = None,
+    ) -> None:
+        self.problem, self.model, self._sides, self._budget = problem, model, sides, budget
+        self.refuted: list[RefutedCell] = []
+        self.root = self._branch(whole, "cell-")
+        if self.refuted:
+            raise self._refusal
+
+    def cover(
+        self,
+        omega: float,
+        scale: Real,
+        most: int,
+        means: Means,
+        told: Callable[[int], None],
+        start: Sequence[Branch] = (),
+    ) -> list[Branch] | None:
+        """So many branches at most that cover the box, without those that are refuted, with their values at a frequency.
+
+        The one whose systems are farthest from the model, in units of `scale` (1, ny, nu), is halved next, for as long as that
+        makes it smaller and there is time; None where there is none for the first ones, `start` or the whole box.
+        """
+        pieces, parents = Pieces(means.budget), dict[Branch, Branch]()
+        leaves = list(start) or [self.root]
+        for leaf in leaves:
+            if not (pieces.begins() and self._valued(leaf, omega, means)):
+                return None
+        sizes = {leaf: self._size(leaf, omega, scale) for leaf in leaves}
+        while len(leaves) < most and pieces.begins():
+            worst = max(leaves, key=sizes.__getitem__)
+            above = parents.get(worst)
+            slack = float((worst.cell.slack(np.array([omega])) / scale).max())
+            if slack < _LITTLE * sizes[worst] or (above in parents and sizes[worst] > _LESS * sizes[parents[above]]):
+                break
+            halves = self._halves(worst, omega)
+            over = (
+                means.budget is not None and means.budget.over
+            )  # then one that is too wide may be one without a margin
+            if over or not halves or not all(self._valued(half, omega, means) for half in halves):
+                break
+            halves = tuple(half for half in halves if not isinstance(half.found, RefutedCell))
+            leaves = [leaf for leaf in leaves if leaf is not worst] + list(halves)
+            sizes |= {half: self._size(half, omega, scale) for half in halves}
+            parents |= dict.fromkeys(halves, worst)
+            if not leaves:
+                raise self._refusal
+            told(len(leaves))
+        return leaves
+
+    @property
+    def _refusal(self) -> InconsistentDataError:
+        return InconsistentDataError(
+            "no system with poles in the pole-uncertainty box fits the data: cells that cover it are refuted; loosen the bounds,"
+            " the prior or the box"
+        )
+
+    def _branch(self, cell: PoleCell, name: str) -> Branch:
+        found = looked_at(cell, self.problem, self._budget)
+        if isinstance(found, RefutedCell):
+            self.refuted.append(found)
+        return Branch(cell, name, found)
+
+    def _halves(self, branch: Branch, omega: float) -> tuple[Branch, ...]:
+        """Halves of the mode that matters at a frequency; none where their amplitudes have no bound."""
+        wide = branch.found is None
+        mode = branch.cell.widest(self.problem, np.array([omega])) if wide else branch.cell.widest_at(omega)
+        if mode not in branch.halves:
+            cells = branch.cell.split(self.problem, mode) or ()
+            branch.halves[mode] = tuple(
+                self._branch(cell, f"{branch.name}{mode}{'ab'[k]}") for k, cell in enumerate(cells)
+            )
+        return branch.halves[mode]
+
+    def _valued(self, branch: Branch, omega: float, means: Means) -> bool:
+        """Find the values at a frequency, and say whether there was time for it; of cells without a set there are none."""
+        if isinstance(branch.found, ConsistentSet) and omega not in branch.values:
+            found = value_sets(
+                branch.found, np.array([omega]), *self._sides, means.part(branch.name), self.model, least=0
+            )
+            if not found:
+                return False
+            branch.values[omega] = tuple(found)
+        return True
+
+    def _size(self, branch: Branch, omega: float, scale: Real) -> float:
+        at = np.array([omega])
+        nominal = self.problem.plane.values_at(self.model, at)
+        return float((union_of((branch.kept(omega),), nominal, at)[0] / scale).max())
