@@ -252,7 +252,7 @@ def _box_parts(
     if not pairs or not single.problems or budget.over:
         return [single]
     try:
-        cell, _ = box_of(identify(single.problems[0]), modes.omega_interval, modes.damping_interval, modes.delay)
+        cell = box_of(identify(single.problems[0]), modes.omega_interval, modes.damping_interval, modes.delay)
         relaxed = cell.relaxed(data)
     except InputError as error:  # too few samples for the terms that cover it
         return [single._replace(note=f"the pole-uncertainty box that the data leave can't be covered: {error}")]

@@ -148,14 +148,13 @@ def test_a_cell_without_values_has_no_bound(computed):
 
 
 def test_what_no_data_speak_of_is_not_refuted(computed):
-    """Half of a box so wide that every line is left out, with larger amplitudes than are proved."""
-    box = computed.box
-    wide = dataclasses.replace(
-        box, omega=box.omega * [0.5, 1.5], damping=box.damping * [0.5, 3], amplitude=100 * box.amplitude
-    )
-    halves = wide.split(computed.identification.problem, computed.omega)
-    assert all(half.relaxed(computed.identification.problem) is None for half in halves)
-    band = dataclasses.replace(computed, box=wide, refuted=(), kept=())
+    """Halves of the box with amplitudes so large, which is more than is proved, that every line is left out."""
+    problem = computed.identification.problem
+    halves = [
+        dataclasses.replace(half, amplitude=np.inf * half.amplitude) for half in computed.box.split(problem, 0)
+    ]
+    assert all(half.relaxed(problem) is None for half in halves)
+    band = dataclasses.replace(computed, refuted=(), kept=())
     kept = [dataclasses.replace(computed.kept[0], cell=half, values=()) for half in halves]
     assert dataclasses.replace(band, kept=tuple(kept)).verify()
     claimed = dataclasses.replace(computed.refuted[0], cell=halves[1])
@@ -207,19 +206,21 @@ FORGERIES = {
     "multipliers of a refutation": scaled("refuted/0/certificate/samples", 1.001),
     "matrix of a refutation": scaled("refuted/0/certificate/ball", 0.999),
     "fewer frequencies": lambda a: {"omega": a["omega"][:1]},
-    "fewer modes": lambda a: {"kept/0/cell/0": a["kept/0/cell/0"][:1]},
+    "fewer modes": lambda a: {"kept/0/cell/ends/0": a["kept/0/cell/ends/0"][:1]},
     "fewer multipliers": lambda a: {"refuted/0/certificate/samples": a["refuted/0/certificate/samples"][:-1]},
-    "end of a cell": moved("kept/0/cell/0", 1, 0, 1e-6),
-    "other end of a cell": moved("kept/0/cell/0", 1, 1, 1e-6),
-    "end of a refuted cell": moved("refuted/0/cell/1", 1, 1, -1e-6),
-    "end of the box": moved("box/1", 0, 1, 1e-6),
-    "not a number": lambda a: {"kept/0/cell/0": a["kept/0/cell/0"] * np.nan},
+    "end of a cell": moved("kept/0/cell/ends/0", 1, 0, 1e-6),
+    "other end of a cell": moved("kept/0/cell/ends/0", 1, 1, 1e-6),
+    "end of a refuted cell": moved("refuted/0/cell/ends/1", 1, 1, -1e-6),
+    "end of the box": moved("box/ends/1", 0, 1, 1e-6),
+    "not a number": lambda a: {"kept/0/cell/ends/0": a["kept/0/cell/ends/0"] * np.nan},
     "data": lambda a: {
         "identification/problem/frequency/0/values": a["identification/problem/frequency/0/values"] * 1.01
     },
-    "amplitudes": scaled("amplitudes/0/multipliers", 0.9),
-    "centres of amplitudes": scaled("amplitudes/0/about", 1.1),
-    "points of amplitudes": lambda a: {"amplitudes/0/points": a["amplitudes/0/points"][:, ::-1]},
+    "amplitudes": scaled("kept/0/cell/amplitudes/0/multipliers", 0.9),
+    "centres of amplitudes": scaled("kept/0/cell/amplitudes/0/about", 1.1),
+    "points of amplitudes": lambda a: {
+        "kept/0/cell/amplitudes/0/points": a["kept/0/cell/amplitudes/0/points"][:, ::-1]
+    },
 }
 
 
