@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from typing import Any, TypeVar
+from typing import ParamSpec, Protocol, TypeVar
 
 Result = TypeVar("Result")
+Given = ParamSpec("Given")
+
+
+class Client(Protocol):
+    """The client of `distributed`."""
+
+    def submit(self, function: Callable[..., Result], /, *arguments: object, **named: object) -> Future[Result]:
+        """Give a call to the cluster."""
+        ...
 
 
 class ClusterCalls(Executor):
@@ -16,14 +25,16 @@ class ClusterCalls(Executor):
     before the call is made again.
     """
 
-    def __init__(self, client: Any, options: dict[str, Any]) -> None:
+    def __init__(self, client: Client, options: dict[str, object]) -> None:
         self._client, self._options = client, options
 
-    def submit(self, function: Callable[..., Result], /, *arguments: Any, **named: Any) -> Future[Result]:
+    def submit(
+        self, function: Callable[Given, Result], /, *arguments: Given.args, **named: Given.kwargs
+    ) -> Future[Result]:
         """Give a call to the cluster."""
         asked, told = self._client.submit(function, *arguments, **self._options, **named), Future[Result]()
 
-        def ended(asked: Any) -> None:
+        def ended(asked: Future[Result]) -> None:
             if told.set_running_or_notify_cancel():
                 try:
                     told.set_result(asked.result())

@@ -175,7 +175,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
 
         Those of `worst_case_error`, or over a box those of its cells, which are halved where the error is largest. By default at
-        up to 40 frequencies in the range of the data, over a box 24, where they are estimated to gain most over the discs, if that
+        up to 40 frequencies in the range of the data, over a box 32, where they are estimated to gain most over the discs, if that
         is 5 % at least.
 
         Parameters
@@ -236,7 +236,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         programs = OverBox(thing, about, self.box, errors.max(axis=0), budget, every=omega is not None)
         if omega is None:
             return placed(programs, plain, grid, means)
-        programs.solve(grid[np.argsort(-errors.max(axis=(1, 2)), kind="stable")], plain, means)
+        programs.solve(grid, plain, means)
         polygons = programs.polygons()
         return self if polygons is None else self.between(polygons, budget)
 

@@ -31,7 +31,7 @@ _GRID = 40  # further candidates, equally spaced
 _THIN = 1e-3  # of a frequency, that is left out so near above another one, over a box
 _AROUND = 13  # and so many over three times the width of the box of every mode
 _MOST, _ROUND = 40, 8  # frequencies, and of these so many before the next are chosen
-_MOST_OF_CELLS, _ROUND_OF_CELLS = 20, 4  # the same over a box
+_MOST_OF_CELLS, _ROUND_OF_CELLS, _SPREAD = 32, 4, 14  # the same over a box, and those that are spread over all
 _MANY = 4  # entries: of more all frequencies are chosen at once, since the search between them takes as long as they do
 _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good enough
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
@@ -71,6 +71,10 @@ class Programs(abc.ABC):
     @abc.abstractmethod
     def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
         """Find the polygons at frequencies; those that were looked at, (F,), and at least the radii there, (F, ny, nu)."""
+
+    def spread(self, room: int) -> int:
+        """Number of frequencies of the first round, of `room`, that are spread over all."""
+        return room // 2
 
     @abc.abstractmethod
     def polygons(self) -> Bounded | None:
@@ -150,6 +154,8 @@ class OverBox(Programs):
         radii: dict[float, Real] = {}
         error = known_errors(known, self.identification.problem, self.model, omega)
         share = (error / self._largest).max(axis=(1, 2))
+        first = np.argsort(-share, kind="stable")  # the largest error, before the time is over
+        omega, error, share = omega[first], error[first], share[first]
         most = np.ceil(_CELLS + (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0)).astype(int)
         with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
             for k, w in enumerate(omega.tolist()):
@@ -173,6 +179,10 @@ class OverBox(Programs):
                 " `band` stand alone; measure more frequency points around the modes, or state a smaller box"
             )
         return np.array(sorted(radii)), np.array([radii[w] for w in sorted(radii)]).reshape(-1, *self.entries.shape)
+
+    def spread(self, room: int) -> int:
+        """As `Programs.spread`; far from the modes one cell says it all, and takes little time."""
+        return _SPREAD
 
     def _beside(self, omega: float, most: int) -> list[Branch]:
         """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box."""
@@ -219,8 +229,10 @@ def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | No
         low, high = max(low, float(lines.min())), min(high, float(lines.max()))
     inside = omega[(omega >= low) & (omega <= high)]
     every = [inside, np.linspace(low, high, _GRID)]
-    for least, most in () if box is None else box[0]:
-        every.append(np.linspace(*np.clip(np.array([2 * least - most, 2 * most - least]), low, high), _AROUND))
+    ends: list[list[float]] = [] if box is None else box[0].tolist()
+    for least, most in ends:
+        first, last = (min(max(end, low), high) for end in (2 * least - most, 2 * most - least))
+        every.append(np.linspace(first, last, _AROUND))
     found = np.unique(np.concatenate(every))
     return found if box is None else found[np.diff(found, prepend=-np.inf) > _THIN * found]
 
@@ -249,7 +261,7 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
                 _apart(np.where(new, drop, 0), room // 2), _apart(np.where(new, gain, 0), room - room // 2)
             )
         else:
-            chosen = _first(np.where(gain > _GAIN, plain.max(axis=(1, 2)), 0), room)
+            chosen = _first(np.where(gain > _GAIN, plain.max(axis=(1, 2)), 0), (room + 1) // 2, programs.spread(room))
         if not chosen.size:
             break
         # The best of them first: the time may end before the others.
@@ -294,16 +306,16 @@ def _estimated(plain: Real, tried: Real, omega: Real) -> Real:
     return found
 
 
-def _first(radius: Real, count: int) -> NDArray[np.intp]:
-    """The numbers to begin with, of positive radii: half of them of the largest discs, the others spread over all."""
-    largest, there = _apart(radius, (count + 1) // 2), np.flatnonzero(radius > 0)
-    if not largest.size:
-        return largest
-    spread = there[np.linspace(0, there.size - 1, count + 2).round().astype(int)[1:-1]]
-    away = np.abs(spread[:, None] - largest).min(axis=1)
-    spread = spread[away > _BESIDE]
-    kept = np.unique(np.linspace(0, spread.size - 1, min(count // 2, spread.size)).round().astype(int))
-    return np.union1d(largest, spread[kept]).astype(int)
+def _first(radius: Real, largest: int, spread: int) -> NDArray[np.intp]:
+    """The numbers to begin with, of positive radii: so many of the largest discs, and others spread over all."""
+    chosen, there = _apart(radius, largest), np.flatnonzero(radius > 0)
+    if not chosen.size:
+        return chosen
+    others = there[np.linspace(0, there.size - 1, 2 * spread + 2).round().astype(int)[1:-1]]
+    away = np.abs(others[:, None] - chosen).min(axis=1)
+    others = others[away > _BESIDE]
+    kept = np.unique(np.linspace(0, others.size - 1, min(spread, others.size)).round().astype(int))
+    return np.union1d(chosen, others[kept]).astype(int)
 
 
 def _apart(value: Real, count: int) -> NDArray[np.intp]:

@@ -15,6 +15,7 @@ from robustid.core import Array, Arrays, Complex, Frozen, Real, as_array, expone
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.amplitude_bounds import Extractions, extractions_of, extractions_over, largest_amplitudes
+from robustid.guarantees.box_parts import are_covered, lies_within
 from robustid.guarantees.widening import Points, bounds_at, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
 
@@ -242,43 +243,7 @@ class PoleCell(Frozen):
     def covered_by(self, cells: Sequence[PoleCell]) -> bool:
         """Return whether cells that lie inside leave out none of its poles, by their ends alone."""
         whole, parts = self.ends, [cell.ends for cell in cells]
-        return all(_within(part, whole) for part in parts) and _covered(whole, parts)
-
-
-def _within(inner: Real, outer: Real) -> bool:
-    return inner.shape == outer.shape and bool(np.all((outer[:, 0] <= inner[:, 0]) & (inner[:, 1] <= outer[:, 1])))
-
-
-def _covered(whole: Real, parts: list[Real]) -> bool:
-    """Say whether parts of a box cover it: cut where none of them lies on both sides, else where fewest do, which are cut too."""
-    if any(_within(whole, part) for part in parts):
-        return True
-    side, cut = _cut(whole.tolist(), [part.tolist() for part in parts])
-    if side < 0:
-        return False
-    for end in (0, 1):
-        half = whole.copy()
-        half[side, 1 - end] = cut
-        mine = [part.copy() for part in parts if (part[side, 0] < cut if end == 0 else part[side, 1] > cut)]
-        for part in mine:
-            part[side] = np.clip(part[side], *half[side])
-        if not _covered(half, mine):
-            return False
-    return True
-
-
-def _cut(whole: list[list[float]], parts: list[list[list[float]]]) -> tuple[int, float]:
-    """Side of a box and the end of a part where it is cut; side -1 where no part ends inside."""
-    best, found = len(parts) + 1, (-1, 0.0)
-    for side, (low, high) in enumerate(whole):
-        ends = [part[side] for part in parts]
-        for cut in {end for pair in ends for end in pair if low < end < high}:
-            across = sum(a < cut < b for a, b in ends)
-            if across < best:
-                best, found = across, (side, cut)
-            if not across:
-                return found
-    return found
+        return all(lies_within(part, whole) for part in parts) and are_covered(whole, parts)
 
 
 def checked_box(

@@ -150,9 +150,7 @@ def test_a_cell_without_values_has_no_bound(computed):
 def test_what_no_data_speak_of_is_not_refuted(computed):
     """Halves of the box with amplitudes so large, which is more than is proved, that every line is left out."""
     problem = computed.identification.problem
-    halves = [
-        dataclasses.replace(half, amplitude=np.inf * half.amplitude) for half in computed.box.split(problem, 0)
-    ]
+    halves = [dataclasses.replace(half, amplitude=np.inf * half.amplitude) for half in computed.box.split(problem, 0)]
     assert all(half.relaxed(problem) is None for half in halves)
     band = dataclasses.replace(computed, refuted=(), kept=())
     kept = [dataclasses.replace(computed.kept[0], cell=half, values=()) for half in halves]
