@@ -338,17 +338,17 @@ def test_a_cluster_gives_the_same(tmp_path):
 
 
 def _children(parent):
-    """Worker processes of a process, by what Linux says of all."""
-    found = []
+    """Worker processes of a command, whose work is done by a child of its own, by what Linux says of all processes."""
+    parents, spawned = {}, []
     for place in Path("/proc").glob("[0-9]*"):
         try:
             status = dict(line.split(":", 1) for line in (place / "status").read_text().splitlines())
-            spawned = b"spawn_main" in (place / "cmdline").read_bytes()
+            worker = b"spawn_main" in (place / "cmdline").read_bytes()
         except OSError:  # ended meanwhile
             continue
-        if int(status["PPid"]) == parent and spawned:
-            found.append(int(place.name))
-    return found
+        parents[int(place.name)] = int(status["PPid"])
+        spawned += [int(place.name)] * worker
+    return [pid for pid in spawned if parents.get(parents[pid]) == parent]
 
 
 def _until(condition, seconds=600):

