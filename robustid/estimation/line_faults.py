@@ -67,11 +67,13 @@ def _of_whole(frf: FrequencyResponse, odd: list[Odd], wrong: NDArray[np.bool_]) 
     """The lines that are off, with those that only models of whole entries show; or a jump that these show, or small bounds."""
     part = frf.select(~wrong)
     models, lines = whole_models(part), np.flatnonzero(~wrong)
-    step = jump_of_models(models, part.omega, part.values[0].size)
+    step = jump_of_models(models, part)
     if step is not None:
         return odd, step._replace(upper=int(lines[step.upper])), 0.0
     more = [one._replace(line=int(lines[one.line])) for one in odd_lines(models)]
-    return sorted([*odd, *more]), None, 0.0 if more else beyond_bounds(models)
+    if more or not beyond_bounds(models):
+        return sorted([*odd, *more]), None, 0.0
+    return odd, None, beyond_bounds(whole_models(part, refined=True))
 
 
 def _excited(frf: FrequencyResponse) -> tuple[int, int]:

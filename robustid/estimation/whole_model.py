@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ _AS_GOOD, _UNCERTAIN = (
     1.2,
     2.0,
 )  # times the noise that local models find, and deviations of it: the model is one of the whole entry
+_STEPS = 40  # of least squares, after the poles are relocated: what relocation leaves is not noise
 _EDGE = 6  # lines on either side of a jump
 _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
@@ -56,62 +58,124 @@ class WholeModel(NamedTuple):
         return bool(np.sqrt(2 * self.variance * share) <= most * self.noise)
 
 
-def whole_models(frf: FrequencyResponse) -> dict[int, WholeModel]:
-    """Models of the entries, by number, row by row; none of long or short responses, nor of those without bounds."""
+class _Fitted(NamedTuple):
+    """Poles, the rows of their functions, the values that these take, and the criterion of that."""
+
+    criterion: float
+    poles: Complex
+    rows: Real
+    values: Complex
+
+
+def whole_models(frf: FrequencyResponse, *, refined: bool = False) -> dict[int, WholeModel]:
+    """Models of the entries, by number, row by row; none of long or short responses, nor of those without bounds.
+
+    Relocated poles are soon found and leave some of the response; those that are `refined`, by least squares, leave its noise, but
+    follow a part of its faults too.
+    """
     entries, lines = frf.values[0].size, frf.omega.size
     if frf.bound is None or lines < _FEWEST or lines * entries > _MOST or np.any(frf.missing):
         return {}
     if np.any(np.diff(frf.omega) <= 0):
         return {}
-    each = {k: frf.entry(*divmod(k, frf.values.shape[2])) for k in range(entries)}
-    return {k: found for k, one in each.items() if np.any(one.values) and (found := _whole(one)) is not None}
+    each = {k: _entry(frf, k) for k in range(entries)}
+    return {k: found for k, one in each.items() if np.any(one.values) and (found := _whole(one, refined)) is not None}
 
 
-def _whole(one: FrequencyResponse) -> WholeModel | None:
+def _entry(frf: FrequencyResponse, number: int) -> FrequencyResponse:
+    return frf.entry(*divmod(number, frf.values.shape[2]))
+
+
+def _whole(one: FrequencyResponse, refined: bool) -> WholeModel | None:
     """Model of the order with the smallest Bayesian information criterion."""
     bound = one.bound.outer_radius.reshape(-1)
     if not np.all(bound > 1e-12 * float(np.abs(one.values).max())):
         return None
+    best, fit = _of_least_criterion(one, refined)
+    if best is None:
+        return None
+    right = _real(one.values.reshape(-1) / bound)
+    moved = np.hstack([best.rows, _real(_second(fit.x, best.poles) / bound[:, None])])  # the poles may move
+    basis = np.linalg.qr(moved / np.linalg.norm(moved, axis=0))[0]
+    left = right - basis @ (basis.T @ right)
+    spare = right.size - basis.shape[1]
+    power = float(left @ left)
+    if spare < right.size / 2 or power <= 1e-24 * float(right @ right):
+        return None
+    return WholeModel(best.values, left, basis, power / spare, noise_in_bounds(one))
+
+
+def _of_least_criterion(one: FrequencyResponse, refined: bool) -> tuple[_Fitted | None, PoleFit]:
+    bound = one.bound.outer_radius.reshape(-1)
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
     right = _real(one.values.reshape(-1) / bound)
-    best: tuple[float, Complex, Real, Complex] | None = None
+    best: _Fitted | None = None
     for order in _ORDERS:
         if order * _A_POLE > bound.size:
             break
         poles = fit.search(order, np.zeros(1), decades=False)[1][0]
-        if _needle(poles, one):
-            continue
-        functions = np.hstack([fractions(fit.x, poles), np.ones((bound.size, 1))]) / bound[:, None]
-        rows = _real(functions)
+        if refined:
+            poles, rows = _followed(fit, one, bound, right, poles)
+        else:
+            rows = _rows(fit, poles, bound)
+            if _alone(poles, one, rows, right):
+                continue
         solved = np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], dtype=float)
         left = right - rows @ solved
         criterion = count * float(np.log(max(float(left @ left), 1e-300))) + 2 * rows.shape[1] * float(np.log(count))
-        if best is None or criterion < best[0]:
-            best = (criterion, poles, rows, np.asarray(functions @ solved, dtype=complex))
-    if best is None:
-        return None
-    _, poles, rows, values = best
-    moved = np.hstack([rows, _real(_second(fit.x, poles) / bound[:, None])])  # the poles may move
-    basis = np.linalg.qr(moved / np.linalg.norm(moved, axis=0))[0]
-    left = right - basis @ (basis.T @ right)
-    spare = count - basis.shape[1]
-    power = float(left @ left)
-    if spare < count / 2 or power <= 1e-24 * float(right @ right):
-        return None
-    return WholeModel(values, left, basis, power / spare, noise_in_bounds(one))
+        if best is None or criterion < best.criterion:
+            best = _Fitted(criterion, poles, rows, _complex(rows @ solved))
+    return best, fit
 
 
-def _needle(poles: Complex, one: FrequencyResponse) -> bool:
-    """Return whether a pole shows on one line only: that line would be explained by it, whatever it is."""
+def _rows(fit: PoleFit, poles: Complex, bound: Real) -> Real:
+    """Functions of the poles, and a constant, in units of the bound."""
+    return _real(np.hstack([fractions(fit.x, poles), np.ones((bound.size, 1))]) / bound[:, None])
+
+
+def _followed(fit: PoleFit, one: FrequencyResponse, bound: Real, right: Real, poles: Complex) -> tuple[Complex, Real]:
+    """Poles of least squares from a start, without those that explain one line only, and the rows of their functions."""
+    while True:
+        poles = fit.refine(0.0, poles, held=True, steps=_STEPS).poles
+        rows = _rows(fit, poles, bound)
+        if not (alone := _alone(poles, one, rows, right)):
+            return poles, rows
+        poles = np.delete(poles, alone)
+
+
+def _alone(poles: Complex, one: FrequencyResponse, rows: Real, right: Real) -> list[int]:
+    """Poles that explain a single line, or two: whatever these are."""
+    return [number for number, *place in _needles(poles, one) if not _seen_beside(rows, right, *place)]
+
+
+def _needles(poles: Complex, one: FrequencyResponse) -> list[tuple[int, list[int], list[int]]]:
+    """Number and columns of each pole that is narrower than the lines are apart, and the two lines between which it is."""
     if one.dt is None:
-        place, width = np.imag(poles) * one.omega[-1], np.abs(np.real(poles)) * one.omega[-1]
+        place, width = np.abs(np.imag(poles)) * one.omega[-1], np.abs(np.real(poles)) * one.omega[-1]
     else:
-        place, width = np.angle(poles) / one.dt, np.abs(np.log(np.maximum(np.abs(poles), 1e-300))) / one.dt
+        place, width = np.abs(np.angle(poles)) / one.dt, np.abs(np.log(np.maximum(np.abs(poles), 1e-300))) / one.dt
     steps = np.diff(one.omega)
-    spacing = steps[np.clip(np.searchsorted(one.omega, place) - 1, 0, steps.size - 1)]
+    below = np.clip(np.searchsorted(one.omega, place) - 1, 0, steps.size - 1)
     inside = (place > one.omega[0]) & (place < one.omega[-1])
-    return bool(np.any(inside & (width < NARROW * spacing)))
+    wide = 1 + (np.imag(poles) != 0)
+    first = np.cumsum(wide) - wide
+    return [
+        (int(k), list(range(int(first[k]), int(first[k] + wide[k]))), [int(below[k]), int(below[k]) + 1])
+        for k in np.flatnonzero(inside & (width < NARROW * steps[below]))
+    ]
+
+
+def _seen_beside(rows: Real, right: Real, columns: list[int], lines: list[int]) -> bool:
+    """Return whether the other lines need these columns too, as those around a narrow mode do."""
+    count = right.size // 2
+    kept = np.delete(np.arange(2 * count), [*lines, *(count + line for line in lines)])
+    rest, fewer = right[kept], np.delete(rows[kept], columns, axis=1)
+    with_, without = (
+        float(np.sum((rest - one @ np.linalg.lstsq(one, rest, rcond=None)[0]) ** 2)) for one in (rows[kept], fewer)
+    )
+    spare = kept.size - rows.shape[1]
+    return spare > 0 and (without - with_) * spare > 2 * np.log(count / _CHANCE) * with_
 
 
 def _second(x: Complex, poles: Complex) -> Complex:
@@ -125,6 +189,10 @@ def _second(x: Complex, poles: Complex) -> Complex:
 
 def _real(values: np.ndarray) -> Real:
     return np.concatenate([np.real(values), np.imag(values)])
+
+
+def _complex(rows: Real) -> Complex:
+    return rows[: rows.size // 2] + 1j * rows[rows.size // 2 :]
 
 
 # --- lines ---------------------------------------------------------------------------------------------------------------------
@@ -181,9 +249,9 @@ def beyond_bounds(models: dict[int, WholeModel]) -> float:
 # --- jumps ---------------------------------------------------------------------------------------------------------------------
 
 
-def jump_of_models(models: dict[int, WholeModel], omega: Real, entries: int) -> Jump | None:
+def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jump | None:
     """The place from which on the entries have another gain, or another delay, than below it; None where there is none."""
-    lines = omega.size
+    omega, lines, entries = frf.omega, frf.omega.size, frf.values[0].size
     if not models or lines < 4 * _EDGE:
         return None
     limit = 2 * float(np.log(2 * lines * len(models) / _CHANCE))
@@ -200,13 +268,24 @@ def jump_of_models(models: dict[int, WholeModel], omega: Real, entries: int) -> 
         if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
             continue
         (gained, gain), (_, delay) = seen[k]
-        own = (
-            1 + gain[upper] if gained[upper] == each[k][upper] else np.exp(1j * delay[upper] * omega[upper] / omega[-1])
-        )
+        if gained[upper] == each[k][upper]:
+            change = 1 + gain[upper] + 0j * omega
+        else:
+            change = np.exp(1j * delay[upper] * omega / omega[-1])
+        own = complex(change[upper])
         most = min(np.abs(one.values[:upper]).max(), np.abs(one.values[upper:]).max())  # of either part
-        if np.abs(own - 1) * most > _PART and not of_resonance(complex(own)):
+        if np.abs(own - 1) * most > _PART and not of_resonance(own) and _is_needed(_entry(frf, k), change, upper):
             factors[k], size = own, max(size, float(np.abs(own - 1) * np.abs(one.values[upper - 1 : upper + 1]).mean()))
     return Jump(upper, factors, size) if size > 0 else None
+
+
+def _is_needed(one: FrequencyResponse, change: Complex, upper: int) -> bool:
+    """Return whether models of all orders are clearly worse, by the criterion, than those of the entry without the change."""
+    by = np.where(np.arange(change.size) >= upper, change, 1)
+    without = dataclasses.replace(one, values=one.values / by[:, None, None])
+    simpler, plain = (_of_least_criterion(each, True)[0] for each in (without, one))
+    clearly = 2 * float(np.log(2 * change.size) + np.log(2 * change.size / _CHANCE))  # a number more, sought at all places
+    return simpler is not None and plain is not None and simpler.criterion + clearly < plain.criterion
 
 
 def _steps(one: WholeModel, change: NDArray[np.complexfloating] | Real) -> tuple[Real, Real]:
