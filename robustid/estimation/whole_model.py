@@ -122,8 +122,8 @@ def _of_least_criterion(one: FrequencyResponse, refined: bool) -> tuple[_Fitted 
             if _alone(poles, one, rows, right):
                 continue
         solved = np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], dtype=float)
-        left = right - rows @ solved
-        criterion = count * float(np.log(max(float(left @ left), 1e-300))) + 2 * rows.shape[1] * float(np.log(count))
+        power = max(float(np.sum((right - rows @ solved) ** 2)), 1e-300)
+        criterion = count * float(np.log(power)) + 2 * rows.shape[1] * float(np.log(count))
         if best is None or criterion < best.criterion:
             best = _Fitted(criterion, poles, rows, _complex(rows @ solved))
     return best, fit
@@ -238,7 +238,9 @@ def beyond_bounds(models: dict[int, WholeModel]) -> float:
     largest = 0.0
     for one in models.values():
         lines = one.values.size
-        left = np.sort(np.hypot(one.left[:lines], one.left[lines:]))[::-1]
+        left = np.hypot(one.left[:lines], one.left[lines:])
+        beside = np.maximum(np.append(left[1:], 0), np.insert(left[:-1], 0, 0))
+        left = np.sort(left[left >= beside])[::-1]  # lines beside each other that are off are a mode's
         moved = np.sqrt(2 * one.variance * one.basis.shape[1] / (2 * lines))
         several = left.size > _SEVERAL and left[_SEVERAL - 1] > 1 + _SPARED * moved
         if several and one.as_good(0.0) and one.white:

@@ -75,3 +75,18 @@ def test_errors_as_large_as_their_bound_are_no_fault_and_larger_ones_are(seeds):
                 shown += errors is normal and "small bound" in kinds
     assert small == 0
     assert shown >= 0.9 * 2 * len(seeds)
+
+
+@pytest.mark.parametrize("seeds", [(4,), slow(range(5, 30))])
+def test_a_mode_narrower_than_the_lines_are_apart_is_no_fault(seeds):
+    """Of a fifth of their distance, and small in one of the entries: it shows on three lines there."""
+    omega, dt = 2 * np.pi * np.linspace(5, 300, 200), 1e-3
+    basis = rid.kautz(2 * np.pi * np.array([31.0, 74.0, 122.0, 205.0]), [0.01, 0.012, 0.008, 0.015], dt=dt, delay=1)
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        amplitudes = np.repeat(rng.standard_normal((4, 3)), 2, axis=0) * np.tile([1.0, 0.5], 4)[:, None]
+        amplitudes[:2, 2] *= 0.02 / np.abs(amplitudes[0, 2])
+        values = basis.response(omega * dt) @ amplitudes + 0.006 * np.exp(-1j * omega * dt)[:, None]
+        bound = 0.01 * np.abs(values) + 1e-3 * np.median(np.abs(values), axis=0)
+        values = values + bound * np.sqrt(rng.random(bound.shape)) * np.exp(2j * np.pi * rng.random(bound.shape))
+        assert told(rid.FrequencyResponse(omega, values[:, :, None], bound=bound[:, :, None], dt=dt)) == []
