@@ -77,7 +77,7 @@ def test_errors_as_large_as_their_bound_are_no_fault_and_larger_ones_are(seeds):
     assert shown >= 0.9 * 2 * len(seeds)
 
 
-@pytest.mark.parametrize("seeds", [(4,), slow(range(5, 30))])
+@pytest.mark.parametrize("seeds", [(7,), slow(range(30))])
 def test_a_mode_narrower_than_the_lines_are_apart_is_no_fault(seeds):
     """Of a fifth of their distance, and small in one of the entries: it shows on three lines there."""
     omega, dt = 2 * np.pi * np.linspace(5, 300, 200), 1e-3
