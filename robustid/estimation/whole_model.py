@@ -286,7 +286,8 @@ def _is_needed(one: FrequencyResponse, change: Complex, upper: int) -> bool:
     by = np.where(np.arange(change.size) >= upper, change, 1)
     without = dataclasses.replace(one, values=one.values / by[:, None, None])
     simpler, plain = (_of_least_criterion(each, True)[0] for each in (without, one))
-    clearly = 2 * float(np.log(2 * change.size) + np.log(2 * change.size / _CHANCE))  # a number more, sought at all places
+    numbers = 2 * change.size
+    clearly = 2 * float(np.log(numbers) + np.log(numbers / _CHANCE))  # a number more, sought at all places
     return simpler is not None and plain is not None and simpler.criterion + clearly < plain.criterion
 
 
