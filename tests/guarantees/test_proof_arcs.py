@@ -32,11 +32,6 @@ from support.proof_loops import (
 from support.proofs import SANITIZED, SOURCE, asked, built, mutated, sealed
 
 
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return built(tmp_path_factory.mktemp("checker"))
-
-
 def both(program: Path, folder: Path, text: str) -> bool:
     """What checker and judge say, which must be the same."""
     status, said = asked(program, text, folder)
@@ -201,7 +196,7 @@ def test_no_mutant_on_arcs_is_accepted_that_is_not_true(program, tmp_path):
 
 @pytest.mark.quick
 def test_mutants_on_arcs_do_not_crash_the_checker(tmp_path):
-    _survive(built(tmp_path, *SANITIZED), tmp_path, small_proofs(), 2, 25)
+    _survive(built(*SANITIZED), tmp_path, small_proofs(), 2, 25)
 
 
 def _survive(program: Path, folder: Path, texts: list[str], seed: int, count: int) -> None:

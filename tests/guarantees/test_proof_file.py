@@ -22,16 +22,6 @@ from support.proofs import SANITIZED, SOURCE, asked, band_of, built, close_lines
 SCHEMA = json.loads((SOURCE.parents[1] / "docs" / "proof_format.schema.json").read_text())
 
 
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return built(tmp_path_factory.mktemp("checker"))
-
-
-@pytest.fixture(scope="module")
-def sanitized(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return built(tmp_path_factory.mktemp("sanitized"), *SANITIZED)
-
-
 def proofs_of(seed: int) -> list[str]:
     """A band, a system, a contradiction, and all three of a problem with a record."""
     found: list[str] = []
@@ -270,10 +260,10 @@ HOSTILE: dict[str, Any] = {
 
 @pytest.mark.quick
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_files_are_not_readable(sanitized, tmp_path, name):
+def test_hostile_files_are_not_readable(tmp_path, name):
     text = HOSTILE[name]
     text = resealed(str(text(band_of(1)[1]))) if callable(text) else text
-    status, said = asked(sanitized, text, tmp_path)
+    status, said = asked(built(*SANITIZED), text, tmp_path)
     assert status == 2, said
     assert "not readable" in said
 
@@ -292,10 +282,10 @@ def _survives(program: Path, texts: list[str], seed: int, count: int, folder: Pa
 
 
 @pytest.mark.quick
-def test_no_mutant_is_accepted_that_is_not_true(program, sanitized, tmp_path):
+def test_no_mutant_is_accepted_that_is_not_true(program, tmp_path):
     texts = [*proofs_of(1), bare("3.000000000001", factors_of_values())]
     assert 0 < _survives(program, texts, 1, 80, tmp_path) < 40
-    _survives(sanitized, texts, 2, 20, tmp_path)
+    _survives(built(*SANITIZED), texts, 2, 20, tmp_path)
 
 
 @pytest.mark.quick

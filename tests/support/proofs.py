@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
 import hashlib
 import json
 import random
 import re
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +24,19 @@ SOURCE = Path(__file__).parents[2] / "proof" / "robustid_proof.c"
 SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
-def built(folder: Path, *flags: str) -> Path:
-    """The checker, compiled into a folder; skips where there is no C compiler or no GMP."""
-    compiler, program = shutil.which("cc"), folder / "robustid-proof"
+@functools.cache
+def built(*flags: str) -> Path:
+    """The checker, compiled once a process; skips where there is no C compiler or no GMP."""
+    compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler")
     # One header less would be another failure than a source that does not compile.
     here = subprocess.run([compiler, "-E", "-x", "c", "-"], input="#include <gmp.h>", capture_output=True, text=True)
     if here.returncode:
         pytest.skip("no GMP (libgmp-dev)")
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    program = Path(folder, "robustid-proof")
     warned = ("-std=c11", "-Wall", "-Wextra", "-Werror", *(flags or ("-O2",)))
     subprocess.run([compiler, *warned, "-o", str(program), str(SOURCE), "-lgmp"], check=True)
     return program
