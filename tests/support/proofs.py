@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import Band, proof_text
+from support.proof_judge import judged
 
 SOURCE = Path(__file__).parents[2] / "proof" / "robustid_proof.c"
 SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -101,6 +103,7 @@ def close_lines(high: bool) -> rid.MixedProblem:
     )
 
 
+@functools.cache
 def band_of(seed: int, lines: int = 8, frequencies: int = 2) -> tuple[Band, str]:
     """A band, and its proof."""
     posed = problem(seed, lines)
@@ -128,6 +131,12 @@ def resealed(text: str) -> str:
         return text
     digest = hashlib.sha256(text[start.end() : end].encode()).hexdigest()
     return re.sub(r'"digest": "[^"]*"', f'"digest": "{digest}"', text)
+
+
+def parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Question and evidence of a file."""
+    whole = json.loads(text)
+    return whole["question"], whole["evidence"]
 
 
 _NUMBERS = re.compile(r'"(-?\d[^"]*)"')
@@ -182,3 +191,17 @@ def mutated(text: str, rng: random.Random) -> str:
         old, new = rng.choice(list(units.items()))
         text = text.replace(old, new)
     return resealed(text) if rng.random() < 0.8 else text
+
+
+def survive(program: Path, folder: Path, texts: Sequence[str], seed: int, count: int) -> None:
+    """Of so many mutants of proofs the checker accepts some, and only such as are true by the judge; it ends with a status."""
+    rng, accepted = random.Random(seed), 0
+    for text in texts:
+        assert asked(program, text, folder)[0] == 0
+    for _ in range(count):
+        text = mutated(rng.choice(texts), rng)
+        status, said = asked(program, text, folder)
+        assert status in (0, 1, 2), (said, text)
+        accepted += status == 0
+        assert status or judged(text), text
+    assert 0 < accepted < count / 2
