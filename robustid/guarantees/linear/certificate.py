@@ -92,12 +92,12 @@ def choose(samples: Samples, targets: Targets, points: NDArray[np.intp]) -> Chos
     scale = (1 - np.abs(base) ** 2)[:, :, None]
     weights = samples.weights[points]  # (B, n, C)
     turned = (1 - base.conj() * z)[:, :, None] * weights
-    gram = turned @ (turned.conj() / scale).swapaxes(1, 2)
-    # The largest arrays of all: written over, and divided once where all targets have the same points.
-    kernel = z[:1] if np.all(points == points[:1]) else z
-    kernel = kernel[:, :, None] * kernel.conj()[:, None, :]
+    gram = turned @ turned.conj().swapaxes(1, 2)
+    # The largest arrays of all: written over, and not made anew at every step.
+    kernel = z[:, :, None] * z.conj()[:, None, :]
     np.subtract(1, kernel, out=kernel)
-    gram *= np.divide(1, kernel, out=kernel)
+    kernel *= scale
+    gram /= kernel
     later, own = targets.later, samples.weights[:, samples.target]
     powers = samples.nodes[:, None] ** np.arange(1, int(later.shape[1]) + 1)
     cross = weights[:, :, samples.target] * targets.weight.conj()[:, None]
