@@ -61,7 +61,7 @@ def suggest_class(_):
     return {"candidates": [of(one, names) for one in found.candidates], "summary": found.summary()}
 
 
-@problem(quick=True)
+@problem()
 def suggest_next(_):
     found = rid.identify(structure(lines=4, samples=4))
     candidates = HZ * np.array([3.0, 14.0, 25.0, 45.0])

@@ -92,7 +92,7 @@ def command_run(folder):
     return called(folder, ["run", "ask.toml", "-o", "out"], ["run", "ask.toml", "-o", "out"], ["verify", "out/band"])
 
 
-@problem(quick=True, loose=("5 fit",))
+@problem(loose=("5 fit",))
 def command_data(folder):
     play, records = periodic_records()
     for k, record in enumerate(records[:2]):

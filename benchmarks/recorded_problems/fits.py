@@ -31,7 +31,7 @@ def fit_right_and_left(_):
     return {form: facts(rid.fit_mfd(data(), order=6, form=form)) for form in ("right", "left")}
 
 
-@problem(quick=True)
+@problem()
 def fit_discrete(_):
     frf = small(dt=1 / 500)
     return {
@@ -113,7 +113,7 @@ def orders(_):
     )
 
 
-@problem(quick=True)
+@problem()
 def fit_of_records(_):
     records = [driven(150), driven(100, seed=1, initial="rest")]
     fit = rid.fit_records(records, order=3)

@@ -117,7 +117,7 @@ def run_members(folder):
     }
 
 
-@problem(quick=True)
+@problem()
 def saved_and_loaded(folder):
     """Every kind of result, from its files."""
     found = rid.identify(structure(lines=4, samples=4))

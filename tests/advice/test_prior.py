@@ -251,7 +251,7 @@ def risen(seed, monkeypatch):
     return problem, every, asked
 
 
-@pytest.mark.parametrize("seed", seeds(8, 20))
+@pytest.mark.parametrize("seed", seeds(3, 20))
 def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope_asks_for(seed, monkeypatch):
     problem, every, asked = risen(seed, monkeypatch)
     rates, first = gain_curve.default_rates(problem), int(prior.representatives(problem)[0].sum())

@@ -4,6 +4,7 @@ import dataclasses
 import html
 import re
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -123,6 +124,7 @@ def test_an_interrupted_sweep_over_the_order_is_said_first_and_kept_with_the_fit
         return progress
 
     monkeypatch.setattr(screen, "told", stopping)
+    monkeypatch.setattr("robustid.core.worker_pool", lambda: ThreadPoolExecutor(1))  # processes import everything
     code, out, err = run(["fit", "frf.npz", "--order", "auto", "-o", "fit", "--report", "fit.html"])
     said = "Interrupted: Ctrl-C ended the sweep over the order before its end"
     assert code == 130, err

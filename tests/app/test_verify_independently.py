@@ -26,7 +26,7 @@ def saved(tmp_path, monkeypatch):
 
 
 def test_a_proof_is_written_once_and_checked_by_another_program(saved, run, monkeypatch):
-    program = built(saved)
+    program = built()
     monkeypatch.setenv("ROBUSTID_PROOF", str(program))
     code, out, _ = run(["verify", "band", "--independent", "--export", "proof.json"])
     assert code == 0
@@ -43,7 +43,7 @@ def test_a_proof_is_written_once_and_checked_by_another_program(saved, run, monk
 
 
 def test_a_controller_is_checked_by_another_program_with_every_plant_of_its_band(saved, run, monkeypatch):
-    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built()))
     loop_of(5).save("loop")
     code, out, _ = run(["verify", "loop", "--independent", "--export", "proof.json"])
     assert code == 0, out
@@ -65,7 +65,7 @@ def test_a_checker_that_is_not_there_or_says_no_is_named(saved, run, monkeypatch
 
 
 def test_the_page_says_by_which_program_it_was_checked(saved, run, monkeypatch):
-    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built()))
     rid.load(saved / "band.npz").with_model(rid.load(saved / "model.npz").model).save("judged")
     with_band = ["report", "model", "--bounds", "judged", "--no-reduce", "--independent"]
     code, out, _ = run([*with_band, "-o", "page.html"])
@@ -91,7 +91,7 @@ def test_the_page_says_by_which_program_it_was_checked(saved, run, monkeypatch):
 
 @pytest.mark.slow
 def test_the_page_of_a_loop_says_by_which_program_it_was_checked(saved, run, monkeypatch):
-    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built()))
     loop_of(5).save("loop")
     assert run(["report", "loop", "--independent", "-o", "page.html"])[0] == 0
     assert "proves the loop too" in (saved / "page.html").read_text()
@@ -99,14 +99,14 @@ def test_the_page_of_a_loop_says_by_which_program_it_was_checked(saved, run, mon
 
 def test_a_design_for_several_bands_has_a_proof_for_each(saved):
     both = SimpleNamespace(proofs=(loop_of(5), loop_of(6)))
-    program = built(saved)
+    program = built()
     texts = proof_texts(both)
     assert [asked(program, text, saved)[0] for text in texts] == [0, 0]
     assert len(set(texts)) == 2
 
 
 def test_a_family_has_a_proof_for_each_member(saved, run, monkeypatch):
-    monkeypatch.setenv("ROBUSTID_PROOF", str(built(saved)))
+    monkeypatch.setenv("ROBUSTID_PROOF", str(built()))
     omega, prior = np.array([0.5, 1.5, 2.5]), rid.Prior(gain_bound=2.0, decay_rate=1.5)
     members = []
     for gain in (0.8, 1.0):

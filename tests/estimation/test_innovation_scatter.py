@@ -11,6 +11,7 @@ from support.fault_catalogue import changed
 from support.fault_judge import CATALOGUE
 from support.fault_plants import answer, recipes, simulated
 from support.measured import realdata
+from support.pairwise import every_one
 
 ARM = simulated("arm")
 
@@ -41,8 +42,7 @@ def test_noise_of_any_colour_is_not_taken_for_instants_that_are_off():
             assert told(changed(one, y=one.y + noise), "jitter", "feedback") == []
 
 
-@pytest.mark.parametrize("strength", ["clear", "limit"])
-@pytest.mark.parametrize("plant", ["stage", "arm", "heater"])
+@pytest.mark.parametrize(("plant", "strength"), every_one(["stage", "arm", "heater"], ["clear", "limit"]))
 def test_a_loop_without_its_reference_is_named(plant, strength):
     (fault,) = told(of("feedback without reference (random)", strength, plant), "feedback")
     assert fault.where == "input u and output y"

@@ -5,6 +5,7 @@ import pytest
 
 from robustid.data import joint_radius
 from support.line_variances import PLACES, chance, drawn, of_loop
+from support.pairwise import every_one
 
 SMOOTH = 1 / np.abs(np.exp(2j * np.pi * PLACES / 400) - 0.9) ** 2
 
@@ -31,8 +32,10 @@ def test_in_a_loop_bounds_fail_no_more_often_than_they_promise(name, machines, d
     assert mean <= 0.05 + 2 * deviation
 
 
-@pytest.mark.parametrize("periods", [2, 4, 10])
-@pytest.mark.parametrize("variance", [SMOOTH, np.ones(40), SMOOTH * np.where(np.arange(40) == 20, 1e3, 1.0)])
+@pytest.mark.parametrize(
+    ("periods", "variance"),
+    every_one([2, 4, 10], [SMOOTH, np.ones(40), SMOOTH * np.where(np.arange(40) == 20, 1e3, 1.0)]),
+)
 def test_in_open_loop_too_and_beside_a_line_that_stands_out(variance, periods):
     response = np.linspace(1, 2, 40)
     mean, deviation = mean_of([(response, variance)] * 100, periods, np.random.default_rng(1))

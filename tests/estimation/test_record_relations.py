@@ -7,6 +7,7 @@ import robustid as rid
 from support.fault_catalogue import changed
 from support.fault_judge import CATALOGUE, found_faults
 from support.fault_plants import SIMULATED, recipes, record, records, simulated
+from support.pairwise import every_one
 
 ARM = simulated("arm")
 RELATIONS = {"other plant", "varying", "sign", "unit", "late", "exchanged", "clock", "lost samples"}
@@ -22,18 +23,20 @@ def of(name, clean=ARM):
     return told(found.records, found.period)
 
 
-@pytest.mark.parametrize("kind", ["periodic", "random"])
 @pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("another plant", "other plant"),
-        ("varying plant", "varying"),
-        ("one record with the sign turned", "sign"),
-        ("one record in another unit", "unit"),
-        ("exchanged columns", "exchanged"),
-        ("early channel", "late"),
-        ("clocks apart", "clock"),
-    ],
+    ("kind", "name", "expected"),
+    every_one(
+        ["periodic", "random"],
+        [
+            ("another plant", "other plant"),
+            ("varying plant", "varying"),
+            ("one record with the sign turned", "sign"),
+            ("one record in another unit", "unit"),
+            ("exchanged columns", "exchanged"),
+            ("early channel", "late"),
+            ("clocks apart", "clock"),
+        ],
+    ),
 )
 def test_a_clear_fault_has_one_finding_of_its_kind(kind, name, expected):
     (fault,) = of(f"{name} ({kind})")

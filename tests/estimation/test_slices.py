@@ -26,7 +26,7 @@ ONCE = [
     slow(("two_mass", (18200, 18660), 1, 0, 1), id="two_mass-18200"),  # early
     ("two_mass", (253, 3821), 1, 0, 4),  # feedback, where an input was decimated
     ("fsm", (10861, 11321), 2, 1, 2),  # a tone at a mode
-    ("fsm_200mV/test", (8555, 15115), 2, 2, 4),  # feedback, after decimation
+    slow(("fsm_200mV/test", (8555, 15115), 2, 2, 4), id="fsm_200mV/test-8555"),  # feedback, after decimation
     ("beam_ring", (34367, 34714), 1, 1, 2),  # decibels, where no line says more than its bound
 ]
 

@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.core import responses
 from support.cases import slow
 from support.fault_plants import SIMULATED, simulated
+from support.pairwise import every_one
 
 CLEAN = {name: simulated(name).response for name in SIMULATED}
 
@@ -17,8 +18,7 @@ def told(frf):
     return [(fault.kind, fault.correction) for fault in rid.prepare.response_faults(frf)]
 
 
-@pytest.mark.parametrize("name", ["stage", "arm", "matrix"])
-@pytest.mark.parametrize("delay", [False, True])
+@pytest.mark.parametrize(("name", "delay"), every_one(["stage", "arm", "matrix"], [False, True]))
 def test_a_seam_of_few_percent_is_named_at_its_place(name, delay):
     """Of 5 % in gain, or of a delay that is 0.03 rad there."""
     frf = CLEAN[name]

@@ -147,13 +147,14 @@ def test_small_models_of_short_records_predict_the_other_half(tmp_path, name):
 @pytest.mark.realdata
 @pytest.mark.parametrize("seconds", [1e-3, pytest.param(300.0, marks=pytest.mark.slow)])
 def test_converters(run, monkeypatch, undrawn, seconds):
-    """Without a search for a pair, scalings improved a little; whole: the sweeps leave an unstable pair."""
+    """Without a search for a pair, scalings improved a little, fewer knots; whole: the sweeps leave an unstable pair."""
     if not (Path(os.environ.get("ROBUSTID_DATA", "")) / "converter_dq" / "source_impedance.npz").exists():
         pytest.skip("converter_dq/source_impedance.npz is not in ROBUSTID_DATA")
     example = load("converters")
     monkeypatch.setattr(example, "SEARCH", seconds)
     if seconds < 1:
         monkeypatch.setattr("robustid.guarantees.scaling._POWERS", (16,))
+        monkeypatch.setattr(example, "KNOTS", 240)
     printed = run(example, ["loci.png"])
     assert ("verdict    undecided" if seconds < 1 else "verdict    unstable: a pair") in printed
     low, high = map(float, re.search(r"but between ([\d.]+) and ([\d.]+) Hz", printed).groups())

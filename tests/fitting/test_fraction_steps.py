@@ -25,6 +25,7 @@ from robustid.fitting.fraction.fraction_steps import (
 from robustid.fitting.fraction.node_fraction import Held
 from support.cases import slow
 from support.mfd_systems import gaussian, identity, noisy, poles_and_residues, problem_of, relative_error
+from support.pairwise import every_two
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 300)
 
@@ -71,9 +72,10 @@ def test_every_normalisation_reproduces_exact_data(step, shape, seeds):
             assert relative_error(fraction.response, truth) <= 1e-5
 
 
-@pytest.mark.parametrize("feedthrough", [False, True])
-@pytest.mark.parametrize("pairs", [False, True])
-@pytest.mark.parametrize(("order", "inputs"), [(12, 4), (7, 2), (10, 4), (9, 4), (5, 3)])
+@pytest.mark.parametrize(
+    ("order", "inputs", "pairs", "feedthrough"),
+    every_two([(12, 4), (7, 2), (10, 4), (9, 4), (5, 3)], [False, True], [False, True]),
+)
 def test_the_tangent_space_has_the_dimension_of_the_model_set(order, inputs, pairs, feedthrough):
     problem, _ = problem_of(1, 3, inputs, order // 2 + 1)
     problem = dataclasses.replace(problem, order=order, pairs=pairs, feedthrough=feedthrough)

@@ -8,6 +8,7 @@ import scipy.linalg
 import robustid as rid
 from robustid.fitting import Weight, fit_covariance, fit_mfd, modal_form, mode_table
 from support.mfd_systems import by_control, noisy, random_modal_system
+from support.pairwise import every_one
 
 
 def hidden(rng, A, B, C, D, dt=None, spread=30.0):
@@ -44,8 +45,7 @@ def assert_blocks(form):
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(5, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("dt", [None, 2e-4])
-@pytest.mark.parametrize("modes", [6, 41])
+@pytest.mark.parametrize(("modes", "dt"), every_one([6, 41], [None, 2e-4]))
 def test_modes_come_back_from_a_random_change_of_coordinates(modes, dt, seeds):
     """All seeds: frequency (relative) and damping to 1e-9, the response to 1e-8, one block of 2 a mode."""
     for seed in range(seeds):

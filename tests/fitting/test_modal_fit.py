@@ -10,6 +10,7 @@ from robustid.errors import InputTypeError
 from robustid.fitting import FitStatus, Modal, fit_covariance
 from support.mechanics import BETWEEN, measured, mechanical
 from support.mfd_systems import relative_error
+from support.pairwise import every_one
 from support.refusals import refusals
 
 PROPORTIONAL = Modal("proportional")
@@ -54,8 +55,7 @@ def imaginary_part(residue):
     return np.linalg.norm(turned.imag) / np.linalg.norm(turned)
 
 
-@pytest.mark.parametrize("dt", [None, 1e-3])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("name", "dt"), every_one(CASES, [None, 1e-3]))
 def test_a_system_of_the_structure_is_recovered(name, dt):
     system, frf, asked = posed(name, level=0.0, dt=dt)
     fit = rid.fit_mfd(frf, **asked)
@@ -68,8 +68,7 @@ def test_a_system_of_the_structure_is_recovered(name, dt):
     assert relative_error(N @ np.linalg.inv(D), wanted) < 1e-6
 
 
-@pytest.mark.parametrize("dt", [None, 1e-3])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("name", "dt"), every_one(CASES, [None, 1e-3]))
 def test_the_structure_is_exact_in_the_model(name, dt):
     """With noise: rank one to 1e-10, real to 1e-10, symmetric to 1e-12, rigid-body modes as entries of A; and at condition one."""
     _, frf, asked = posed(name, level=0.02, dt=dt)

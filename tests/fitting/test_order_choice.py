@@ -14,6 +14,7 @@ from robustid.fitting import RollOff, Weight, suggest_order
 from robustid.fitting.order_choice import subspace_singular_values
 from robustid.fitting.order_fits import fit_one
 from support.mfd_systems import noisy, random_modal_system
+from support.pairwise import every_one
 from support.refusals import refusals
 
 LEVEL = 0.01
@@ -42,8 +43,9 @@ def sweeps(count, shape, modes, lines, known, stable, orders):
 
 
 @pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("known", [True, False])
-@pytest.mark.parametrize(("shape", "modes", "lines"), [((1, 1), 2, 200), ((2, 2), 2, 60)])
+@pytest.mark.parametrize(
+    ("shape", "modes", "lines", "known"), every_one([((1, 1), 2, 200), ((2, 2), 2, 60)], [True, False])
+)
 def test_mdl_finds_the_order(shape, modes, lines, known, seeds):
     """All seeds, among one order below and two above; costs of plain least squares never rise.
 

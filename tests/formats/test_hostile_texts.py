@@ -26,7 +26,7 @@ TEXTS = {
     "equal names": "u," * 3_000 + "u\n" + "1," * 3_000 + "1\n",
     "many names": ",".join(f"a{k}" for k in range(3_000)) + "\n" + "1," * 2_999 + "1\n",
     "remarks": "# u\n" * (LONG // 4),
-    "lines of one": "1\n" * (LONG // 2),
+    "lines of one": "1\n" * (LONG // 8),
     "decibels": "Freq.\tV\n1.0\t(9.0e99dB,1.0e99°)\n2.0\t(1.0dB,1.0e400°)\n3.0\t(1.0e400dB,1.0°)\n",
     "units": "u,y\n" + "[" * 1000 + "," + "(" * 1000 + "\n1,2\n",
 }

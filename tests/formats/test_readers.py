@@ -274,7 +274,7 @@ print(record.u.shape[0], record.y.sum(), (after - before) / 1024)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory of a process as Linux counts it")
-@pytest.mark.parametrize("suffix", [".csv", ".npz", pytest.param(".mat", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("suffix", [".csv", *(pytest.param(one, marks=pytest.mark.slow) for one in (".npz", ".mat"))])
 def test_memory_of_a_long_record_is_a_few_times_its_numbers(tmp_path, suffix):
     """200 000 samples of 4 channels are 6.4 MB: five times in memory at most 60 MB, text with lists of cells took 300."""
     rng, samples = np.random.default_rng(0), 200_000

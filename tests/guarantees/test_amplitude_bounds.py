@@ -60,7 +60,7 @@ def test_no_amplitude_of_a_drawn_plant_is_above_its_bound(time, width, plants):
     assert np.median(ratios) <= (1.25 if width < 0.1 else 1.5)
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(slow(k) for k in range(3, 20))])
+@pytest.mark.parametrize("seed", [0, *(slow(k) for k in range(1, 20))])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "free record"])
 def test_bounds_hold_at_the_edge_of_the_class(kind, seed):
     """Gain exactly K, poles in a corner of their box, records and matrices too: against the residues of the plants."""

@@ -1,6 +1,5 @@
 """Polygons of R only where they limit the loop: as tight as polygons at all frequencies."""
 
-import control
 import numpy as np
 import pytest
 
@@ -12,26 +11,12 @@ from robustid.guarantees.consistent_set import ConsistentSet, consistent_set
 from robustid.guarantees.loop_axis import LoopAxis
 from robustid.guarantees.loop_placement import _binding
 from robustid.guarantees.sweep import Means, value_sets
-
-DT = 0.01
-PLANT = control.ss([[1.1, 0.3], [0.0, 0.4]], [[0.2], [1.0]], [[1.0, 0.5]], 0.0, DT)  # unstable
-
-
-@pytest.fixture(scope="module")
-def measured():
-    loop = rid.Loop(control.ss([], [], [], 0.5, DT))
-    R, omega = loop.residual_of(PLANT), np.linspace(5.0, 310.0, 16)
-    values = np.array([R(np.exp(1j * DT * w)) for w in omega])
-    frf = rid.FrequencyResponse(omega, values, bound=0.05 * np.abs(values).max(), dt=DT)
-    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=12.0, decay_rate=1.3)))
-    model = rid.balanced_truncation(result.model, order=2).model
-    band = rid.band(result, model=model, omega=omega, knots=48)
-    return loop, result, band, limiting_polygons(band, loop, result, omega, directions=8, rtol=0.1)
+from support.unstable_loop import measured
 
 
 @pytest.mark.slow
-def test_peaks_and_margins_are_those_of_polygons_at_every_frequency(measured):
-    loop, result, band, found = measured
+def test_peaks_and_margins_are_those_of_polygons_at_every_frequency():
+    loop, result, band, found, _ = measured()
     assert 0 < found.omega.size < band.omega.size
     whole = rid.worst_case_error(result, model=band.model, omega=band.omega, directions=8, rtol=0.1)
     few, every = (rid.loop_bounds(band.with_polygons(one), loop) for one in (found, whole))
@@ -43,16 +28,16 @@ def test_peaks_and_margins_are_those_of_polygons_at_every_frequency(measured):
     assert few.margins.phase >= 0.98 * every.margins.phase
 
 
-def test_a_peak_is_bound_by_frequencies_with_polygons_in_the_end(measured):
-    loop, _, band, found = measured
+def test_a_peak_is_bound_by_frequencies_with_polygons_in_the_end():
+    loop, _, band, found, refined = measured()
     around = loop.about(StateMatrices.of(band.model), None)
-    sizes = LoopAxis(band.with_polygons(found), loop.shape, around).sizes_at(band.omega)
+    sizes = LoopAxis(refined, loop.shape, around).sizes_at(band.omega)
     solved = np.isin(band.omega, found.omega)
     assert np.all(sizes[:, :4].max(axis=0) <= 1.01 * sizes[solved, :4].max(axis=0))
 
 
-def test_peaks_hold_where_the_time_is_over(measured):
-    loop, _, band, _ = measured
+def test_peaks_hold_where_the_time_is_over():
+    loop, _, band, *_ = measured()
     whole, ended = rid.loop_bounds(band, loop), rid.loop_bounds(band, loop, time_limit=1e-9)
     for name, peak in whole.peaks.items():
         assert peak.value <= ended.peaks[name].value < np.inf
@@ -60,18 +45,19 @@ def test_peaks_hold_where_the_time_is_over(measured):
     assert ended.margins.phase <= whole.margins.phase
 
 
-def test_polygons_are_given_up_where_the_time_is_over(measured, monkeypatch):
-    loop, result, band, _ = measured
+def test_polygons_are_given_up_where_the_time_is_over(monkeypatch):
+    loop, result, band, *_ = measured()
     monkeypatch.setattr(ConsistentSet, "extreme", None)
     assert limiting_polygons(band, loop, result, band.omega, directions=8, rtol=0.1, time_limit=1e-6) is None
 
 
-def test_a_frequency_is_given_up_between_two_programs(measured, monkeypatch):
+def test_a_frequency_is_given_up_between_two_programs(monkeypatch):
     """By a clock that goes on by a second whenever it is read; the first frequency is finished whatever the time is."""
+    _, result, band, *_ = measured()
     seconds, programs, own = iter(range(10**6)), [], ConsistentSet.extreme
     monkeypatch.setattr(clocks.time, "monotonic", lambda: float(next(seconds)))
     monkeypatch.setattr(ConsistentSet, "extreme", lambda *one, **how: programs.append(1) or own(*one, **how))
-    consistent, omega, counts = consistent_set(measured[1]), measured[2].omega[1:5], {}
+    consistent, omega, counts = consistent_set(result), band.omega[1:5], {}
     for least, limit in ((0, 9.0), (1, 2.0), (1, 12.0), (1, None)):
         programs.clear()
         found = value_sets(consistent, omega, 8, 0.1, Means(budget=Budget(limit)), least=least)

@@ -11,25 +11,12 @@ from robustid.guarantees.loop_axis import LoopAxis
 from robustid.guarantees.loop_values import MAPS
 from support.loop_candidates import case_of, consistent_members
 from support.loop_samples import border, largest_of_plants, largest_over
+from support.unstable_loop import DT, measured
 
-DT = 0.01
-PLANT = control.ss([[1.1, 0.3], [0.0, 0.4]], [[0.2], [1.0]], [[1.0, 0.5]], 0.0, DT)  # unstable
 OTHERS = {"none": None, "gain": control.ss([], [], [], 0.65, DT), "lag": control.ss(0.3, 1, 0.2, 0.45, DT)}
 # How far bounds may be above the largest of dense points: measured 1.0303 at single frequencies, 1.0072 at the peaks; and above
 # the largest of 40 consistent plants: 1.0142; of machines whose records say less, above 60 plants at random: 1.341.
 AT_ONE, AT_PEAKS, OVER_PLANTS, MACHINES_OVER_PLANTS = 1.035, 1.01, 1.02, 1.35
-
-
-@pytest.fixture(scope="module")
-def measured():
-    loop = rid.Loop(control.ss([], [], [], 0.5, DT))
-    R, omega = loop.residual_of(PLANT), np.linspace(5.0, 310.0, 16)
-    values = np.array([R(np.exp(1j * DT * w)) for w in omega])
-    frf = rid.FrequencyResponse(omega, values, bound=0.05 * np.abs(values).max(), dt=DT)
-    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=12.0, decay_rate=1.3)))
-    model = rid.balanced_truncation(result.model, order=2).model
-    plain = rid.band(result, model=model, omega=omega, knots=48)
-    return loop, result, *with_polygons(loop, result, plain, omega), plain
 
 
 def with_polygons(loop, result, band, omega):
@@ -49,9 +36,9 @@ def sampled(loop, band, controller, omega):
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_bounds_over_polygons_are_the_largest_of_dense_points(measured, name):
-    loop, _, band, solved, _ = measured
-    omega = grid_of(solved)
+def test_bounds_over_polygons_are_the_largest_of_dense_points(name):
+    loop, _, _, polygons, band = measured()
+    omega = grid_of(polygons.omega)
     at, dense = sampled(loop, band, OTHERS[name], omega)
     assert np.all(dense <= at * (1 + 1e-9))
     assert np.all(at <= AT_ONE * dense)
@@ -61,12 +48,12 @@ def test_bounds_over_polygons_are_the_largest_of_dense_points(measured, name):
     assert np.all(peaks <= AT_PEAKS * dense.max(axis=0))
 
 
-def test_discs_alone_are_farther_from_the_polygons_than_that(measured):
+def test_discs_alone_are_farther_from_the_polygons_than_that():
     """Else this would be no test of polygons."""
-    loop, _, band, solved, plain = measured
+    loop, _, plain, polygons, band = measured()
     around = loop.about(StateMatrices.of(band.model), None)
-    sizes = LoopAxis(plain, (1, 1), around).sizes_at(solved)[:, : len(MAPS)]
-    assert np.all(sizes.max(axis=0) > AT_ONE * sampled(loop, band, None, solved)[1].max(axis=0))
+    sizes = LoopAxis(plain, (1, 1), around).sizes_at(polygons.omega)[:, : len(MAPS)]
+    assert np.all(sizes.max(axis=0) > AT_ONE * sampled(loop, band, None, polygons.omega)[1].max(axis=0))
 
 
 def judge_plants(loop, result, band, solved, controller, count):
@@ -81,9 +68,9 @@ def judge_plants(loop, result, band, solved, controller, count):
 
 
 @pytest.mark.parametrize("name", [pytest.param("none", marks=pytest.mark.slow), "gain"])
-def test_consistent_plants_come_up_to_the_peaks(measured, name):
-    loop, result, band, solved, _ = measured
-    above = judge_plants(loop, result, band, solved, OTHERS[name], 40)
+def test_consistent_plants_come_up_to_the_peaks(name):
+    loop, result, _, polygons, band = measured()
+    above = judge_plants(loop, result, band, polygons.omega, OTHERS[name], 40)
     assert min(above) >= 1
     assert max(above) <= OVER_PLANTS
 
@@ -97,11 +84,11 @@ def farthest(loop, band, points, omega):
     return np.nanmax(np.abs(y - P * u) / np.sqrt((1 + np.abs(P) ** 2) * (np.abs(u) ** 2 + np.abs(y) ** 2)))
 
 
-def test_the_largest_nu_gap_is_that_of_the_corners(measured):
+def test_the_largest_nu_gap_is_that_of_the_corners():
     """Measured: 1.0031 times that of dense points, .1634; discs alone say nothing (1)."""
-    loop, result, band, solved, plain = measured
+    loop, result, plain, polygons, band = measured()
     found = rid.loop_bounds(band, loop).largest_nu_gap().value
-    omega = np.union1d(np.linspace(0.1, np.pi / DT - 0.1, 3000), solved)
+    omega = np.union1d(np.linspace(0.1, np.pi / DT - 0.1, 3000), polygons.omega)
     dense = farthest(loop, band, border(band.circle.sets_at(omega), 60), omega)
     assert dense <= found <= 1.01 * dense
     assert rid.loop_bounds(plain, loop).largest_nu_gap().value > 2 * found

@@ -11,6 +11,7 @@ from robustid.core import StateMatrices, points_of, response_at
 from robustid.guarantees.loop_radius import farthest_plant
 from support.loop_bands import Around, edge_member, grid
 from support.loops import pair_of
+from support.pairwise import every_one
 
 
 def case_of(seed, dt, shape, part):
@@ -52,8 +53,7 @@ def test_of_one_input_and_output_it_is_the_largest_distance_on_the_discs(seed, d
     assert worst > 0.98 * found.value
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (2, 1)])
-@pytest.mark.parametrize("dt", [0.0, 0.1])
+@pytest.mark.parametrize(("dt", "shape"), every_one([0.0, 0.1], [((1, 1),), ((2, 2),), ((2, 1),)]))
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 5))])
 def test_no_member_is_farther(seed, dt, shape):
     loop, band = case_of(seed, dt, shape, 0.1)

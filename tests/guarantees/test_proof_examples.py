@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,7 +14,7 @@ from robustid.errors import InputError
 from support.example_runs import FOLDER
 from support.example_runs import load as load_example
 from support.measured import needs
-from support.proofs import asked, built
+from support.proofs import asked
 
 # Examples of one entry, and what of theirs the format does not express.
 EXAMPLES: dict[str, tuple[str, ...]] = {
@@ -33,11 +32,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "worst_case": (),
 }
 MEASURED = {"controller_motor", "motor_torsion", "torsion_margin"}
-
-
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return built(tmp_path_factory.mktemp("checker"))
 
 
 @pytest.mark.slow

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import random
 import re
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,17 +27,7 @@ from support.proof_kinds import (
 from support.proof_loops import controller_for, statement_of
 from support.proof_modes import Mode
 from support.proof_numbers import Disc, number
-from support.proofs import SANITIZED, SOURCE, asked, built, mutated, sealed
-
-
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return built(tmp_path_factory.mktemp("checker"))
-
-
-def parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    whole = json.loads(text)
-    return whole["question"], whole["evidence"]
+from support.proofs import SANITIZED, SOURCE, asked, built, parts, sealed, survive
 
 
 def poles_in(box: tuple[Any, Any], dt: float, rng: np.random.Generator, count: int) -> Complex:
@@ -270,31 +258,18 @@ def test_boxes_that_are_not_expressed_are_refused_with_their_reason(program, tmp
     assert "arcs" not in proof_text(band)
 
 
-def _survive(program: Path, folder: Path, texts: list[str], seed: int, count: int) -> None:
-    rng, accepted = random.Random(seed), 0
-    for text in texts:
-        assert asked(program, text, folder)[0] == 0
-    for _ in range(count):
-        text = mutated(rng.choice(texts), rng)
-        status, said = asked(program, text, folder)
-        assert status in (0, 1, 2), (said, text)
-        accepted += status == 0
-        assert status or judged(text), text
-    assert 0 < accepted < count / 2
-
-
 @pytest.mark.quick
 def test_no_mutant_over_boxes_or_in_continuous_time_is_accepted_that_is_not_true(program, tmp_path):
     texts = [*proofs_over_boxes(1), *proofs_in_continuous_time(1)]
-    _survive(program, tmp_path, texts, 1, 40)
-    _survive(built(tmp_path, *SANITIZED), tmp_path, texts, 2, 10)
+    survive(program, tmp_path, texts, 1, 40)
+    survive(built(*SANITIZED), tmp_path, texts, 2, 10)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_no_mutant_of_many_over_boxes_or_in_continuous_time_is_accepted_that_is_not_true(program, tmp_path, seed):
     texts = [*proofs_over_boxes(seed), *proofs_in_continuous_time(seed)]
-    _survive(program, tmp_path, texts, 100 + seed, 500)
+    survive(program, tmp_path, texts, 100 + seed, 500)
 
 
 @pytest.mark.slow

@@ -107,7 +107,7 @@ def test_complex_distance_encloses_that_of_the_joint_margin(mixed):
     assert found.attainable.item() == pytest.approx(low, rel=0.01)
 
 
-@pytest.mark.parametrize("tilt", [0.6, 0.7j, -0.5 + 0.4j])
+@pytest.mark.parametrize("tilt", [slow(0.6), slow(0.7j), -0.5 + 0.4j])
 def test_ellipses_of_new_samples(mixed, tilt):
     truth = truth_of(3, "mixed")[1](140.0)
     for push in (0.0, 0.6, 1.0):

@@ -16,6 +16,7 @@ from robustid.identification.solver.interior_point import center
 from robustid.identification.solver.newton import State
 from robustid.identification.solver.paths import barrier_program
 from support.cases import slow
+from support.pairwise import every_one
 from support.paths import arrow, dense_scaling, times, triple
 from support.problems import CASES, random_problem
 
@@ -65,8 +66,7 @@ def programs(data):
     )
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(("case", "form"), every_one(CASES, FORMS))
 def test_a_direction_solves_the_linearised_equations(case, form):
     """Affine and corrected, at the first iterates of three programs: every equation, assembled from stored matrices."""
     data = small_data(1, case, form)
@@ -150,8 +150,7 @@ def barrier_gradient(data, level, v):
 
 
 @pytest.mark.parametrize("seeds", [1, slow(3)])
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(("case", "form"), every_one(CASES, FORMS))
 def test_the_centre_is_where_the_barrier_is_stationary(case, form, seeds):
     for seed in range(seeds):
         data = small_data(seed, case, form)

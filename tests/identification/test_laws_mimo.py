@@ -12,6 +12,7 @@ from robustid.identification.model import modes_of
 from support.bounds import rebound
 from support.cases import slow
 from support.matrix_plants import random_matrix_problem, response
+from support.pairwise import every_one
 from support.problems import identified
 
 OMEGA = np.linspace(0.01, 3.1, 60)
@@ -39,8 +40,7 @@ def near(one, other, tolerance):
     np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(("p", "q"), [(2, 1), (1, 2), (2, 2)])
+@pytest.mark.parametrize(("p", "q", "solver"), every_one([(2, 1), (1, 2), (2, 2)], SOLVERS))
 def test_channels_measured_as_zero_change_nothing(p, q, solver):
     """The class holds [g 0; 0 0], and each entry of it is in the ball: the margin is that of g, and so is the centre."""
     one = random_matrix_problem(2, 1, 1, 4, factor=0.9)[0]

@@ -12,6 +12,7 @@ from robustid.identification.solver import margin_path
 from robustid.report.assumptions import assumptions
 from support.cases import slow
 from support.intervals import FREE, KINDS, bounded, inside, tight, truthful
+from support.pairwise import every_one
 from support.problems import identified, in_units, random_problem
 from support.refusals import refused
 from support.structure import about_structure
@@ -20,8 +21,7 @@ from support.structure import about_structure
 
 
 @pytest.mark.parametrize("kinds", [1, slow(3)])
-@pytest.mark.parametrize("power", [-60, 60])
-@pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
+@pytest.mark.parametrize(("power", "form"), every_one([-60, 60], ["orthonormal", "taylor", "sections"]))
 def test_units_do_not_matter(power, form, kinds):
     """Every kind of interval in one form at least (slow: in all forms)."""
     turn = ["orthonormal", "taylor", "sections"].index(form)

@@ -8,6 +8,7 @@ import scipy.optimize
 import robustid as rid
 from robustid.passivity import passive_cuts, passive_fit
 from support.networks import foster, scattering
+from support.pairwise import every_one
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -63,8 +64,7 @@ def test_a_fit_that_is_almost_exact_stays_almost_exact():
     assert np.sqrt(np.mean(np.abs(passive_fit.response_of(found.model, omega) - data.values) ** 2)) < 2e-9
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.1])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("seed", "damping"), every_one(range(3), [0.0, 0.1]))
 def test_rounded_responses_of_networks_at_the_limit_are_as_near_as_the_truth(seed, damping):
     """The truth is passive, so the best passive model of its order is no farther from its rounded response than it is.
 

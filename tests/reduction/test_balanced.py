@@ -252,7 +252,7 @@ test_bad_input_is_named = refusals(
 
 @pytest.mark.realdata
 @pytest.mark.parametrize("count", [5, pytest.param(1000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_bound_holds_at_every_order_of_the_benchmark_models(benchmark_model, discrete, count):
     """At so many orders, the smallest and the largest among them; 1000 are all."""
     model = benchmark_model

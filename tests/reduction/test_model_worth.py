@@ -12,6 +12,7 @@ from robustid.identification import largest_ratio
 from robustid.reduction import model_worth_having, reduce_within_bounds, why_not_compared, without_doubtful_modes
 from robustid.reduction.drawn_inside import Bounds, drawn_fits
 from robustid.reduction.record_simulations import Simulations, with_transients
+from support.cases import slow
 from support.two_mode_models import rigid_body
 
 
@@ -158,7 +159,7 @@ def heating(start, ambient=22.0, samples=600, seed=0):
     return rid.TimeRecord(u, y, dt=5.0), plant, left
 
 
-@pytest.mark.parametrize(("start", "ambient"), [(45.0, 22.0), (45.0, 0.0), (0.0, 22.0)])
+@pytest.mark.parametrize(("start", "ambient"), [(45.0, 22.0), slow(45.0, 0.0), slow(0.0, 22.0)])
 def test_a_process_is_judged_around_its_operating_point(start, ambient):
     """From its state there, and but for a constant: the plant itself fits all but the noise, and so does the fit of its order."""
     record, plant, noise = heating(start, ambient)

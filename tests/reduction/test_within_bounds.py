@@ -109,7 +109,9 @@ def test_plant_of_order_four_at_twenty_seeds(parametric, least):
 
 
 @pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("case", ["time", "frequency", "mixed", "parametric"])
+@pytest.mark.parametrize(
+    "case", ["mixed", "parametric", *(pytest.param(one, marks=pytest.mark.slow) for one in ("time", "frequency"))]
+)
 def test_truth_of_known_order_bounds_the_order_found(case, seeds):
     """Random plants: G of order 4 and, parametric, a pair more; their truth is inside the bounds."""
     for seed in range(seeds):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import re
@@ -330,6 +331,7 @@ def _power(base: Disc, exponent: int) -> Disc:
     return found
 
 
+@functools.lru_cache(256)
 def judged(text: str) -> bool:
     """Whether a file is a proof, in exact fractions."""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 
 import control
@@ -33,6 +34,7 @@ def boxed(seed: int, lines: int = 12, *, off: float = 0.0) -> tuple[rid.MixedPro
     return posed, box_of(posed)
 
 
+@functools.cache
 def band_over_box(seed: int, lines: int = 12, model: control.StateSpace | None = None) -> Band:
     """A band over a box, at two frequencies between the lines."""
     posed, box = boxed(seed, lines)
@@ -40,6 +42,7 @@ def band_over_box(seed: int, lines: int = 12, model: control.StateSpace | None =
     return rid.band(posed, box=box, model=model, omega=np.linspace(omega[0], omega[-1], 4)[1:-1])
 
 
+@functools.cache
 def with_model_over_box(seed: int) -> Band:
     """The same around a small model, for arcs."""
     small = rid.balanced_truncation(rid.identify(boxed(seed)[0]).model, order=4).model
@@ -73,16 +76,18 @@ def first_of(text: str) -> str:
     return sealed(question, evidence)
 
 
-def proofs_over_boxes(seed: int) -> list[str]:
+@functools.cache
+def proofs_over_boxes(seed: int) -> tuple[str, ...]:
     """A band, arcs and a contradiction over boxes of poles."""
     found = contradiction(boxed(seed, off=3.0)[0], box=boxed(seed)[1])  # None of 1 in 116
     arcs = proof_text(with_model_over_box(seed))
     middle = len(json.loads(arcs)["question"]["statements"][-1]["bounds"]) // 2
     refuted = [] if found is None else [proof_text(found)]
-    return [proof_text(band_over_box(seed)), *refuted, shortened(arcs, middle, 2)]
+    return proof_text(band_over_box(seed)), *refuted, shortened(arcs, middle, 2)
 
 
-def proofs_in_continuous_time(seed: int) -> list[str]:
+@functools.cache
+def proofs_in_continuous_time(seed: int) -> tuple[str, ...]:
     """A band, a system, a contradiction, a support, and a band over a box where there is a mode."""
     posed = continuous(seed)
     omega = posed.frequency[0].omega
@@ -91,7 +96,7 @@ def proofs_in_continuous_time(seed: int) -> list[str]:
     texts = [proof_text(rid.band(posed, omega=[0.0, 1.1 * omega[-1]])), proof_text(found), first_of(proof_text(bounds))]
     if seed % 2:
         texts.append(proof_text(rid.band(posed, box=box_of(posed), omega=1.01 * omega[:1])))
-    return [*texts, proof_text(rid.identify(continuous(seed, off=3.0)))]
+    return *texts, proof_text(rid.identify(continuous(seed, off=3.0)))
 
 
 def passive(seed: int, kind: str = "positive", *, shifted: float = 0.0) -> rid.MixedProblem:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from typing import Any
 
@@ -64,6 +65,7 @@ def polynomials(*rows: list[float]) -> Functions:
     return A, np.eye(1, count)[0].tolist(), [row[1:] for row in rows], [row[0] for row in rows]
 
 
+@functools.cache
 def band_with_model(seed: int, lines: int = 8) -> Band:
     """A band of a random problem around a small model."""
     posed = problem(seed, lines)
@@ -81,6 +83,7 @@ def controller_for(band: Band) -> control.StateSpace:
     return control.ss([], [], [], 0.5 / size, dt)
 
 
+@functools.cache
 def loop_of(seed: int) -> LoopBounds:
     band = band_with_model(seed)
     return rid.loop_bounds(band, controller=controller_for(band))
@@ -101,12 +104,13 @@ def shortened(text: str, first: int, arcs: int) -> str:
     return sealed(question, evidence)
 
 
-def small_proofs() -> list[str]:
+@functools.cache
+def small_proofs() -> tuple[str, ...]:
     """Files on arcs that a judge in fractions reads in little time."""
     text = proof_text(band_with_model(1))
     middle = len(statement_of(text)["bounds"]) // 2
-    return [
+    return (
         shortened(text, middle, 2),
         by_hand("arcs", constants(-0.5, 1.0), 1.51, arcs=8),
         by_hand("loop", polynomials([1.0, -0.5], [0.2, 0.1], [1.0, -0.5]), 2.6, gain=0.5, arcs=8),
-    ]
+    )

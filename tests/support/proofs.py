@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
 import hashlib
 import json
 import random
 import re
 import shutil
 import subprocess
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +20,25 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import Band, proof_text
+from support.proof_judge import judged
 
 SOURCE = Path(__file__).parents[2] / "proof" / "robustid_proof.c"
 SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
-def built(folder: Path, *flags: str) -> Path:
-    """The checker, compiled into a folder; skips where there is no C compiler or no GMP."""
-    compiler, program = shutil.which("cc"), folder / "robustid-proof"
+@functools.cache
+def built(*flags: str) -> Path:
+    """The checker, compiled once a process; skips where there is no C compiler or no GMP."""
+    compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler")
     # One header less would be another failure than a source that does not compile.
     here = subprocess.run([compiler, "-E", "-x", "c", "-"], input="#include <gmp.h>", capture_output=True, text=True)
     if here.returncode:
         pytest.skip("no GMP (libgmp-dev)")
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    program = Path(folder, "robustid-proof")
     warned = ("-std=c11", "-Wall", "-Wextra", "-Werror", *(flags or ("-O2",)))
     subprocess.run([compiler, *warned, "-o", str(program), str(SOURCE), "-lgmp"], check=True)
     return program
@@ -94,6 +103,7 @@ def close_lines(high: bool) -> rid.MixedProblem:
     )
 
 
+@functools.cache
 def band_of(seed: int, lines: int = 8, frequencies: int = 2) -> tuple[Band, str]:
     """A band, and its proof."""
     posed = problem(seed, lines)
@@ -121,6 +131,12 @@ def resealed(text: str) -> str:
         return text
     digest = hashlib.sha256(text[start.end() : end].encode()).hexdigest()
     return re.sub(r'"digest": "[^"]*"', f'"digest": "{digest}"', text)
+
+
+def parts(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Question and evidence of a file."""
+    whole = json.loads(text)
+    return whole["question"], whole["evidence"]
 
 
 _NUMBERS = re.compile(r'"(-?\d[^"]*)"')
@@ -175,3 +191,17 @@ def mutated(text: str, rng: random.Random) -> str:
         old, new = rng.choice(list(units.items()))
         text = text.replace(old, new)
     return resealed(text) if rng.random() < 0.8 else text
+
+
+def survive(program: Path, folder: Path, texts: Sequence[str], seed: int, count: int) -> None:
+    """Of so many mutants of proofs the checker accepts some, and only such as are true by the judge; it ends with a status."""
+    rng, accepted = random.Random(seed), 0
+    for text in texts:
+        assert asked(program, text, folder)[0] == 0
+    for _ in range(count):
+        text = mutated(rng.choice(texts), rng)
+        status, said = asked(program, text, folder)
+        assert status in (0, 1, 2), (said, text)
+        accepted += status == 0
+        assert status or judged(text), text
+    assert 0 < accepted < count / 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from robustid.app.run.posing import posed, posed_as_stated
 from robustid.app.run.results import IdentifiedReduced, WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
-from robustid.app.run.work import Step, Untouched, Work, carry_out
+from robustid.app.run.work import Step, Untouched, Work, carry_out, narrowing_share
 from robustid.core import Budget, Interruptible, Real, Record, Source, pass_on
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody
@@ -49,9 +48,6 @@ _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 _SUMS = 0.2  # of the time that is left when a step begins, as those of the next line
 _MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5
-# What narrows a band that is proved at every frequency already ends within this part of the time of the whole run: a run that has
-# taken long is not made much longer for it. And the least, of the time that is left.
-_NARROWED, _LEAST = 0.12, 0.03
 _LIMITING = 0.5  # of the time that is left: the loop itself comes after
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
@@ -305,13 +301,6 @@ def narrowed(work: Work) -> None:
         work.run = work.run.changed("worst_case", at_hz=tuple((polygons.omega / (2 * np.pi)).tolist()))
         work.around.folder.choices(work.run)
     work.around.folder.proved(work.band)
-
-
-def narrowing_share(whole: float, left: float) -> float:
-    """Part of the seconds that are left of a run, for what narrows its band."""
-    if math.isinf(left):
-        return 1.0
-    return max(_NARROWED * whole - (whole - left), _LEAST * left) / max(left, _LEAST)
 
 
 def gridded(work: Work) -> None:

@@ -1,0 +1,26 @@
+"""An unstable plant that was measured in its loop: the band of R, with polygons where they limit the loop."""
+
+import functools
+
+import control
+import numpy as np
+
+import robustid as rid
+from robustid.guarantees import limiting_polygons
+
+DT = 0.01
+PLANT = control.ss([[1.1, 0.3], [0.0, 0.4]], [[0.2], [1.0]], [[1.0, 0.5]], 0.0, DT)
+
+
+@functools.cache
+def measured():
+    """The loop, the identification of R, its band about a small model, the polygons, and the band with them."""
+    loop = rid.Loop(control.ss([], [], [], 0.5, DT))
+    R, omega = loop.residual_of(PLANT), np.linspace(5.0, 310.0, 16)
+    values = np.array([R(np.exp(1j * DT * w)) for w in omega])
+    frf = rid.FrequencyResponse(omega, values, bound=0.05 * np.abs(values).max(), dt=DT)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=12.0, decay_rate=1.3)))
+    model = rid.balanced_truncation(result.model, order=2).model
+    band = rid.band(result, model=model, omega=omega, knots=48)
+    found = limiting_polygons(band, loop, result, omega, directions=8, rtol=0.1)
+    return loop, result, band, found, band.with_polygons(found)
