@@ -6,9 +6,10 @@ import dataclasses
 import logging
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import one_thread
+from robustid.core import Complex, Real, StateMatrices, one_thread, response_at
 from robustid.data import FaultKind, FrequencyResponse, TimeRecord
 from robustid.estimation import record_faults, response_alone
 from robustid.identification.loop import Loop
@@ -75,3 +76,11 @@ def loop_response(
     for fault in faults:
         _log.warning("%s", fault)
     return dataclasses.replace(found, faults=faults)
+
+
+def loop_noise(loop: Loop, residual: StateMatrices, angles: Real) -> Complex:
+    r"""What noise v at the output of a plant is in the output z of its R: ``D~_x - R N~_c`` at ``exp(j angles)``, (F, ny, ny)."""
+    nu, _ = loop.shape
+    points = np.exp(1j * angles)
+    back = response_at(loop.back, points)[:, :, nu:]
+    return back[:, nu:] - response_at(residual, points) @ back[:, :nu]
