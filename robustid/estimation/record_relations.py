@@ -207,7 +207,8 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     if ahead < least / _EARLY and ahead < GOOD and records[0].held:
         first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
         count = -_largest(part, -first, _ALIKE * part(-first))
-        words = f"{where} comes {count} sample{'s' * (count > 1)} before what its input can cause: no plant does that"
+        words = f"{where} comes {count} sample{'s' * (count > 1)} before what its input can cause: no plant does that,"
+        words += " but one that is not stable, in its loop: of that one give the reference and the controller instead ([loop])"
         evidence = f"a stable model leaves {percent(base.part)} of it, {percent(ahead)} after the correction"
         return [Fault(FaultKind.LATE, words, evidence, f"delay {count}", where, 0, -float(count))]
     if continued:  # the answer of any time is as good
