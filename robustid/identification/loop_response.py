@@ -88,7 +88,7 @@ def measured_faults(records: Sequence[TimeRecord], period: int | None) -> tuple[
 
 
 def loop_noise(loop: Loop, residual: StateMatrices, angles: Real) -> Complex:
-    r"""What noise v at the output of a plant is in the output z of its R: ``D~_x - R N~_c`` at ``exp(j angles)``, (F, ny, ny)."""
+    r"""Filter ``D~_x - R N~_c`` from noise v at the output of a plant to the output z of its R, (F, ny, ny)."""
     nu, _ = loop.shape
     points = np.exp(1j * angles)
     back = response_at(loop.back, points)[:, :, nu:]

@@ -239,8 +239,8 @@ class Experiments:
 
 
 def whitening(filters: Callable[[Real], Complex], line: Lines, levels: Real) -> Complex:
-    """What turns filtered noise at the lines of a record into its white sources: exactly so in variance, with the leakage that a
-    record of this length has into the notches of the filter, and in phase as near to the inverse of the filter as that allows.
+    """Matrices that turn filtered noise at the lines of a record into its white sources: exactly so in variance, with the leakage
+    that a record of this length has into the notches of the filter; in phase as near to its inverse as that allows.
     """
     samples = line.samples
     E = filters(np.pi * np.arange(samples + 1) / samples) * levels
