@@ -98,7 +98,7 @@ def test_a_fit_in_a_loop_tells_the_noise_of_the_output():
 
 
 @pytest.mark.slow
-def test_a_fit_in_a_loop_scatters_as_little_as_any_can():
+def test_a_fit_in_a_loop_scatters_as_weighted_least_squares_of_known_noise():
     """Scatter of 60 records against the bound of Gauss and Markov; without the loop's noise it is 1.4 times as wide."""
     errors = np.sqrt(np.mean([opened_pair(seed)[1] ** 2 for seed in range(60)], axis=0))
     ratios = errors / predicted()
