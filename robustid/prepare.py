@@ -12,12 +12,13 @@ from robustid.estimation import (
     with_delay,
 )
 from robustid.identification import loop_response
-from robustid.reduction import loop_from_data
+from robustid.reduction import controller_model, loop_from_data
 
 __all__ = [
     "Fault",
     "Signal",
     "bounds_from_noise_floor",
+    "controller_model",
     "correct",
     "decimate",
     "detrend",

@@ -28,7 +28,7 @@ from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.hertz import hz_scale, hz_span, hz_words
 from robustid.core.kept import kept_by_content
-from robustid.core.least_squares import DampedSteps, Projection, lengths, projected, singular_parts
+from robustid.core.least_squares import DampedSteps, Projection, decoupled_parts, lengths, projected, singular_parts
 from robustid.core.models import as_state_space, model_of
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import (
@@ -129,6 +129,7 @@ __all__ = [
     "bilinear_in_z",
     "closed_loop",
     "decay_of",
+    "decoupled_parts",
     "described",
     "digest",
     "exchanged",

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 from numpy.typing import NDArray
 
-from robustid.core.state_space import Real
+from robustid.core.state_space import Numbers, Real
 
 _BISECTIONS = 40  # of the logarithm of a damping
 
@@ -67,6 +68,17 @@ def singular_parts(matrix: Real) -> tuple[Real, Real, Real]:
     except np.linalg.LinAlgError:
         left, sizes, directions = scipy.linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
     return left, sizes, directions
+
+
+def decoupled_parts(matrix: Numbers) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Rows and columns of the parts of a matrix that have no row in common; a column of zeros has no rows."""
+    rows, columns = np.nonzero(matrix)
+    many, count = matrix.shape
+    links = scipy.sparse.coo_array((np.ones(rows.size, bool), (rows, many + columns)), shape=(many + count,) * 2)
+    numbers = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
+    order = np.argsort(numbers, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
+    return [(one[one < many], one[one >= many] - many) for one in groups if one.size and one[-1] >= many]
 
 
 class DampedSteps(NamedTuple):

@@ -179,8 +179,10 @@ def _predicted(others: Sequence[Piece], one: Piece, poles: Complex) -> Complex:
 
 
 def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord], where: str) -> list[Fault]:
-    """Output that comes before its input, or long after it; input and output exchanged."""
-    used = signals[:2]
+    """Output that comes before its input, or long after it; input and output exchanged. Where a reference tells that the loop
+    is closed only what comes late is told: a plant that is not stable makes an output that stable models have from later inputs.
+    """
+    used, closed = signals[:2], any(one.reference is not None for one in records)
 
     @functools.cache
     def part(shift: int) -> float:
@@ -188,13 +190,13 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
 
     # What comes too early is followed worse by models that answer later: else the first of them was a poor one.
     least = min(base.part, part(3)) if base.part > LEAST / 10 else base.part
-    ahead = part(-_AHEAD[1]) if least > LEAST / 10 else np.inf
+    ahead = part(-_AHEAD[1]) if least > LEAST / 10 and not closed else np.inf
     if ahead < least / _ALIKE:
         ahead = min(part(-shift) for shift in _AHEAD)
     turned = None
     continued = any(own_continuation(one) for one in signals[0].u.T)
     single = len(records[0].outputs) == len(records[0].inputs) == 1 and not continued
-    if least > LEAST / 10 and single:
+    if least > LEAST / 10 and single and not closed:
         turned = fit([Signals(one.y[:, None], one.u[:, 0]) for one in used], ())
     swapped, times = _part(turned), _SIMPLER if _simpler(turned, base) else _EXCHANGED
     if swapped < least / times and swapped < ahead / _ALIKE and swapped < GOOD:
@@ -205,7 +207,8 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     if ahead < least / _EARLY and ahead < GOOD and records[0].held:
         first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
         count = -_largest(part, -first, _ALIKE * part(-first))
-        words = f"{where} comes {count} sample{'s' * (count > 1)} before what its input can cause: no plant does that"
+        words = f"{where} comes {count} sample{'s' * (count > 1)} before what its input can cause: no plant does that,"
+        words += " but one that is not stable, in its loop: of that one give the reference and the controller instead ([loop])"
         evidence = f"a stable model leaves {percent(base.part)} of it, {percent(ahead)} after the correction"
         return [Fault(FaultKind.LATE, words, evidence, f"delay {count}", where, 0, -float(count))]
     if continued:  # the answer of any time is as good

@@ -316,7 +316,7 @@ def loop_bounds(
     ('STABLE', True)
     """
     budget, band = Budget(time_limit), as_kind("band", band, Band, "a Band")
-    controller = None if controller is None else controller_model("controller", controller)
+    controller = None if controller is None else controller_model(controller)
     loop = _without_controller(band, controller) if loop is None else as_kind("loop", loop, Loop, "a Loop")
     model = StateMatrices.of(_nominal(band))
     nu, ny = loop.shape

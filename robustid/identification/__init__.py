@@ -15,7 +15,7 @@ from robustid.identification.consistency import OBJECTIVES, identify
 from robustid.identification.exact_evaluation import ball_arithmetic, verify_margin_exactly, verify_support_exactly
 from robustid.identification.formulation import FORMS, check_equations, told_apart_functions
 from robustid.identification.loop import Loop
-from robustid.identification.loop_response import loop_response
+from robustid.identification.loop_response import loop_noise, loop_response, measured_faults
 from robustid.identification.margin import prove_margin
 from robustid.identification.model import nominal_model, parametric_states
 from robustid.identification.passive import check_gain, class_size, class_value, contradictions
@@ -80,7 +80,9 @@ __all__ = [
     "image_of",
     "in_image",
     "largest_ratio",
+    "loop_noise",
     "loop_response",
+    "measured_faults",
     "model_residuals",
     "nominal_model",
     "parametric_states",

@@ -115,6 +115,7 @@ def identify(
     _check_arguments(problem, objective, form)
     accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress, "margin and model")
     formulation = formulate(problem, form, accuracy)
+    formulation.check_step(budget.seconds)
     with threads_for(formulation.count * max(1, problem.entries.count // 2)):
         return _identify(formulation, objective, solver, accuracy, budget)
 

@@ -216,8 +216,9 @@ class Loop(Frozen):
     def opened(self, record: TimeRecord, *, period: int | None = None) -> TimeRecord:
         """Record of R: its input x and output z from the input and output of the plant; no bound, whose noise is another one.
 
-        `fit_records` takes it too. One that is not periodic begins at zero initial conditions of the controller, or in a free
-        state. With a `period`, in samples, each by itself: no noise goes on into the next, as estimates of scatter assume.
+        `fit_records` makes it by itself of a `loop`. One that is not periodic begins at zero initial conditions of the controller,
+        or in a free state. With a `period`, in samples, each by itself: no noise goes on into the next, as estimates of scatter
+        assume.
         """
         signals = self._signals(record)
         alone = period is not None and 0 < period < len(signals) and len(signals) % period == 0

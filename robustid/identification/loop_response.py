@@ -6,12 +6,15 @@ import dataclasses
 import logging
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import one_thread
-from robustid.data import FaultKind, FrequencyResponse, TimeRecord
+from robustid.core import Complex, Real, StateMatrices, one_thread, response_at
+from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.estimation import record_faults, response_alone
 from robustid.identification.loop import Loop
+
+_OF_A_LOOP = (FaultKind.FEEDBACK, FaultKind.EXCHANGED, FaultKind.LATE)
 
 _log = logging.getLogger("robustid")
 
@@ -71,7 +74,22 @@ def loop_response(
     records = [record] if isinstance(record, TimeRecord) else list(record)
     opened = [loop.opened(one, period=period if method in (None, "periodic") else None) for one in records]
     found = response_alone(opened, period=period, method=method, lines=lines, probability=probability, about=about)
-    faults = tuple(one for one in record_faults(records, period=period) if one.kind is not FaultKind.FEEDBACK)
+    faults = measured_faults(records, period)
     for fault in faults:
         _log.warning("%s", fault)
     return dataclasses.replace(found, faults=faults)
+
+
+def measured_faults(records: Sequence[TimeRecord], period: int | None) -> tuple[Fault, ...]:
+    """Faults of the records of a loop as they were measured, but for those of its being one: the input answers the output, and
+    a plant that is not stable makes an output that no stable model has from its input; what comes late `Loop.faults` tells.
+    """
+    return tuple(one for one in record_faults(records, period=period) if one.kind not in _OF_A_LOOP)
+
+
+def loop_noise(loop: Loop, residual: StateMatrices, angles: Real) -> Complex:
+    r"""Filter ``D~_x - R N~_c`` from noise v at the output of a plant to the output z of its R, (F, ny, ny)."""
+    nu, _ = loop.shape
+    points = np.exp(1j * angles)
+    back = response_at(loop.back, points)[:, :, nu:]
+    return back[:, nu:] - response_at(residual, points) @ back[:, :nu]

@@ -184,7 +184,7 @@ def check_model(name: str, model: object) -> Model:
         if hasattr(model, "frdata"):
             raise InputTypeError(
                 f"`{name}` must be a control.StateSpace; got a frequency response. Give the model that it is the response of, or"
-                " one that fits it, fit_mfd(...).model; loop_from_data finds that of a controller"
+                " one that fits it, fit_mfd(...).model; that of a controller is prepare.controller_model(response)"
             )
         raise InputTypeError(
             f"`{name}` must be a control.StateSpace or TransferFunction, or a result that has a model; got {type(model).__name__}"

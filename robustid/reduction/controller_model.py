@@ -21,11 +21,36 @@ _FLOOR = 1e-3  # of the largest entry at a frequency: smaller ones count as much
 _LARGEST = 20  # states, and one for three frequencies
 
 
-def controller_model(name: str, controller: Controller) -> control.StateSpace:
+def controller_model(controller: Controller, *, name: str = "controller") -> control.StateSpace:
     """A controller as a model: as it is, or the one of fewest states whose response it is.
 
     Of a response the class is known: what a computer or a circuit with few states does, without noise. A model that misses one
     millionth of it anywhere is refused, as is one that needs more states than its frequencies tell.
+
+    Parameters
+    ----------
+    controller : control.StateSpace, control.TransferFunction, control.FRD or FrequencyResponse
+        A response with the `dt` of the controller; computed, not measured.
+    name : str
+        What messages call it.
+
+    Returns
+    -------
+    control.StateSpace
+        What was given, where it is a model.
+
+    Raises
+    ------
+    InputError
+        A response that no model has.
+
+    Examples
+    --------
+    >>> import control, numpy as np, robustid as rid
+    >>> lead = control.tf([5.61, -5.39], [1, -0.6], 0.001)
+    >>> found = rid.prepare.controller_model(control.frd(lead, np.geomspace(1, 3000, 30)))
+    >>> found.nstates, float(abs(found(1j) - lead(1j)).round(9))
+    (1, 0.0)
     """
     import control
 

@@ -68,7 +68,7 @@ def loop_from_data(
     >>> bool(abs(abs(loop.auxiliary.poles()).max() - 1.1) < 0.02)
     True
     """
-    first = any_loop(controller_model("controller", controller), data, excitation)
+    first = any_loop(controller_model(controller), data, excitation)
     return with_auxiliary(first, opened_response(first, data))
 
 

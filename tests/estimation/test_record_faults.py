@@ -1,10 +1,12 @@
 """Faults of records: each fault alone, and none where there is none."""
 
+import control
 import numpy as np
 import pytest
 import scipy.signal
 
 import robustid as rid
+from robustid.data import FaultKind
 from robustid.estimation.record_faults import found_period
 from support.cases import slow
 from support.fault_plants import recipes, step
@@ -198,3 +200,21 @@ def test_an_excitation_on_every_third_line_repeats_between_two_samples_and_its_w
     assert [found_period(rid.TimeRecord(u, u, dt=1.0)) for u in (drive, noisy)] == [500, 500]
     narrow = scipy.signal.lfilter([1.0], [1, -1.9, 0.98], rng.standard_normal(3000))
     assert found_period(rid.TimeRecord(narrow, narrow, dt=1.0)) is None
+
+
+def test_the_output_of_an_unstable_plant_in_its_loop_is_not_early():
+    """Stable models have it from later inputs: with the reference, and under the controller that ran, nothing is to be undone."""
+    dt, rng = 0.001, np.random.default_rng(0)
+    plant, controller = (
+        control.ss(control.c2d(control.tf([2e4], [1, 10, -2.5e3]), dt)),
+        control.tf([5.61, -5.39], [1, -0.6], dt),
+    )
+    r, noise = np.tile(rng.standard_normal(1024), 4), 0.002 * rng.standard_normal(4096)
+    closed, seen = control.feedback(plant, controller), control.feedback(1, plant * controller)
+    y = control.forced_response(closed, inputs=r).outputs + control.forced_response(seen, inputs=noise).outputs
+    u = r - control.forced_response(controller, inputs=y).outputs
+    record = rid.TimeRecord(u, y, dt=dt, reference=r)
+    assert not rid.prepare.record_faults(record, period=1024)
+    without = rid.TimeRecord(u, y, dt=dt)
+    assert {one.kind for one in rid.prepare.record_faults(without, period=1024)} & {FaultKind.LATE, FaultKind.FEEDBACK}
+    assert not rid.prepare.loop_response(without, rid.Loop(controller), period=1024).faults

@@ -6,7 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.reduction import controller_model
+from robustid.prepare import controller_model
 
 DT = 0.001
 SLOW, FAST = np.geomspace(1.0, 3000.0, 60), np.geomspace(1.0, 1e5, 90)
@@ -24,7 +24,7 @@ def response(model, omega):
 
 @pytest.mark.parametrize(("model", "omega"), [(PID, SLOW), (PAIR, FAST), (UNSTABLE, FAST), (GAIN, SLOW)])
 def test_the_model_is_the_one_that_made_the_response(model, omega):
-    found = controller_model("controller", control.frd(model, omega))
+    found = controller_model(control.frd(model, omega))
     assert found.nstates == model.nstates
     assert found.dt == model.dt
     between = np.geomspace(2.0, 2500.0, 50)
@@ -35,7 +35,7 @@ def test_the_model_is_the_one_that_made_the_response(model, omega):
 def test_a_response_of_six_digits_in_a_file_is_enough():
     values = response(PID, SLOW)
     rounded = np.array([complex(f"{one.real:.7g}{one.imag:+.7g}j") for one in values[:, 0, 0]])
-    found = controller_model("controller", rid.FrequencyResponse(SLOW, rounded, dt=DT))
+    found = controller_model(rid.FrequencyResponse(SLOW, rounded, dt=DT))
     assert found.nstates == PID.nstates
     assert np.all(np.abs(response(found, SLOW) - values) < 1e-5 * np.abs(values))
 
@@ -44,7 +44,7 @@ def test_a_measured_controller_is_refused():
     rng = np.random.default_rng(0)
     values = response(PID, SLOW[::3])[:, 0, 0] * (1 + 1e-3 * rng.standard_normal(20))
     with pytest.raises(rid.InputError, match="without noise: no model of up to 6 states"):
-        controller_model("controller", rid.FrequencyResponse(SLOW[::3], values, dt=DT))
+        controller_model(rid.FrequencyResponse(SLOW[::3], values, dt=DT))
 
 
 def test_the_loop_is_that_of_the_model():
@@ -53,5 +53,10 @@ def test_the_loop_is_that_of_the_model():
     one, other = (rid.prepare.loop_from_data(frf, given) for given in (controller, control.frd(controller, SLOW)))
     assert rid.guarantee.nu_gap(one.controller, other.controller).value < 1e-9
     assert rid.guarantee.nu_gap(one.auxiliary, other.auxiliary).value < 1e-5
-    with pytest.raises(rid.errors.InputTypeError, match="got a frequency response"):
-        rid.Loop(control.frd(controller, SLOW))
+
+
+def test_a_loop_of_a_response_leads_to_its_model():
+    response = control.frd(control.ss(control.tf([0.5, 0.1], [1, 0.1], DT)), SLOW)
+    with pytest.raises(rid.errors.InputTypeError, match=r"got a frequency response.*prepare\.controller_model"):
+        rid.Loop(response)
+    assert rid.Loop(controller_model(response)).shape == (1, 1)

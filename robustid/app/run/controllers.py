@@ -28,7 +28,7 @@ def controller_in(path: Path, dt: float | None, name: str = "controller") -> con
             frf = None
         if frf is None:
             raise
-        return controller_model(name, frf)
+        return controller_model(frf, name=name)
 
 
 def read_controllers(paths: Sequence[Path], place: str, loop: Loop | None = None) -> Controllers:

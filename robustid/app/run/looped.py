@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from robustid.app.load_save import load
 from robustid.app.run.controllers import controller_in
 from robustid.app.run.loop_settings import LoopChoice
-from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
+from robustid.data import Fault, FrequencyResponse, TimeRecord
 from robustid.errors import InputError
-from robustid.estimation import record_faults, response_alone
-from robustid.identification import Loop
+from robustid.estimation import response_alone
+from robustid.identification import Loop, measured_faults
 from robustid.reduction import any_loop, with_auxiliary
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def _found(name: str, folder: Path, place: str) -> Path:
 
 def faults_of(loop: Loop, records: Sequence[TimeRecord], period: int | None) -> tuple[Fault, ...]:
     """Faults of the records as they were measured, with mistakes about the controller that ran; that the loop is closed is none."""
-    found = [one for one in record_faults(records, period=period) if one.kind is not FaultKind.FEEDBACK]
+    found = list(measured_faults(records, period))
     for k, record in enumerate(records, start=1):
         if record.reference is not None:
             found += [one._replace(record=k if len(records) > 1 else 0) for one in loop.faults(record)]

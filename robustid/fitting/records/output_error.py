@@ -29,6 +29,7 @@ from robustid.fitting.records.record_fit import RecordFit
 from robustid.fitting.records.record_starts import starts
 from robustid.fitting.records.record_statement import (
     Experiments,
+    Noise,
     checked_records,
     checked_response,
     fit_driven,
@@ -39,6 +40,7 @@ from robustid.fitting.records.record_statement import (
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.projected_outputs import Outputs
 from robustid.fitting.state_space.state_refinement import Refined, Report, refine
+from robustid.identification import Loop, loop_noise
 
 if TYPE_CHECKING:
     import control
@@ -55,6 +57,7 @@ def fit_records(
     *,
     order: int,
     frf: FrequencyResponse | control.FRD | None = None,
+    loop: Loop | None = None,
     feedthrough: bool = False,
     stable: bool = True,
     offset: bool = False,
@@ -80,6 +83,10 @@ def fit_records(
         Number of states.
     frf : FrequencyResponse or control.FRD, optional
         Fitted together with the records: same `dt`, inputs and outputs.
+    loop : Loop, optional
+        The controller that ran: the model is that of the stable R, and `Loop.plant_of` makes the plant of it. White noise v of the
+        plant's outputs is ``(D~_x - R N~_c) v`` in those of R, and every frequency counts by that; `weight`, levels and cost are
+        those of v. A response beside the records is that of R.
     feedthrough : bool
         Whether the input acts on the output in the same sample.
     stable : bool
@@ -126,6 +133,12 @@ def fit_records(
     budget = Budget(time_limit)
     order = as_count("order", order, least=1)
     experiments = checked_records(records)
+    noise = None
+    if loop is not None:
+        if delay is not None:
+            raise InputError("`delay` must be left out with a `loop`: a delay of the plant is none of its R")
+        experiments = tuple(loop.opened(record) for record in experiments)
+        noise = functools.partial(loop_noise, loop)
     response = None if frf is None else checked_response(frf, experiments[0])
     seconds = 0.0 if delay is None else as_float("delay", delay)
     if seconds:
@@ -139,13 +152,14 @@ def fit_records(
     else:
         candidates = iter([given_start(start, order, experiments[0])])
     with threads_for(order * question.inputs):
-        found, levels, outputs = _fitted(question, given, candidates, stable, budget, counted_steps(progress))
+        found, levels, outputs = _fitted(question, given, noise, candidates, stable, budget, counted_steps(progress))
     return _result(question, experiments, outputs, found, levels, seconds)
 
 
 def _fitted(
     question: Experiments,
     given: Real | None,
+    noise: Noise | None,
     candidates: Iterator[tuple[Real, Real]],
     stable: bool,
     budget: Budget,
@@ -155,10 +169,13 @@ def _fitted(
     found, levels = _best_start(question, given, candidates, stable, budget)
     history, rounds = former(found.history, former_weight(1)), 1
     while True:
+        if noise is not None:
+            question = question.whitened(noise, found.fitted, levels[:-1])
+            levels = _levels(question, Outputs(question.criterion(levels[:-1], float(levels[-1]))), found, given)
         outputs = Outputs(question.criterion(levels[:-1], float(levels[-1])))
         found = _descended(outputs, found, stable, budget, report)
         before, levels = levels, _levels(question, outputs, found, given)
-        same = bool(np.all(np.abs(levels - before) <= _SAME_LEVELS * before))
+        same = (noise is None or rounds > 1) and bool(np.all(np.abs(levels - before) <= _SAME_LEVELS * before))
         if found.status in _ENDED or same or rounds == _WEIGHTINGS:
             return found._replace(history=history + found.history), before, outputs
         history += former(found.history, former_weight(rounds + 1))
@@ -229,9 +246,8 @@ def _result(
     posed: Experiments, records: tuple[TimeRecord, ...], outputs: Outputs, found: Refined, levels: Real, delay: float
 ) -> RecordFit:
     """The fit in the units of the data, with the states at the first samples."""
-    fitted, nu = found.fitted, posed.unit.size
-    A, B, C, D = fitted.state_space(1.0)
-    plant = StateMatrices(A, B[:, :nu] / posed.unit, C, D / posed.unit)
+    fitted, plant = found.fitted, posed.plant(found.fitted)
+    A, B, C, _ = fitted.state_space(1.0)
     states: list[Real] = []
     offsets = np.zeros((len(records), len(C)))
     cost = 0.0

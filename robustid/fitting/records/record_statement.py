@@ -6,13 +6,15 @@ Spectral lines take the place of samples, transients are further inputs.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, as_array
+from robustid.core import Complex, Real, StateMatrices, as_array
 from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response, as_records
 from robustid.errors import InputError
 from robustid.fitting.fraction.criterion import Weight
@@ -23,6 +25,8 @@ from robustid.fitting.fraction.householder import triangle
 from robustid.fitting.state_space.given_poles import output_rows, real_rows, solution_in_units
 from robustid.fitting.state_space.projected_outputs import Block, Criterion, Fitted, Outputs
 from robustid.identification import check_model
+
+Noise = Callable[[StateMatrices, Real], Complex]  # filter of the noise that goes with a model, at angles: (F, ny, ny)
 
 _SAME_DT = 1e-9
 _LEAST_LEVEL = 1e-9  # part of an output below which its residual is rounding
@@ -143,6 +147,7 @@ class Lines(NamedTuple):
     samples: int
     initial: str
     column: int | None  # of the directions; None where no initial state is estimated
+    white: Complex | None = None  # (F, ny, ny): undoes the colour of the noise; None where it is taken for white
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -189,13 +194,28 @@ class Experiments:
         if line.column is not None:
             directions[:, line.column, 0] = xi
         entries = line.factor[:, None, None] / levels[:, None]
-        return Block(at, line.y[..., None], Weight(entries), directions, line.samples if line.initial == "rest" else 0)
+        weight = Weight(entries, output=line.white)
+        if line.white is not None and len(levels) == 1:  # of one output its size alone counts
+            weight = Weight(entries * np.abs(line.white))
+        return Block(at, line.y[..., None], weight, directions, line.samples if line.initial == "rest" else 0)
+
+    def whitened(self, noise: Noise, fitted: Fitted, levels: Real) -> Experiments:
+        """With the noise of the outputs that goes with a model, of sources of such levels, in place of white noise."""
+        filters = functools.partial(noise, self.plant(fitted))
+        lines = [line._replace(white=whitening(filters, line, levels)) for line in self.lines]
+        return dataclasses.replace(self, lines=tuple(lines))
+
+    def plant(self, fitted: Fitted) -> StateMatrices:
+        """A fitted model in the units of the data, without the columns of the initial states."""
+        A, B, C, D = fitted.state_space(1.0)
+        return StateMatrices(A, B[:, : self.unit.size] / self.unit, C, D / self.unit)
 
     def levels(self, outputs: Outputs, fitted: Fitted) -> tuple[Real, float]:
         """Levels of the residual: of every output over all records, and of the response in its own weight."""
         residuals = outputs.residuals(fitted)
         square, count = np.zeros(self.size.size), 0
         for line, residual in zip(self.lines, residuals, strict=False):
+            residual = residual if line.white is None else line.white @ residual
             square += np.sum((line.factor[:, None] * np.abs(residual[..., 0])) ** 2, axis=0)
             count += line.samples
         levels = np.maximum(np.sqrt(square / count), _LEAST_LEVEL * self.size)
@@ -216,6 +236,21 @@ class Experiments:
         weight, own = outputs.criterion.blocks[-1].weight, self.response.weight
         ratio = np.max(weight.entries) / np.max(own.entries)
         return total - 2 * np.count_nonzero(own.entries) * 2 * math.log(ratio)
+
+
+def whitening(filters: Callable[[Real], Complex], line: Lines, levels: Real) -> Complex:
+    """Matrices that turn filtered noise at the lines of a record into its white sources: exactly so in variance, with the leakage
+    that a record of this length has into the notches of the filter; in phase as near to its inverse as that allows.
+    """
+    samples = line.samples
+    E = filters(np.pi * np.arange(samples + 1) / samples) * levels
+    covariance = np.fft.irfft(E @ E.conj().swapaxes(1, 2), 2 * samples, axis=0)
+    lag = np.minimum(np.arange(2 * samples), np.arange(2 * samples, 0, -1))
+    variance = np.fft.rfft((1 - lag / samples)[:, None, None] * covariance, axis=0)[::2][: line.angles.size]
+    power, basis = np.linalg.eigh(variance)
+    root = basis / np.sqrt(power)[:, None, :] @ basis.conj().swapaxes(1, 2)
+    left, _, right = np.linalg.svd(root @ E[::2][: line.angles.size])
+    return np.asarray(levels[:, None] * ((left @ right).conj().swapaxes(1, 2) @ root), dtype=complex)
 
 
 def spectra(record: TimeRecord, unit: Real, column: int | None, offset: bool) -> Lines:

@@ -26,6 +26,9 @@ from robustid.identification.truncation import BalancedContraction
 
 LARGEST_EXACT = 200  # coefficients: the exact form is dense, n^4 work per Newton step
 
+_PER_SECOND = 2e10  # multiplications, of dense matrices on one core
+_STORED = 2.0  # GB: the Newton matrix, of which there are several copies
+
 Family = Interpolants | TaylorInterpolants
 States = tuple[Array, Array, Array, Array]  # A, B, C, D
 Realisation = Callable[[float], tuple[States, float]]
@@ -177,6 +180,19 @@ class Formulation(Frozen, Functions):
                     "Put lightly damped modes into `parametric` and raise the decay rate, ask for less accuracy, or thin the data:"
                     " frf.select(slice(None, None, step)), a shorter record, or fewer points where the response is smooth",
                 ),
+            )
+
+    def check_step(self, seconds: float | None) -> None:
+        """Refuse a matrix whose single Newton step takes longer than a solution may, or more memory than there is."""
+        entries, unknowns = self.problem.entries.count, self.count * self.problem.entries.count
+        takes, stored = self.work / _PER_SECOND, 8e-9 * unknowns**2
+        late = seconds is not None and takes > seconds
+        if entries > 1 and (late or stored > _STORED):
+            limit = f"`time_limit` is {seconds:.3g} s" if late else f"{_STORED:g} GB are possible"
+            raise SizeError(
+                f"`problem` has {unknowns} coefficients in its {entries} entries: one step of its solution takes about"
+                f" {takes:.2g} s and matrices of {stored:.2g} GB, {limit}. ",
+                Remedy({}, "Take single entries, frf.entry(output, input), a larger decay, or fewer points"),
             )
 
     @property

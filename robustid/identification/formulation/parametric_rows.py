@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Numbers, Real, lengths, singular_parts
+from robustid.core import Numbers, Real, decoupled_parts, lengths, singular_parts
 from robustid.identification.formulation.functions import Functions
 from robustid.identification.formulation.rows import experiment_blocks
 from robustid.identification.problem import MixedProblem
@@ -68,13 +68,17 @@ def told_apart_functions(problem: MixedProblem) -> ToldApart:
     if not stacked.shape[1]:
         return ToldApart(np.zeros(0, bool), True, np.zeros((right.size, 0)))
     stacked = stacked / size_of
-    left, singular, rows = singular_parts(stacked)
-    seen = singular > _RANK * singular[0]
-    best = rows[seen].T @ ((left[:, seen].T @ right) / singular[seen])
-    # Part of every unknown that lies in the dependences: the diagonal of the projection on them.
-    unseen = np.sqrt(np.maximum(1 - np.sum(rows[seen] ** 2, axis=0), 0.0))
-    complete = int(seen.sum()) == stacked.shape[1]
+    best, unseen, rank = np.zeros(stacked.shape[1]), np.ones(stacked.shape[1]), 0
+    parts = [(at, columns, *singular_parts(stacked[np.ix_(at, columns)])) for at, columns in decoupled_parts(stacked)]
+    least = _RANK * max(singular.max(initial=0.0) for _, _, _, singular, _ in parts)
+    for at, columns, left, singular, rows in parts:
+        seen = singular > least
+        best[columns] = rows[seen].T @ ((left[:, seen].T @ right[at]) / singular[seen])
+        # Part of every unknown that lies in the dependences: the diagonal of the projection on them.
+        unseen[columns] = np.sqrt(np.maximum(1 - np.sum(rows[seen] ** 2, axis=0), 0.0))
+        rank += int(seen.sum())
+    complete = rank == stacked.shape[1]
     involved = silent | (unseen > _PART * unseen.max()) if not complete else silent
     by_function = involved[:own].reshape(-1, size).any(axis=0) if size else np.zeros(0, bool)
-    parts = (stacked * best)[:, :own].reshape(right.size, -1, size).sum(axis=1) if size else np.zeros((right.size, 0))
-    return ToldApart(by_function, complete, parts)
+    values = (stacked * best)[:, :own].reshape(right.size, -1, size).sum(axis=1) if size else np.zeros((right.size, 0))
+    return ToldApart(by_function, complete, values)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Array, Frozen, Numbers, Real, freeze, singular_parts
+from robustid.core import Array, Frozen, Numbers, Real, decoupled_parts, freeze, singular_parts
 from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.formulation.assembly import Assembly, Block
 from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
@@ -195,10 +195,17 @@ def _check_independent(problem: MixedProblem, P: Numbers, free: NDArray[np.intp]
     if not P.shape[1]:
         return
     stacked = np.vstack([np.real(P), np.imag(P)])
-    _, singular, directions = singular_parts(stacked / np.linalg.norm(stacked, axis=0))
-    rank = int(np.sum(singular > 1e-10 * singular[0])) if singular.size else 0
+    stacked = stacked / np.linalg.norm(stacked, axis=0)
+    levels, weakest = np.zeros(0), (np.inf, free[:0])
+    for rows, columns in decoupled_parts(stacked):  # hundreds of entries, each in samples of its own
+        _, singular, directions = singular_parts(stacked[np.ix_(rows, columns)])
+        levels = np.append(levels, singular)
+        least = singular[-1] if singular.size == columns.size else 0.0
+        if least < weakest[0]:
+            weakest = least, free[columns[np.abs(directions[-1]) > 0.1]]
+    rank = int(np.sum(levels > 1e-10 * levels.max(initial=0.0)))
     if rank < P.shape[1]:
-        involved = free[np.abs(directions[-1]) > 0.1]
+        involved = weakest[1]
         own = problem.parametric.size * problem.entries.count if problem.parametric is not None else 0
         names = ", ".join(_parameter_name(problem, i) for i in involved if i < own)
         raise InputError(
