@@ -74,6 +74,12 @@ def test_files_that_stand_alone_get_their_options_and_what_is_missing_an_example
     assert err.splitlines()[1].startswith(f"  robustid {meant}")
 
 
+def test_an_option_without_its_value_does_not_take_the_next_one(files, run):
+    code, _, err = run(["identify", "--frequency", "frf.csv", "--passive", "-o", "model"])
+    assert code == 2
+    assert err.startswith("error: --passive needs a value, and -o is another option")
+
+
 @pytest.mark.parametrize("called", ["identify nothing.csv", "verify result frf.csv", "bounds frf.csv", "fit step.csv"])
 def test_a_file_that_a_command_cannot_use_is_refused_by_name(files, run, called):
     code, _, err = run(called.split())

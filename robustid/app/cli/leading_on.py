@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,14 +20,28 @@ _EXAMPLE = re.compile(r"\[bold\]Example\[/bold\]: (robustid .*?)(?:\n *\n|\n *\[
 def lead_on(command: Any, context: Context, words: Sequence[str]) -> None:
     """Refuse words that a command can't take, with the line that does what they mean."""
     given, over, _ = command.make_parser(context).parse_args(list(words))
-    if given.get("help") or context.resilient_parsing:
+    if context.resilient_parsing or any(given.get(one.name) for one in command.get_params(context) if one.is_eager):
         return
+    _refuse_no_value(command, words)
     name = str(context.info_name)
     needed = [one for one in command.params if one.required and given.get(one.name) in (None, ())]
     if over:
         raise InputError(_with_options(command, name, words, over), argument=_KINDS[0], got=over)
     if needed:
         raise InputError(_missing(command, name, needed[0]), argument=_said(needed[0]))
+
+
+def _refuse_no_value(command: Any, words: Sequence[str]) -> None:
+    """Refuse an option that has another one in place of its value."""
+    known = {flag: one for one in command.params for flag in (*one.opts, *one.secondary_opts)}
+    for word, after in itertools.pairwise(words):
+        if word in _valued(command) and after in known:
+            raise InputError(f"{word} needs a value, and {after} is another option. {known[word].help}", argument=word)
+
+
+def _valued(command: Any) -> set[str]:
+    """Options that take a value."""
+    return {flag for one in command.params if not getattr(one, "is_flag", True) for flag in one.opts}
 
 
 def _said(parameter: Any) -> str:
@@ -83,8 +98,7 @@ def _taken(command: Any) -> str:
 
 def _flagged(command: Any, words: Sequence[str], flags: dict[str, str]) -> list[str]:
     """The words with the option of each file in front of it, where it is not the value of another option."""
-    valued = {flag for one in command.params if not getattr(one, "is_flag", True) for flag in one.opts}
-    found: list[str] = []
+    valued, found = _valued(command), list[str]()
     for word in words:
         free = not found or found[-1] not in valued
         found += [flags[word], word] if free and word in flags else [word]
