@@ -179,9 +179,7 @@ def end(sentence: str, code: int, status: str, head: str = "", error: RobustIdEr
 
 
 def _say(sentence: str, code: int, head: str = "") -> NoReturn:
-    out, (first, *others) = console(stderr=True), sentence.split("\n")
-    out.say(first, head, "bold red")
-    screen.say(out, *others)  # what is pasted stands on a line of its own
+    console(stderr=True).say(sentence, head, "bold red")
     sys.exit(code)
 
 
