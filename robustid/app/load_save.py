@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from robustid import core
 from robustid.app.exports.network_files import is_network, save_network
 from robustid.core import Progress, Signal, as_function
-from robustid.errors import InputError
+from robustid.errors import FileFormatError, InputError
 
 if TYPE_CHECKING:
     import control
@@ -204,6 +204,8 @@ def load_result(path: str | os.PathLike[str], *kinds: str, progress: Progress | 
     from robustid import fitting as fitting
     from robustid import guarantees as guarantees
 
+    if os.path.isfile(path) and core.saved_kind(path) is None and not core.paths(path)[1].exists():
+        raise FileFormatError(f"{path} is no saved result; robustid look {path} shows what it is, and how to go on")
     return core.load_saved(path, *kinds, progress=progress)
 
 

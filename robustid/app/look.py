@@ -112,20 +112,21 @@ class Look(Frozen):
             known = self.data.bound is not None or bool(self.bound)
             what = "a model with a proof" if known else "a model by least squares; with --frequency-bound, a proof"
             called = ["identify", "--frequency", self.path] if known else ["fit", self.path, "--order", "auto"]
-            called += self._options("frequency")
+            called += self.as_options()
             return what, with_option(called, _CORRECT, self.correction) if self.correction else called
         if not self.kind and self.data is not None:
             model = hasattr(self.data, "nstates")
             return ("the model for another program", ["export", self.path]) if model else ("", [])
         period = next((fault.size for fault in self.faults if fault.kind is FaultKind.UNSTATED_PERIOD), None)
         if period and isinstance(self.data, TimeRecord) and self.data.u.shape[1] == 1 and not self.faulty:
-            called = ["frf", self.path, *self._options("time"), "--period", f"{period:.0f}"]
+            called = ["frf", self.path, *self.as_options(), "--period", f"{period:.0f}"]
             return "the frequency response, with its bound", called
         fault = ", with what undoes the fault" if self.correction else ""
         return f"a run file, ready to edit{fault}", ["new", self.path]
 
-    def _options(self, kind: str) -> list[str]:
+    def as_options(self) -> list[str]:
         """The arguments with which it was read, as options of a command."""
+        kind = self.kind
         known = option_words(kind)
         found = values_of_options(Remedy({name: one for name, one in self.arguments.items() if name in known}), kind)
         pairs = [(flag, str(one)) for flag, value in found.items() for one in (value if is_array(value) else [value])]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Plane, Real, freeze, hz_span
+from robustid.core import Plane, Real, Unfinished, freeze, hz_span
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
@@ -56,6 +56,8 @@ class Family(WorstCase):
         The condition that is told apart, "amplitude" for instance.
     interval : (float, float) or None
         Range of it that the family is asked about.
+    unfinished : Unfinished or None
+        What the run that found it has left out.
     """
 
     members: tuple[Member, ...]
@@ -64,6 +66,7 @@ class Family(WorstCase):
     tried: tuple[tuple[int, float], ...] = ()
     schedule: str | None = None
     interval: tuple[float, float] | None = None
+    unfinished: Unfinished | None = None
 
     def __post_init__(self) -> None:
         results: list[Bounded] = [m.result for m in self.members]
@@ -78,6 +81,12 @@ class Family(WorstCase):
     def errors(self) -> tuple[Bounded, ...]:
         """The bounds of every member around the nominal."""
         return tuple(m.result.with_model(self.model) for m in self.members)
+
+    def ended_early(self, unfinished: Unfinished) -> Self:
+        """Return the family with what its run has left out."""
+        found = dataclasses.replace(self, unfinished=unfinished)
+        object.__setattr__(found, "errors", self.errors)  # with the circle, where it has been bounded
+        return found
 
     @property
     def proofs(self) -> tuple[Bounded, ...]:

@@ -355,7 +355,7 @@ def _without_controller(band: Band, controller: object) -> Loop:
     import control
 
     if controller is None:
-        words = "`controller` is missing: of a plant in open loop (no `loop`) give the one that is to be tried"
+        words = "`controller` is missing: of a plant in open loop give the one that is to be tried"
         raise InputError(words)
     entries = band.problem.entries
     nothing = np.zeros((entries.inputs, entries.outputs))

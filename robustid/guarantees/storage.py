@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Arrays, Complex, Real, Record, StateMatrices, as_count, fields_of, keep
+from robustid.core import Arrays, Complex, Real, Record, StateMatrices, Unfinished, as_count, fields_of, keep
 from robustid.guarantees.band import Multipliers, band_of_multipliers
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.circle import CircleBound
@@ -263,6 +263,7 @@ def _family(family: Family) -> Record:
         "tried": family.tried,
         "schedule": family.schedule,
         "interval": family.interval,
+        "unfinished": family.unfinished,
     }
 
 
@@ -272,12 +273,14 @@ def _make_family(
     tried: tuple[tuple[int, float], ...],
     schedule: str | None,
     interval: tuple[float, float] | None,
+    unfinished: Unfinished | None = None,
 ) -> Family:
     found = [Member(item["result"], item["name"], **item["condition"]) for item in members]  # type: ignore[arg-type]
     if not found or any(not np.array_equal(m.result.omega, found[0].result.omega) for m in found):
         raise ValueError("its members are not bounded at the same frequencies")
     model = _nominal(nominal, found[0].identification)
-    family = Family(members=as_members(found), model=model, tried=tried, schedule=schedule, interval=interval)
+    asked: Record = {"tried": tried, "schedule": schedule, "interval": interval, "unfinished": unfinished}
+    family = Family(members=as_members(found), model=model, **asked)
     object.__setattr__(family, "errors", tuple(m.result for m in found))  # with the circle, where it has been bounded
     return family
 

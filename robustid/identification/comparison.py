@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, Savable, as_kind, freeze, hz_span, hz_words
+from robustid.core import Complex, Frozen, Real, Savable, Tabular, as_kind, freeze, hz_span, hz_words
 from robustid.data import FrequencyResponse, as_probability, chance_beyond, joint_radius, variances
 from robustid.errors import InputError
 from robustid.figures import Drawable
@@ -40,7 +40,7 @@ class _Noise(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Comparison(Frozen, Drawable, Savable):
+class Comparison(Frozen, Drawable, Tabular, Savable):
     """Two responses at their common frequencies, held against the noise of both.
 
     The difference ``d = second - first`` of one plant has the variance ``s^2 = s1^2 + s2^2``: ``|d|^2/s^2`` is exponential where
@@ -168,6 +168,18 @@ class Comparison(Frozen, Drawable, Savable):
     def beyond(self) -> NDArray[np.bool_]:
         """True where the difference is larger than `limit`, (F, ny, nu)."""
         return self.compared & (np.abs(self.difference) > self.limit)
+
+    def table(self) -> dict[str, list[Any]]:
+        """Differences with the limit of noise, a row for every frequency and entry that both have."""
+        places = list(zip(*np.nonzero(self.compared), strict=True))
+        return {
+            "frequency [Hz]": [self.freq_hz[k] for k, *_ in places],
+            "output": [str(self.first.outputs[i]) for _, i, _ in places],
+            "input": [str(self.first.inputs[j]) for *_, j in places],
+            "difference": np.abs(self.difference)[self.compared].tolist(),
+            "limit": self.limit[self.compared].tolist(),
+            "chance": self.chance[self.compared].tolist(),
+        }
 
     @property
     def where(self) -> tuple[Differing, ...]:

@@ -72,7 +72,7 @@ def family_page(family: Family, title: str | None, parts: Parts) -> Document:
     return Document(
         title or heading("Family", problem.outputs, problem.inputs),
         head=[*_fault_verdict(family), *_verdicts(family, withheld), *_fault_warnings(family)],
-        notice=unfinished_notice(parts.get("unfinished")),
+        notice=unfinished_notice(parts.get("unfinished") or family.unfinished),
         body=not_guaranteed(
             [
                 *findings_section(parts.get("findings", ())),

@@ -77,7 +77,9 @@ def _head(identification: Identification, title: str | None, parts: Parts, *, dr
 
 def _left_out(identification: Identification, parts: Parts) -> Text | None:
     """Words that come first where the run, the one that its file is of, or the sweep of frequencies ended before its end."""
-    found, error = parts.get("unfinished") or Unfinished.of(identification.choices), parts.get("worst_case")
+    error = parts.get("worst_case")
+    kept = [identification.choices, *([] if error is None else [error.identification.choices])]
+    found = next(filter(None, [parts.get("unfinished"), *map(Unfinished.of, kept)]), None)
     if found is None and error is not None and error.missing.size:
         return Text(error.unfinished, "warning", "unfinished", head="Unfinished")
     return unfinished_notice(found)

@@ -54,6 +54,39 @@ def test_a_start_loads_nothing_heavy():
     assert all(line.endswith(" []") for line in lines), lines
 
 
+@pytest.mark.parametrize(
+    ("called", "meant"),
+    [
+        ("identify frf.csv step.csv -o model", "identify --frequency frf.csv --time step.csv -o model"),
+        ("identify -o frf.csv frf.csv", "identify -o frf.csv --frequency frf.csv"),
+        ("refute bounds step.csv", "refute bounds --time step.csv"),
+        ("report bounds bounds", "report --bounds bounds --bounds bounds"),
+        ("excite", "excite --band 1:500 --dt 1e-4 --period 10000"),
+        ("look", "look bench.mat"),
+    ],
+)
+def test_files_that_stand_alone_get_their_options_and_what_is_missing_an_example(files, run, called, meant):
+    """Files of measurements and of bounds, told apart by what they hold; the line is pasted as it is."""
+    saved = rid.identify(rid.MixedProblem(time=rid.load("step.csv"), prior=rid.Prior(gain_bound=9.0, decay_rate=1.1)))
+    rid.worst_case_error(saved, omega=[1.0], directions=3).save("bounds")
+    code, _, err = run(called.split())
+    assert code == 2
+    assert err.splitlines()[1].startswith(f"  robustid {meant}")
+
+
+def test_an_option_without_its_value_does_not_take_the_next_one(files, run):
+    code, _, err = run(["identify", "--frequency", "frf.csv", "--passive", "-o", "model"])
+    assert code == 2
+    assert err.startswith("error: --passive needs a value, and -o is another option")
+
+
+@pytest.mark.parametrize("called", ["identify nothing.csv", "verify result frf.csv", "bounds frf.csv", "fit step.csv"])
+def test_a_file_that_a_command_cannot_use_is_refused_by_name(files, run, called):
+    code, _, err = run(called.split())
+    assert code == 2
+    assert called.split()[-1] in err.splitlines()[0]
+
+
 def test_an_unknown_command_is_named_with_the_nearest(run):
     code, _, err = run(["identfy"])
     assert code == 2

@@ -145,7 +145,11 @@ def test_a_circle_that_ctrl_c_left_out_is_named(files, run, monkeypatch):
     monkeypatch.setattr("robustid.guarantees.WorstCaseError.on_circle", stop)
     code, out, err = run(["bounds", "circled", "--circle", "--omega", "60", "-o", "circled-bounds"])
     assert code == 130, err
-    assert "not finished: bounding the error between the frequencies" in " ".join(out.split())
+    said = "not finished: bounding the error between the frequencies"
+    assert said in " ".join(out.split())
+    arguments = ["report", "circled", "--bounds", "circled-bounds", "--no-reduce", "-o", "circled.html"]
+    assert run(arguments)[0] == 0  # and a page that is made later says it first
+    assert said in " ".join(first_screen(files / "circled.html")[0].split())
 
 
 def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):

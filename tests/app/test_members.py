@@ -1,5 +1,6 @@
 """Run files with [[members]]: one class for all, a family, its folder and page; and what is refused before anything is read."""
 
+import dataclasses
 import json
 
 import control
@@ -10,6 +11,7 @@ import robustid as rid
 from robustid.app.run import sequence
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.toml import write_toml
+from robustid.core import Unfinished
 from support.families import DT, LINES, measured, truth
 from support.faulty_files import CLASS_KEYS, response
 from support.report_pages import Page
@@ -64,6 +66,18 @@ def test_its_folder_holds_the_family_and_gives_it_again(done):
     again = rid.run(folder / "out" / "run.toml", folder / "again")
     assert np.array_equal(again.family.upper, found.family.upper)
     assert again.findings == found.findings
+
+
+def test_a_family_of_a_run_that_ctrl_c_ended_says_so_on_its_later_page(done, tmp_path):
+    left_out = Unfinished(("bounding the error",), True, resumable=True)
+    stopped = dataclasses.replace(done[1], unfinished=left_out)
+    stopped.numbers["family"].save(tmp_path / "family")
+    again = rid.load(tmp_path / "family")
+    assert again.unfinished == dataclasses.replace(left_out, run="the run")
+    assert done[1].numbers["family"].unfinished is None
+    rid.write_report(again, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert 'id="unfinished"' in text
 
 
 def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch):

@@ -27,6 +27,9 @@ def test_the_recipe_of_the_conda_package_asks_for_what_the_wheel_asks():
     recipe = (TREE / "packaging/recipe.yaml").read_text(encoding="utf-8")
     project = tomllib.loads((TREE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert f'version: "{robustid.__version__}"' in recipe
+    assert [f"{name} = {place}" for name, place in project["scripts"].items()] == re.findall(
+        r"^      - (.+)$", recipe.split("entry_points:\n")[1].split("\n\n")[0], re.M
+    )
     stated = re.findall(r"^    - ([\w.-]+) (>=\S+)$", recipe.split("  run:\n")[1], re.M)
     asked = [re.fullmatch(r"([\w.-]+)(>=\S+)", one).groups() for one in project["dependencies"]]
     names = {"matplotlib": "matplotlib-base"}  # conda's name of the part without a window

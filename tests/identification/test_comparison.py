@@ -182,6 +182,9 @@ def test_entries_are_compared_each_with_its_noise_and_what_is_missing_is_left_ou
     assert [(one.output, one.input, one.worst) for one in found.where] == [(1, 0, 40)]
     assert np.isnan(found.chance[7, 0, 1])
     assert "y2 / u1" in found.summary()
+    rows = found.to_dataframe()
+    assert len(rows) == 4 * 120 - 1
+    assert rows.loc[rows["chance"].idxmin(), ["output", "input"]].tolist() == ["y2", "u1"]
 
 
 @pytest.mark.quick

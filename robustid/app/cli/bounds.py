@@ -157,7 +157,7 @@ class _Bounds:
         if (error := work.error) is None:
             return
         self._verify(work, error)
-        error.save(self.output)
+        _kept(work, error).save(self.output)
         known = error.known_circle is not None or not work.around.stops.interrupted
         on_circle = [f"circle     {circle_words(error)}"] if work.run.worst_case.circle and known else []
         self.said += [error.summary(), *on_circle]
@@ -233,6 +233,17 @@ class _Bounds:
             if work.band.polygons is not None:
                 self.said.append(f"band       {work.band.polygon_words}")
             work.band.save(self.beside("-band"))
+
+
+def _kept(work: Work, error: WorstCaseError) -> WorstCaseError:
+    """The bounds as they are saved: where the circle was left out, they say so on every page."""
+    from robustid.app.run.results import marked
+
+    if not work.run.worst_case.circle or error.known_circle is not None:
+        return error
+    return dataclasses.replace(
+        error, identification=marked(error.identification, work.around.unfinished, "robustid bounds")
+    )
 
 
 def _over_box(work: Work, suggested: KautzSuggestion | None) -> None:

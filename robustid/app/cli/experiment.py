@@ -186,7 +186,7 @@ def frf(
                 raise
             raise error.reworded({}, lambda cut: f"{cut} (--first {cut.arguments['samples']})") from None
     undoing = _undoing(screen.called(context), found, output, files.origins)
-    written, steps = [output, report], _then_model(found, output)
+    written, steps = [output, report], then_model(found, output)
     page = None
     if report is not None:
         commands = [(one.what, one.command) for one in steps]
@@ -245,7 +245,8 @@ def _undoing(called: list[str], found: FrequencyResponse, output: Path, records:
     return in_command(again(called), of_records, [], records) or in_command(further, of_response, [output], [])
 
 
-def _then_model(found: FrequencyResponse, output: Path) -> list[Next]:
+def then_model(found: FrequencyResponse, output: Path) -> list[Next]:
+    """The step from a response in a file to a model: with a proof where errors are bounded."""
     name = output.with_suffix("")
     if found.bound is None:
         fit = written_files.free(name.with_name(f"{name.name}-fit"), ".npz", ".html")

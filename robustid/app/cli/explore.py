@@ -149,9 +149,15 @@ def _tuned(file: Path, stated: _Stated, progress: Progress) -> Tuning:
     """The design of a file, to be tuned."""
     from robustid.app.explore.tuning import Tuning
     from robustid.app.load_save import load_result
+    from robustid.core import saved_kind
 
     if not stated.is_empty:
         raise InputError(f"{file} is a saved result: leave the options of data out")
+    if (kind := saved_kind(file)) not in (None, "controller design"):
+        raise InputError(
+            f"{file} is a saved {kind}: the live page takes measurements, a run file or a saved controller design;"
+            f" robustid report {file} shows it"
+        )
     return Tuning.of(load_result(file, "controller design", progress=progress))
 
 

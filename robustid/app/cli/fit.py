@@ -40,7 +40,7 @@ def fit(
         typer.Option(
             help='McMillan degree, with two states for every rigid-body mode; or "auto". Number of poles for --form shared.'
         ),
-    ],
+    ] = "auto",
     structure: Annotated[Fit, only("rigid_body", "modal", "symmetric", "quantity")],
     form: Annotated[
         str | None, typer.Option(help="right (N/D, default), left (D\\N), or shared: poles that all entries share.")

@@ -10,13 +10,20 @@ from typing import Any
 from typer import Context
 from typer.core import TyperCommand
 
+from robustid.app.cli.leading_on import lead_on
+
 _NAMES = 26  # characters of the first column; longer names stand on a line of their own
 _WIDEST = 120  # of a line that is read easily
 _KINDS = {"path": "FILE", "range": "NUMBER", "int": "NUMBER", "float": "NUMBER", "str": "TEXT"}
 
 
 class Explained(TyperCommand):
-    """A command that shows its help so."""
+    """A command that shows its help so, and leads on where it is misused."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of a call."""
+        lead_on(self, ctx, args)
+        return super().parse_args(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help."""

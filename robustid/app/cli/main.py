@@ -16,7 +16,7 @@ from robustid._version import __version__
 from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
 from robustid.app.cli.help_page import Explained, parameters, show_help
-from robustid.app.cli.screen import console, plain
+from robustid.app.cli.screen import console
 from robustid.app.cli.steps import INTERRUPTED, Step, tell
 from robustid.errors import RobustIdError, SolverError
 from robustid.spellings import command_meant
@@ -175,12 +175,11 @@ def main() -> None:
 def end(sentence: str, code: int, status: str, head: str = "", error: RobustIdError | None = None) -> NoReturn:
     """End the program with a sentence, and with its answer where one is asked for."""
     _answer(sentence, code, status, error)
-    _say(f"[bold red]{head}[/bold red]{plain(sentence)}", code)
+    _say(sentence, code, head)
 
 
-def _say(sentence: str, code: int) -> NoReturn:
-    out = console(stderr=True)
-    out.print(sentence, highlight=False, soft_wrap=not out.is_terminal)
+def _say(sentence: str, code: int, head: str = "") -> NoReturn:
+    console(stderr=True).say(sentence, head, "bold red")
     sys.exit(code)
 
 

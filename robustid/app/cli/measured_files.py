@@ -93,8 +93,11 @@ class Files(Generic[S]):
             found = origin(self.tables.of(path, how.decimal), self.kind, how.fields)
             if found.kind not in (None, self.kind):
                 other = "use it from Python" if found.kind == "tangential" else f"use --{found.kind} {path}"
-                wanted = {"frequency": "a frequency response", "time": "a time record"}[self.kind]
-                needed = other if self.bounded else f"{wanted} is needed"
+                wanted = {
+                    "frequency": f"a frequency response is needed: robustid frf {path} estimates one",
+                    "time": f"a time record is needed; a response goes on with robustid identify --frequency {path}",
+                }[self.kind]
+                needed = other if self.bounded else wanted
                 raise InputError(f"{path.name} holds {found.kind} data; {needed}", place=path.name)
             own = dataclasses.replace(how, file=path.name, correct=self._correct(path))
             source = read_source(own, path.parent, self.tables, bounded=self.bounded)

@@ -114,14 +114,21 @@ class _Page(NamedTuple):
 
     def of_another(self, result: Any) -> int:
         """The page of a fit, a comparison, a loop, a connection, a watch or a response."""
+        from robustid.app.cli.experiment import then_model
+        from robustid.data import FrequencyResponse
         from robustid.guarantees import LoopBounds
 
         if self.independent and not isinstance(result, LoopBounds):
             raise InputError(f"--independent needs proofs, and a {type(result).__name__} has none that a file can hold")
         asked = _asked(self.console, self.independent, {"the loop": result})
-        self._written(result, {"independent": asked})
         said = result.summary() if hasattr(result, "summary") else repr(result)
-        screen.conclude(self.console, self._head(result, {"independent": asked}), lambda: [said], written=[self.output])
+        steps = then_model(result, self.source) if isinstance(result, FrequencyResponse) else []
+        parts: Parts = {"independent": asked}
+        if steps:
+            parts["steps"] = [(one.what, one.command) for one in steps]
+        self._written(result, parts)
+        head = self._head(result, parts)
+        screen.conclude(self.console, head, lambda: [said], written=[self.output], steps=steps or None)
         return _with(asked, 0)
 
     def of_identification(

@@ -41,10 +41,11 @@ class Terminal(Console):
         return self.is_terminal
 
     def say(self, text: str, head: str = "", style: str = "") -> None:
-        """Print text, behind a head in a style; at a terminal lines break between words."""
+        """Print text, behind a head in a style; at a terminal lines break between words, but those that are pasted."""
         self.lines += self.lines_of(head + text)
-        pasted = not self.wraps or text.startswith(_PASTE)
-        self.print(Text.assemble((head, style), text), highlight=False, soft_wrap=pasted)
+        for k, line in enumerate(text.split("\n")):
+            pasted = not self.wraps or line.startswith(_PASTE)
+            self.print(Text.assemble(("" if k else head, style), line), highlight=False, soft_wrap=pasted)
 
     def lines_of(self, *texts: str) -> int:
         """Lines that texts take here."""

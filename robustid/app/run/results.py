@@ -210,7 +210,10 @@ class FamilyRun(Frozen):
     @property
     def numbers(self) -> dict[str, Savable | None]:
         """Everything that is saved with its proofs, by the names of the files."""
-        return {"family": self.family, "controller": self.design}
+        family, left_out = self.family, self.unfinished
+        if family is not None and left_out is not None:  # for pages that are drawn from its file
+            family = family.ended_early(dataclasses.replace(left_out, run="the run"))
+        return {"family": family, "controller": self.design}
 
     @property
     def consistent(self) -> bool:

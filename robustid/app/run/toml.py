@@ -21,6 +21,9 @@ def is_array(value: object) -> TypeGuard[Sequence[object]]:
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
+_OF_DATA = "; for measurements robustid new {} writes a run file"
+
+
 def read_toml(path: Path) -> dict[str, object]:
     """The content of a TOML file; FileFormatError where there is none."""
     import tomllib
@@ -30,9 +33,10 @@ def read_toml(path: Path) -> dict[str, object]:
     except OSError as error:
         raise FileFormatError(f"{path} can't be read: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise FileFormatError(f"{path} is no text in UTF-8; a run file is TOML") from None
+        raise FileFormatError(f"{path} is no text in UTF-8; a run file is TOML{_OF_DATA.format(path)}") from None
     except tomllib.TOMLDecodeError as error:
-        raise FileFormatError(f"{path} is not TOML: {error}") from None
+        hint = "" if path.suffix == ".toml" else _OF_DATA.format(path)
+        raise FileFormatError(f"{path} is not TOML: {error}{hint}") from None
 
 
 def write_toml(content: Mapping[str, object]) -> str:
