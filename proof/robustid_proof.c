@@ -186,19 +186,28 @@ static node *terms(node *one) { if (one->count > TERMS) unreadable("too many row
 static size_t N, M, R, nodes, powers, longest; /* lines, parametric functions, samples of records; coefficients, those that these see */
 static num K, rho, sample_time, *zeta, *cauchy;
 static char *ready;
-static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*); those of lines are kept */
-    HELD(one); int keeps = cauchy && k < 2 * N && l < 2 * N; num *z = keeps ? cauchy + 2 * N * k + l : &one;
-    if (keeps && ready[2 * N * k + l]) return z;
+static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*), kept until a node moves */
+    HELD(one); num *z = cauchy ? cauchy + nodes * k + l : &one;
+    if (cauchy && ready[nodes * k + l]) return z;
     times(z, &zeta[k], &zeta[l], 1);
     sub(z, &ONE, z); divide(z, &ONE, z);
-    if (keeps) { mirrored(cauchy + 2 * N * l + k, z); ready[2 * N * k + l] = ready[2 * N * l + k] = 1; }
+    if (cauchy) { mirrored(cauchy + nodes * l + k, z); ready[nodes * k + l] = ready[nodes * l + k] = 1; }
     return z;
 }
 static size_t length(const num *c) { size_t top = powers; while (top && zero(c + nodes + top - 1)) top--; return top; }
+static size_t twin(size_t k) { return k < 2 * N ? (k + N) % (2 * N) : k < nodes ? 4 * N + 1 - k : k; } /* of the conjugate */
+static int is_real(const num *c) { /* the same at conjugate nodes */
+    for (size_t k = 0; k < nodes + powers; k++) {
+        const num *one = c + k, *other = c + twin(k);
+        if (mpz_cmp(one->re, other->re) || mpz_cmpabs(one->im, other->im) || mpz_sgn(one->im) + mpz_sgn(other->im) || mpz_cmp(one->r, other->r)) return 0;
+    }
+    return 1;
+}
 static void values(num *out, const num *in, const num *also) { /* of a function, where it or `also` is not 0 */
-    HELD(sum); HELD(one); size_t own = length(in), top = length(also) > own ? length(also) : own;
+    HELD(sum); HELD(one); size_t own = length(in), top = length(also) > own ? length(also) : own; int real = is_real(in);
     for (size_t k = 0; k < nodes; k++) {
         if (zero(in + k) && zero(also + k)) continue;
+        if (real && !zero(out + twin(k))) { mirrored(out + k, out + twin(k)); continue; }
         for (size_t l = 0; l < nodes; l++) if (!zero(in + l)) accumulate(&sum, kernel(k, l), in + l, 0);
         settle(out + k, &sum);
         integer(&one, 0);
@@ -363,6 +372,7 @@ static void place(size_t k, size_t conjugate, const node *omega) { /* zeta and t
         else { set(&here, &corner); mpz_set(here.im, x.re); mpz_add(here.r, here.r, x.r); mirrored(&x, &here); divide(&here, &x, &here); }
     }
     mul(&x, &kappa, &here); add(&x, &x, &rho); divide(&zeta[k], &here, &x); mirrored(&zeta[conjugate], &zeta[k]);
+    for (size_t l = 0; cauchy && l < nodes; l++) ready[nodes * k + l] = ready[nodes * l + k] = ready[nodes * conjugate + l] = ready[nodes * l + conjugate] = 0;
     respond_modes(functions + k * M, &here); mirrored(&here, &here); respond(functions + k * M, &parametric, &here);
     for (size_t i = 0, F = parametric.m; i < M; i++) mirrored(functions + conjugate * M + (i < F ? i : F + ((i - F) ^ 1)), functions + k * M + i);
 }
@@ -644,7 +654,7 @@ static void read_question(node *part[7]) {
     if (R && (modes != modes_end || !zero(&corner))) unreadable("records of a class with modes, or in continuous time", "");
     about = array(M); within = array(M); target = array(2); wanted = array(M);
     samples = array(N + R); bounds = array(N + R); zeta = array(nodes); functions = array((nodes + R) * M); decay = array(powers);
-    record = room(R, sizeof *record); if (N <= CACHED) { cauchy = array(4 * N * N); ready = room(4 * N * N, 1); }
+    record = room(R, sizeof *record); if (N <= CACHED) { cauchy = array(nodes * nodes); ready = room(nodes * nodes, 1); }
     for (size_t s = 0; s < powers; s++) { if (s) divide(decay + s, decay + s - 1, &rho); else integer(decay, 1); }
     for (size_t k = 0; k < N; k++, row = row->next) {
         node *child = list_of(row, 4, "a line [omega, re, im, bound]");
