@@ -79,6 +79,26 @@ def test_other_peaks_of_a_gain_are_those_of_the_small_gain_theorem(program, tmp_
 
 
 @pytest.mark.quick
+@pytest.mark.parametrize(("x", "y", "worst"), [(-1.0, 1.0, 2 / 3), (1.0, -2.0, 9 / 7)])
+def test_smaller_peaks_of_a_gain_are_those_of_the_small_gain_theorem(program, tmp_path, x, y, worst):
+    # S = 1/(1 + .4 F) is between 1/1.4 and 1/.6: T = 1 - S is -2/3 at most, and S - 2 -9/7 at most.
+    one, zero = [Fraction(1)], list[Fraction]()
+    known = Known([], [], [zero, zero, zero], [one, [Fraction(0.4)], one])
+    for factor, proved in ((1.01, True), (0.999, False)):
+        D = [float(row[0]) for row in known.within(x, y, worst * factor).D]
+        assert both(program, tmp_path, by_hand("arcs", constants(*D), 1.0, arcs=48)) == proved
+
+
+@pytest.mark.quick
+def test_beside_a_known_function_an_error_is_proved_where_that_is_not_zero(program, tmp_path):
+    # |F/(4 + 1/z)| with |F| <= 1 is 1/3 at most, at z = -1; 1/(1 - 1/z) has no bound at z = 1.
+    for bound, proved in ((0.34, True), (0.333, False)):
+        text = by_hand("arcs", polynomials([0.0, 0.0], [1.0, 0.0], [4.0, 1.0]), bound, arcs=64)
+        assert both(program, tmp_path, text) == proved
+    assert not both(program, tmp_path, by_hand("arcs", polynomials([0.0, 0.0], [1e-9, 0.0], [1.0, -1.0]), 1e9))
+
+
+@pytest.mark.quick
 @pytest.mark.parametrize(("factor", "proved"), [(1.75, True), (1.78, False)])
 def test_errors_may_grow_until_a_loop_is_no_longer_stable(program, tmp_path, factor, proved):
     # 1 + (m + k (F - m))/2 with m = .3 and |F| <= 1 is 0 for k = 2.3/1.3 = 1.769.
