@@ -188,7 +188,7 @@ static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*), kept u
     if (cauchy && ready[nodes * k + l]) return z;
     times(z, &zeta[k], &zeta[l], 1);
     sub(z, &ONE, z); divide(z, &ONE, z);
-    if (cauchy) { mirrored(cauchy + nodes * l + k, z); ready[nodes * k + l] = ready[nodes * l + k] = 1; }
+    if (cauchy && !lost) { mirrored(cauchy + nodes * l + k, z); ready[nodes * k + l] = ready[nodes * l + k] = 1; }
     return z;
 }
 static size_t length(const num *c) { size_t top = powers; while (top && zero(c + nodes + top - 1)) top--; return top; }

@@ -238,6 +238,20 @@ def _survive(program: Path, folder: Path, texts: list[str], seed: int, count: in
 
 
 @pytest.mark.quick
+def test_what_one_statement_could_not_compute_is_no_number_for_the_next_one(program, tmp_path):
+    # So near to 1 that no kernel has a bound: a sample of 1 is in the class, whose gain bound is 1.
+    question, _ = (json.loads(small_proofs()[1])[name] for name in ("question", "evidence"))
+    question["class"]["decay_rate"] = "1." + "0" * 95 + "1"
+    question["data"], question["statements"] = [["1", "1", "0", "0.1"]], [{"kind": "inconsistent"}] * 2
+    sums = {"base": ["0", "0"], "factors": [], "multipliers": [[0, "1", "0"]]}
+    none = {"centre": [], "radius": [], "combinations": []}
+    evidence = {"powers": 0, "parameters": none, "statements": [sums, sums]}
+    status, said = asked(program, sealed(question, evidence), tmp_path)
+    assert status == 1
+    assert not [line for line in said.splitlines() if line.startswith("proved")]
+
+
+@pytest.mark.quick
 def test_loops_that_are_not_expressed_are_refused_with_their_reason():
     band = band_with_model(2)
     unstable = rid.loop_bounds(band, controller=-1e6 * controller_for(band))
