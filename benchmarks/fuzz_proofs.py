@@ -3,8 +3,8 @@
     python benchmarks/fuzz_proofs.py COUNT [SEED [EVERY]]
 
 Several changes at once, in a build with the sanitizers of addresses and undefined behaviour (`fuzz_proofs.c`, which makes the
-files and includes the checker). Every accepted file that was not met before goes to the judge in exact fractions; of so many, where EVERY says it (the
-judge takes four fifths of the time).
+files and includes the checker). Every accepted file that was not met before goes to the judge in exact fractions; with EVERY
+one of so many does, since the judge takes three quarters of the time.
 """
 
 from __future__ import annotations

@@ -143,11 +143,13 @@ class Knot:
 
 
 def on_arcs(judge: Judge, said: Any, evidence: Any, *, loop: bool) -> bool:
-    """Bounds of a + b F, or (a + b F)/c, on arcs; or of c/(a + b F), and that a + b F has no zero outside of the circle nor on it."""
+    """Bounds of a + b F, or (a + b F)/c, on arcs; or of c/(a + b F), where a + b F has no zero outside of the circle nor on it."""
     if set(said) != {"kind", "functions", "edges", "bounds"} or set(evidence) != {"knots"} or judge.continuous:
         raise Refused("other keys")
     edges, bounds, known = said["edges"], [number(one) for one in said["bounds"]], Known.of(said["functions"])
-    if len(known.D) not in ((3,) if loop else (2, 3)) or len(edges) < 2 or not len(edges) == len(evidence["knots"]) == len(bounds) + 1:
+    if len(known.D) not in ((3,) if loop else (2, 3)):
+        raise Refused("other functions")
+    if len(edges) < 2 or not len(edges) == len(evidence["knots"]) == len(bounds) + 1:
         raise Refused("not a bound for every arc")
     functions = Known.of(judge.question["class"]["functions"])
     if loop and not ((edges[0], edges[-1]) == ("0", "half") and known.stable and functions.stable):
