@@ -18,6 +18,9 @@ from robustid.guarantees.proof_question import NOT_YET
 
 MOST_STATES = 64  # of functions in a file
 _WIDER = 1 + 1e-8
+_ROUNDED = (
+    1e-12  # of the largest bound, added to all: near a zero of a known function doubles are off by more than that
+)
 _CLOSE, _CLOSER = (
     1.02,
     1 + 5e-7,
@@ -124,7 +127,10 @@ def arcs_of(band: EntryBand, known: Known, omega: Real, target: Callable[[Real],
         ends, claims = at.claims(angles)
     if not np.all(np.isfinite(claims)):
         return None
-    edges, bounds = list(map(repr, omega.tolist())), list(map(repr, np.multiply(claims, _WIDER).tolist()))
+    edges, bounds = (
+        list(map(repr, omega.tolist())),
+        list(map(repr, (claims * _WIDER + _ROUNDED * claims.max()).tolist())),
+    )
     edges[0], edges[-1] = "0" if omega[0] == 0 else edges[0], "half"
     return Arcs(angles, edges, bounds)
 

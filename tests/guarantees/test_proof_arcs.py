@@ -190,6 +190,17 @@ def test_a_controller_is_proved_for_every_consistent_plant_and_its_peak_is_that_
     assert asked(program, sealed(whole["question"], whole["evidence"]), tmp_path)[0] == 1
 
 
+@pytest.mark.quick
+def test_a_controller_with_zeros_at_half_the_sample_rate_is_proved_with_all_its_peaks(program, tmp_path):
+    # Beside its zeros doubles know b to few digits.
+    band = band_with_model(1)
+    one, dt = band.bands[0], float(band.problem.dt or 1.0)
+    gain = 0.3 / np.max(np.abs(one.centre) + one.radius) * 0.1**2 / 2.0**2
+    controller = control.ss(control.tf(gain * np.poly([-1.0] * 2), np.poly([0.9] * 2), dt))
+    status, said = asked(program, proof_text(rid.loop_bounds(band, controller=controller)), tmp_path)
+    assert status == 0, said
+
+
 def _float(text: str) -> float:
     above, _, power = text.partition("p")
     return int(above) * 2.0 ** int(power)
