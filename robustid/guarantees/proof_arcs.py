@@ -158,7 +158,7 @@ class Between:
         """Return what the discs say at the ends of every arc, the larger of both, and what they prove on it."""
         z = np.exp(1j * angles)
         known = _values(self._known, z)
-        known = np.concatenate([known, np.ones((z.size, 3 - known.shape[1]))], axis=1)
+        known = np.concatenate([known, np.ones((z.size, 3 - known.shape[1]), complex)], axis=1)
         value, radius = self._band.at(np.minimum(angles, self._band.angles[-1]))
         reach = radius * _WIDER + 1e-15 * (np.abs(value) + self._size)
         centre, away = known[:, 0] + known[:, 1] * value, np.abs(known[:, 1]) * reach
