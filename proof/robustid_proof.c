@@ -134,10 +134,7 @@ static void fields(const node *object, const char *keys[], size_t count, node *f
 }
 #define FIELDS(object, found, ...) do { const char *keys_[] = {__VA_ARGS__}; fields(object, keys_, sizeof keys_ / sizeof *keys_, found); } while (0)
 static node *list(node *one, const char *what) { if (one->kind != 'a') unreadable("there must be a list", what); return one->child; }
-static node *list_of(node *one, size_t count, const char *what) {
-    if (one->kind != 'a' || one->count != count) unreadable("a list of another length than it must have", what);
-    return one->child;
-}
+static node *list_of(node *one, size_t count, const char *what) { if (one->count != count) unreadable("a list of another length", what); return list(one, what); }
 static size_t index_below(const node *one, size_t limit) {
     size_t found = one->kind == 'i' ? strtoul(one->start, NULL, 10) : limit;
     if (found >= limit) unreadable("an index out of range, or none", "");
@@ -186,22 +183,30 @@ static node *terms(node *one) { if (one->count > TERMS) unreadable("too many row
 static size_t N, M, R, nodes, powers, longest; /* lines, parametric functions, samples of records; coefficients, those that these see */
 static num K, rho, sample_time, *zeta, *cauchy;
 static char *ready;
-static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*); those of lines are kept */
-    HELD(one); int keeps = cauchy && k < 2 * N && l < 2 * N; num *z = keeps ? cauchy + 2 * N * k + l : &one;
-    if (keeps && ready[2 * N * k + l]) return z;
+static const num *kernel(size_t k, size_t l) { /* 1/(1 - zeta_k zeta_l*), kept until a node moves */
+    HELD(one); num *z = cauchy ? cauchy + nodes * k + l : &one;
+    if (cauchy && ready[nodes * k + l]) return z;
     times(z, &zeta[k], &zeta[l], 1);
     sub(z, &ONE, z); divide(z, &ONE, z);
-    if (keeps) { mirrored(cauchy + 2 * N * l + k, z); ready[2 * N * k + l] = ready[2 * N * l + k] = 1; }
+    if (cauchy && !lost) { mirrored(cauchy + nodes * l + k, z); ready[nodes * k + l] = ready[nodes * l + k] = 1; }
     return z;
 }
 static size_t length(const num *c) { size_t top = powers; while (top && zero(c + nodes + top - 1)) top--; return top; }
+static size_t twin(size_t k) { return k < 2 * N ? (k + N) % (2 * N) : k < nodes ? 4 * N + 1 - k : k; } /* of the conjugate */
+static int is_real(const num *c) { /* the same at conjugate nodes */
+    HELD(d); int same = 1;
+    for (size_t k = 0; same && k < nodes + powers; k++) {
+        mirrored(&d, c + twin(k)); sub(&d, c + k, &d); same = !mpz_sgn(d.re) && !mpz_sgn(d.im) && !mpz_cmp(c[k].r, c[twin(k)].r);
+    }
+    return same;
+}
 static void values(num *out, const num *in, const num *also) { /* of a function, where it or `also` is not 0 */
-    HELD(sum); HELD(one); size_t own = length(in), top = length(also) > own ? length(also) : own;
+    HELD(sum); HELD(one); size_t own = length(in), top = length(also) > own ? length(also) : own; int real = is_real(in);
     for (size_t k = 0; k < nodes; k++) {
         if (zero(in + k) && zero(also + k)) continue;
+        if (real && !zero(out + twin(k))) { mirrored(out + k, out + twin(k)); continue; }
         for (size_t l = 0; l < nodes; l++) if (!zero(in + l)) accumulate(&sum, kernel(k, l), in + l, 0);
-        settle(out + k, &sum);
-        integer(&one, 0);
+        settle(out + k, &sum); integer(&one, 0);
         for (size_t s = own; s-- > 0;) { mul(&one, &one, &zeta[k]); add(&one, &one, in + nodes + s); }
         add(out + k, out + k, &one);
     }
@@ -240,8 +245,7 @@ static void factor(num *cost, num *c, node *evidence) {
         for (row = terms(side[k]); row; row = row->next) { size_t l = term(&one, row, all); add(v[k] + l, v[k] + l, &one); }
     }
     values(at[0], v[0], v[0]); values(at[1], v[1], v[0]);
-    size_of(&size, at[0], v[0], all); size_of(&one, at[1], v[1], all); mul(&size, &size, &one);
-    add(cost, cost, &size);
+    size_of(&size, at[0], v[0], all); size_of(&one, at[1], v[1], all); mul(&size, &size, &one); add(cost, cost, &size);
     top = length(v[0]);
     for (size_t k = 0; k < nodes; k++) if (!zero(v[0] + k)) { times(&one, at[1] + k, v[0] + k, 1); sub(c + k, c + k, &one); }
     for (size_t s = 0; s < top; s++) for (size_t m = 0; m <= s; m++) { /* <phi g, zeta^s> = sum g_m phi_(s-m) */
@@ -258,7 +262,7 @@ static void read_known(known *f, node *one) {
     size_t n = f->n = part[0]->count, m = f->m = part[2]->count;
     if (n > FUNCTIONS || m > FUNCTIONS) unreadable("more functions, or states of them, than version 1 allows", "");
     num *a = f->A = array(n * n), *c = f->C = array(m * n);
-    f->B = array(n); f->D = array(m); f->R = array(n * n); f->x = array(n); f->y = array(n); f->off = array(m);
+    f->B = array(n); f->D = array(m); f->R = array(n * n); f->x = array(n); f->y = array(n); f->off = array(m + 2);
     for (node *row = list(part[0], "A"); row; row = row->next, a += n) numbers(a, row, n, "a row of A");
     for (node *row = list(part[2], "C"); row; row = row->next, c += n) numbers(c, row, n, "a row of C");
     numbers(f->B, part[1], n, "B"); numbers(f->D, part[3], m, "D");
@@ -301,8 +305,7 @@ static void bends(const known *f, const num *z, const num *d) { /* of |f'| + |f'
     for (size_t i = 0; i < f->m; i++) { product(f->y, f->C + i * n, f->R, 1, n, n); size_of(&one, f->y, f->y, n); mul(f->off + i, &g, &one); exactly(f->off + i); }
 }
 static int stable(const known *f, const num *power, int more) { /* A^(2^k), k < 40, is a contraction */
-    HELD(size); size_t n = f->n; num *square = array(n * n);
-    size_of(&size, power, power, n * n);
+    HELD(size); size_t n = f->n; num *square = array(n * n); size_of(&size, power, power, n * n);
     int found = less(&size, &ONE);
     if (!found && more) { product(square, power, power, n, n, n); found = stable(f, square, more - 1); }
     release(square, n * n);
@@ -312,7 +315,7 @@ static int stable(const known *f, const num *power, int more) { /* A^(2^k), k < 
 /* ---- The question: lines and their conjugates, then samples of records. ---- */
 static num *samples, *bounds, *functions, *about, *within, *decay; /* functions: M a node, and the responses at samples of records */
 /* A mode c n(x)/(1 - a x), its pole a in a region around `poles`: their functions from number `first` on, each before its conjugate. */
-typedef struct { size_t first, degree, terms; num *numerator, *poles, *sizes, *reach, beyond; } mode;
+typedef struct { size_t first, degree, terms; num *numerator, *poles, *sizes, *reach, *beyond; } mode;
 static mode *modes, *modes_end;
 static num corner, kappa; /* of continuous time: z = (corner + s)/(corner - s), kappa = alpha/corner; else 0 */
 static num *target, *wanted; /* the functional of a statement: target_0 F(2N) + target_1 F(2N + 1) + sum wanted_i p_i */
@@ -335,8 +338,7 @@ static void read_modes(node *one) {
             if (!j) { mul(&x, m->reach, m->reach); sub(&x, &ONE, &x); mul(&scale, &x, &inside); continue; }
             divide(&x, &inside, &scale); root(&x, &x); mul(m->sizes + j, m->reach + j - 1, &x); /* above |C_j/C_1| */
         }
-        mpz_inits(m->beyond.re, m->beyond.im, m->beyond.r, NULL);
-        sub(&x, &ONE, m->reach); divide(&m->beyond, m->reach + m->terms - 1, &x); exactly(&m->beyond);
+        m->beyond = array(1); sub(&x, &ONE, m->reach); divide(m->beyond, m->reach + m->terms - 1, &x); exactly(m->beyond);
     }
 }
 static void respond_modes(num *out, const num *x) { /* n(x) b_1 ... b_(j-1)/(1 - a_j x), b = (x - a*)/(1 - a x), and with a* in place of a */
@@ -352,7 +354,7 @@ static void respond_modes(num *out, const num *x) { /* n(x) b_1 ... b_(j-1)/(1 -
     }
 }
 static void spread(num *z, const num *values) { /* what the modes have beyond their terms, more */
-    for (const mode *m = modes; m < modes_end; m++) for (int k = 0; k < 2; k++) charge(z, values + m->first + k, &m->beyond);
+    for (const mode *m = modes; m < modes_end; m++) for (int k = 0; k < 2; k++) charge(z, values + m->first + k, m->beyond);
 }
 static void place(size_t k, size_t conjugate, const node *omega) { /* zeta and the functions at exp(j omega T) and its conjugate */
     HELD(x); integer(&here, -1);
@@ -363,6 +365,7 @@ static void place(size_t k, size_t conjugate, const node *omega) { /* zeta and t
         else { set(&here, &corner); mpz_set(here.im, x.re); mpz_add(here.r, here.r, x.r); mirrored(&x, &here); divide(&here, &x, &here); }
     }
     mul(&x, &kappa, &here); add(&x, &x, &rho); divide(&zeta[k], &here, &x); mirrored(&zeta[conjugate], &zeta[k]);
+    for (size_t l = 0; cauchy && l < nodes; l++) ready[nodes * k + l] = ready[nodes * l + k] = ready[nodes * conjugate + l] = ready[nodes * l + conjugate] = 0;
     respond_modes(functions + k * M, &here); mirrored(&here, &here); respond(functions + k * M, &parametric, &here);
     for (size_t i = 0, F = parametric.m; i < M; i++) mirrored(functions + conjugate * M + (i < F ? i : F + ((i - F) ^ 1)), functions + k * M + i);
 }
@@ -408,14 +411,13 @@ static int parameters_proved(node *evidence) { /* b + E u <= u and E u < u for t
     for (mode *m = modes; m < modes_end; m++, centres = centres->next, radii = radii->next) { /* the amplitude and its conjugate */
         pair(about + m->first, centres); mirrored(about + m->first + 1, about + m->first);
         number(within + m->first, radii); set(within + m->first + 1, within + m->first);
-        above(&radius, about + m->first); add(&radius, &radius, within + m->first); mul(&m->beyond, &m->beyond, &radius);
+        above(&radius, about + m->first); add(&radius, &radius, within + m->first); mul(m->beyond, m->beyond, &radius);
         for (size_t j = 2; j < 2 * m->terms; j++) mul(within + m->first + j, m->sizes + j / 2, &radius);
     }
     for (size_t k = 0; k < N; k++) spread(bounds + k, functions + k * M);
     for (size_t k = 0; k < count; k++, row = row->next) {
         size_t i = k < F ? k : modes[k - F].first;
-        integer(wanted + i, 1); sums(&centre, &radius, &leak, row); integer(wanted + i, 0);
-        sub(&centre, &centre, about + i);
+        integer(wanted + i, 1); sums(&centre, &radius, &leak, row); integer(wanted + i, 0); sub(&centre, &centre, about + i);
         if (k < F) mpz_set_ui(centre.im, 0); /* a real parameter */
         above(&centre, &centre); add(&radius, &radius, &centre);
         if (!positive(within + i) || !at_most(&radius, within + i) || !less(&leak, within + i)) proved = 0;
@@ -451,7 +453,7 @@ static int by_sums(node *claim, node *evidence) {
 }
 
 /* ---- Arcs: known functions a, b, c, and F in a disc at every knot; between two knots a + b F is near the chord of its discs. ---- */
-typedef struct { num z, known[3], value, centre, radius; } knot; /* a, b, c; the disc of F; that of a + b F */
+typedef struct { num z, known[4], value, radius; } knot; /* a, b, c, and the centre of a + b F; the disc of F; the radius of a + b F */
 /* Of modes |d2/dt2 F| <= A t sum |n_k| ((k + h)^2 + h^2 + h), t = 1/(d (1 - r_1)), h = (1 + r_1) t, d the distance of a pole; to the sum z. */
 static void bend_modes(num *z, const num *middle, const num *d) {
     HELD(t); HELD(h); HELD(more); HELD(one); HELD(sum);
@@ -487,46 +489,44 @@ static void bend(const known *f, const knot *one, const knot *two) {
     charge(&df, &one->value, &ONE); add(&df, &df, &h); charge(&x, &df, off + 1);
     set(off + 1, &x); exactly(off + 1);
 }
-/* arcs: |a + b F| <= bound; loop: a + b F is not 0 and does not turn around 0, |c/(a + b F)| <= bound. Re(u* (a + b F)) - |c| is concave. */
+/* arcs: |(a + b F)/c| <= bound, or with c = 1; loop: a + b F is not 0, does not turn around 0, |c/(a + b F)| <= bound. Re(u* .) of what is below. */
 static int on_arcs(node *claim, node *evidence) {
     HELD(radius); HELD(leak); HELD(limit); HELD(x); HELD(y); HELD(u); HELD(size); node *part[4], *sum[1], *edge, *bound; known f;
     knot *last = (knot *)array(sizeof(knot) / sizeof(num)), *now = (knot *)array(sizeof(knot) / sizeof(num));
-    int loop = is(find(claim, "kind"), "loop"), turns = 0, start = 0;
+    int loop = is(find(claim, "kind"), "loop"), below = loop ? 3 : 2, turns = 0, start = 0;
     FIELDS(claim, part, "kind", "functions", "edges", "bounds"); FIELDS(evidence, sum, "knots");
     if (!zero(&corner)) unreadable("arcs of a class in continuous time", "");
     read_known(&f, part[1]); edge = list(part[2], "edges");
-    if (f.m != (loop ? 3 : 2) || part[2]->count < 2) unreadable("other functions or fewer edges than there must be", "");
+    if (f.m > 3 || f.m < (loop ? 3 : 2) || part[2]->count < 2) unreadable("other functions or fewer edges than there must be", "");
     bound = list_of(part[3], part[2]->count - 1, "a bound of every arc"); *sum = list_of(*sum, part[2]->count, "sums of every knot");
     int proved = !loop || (is(edge, "0") && stable(&f, f.A, 40) && stable(&parametric, parametric.A, 40));
     integer(target, 1); integer(target + 1, 0);
     for (; edge && proved && !lost; edge = edge->next, *sum = (*sum)->next) {
-        place(2 * N, 2 * N + 1, edge);
+        place(2 * N, 2 * N + 1, edge); integer(now->known + 2, 1);
         set(&now->z, &here); respond(now->known, &f, &here); sums(&now->value, &radius, &leak, *sum);
-        mul(&now->centre, &now->value, &now->known[1]); add(&now->centre, &now->centre, &now->known[0]);
-        if (is(edge, "0") || is(edge, "half")) mpz_set_ui(now->centre.im, 0); /* real there */
-        integer(&now->radius, 0); charge(&now->radius, &now->known[1], &radius); exactly(&now->radius);
+        mul(now->known + 3, &now->value, now->known + 1); add(now->known + 3, now->known + 3, now->known);
+        if (is(edge, "0") || is(edge, "half")) mpz_set_ui(now->known[3].im, 0); /* real there */
+        integer(&now->radius, 0); charge(&now->radius, now->known + 1, &radius); exactly(&now->radius);
         mpz_add(now->value.r, now->value.r, radius.re);
         if (edge != part[2]->child) {
             bend(&f, last, now); number(&limit, bound); bound = bound->next;
-            add(&u, &last->centre, &now->centre); mpz_set_ui(u.r, 0); above(&size, &u);
+            add(&u, last->known + below, now->known + below); mpz_set_ui(u.r, 0); above(&size, &u);
             for (int k = 0; k < 2; k++) {
                 const knot *end = k ? now : last;
-                add(&y, &end->radius, f.off + 1);
-                if (!loop) { charge(&y, &end->centre, &ONE); proved &= at_most(&y, &limit); continue; }
-                times(&x, &end->centre, &u, 1); mul(&y, &y, &size); sub(&x, &x, &y);
-                proved &= positive(&x);
-                mul(&x, &x, &limit); above(&y, &end->known[2]); add(&y, &y, f.off + 2); mul(&y, &y, &size);
+                add(f.off + 3, f.off + 1, &end->radius);
+                times(&x, end->known + below, &u, 1); mul(&y, f.off + below, &size); sub(&x, &x, &y); proved &= positive(&x);
+                mul(&x, &x, &limit); above(&y, end->known + 5 - below); add(&y, &y, f.off + 5 - below); mul(&y, &y, &size);
                 proved &= at_most(&y, &x);
             }
-            mpz_mul(T1, last->centre.re, now->centre.im); mpz_submul(T1, last->centre.im, now->centre.re);
-            if ((mpz_sgn(last->centre.im) < 0) != (mpz_sgn(now->centre.im) < 0)) turns += mpz_sgn(T1);
-        } else start = mpz_sgn(now->centre.re);
-        if (loop && !edge->next) proved &= is(edge, "half") && !turns && mpz_sgn(now->centre.re) == start;
+            mpz_mul(T1, last->known[3].re, now->known[3].im); mpz_submul(T1, last->known[3].im, now->known[3].re);
+            if ((mpz_sgn(last->known[3].im) < 0) != (mpz_sgn(now->known[3].im) < 0)) turns += mpz_sgn(T1);
+        } else start = mpz_sgn(now->known[3].re);
+        if (loop && !edge->next) proved &= is(edge, "half") && !turns && mpz_sgn(now->known[3].re) == start;
         knot *swap = last; last = now; now = swap;
     }
     proved &= !lost;
     printf("%sproved: %s on %zu arcs from ", proved ? "" : "not ", loop ? "a + b F has no zero outside of the circle, and |c/(a + b F)| is "
-           "at most its bound" : "|a + b F| is at most its bound", part[3]->count);
+           "at most its bound" : f.m < 3 ? "|a + b F| is at most its bound" : "|(a + b F)/c| is at most its bound", part[3]->count);
     for (edge = part[2]->child; edge->next;) edge = edge->next;
     words(part[2]->child, " to "); words(edge, is(edge, "half") ? " the sample rate" : " rad/s"); puts(", for every consistent system");
     return proved;
@@ -644,7 +644,7 @@ static void read_question(node *part[7]) {
     if (R && (modes != modes_end || !zero(&corner))) unreadable("records of a class with modes, or in continuous time", "");
     about = array(M); within = array(M); target = array(2); wanted = array(M);
     samples = array(N + R); bounds = array(N + R); zeta = array(nodes); functions = array((nodes + R) * M); decay = array(powers);
-    record = room(R, sizeof *record); if (N <= CACHED) { cauchy = array(4 * N * N); ready = room(4 * N * N, 1); }
+    record = room(R, sizeof *record); if (N <= CACHED) { cauchy = array(nodes * nodes); ready = room(nodes * nodes, 1); }
     for (size_t s = 0; s < powers; s++) { if (s) divide(decay + s, decay + s - 1, &rho); else integer(decay, 1); }
     for (size_t k = 0; k < N; k++, row = row->next) {
         node *child = list_of(row, 4, "a line [omega, re, im, bound]");

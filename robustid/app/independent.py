@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 from robustid.errors import InputError
 
 _NAME, _PLACE = "robustid-proof", "ROBUSTID_PROOF"
+_SOURCES = Path(__file__).with_name("robustid_proof.c"), Path(__file__).parents[2] / "proof" / "robustid_proof.c"
 
 
 class Finding(NamedTuple):
@@ -33,10 +35,11 @@ def checker() -> str:
     named = os.environ.get(_PLACE)
     found = shutil.which(named or _NAME)
     if found is None:
+        source = next((one for one in _SOURCES if one.is_file()), Path("proof", "robustid_proof.c"))
         where = f"{_PLACE} names {named}, which is no program" if named else f"{_NAME} is not on the PATH"
         raise InputError(
-            f"`independent` needs the checker of proofs, and {where}; build it from the sources with"
-            f" cc -O2 -o {_NAME} proof/robustid_proof.c -lgmp (Debian: gcc, libgmp-dev), and put it"
+            f"`independent` needs the checker of proofs, and {where}; build it with"
+            f" cc -O2 -o {_NAME} {shlex.quote(str(source))} -lgmp (Debian: gcc, libgmp-dev), and put it"
             f" on the PATH or name it in {_PLACE}"
         )
     return found

@@ -18,6 +18,9 @@ from robustid.guarantees.proof_question import NOT_YET
 
 MOST_STATES = 64  # of functions in a file
 _WIDER = 1 + 1e-8
+_ROUNDED = (
+    1e-12  # of the largest bound, added to all: near a zero of a known function doubles are off by more than that
+)
 _CLOSE, _CLOSER = (
     1.02,
     1 + 5e-7,
@@ -62,12 +65,13 @@ class Known(NamedTuple):
         return self._replace(C=[*self.C[:2], self.C[1]], D=[*self.D[:2], self.D[1]])
 
     def within(self, x: float, y: float, peak: float) -> Self:
-        r"""Factors of which \|c/(a + b F)\| is at most 1 where \|x S + y\| is at most `peak`, larger than \|y\|, S the sensitivity.
+        r"""Factors of which \|c/(a + b F)\| is at most 1 where \|x S + y\| is at most `peak`, S the sensitivity.
 
-        E = a + b F keeps out of a disc: \|E - t a\| >= r \|x a\|/(r^2 - y^2) with t = x y/(r^2 - y^2), r the peak.
+        E = a + b F keeps out of a disc: \|E - t a\| >= r \|x a\|/(r^2 - y^2) with t = x y/(r^2 - y^2), r the peak. Where r is
+        less than \|y\| it stays in one, of the radius r \|x a\|/(y^2 - r^2): then \|(a + b F)/c\| is at most 1.
         """
         square = peak**2 - y**2
-        one, size = 1 - Fraction(x * y / square), Fraction(abs(x) * peak / square)
+        one, size = 1 - Fraction(x * y / square), Fraction(abs(x * peak / square))
         a, b, _ = self.C
         return self._replace(C=[[one * v for v in a], b, [size * v for v in a]], D=[[one], self.D[1], [size]])
 
@@ -123,7 +127,10 @@ def arcs_of(band: EntryBand, known: Known, omega: Real, target: Callable[[Real],
         ends, claims = at.claims(angles)
     if not np.all(np.isfinite(claims)):
         return None
-    edges, bounds = list(map(repr, omega.tolist())), list(map(repr, np.multiply(claims, _WIDER).tolist()))
+    edges, bounds = (
+        list(map(repr, omega.tolist())),
+        list(map(repr, (claims * _WIDER + _ROUNDED * claims.max()).tolist())),
+    )
     edges[0], edges[-1] = "0" if omega[0] == 0 else edges[0], "half"
     return Arcs(angles, edges, bounds)
 
@@ -151,23 +158,25 @@ class Between:
         """Return what the discs say at the ends of every arc, the larger of both, and what they prove on it."""
         z = np.exp(1j * angles)
         known = _values(self._known, z)
+        known = np.concatenate([known, np.ones((z.size, 3 - known.shape[1]), complex)], axis=1)
         value, radius = self._band.at(np.minimum(angles, self._band.angles[-1]))
         reach = radius * _WIDER + 1e-15 * (np.abs(value) + self._size)
         centre, away = known[:, 0] + known[:, 1] * value, np.abs(known[:, 1]) * reach
         centre = np.where((angles == 0) | (angles == np.pi), centre.real, centre)  # as the checker has it
         with np.errstate(invalid="ignore", divide="ignore"):
             off = self._off(z, known, value, reach)
+            # Of |above/below|: the known function c, 1 if there is none, and a + b F.
+            above, below = (known[:, 2], np.zeros(z.size), off[2]), (centre, away, off[1])
             if not self._loop:
-                ends = _larger(np.abs(centre) + away)
-                return ends, (ends + off[1]) * (1 + 1e-12)
-            u = centre[:-1] + centre[1:]
-            u = u / np.abs(u)
-            size, found = np.abs(known[:, 2]), list[Real]()
+                above, below = below, above
+            u = below[0][:-1] + below[0][1:]
+            u, found = u / np.abs(u), list[Real]()
             for side in (slice(None, -1), slice(1, None)):
-                least = (u.conj() * centre[side]).real - away[side] - off[1]
-                found.append(np.where(least > 0, (size[side] + off[2]) / least, np.inf))
-            least = np.abs(centre) - away
-            return _larger(np.where(least > 0, size / least, np.inf)), np.maximum(*found) * (1 + 1e-12)
+                least = (u.conj() * below[0][side]).real - below[1][side] - below[2]
+                most = np.abs(above[0][side]) + above[1][side] + above[2]
+                found.append(np.where(least > 0, most / least, np.inf))
+            least, most = np.abs(below[0]) - below[1], np.abs(above[0]) + above[1]
+            return _larger(np.where(least > 0, most / least, np.inf)), np.maximum(*found) * (1 + 1e-12)
 
     def _off(self, z: Complex, known: Complex, value: Complex, reach: Real) -> list[Real]:
         """Distances that a, a + b F and c may have from their chords."""
@@ -183,7 +192,7 @@ class Between:
         db, df = np.abs(known[1:, 1] - known[:-1, 1]), np.abs(value[1:] - value[:-1]) + reach[1:] + reach[:-1]
         first = np.abs(known[:-1, 1]), np.abs(value[:-1]) + reach[:-1]
         whole = off[0] + db * df / 4 + (first[0] + db) * f + off[1] * (first[1] + df + f)
-        return [off[0], whole, off[-1]]
+        return [off[0], whole, off[2] if len(off) > 2 else np.zeros(whole.size)]
 
 
 def _larger(values: Real) -> Real:

@@ -163,11 +163,11 @@ def _further(found: LoopBounds, known: Known) -> Iterator[tuple[Record, Record]]
         (-1.0, 1.0, found.peaks["complementary_sensitivity"].value),
         (1.0, -0.5, 1 / found.margins.disk),
     ):
-        if peak <= abs(y) * size:
+        if abs(y) / size <= peak <= abs(y) * size:
             continue
-        apart = known.within(x, y, peak * size)
-        if (arcs := _below(one, apart, 1.0)) is not None and _largest(arcs) <= 1:
-            yield _arcs(one, apart, arcs._replace(bounds=["1"] * len(arcs.bounds)), "loop")
+        apart, loop = known.within(x, y, peak * size), peak > abs(y)
+        if (arcs := _below(one, apart, 1.0, loop=loop)) is not None and _largest(arcs) <= 1:
+            yield _arcs(one, apart, arcs._replace(bounds=["1"] * len(arcs.bounds)), "loop" if loop else "arcs")
     if found.stability is None or found.band.model is None:
         return
     model = StateMatrices.of(found.band.model)
@@ -177,9 +177,9 @@ def _further(found: LoopBounds, known: Known) -> Iterator[tuple[Record, Record]]
             yield _arcs(one, grown, arcs, "loop")
 
 
-def _below(one: EntryBand, known: Known, peak: float) -> Arcs | None:
+def _below(one: EntryBand, known: Known, peak: float, *, loop: bool = True) -> Arcs | None:
     omega = one.angles / float(one.samples.problem.dt or 1.0)
-    return arcs_of(one, known, omega, lambda middle: np.full(middle.size, peak), loop=True)
+    return arcs_of(one, known, omega, lambda middle: np.full(middle.size, peak), loop=loop)
 
 
 def _largest(arcs: Arcs) -> float:

@@ -73,6 +73,26 @@ def test_other_peaks_of_a_gain_are_those_of_the_small_gain_theorem(program, tmp_
 
 
 @pytest.mark.quick
+@pytest.mark.parametrize(("x", "y", "worst"), [(-1.0, 1.0, 2 / 3), (1.0, -2.0, 9 / 7)])
+def test_smaller_peaks_of_a_gain_are_those_of_the_small_gain_theorem(program, tmp_path, x, y, worst):
+    # S = 1/(1 + .4 F) is between 1/1.4 and 1/.6: T = 1 - S is -2/3 at most, and S - 2 -9/7 at most.
+    one, zero = [Fraction(1)], list[Fraction]()
+    known = Known([], [], [zero, zero, zero], [one, [Fraction(0.4)], one])
+    for factor, proved in ((1.01, True), (0.999, False)):
+        D = [float(row[0]) for row in known.within(x, y, worst * factor).D]
+        assert both(program, tmp_path, by_hand("arcs", constants(*D), 1.0, arcs=48)) == proved
+
+
+@pytest.mark.quick
+def test_beside_a_known_function_an_error_is_proved_where_that_is_not_zero(program, tmp_path):
+    # |F/(4 + 1/z)| with |F| <= 1 is 1/3 at most, at z = -1; 1/(1 - 1/z) has no bound at z = 1.
+    for bound, proved in ((0.34, True), (0.333, False)):
+        text = by_hand("arcs", polynomials([0.0, 0.0], [1.0, 0.0], [4.0, 1.0]), bound, arcs=64)
+        assert both(program, tmp_path, text) == proved
+    assert not both(program, tmp_path, by_hand("arcs", polynomials([0.0, 0.0], [1e-9, 0.0], [1.0, -1.0]), 1e9))
+
+
+@pytest.mark.quick
 @pytest.mark.parametrize(("factor", "proved"), [(1.75, True), (1.78, False)])
 def test_errors_may_grow_until_a_loop_is_no_longer_stable(program, tmp_path, factor, proved):
     # 1 + (m + k (F - m))/2 with m = .3 and |F| <= 1 is 0 for k = 2.3/1.3 = 1.769.
@@ -164,6 +184,17 @@ def test_a_controller_is_proved_for_every_consistent_plant_and_its_peak_is_that_
     assert asked(program, sealed(whole["question"], whole["evidence"]), tmp_path)[0] == 1
 
 
+@pytest.mark.quick
+def test_a_controller_with_zeros_at_half_the_sample_rate_is_proved_with_all_its_peaks(program, tmp_path):
+    # Beside its zeros doubles know b to few digits.
+    band = band_with_model(1)
+    one, dt = band.bands[0], float(band.problem.dt or 1.0)
+    gain = 0.3 / np.max(np.abs(one.centre) + one.radius) * 0.1**2 / 2.0**2
+    controller = control.ss(control.tf(gain * np.poly([-1.0] * 2), np.poly([0.9] * 2), dt))
+    status, said = asked(program, proof_text(rid.loop_bounds(band, controller=controller)), tmp_path)
+    assert status == 0, said
+
+
 def _float(text: str) -> float:
     above, _, power = text.partition("p")
     return int(above) * 2.0 ** int(power)
@@ -196,6 +227,20 @@ def test_no_mutant_on_arcs_is_accepted_that_is_not_true(program, tmp_path):
 @pytest.mark.quick
 def test_mutants_on_arcs_do_not_crash_the_checker(tmp_path):
     survive(built(*SANITIZED), tmp_path, small_proofs(), 2, 25)
+
+
+@pytest.mark.quick
+def test_what_one_statement_could_not_compute_is_no_number_for_the_next_one(program, tmp_path):
+    # So near to 1 that no kernel has a bound: a sample of 1 is in the class, whose gain bound is 1.
+    question, _ = (json.loads(small_proofs()[1])[name] for name in ("question", "evidence"))
+    question["class"]["decay_rate"] = "1." + "0" * 95 + "1"
+    question["data"], question["statements"] = [["1", "1", "0", "0.1"]], [{"kind": "inconsistent"}] * 2
+    sums = {"base": ["0", "0"], "factors": [], "multipliers": [[0, "1", "0"]]}
+    none = {"centre": [], "radius": [], "combinations": []}
+    evidence = {"powers": 0, "parameters": none, "statements": [sums, sums]}
+    status, said = asked(program, sealed(question, evidence), tmp_path)
+    assert status == 1
+    assert not [line for line in said.splitlines() if line.startswith("proved")]
 
 
 @pytest.mark.quick

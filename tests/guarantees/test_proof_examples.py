@@ -18,14 +18,14 @@ from support.proofs import asked
 
 # Examples of one entry, and what of theirs the format does not express.
 EXAMPLES: dict[str, tuple[str, ...]] = {
-    "continuous_time": ("continuous time",),
+    "continuous_time": (),
     "controller_levitation": ("measured in a loop",),
-    "controller_motor": ("pole-uncertainty box", "poles in a box"),
-    "controller_stage": ("pole-uncertainty box", "poles in a box"),
+    "controller_motor": (),
+    "controller_stage": ("measured in a loop",),
     "flexible_structure": (),
     "motor_torsion": ("at rest",),
     "passive_beam": ("bounds a passive class",),
-    "proved_band": ("pole-uncertainty box",),
+    "proved_band": (),
     "short_records": ("several inputs",),
     "torsion_margin": (),
     "voorhoeve2016": (),

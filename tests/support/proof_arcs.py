@@ -143,11 +143,13 @@ class Knot:
 
 
 def on_arcs(judge: Judge, said: Any, evidence: Any, *, loop: bool) -> bool:
-    """Bounds of a + b F on arcs; or of c/(a + b F), and that a + b F has no zero outside of the circle nor on it."""
+    """Bounds of a + b F, or (a + b F)/c, on arcs; or of c/(a + b F), where a + b F has no zero outside of the circle nor on it."""
     if set(said) != {"kind", "functions", "edges", "bounds"} or set(evidence) != {"knots"} or judge.continuous:
         raise Refused("other keys")
     edges, bounds, known = said["edges"], [number(one) for one in said["bounds"]], Known.of(said["functions"])
-    if len(known.D) != 2 + loop or len(edges) < 2 or not len(edges) == len(evidence["knots"]) == len(bounds) + 1:
+    if len(known.D) not in ((3,) if loop else (2, 3)):
+        raise Refused("other functions")
+    if len(edges) < 2 or not len(edges) == len(evidence["knots"]) == len(bounds) + 1:
         raise Refused("not a bound for every arc")
     functions = Known.of(judge.question["class"]["functions"])
     if loop and not ((edges[0], edges[-1]) == ("0", "half") and known.stable and functions.stable):
@@ -159,7 +161,7 @@ def on_arcs(judge: Judge, said: Any, evidence: Any, *, loop: bool) -> bool:
         knots.append(Knot(z, known.at(z), centre, radius, edge in ("0", "half")))
     for one, two, bound in zip(knots[:-1], knots[1:], bounds, strict=True):
         off, away = _bend(judge, known, functions, one, two)
-        if not (_apart(one, two, off[-1], away, bound) if loop else _near(one, two, away, bound)):
+        if not (_apart(one, two, off[-1], away, bound) if loop else _near(one, two, off, away, bound)):
             return False
     return not loop or _winding(list(itertools.pairwise(knots))) == 0
 
@@ -188,8 +190,19 @@ def _bend(judge: Judge, known: Known, functions: Known, one: Knot, two: Knot) ->
     return off, off[0] + (max(b.most, d.most) + off[1]) * f + off[1] * value + product
 
 
-def _near(one: Knot, two: Knot, away: Fraction, bound: Fraction) -> bool:
-    return all(knot.centre.most + knot.radius + away <= bound for knot in (one, two))
+def _near(one: Knot, two: Knot, off: list[Fraction], away: Fraction, bound: Fraction) -> bool:
+    largest = [knot.centre.most + knot.radius + away for knot in (one, two)]
+    if len(off) < 3:
+        return all(size <= bound for size in largest)
+    # Along the chord of c its part in the direction of the middle is linear, and |c| is at least that.
+    p, q = one.known[2], two.known[2]
+    u = p + q
+    for c, size in zip((p, q), largest, strict=True):
+        part = u.conj * c
+        least = part.re - part.error - u.most * off[2]
+        if least <= 0 or size * u.most > bound * least:
+            return False
+    return True
 
 
 def _apart(one: Knot, two: Knot, off: Fraction, away: Fraction, bound: Fraction) -> bool:

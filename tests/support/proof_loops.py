@@ -112,5 +112,6 @@ def small_proofs() -> tuple[str, ...]:
     return (
         shortened(text, middle, 2),
         by_hand("arcs", constants(-0.5, 1.0), 1.51, arcs=8),
+        by_hand("arcs", polynomials([0.5, 0.0], [0.25, 0.0], [1.0, 0.2]), 1.0, arcs=8),
         by_hand("loop", polynomials([1.0, -0.5], [0.2, 0.1], [1.0, -0.5]), 2.6, gain=0.5, arcs=8),
     )
