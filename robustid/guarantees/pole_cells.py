@@ -120,11 +120,11 @@ class PoleCell(Frozen):
         half = half.reshape(-1, *self.amplitude.shape[1:])
         return np.stack([-half, half], axis=-1)
 
-    def remainder(self, omega: Real) -> Real:
-        """Bound of what the series leaves out at frequencies, (F, M). MIMO: (F, M, ny, nu)."""
+    def remainder(self, omega: Real, terms: int = REPEAT) -> Real:
+        """Bound of what a series of so many terms leaves out at frequencies, (F, M). MIMO: (F, M, ny, nu)."""
         total = np.zeros((np.size(omega), *self.amplitude.shape))
         for pole in (self.middle, self.middle.conj()):
-            total += self._left_out(self._distance(pole, np.asarray(omega, dtype=float)))
+            total += self._left_out(self._distance(pole, np.asarray(omega, dtype=float)), terms)
         return total * _WIDER
 
     def _distance(self, pole: Complex, omega: Real) -> Real:
@@ -134,15 +134,11 @@ class PoleCell(Frozen):
             return np.abs(1 - pole * np.exp(-1j * (omega * self.dt)))
         return np.hypot(pole.real, omega - pole.imag)
 
-    @property
-    def _rest(self) -> Real:
-        """Bound of the sum of the coefficients beyond the series, for |c'| = 1, (M,)."""
-        return self.distance**REPEAT / np.maximum(1 - self.distance, _ROUNDING)
-
-    def _left_out(self, distance: Real) -> Real:
+    def _left_out(self, distance: Real, terms: int = REPEAT) -> Real:
         """Part that the series about poles at these distances (F, M) leave out, (F, M); MIMO: (F, M, ny, nu)."""
         room = np.maximum(distance - self._rounding, np.finfo(float).tiny)
-        return self.amplitude * self._each(self._rest / room)
+        rest = self.distance**terms / np.maximum(1 - self.distance, _ROUNDING)
+        return self.amplitude * self._each(rest / room)
 
     def slack_on(self, low: Real, high: Real) -> Real:
         """Largest `slack` between frequencies, rad/s, (F, ny, nu).
@@ -225,8 +221,12 @@ class PoleCell(Frozen):
         return int(np.argmax((weight / bounds).max(axis=(0, 2))))
 
     def widest_at(self, omega: float) -> int:
-        """Mode whose remainder is largest at a frequency."""
-        return int(np.argmax(self.remainder(np.array([omega])).reshape(len(self.middle), -1).max(axis=1)))
+        """Mode that the place of its pole changes most at a frequency."""
+        return int(np.argmax(self.remainder(np.array([omega]), 1).reshape(len(self.middle), -1).max(axis=1)))
+
+    def moved(self, omega: float) -> Real:
+        """Bound of the distance of systems with the poles at the middle from those with other poles, (ny, nu)."""
+        return self._matrices(self.remainder(np.array([omega]), 1).sum(axis=1))[0]
 
     def split(self, problem: MixedProblem, mode: int) -> tuple[PoleCell, PoleCell] | None:
         """Two halves of the side of a mode that moves its pole more, each with its own amplitudes; None if these have no bound."""
@@ -239,7 +239,7 @@ class PoleCell(Frozen):
             ends = {"omega": np.array(self.omega), "damping": np.array(self.damping)}
             ends[name][mode, 1 - end] = middle
             try:
-                halves.append(proved_cell(problem, ends["omega"], ends["damping"], self.delay))
+                halves.append(proved_cell(problem, ends["omega"], ends["damping"], self.delay, before=self.proofs))
             except InputError:
                 return None
         return halves[0], halves[1]
@@ -315,9 +315,16 @@ def box_of(identification: Identification, omega: ArrayLike | None, damping: Arr
 
 
 def proved_cell(
-    problem: MixedProblem, omega: Real, damping: Real, delay: int, proofs: Extractions | None = None
+    problem: MixedProblem,
+    omega: Real,
+    damping: Real,
+    delay: int,
+    proofs: Extractions | None = None,
+    before: Extractions = (),
 ) -> PoleCell:
     """Cell of modes in the order of the parametric part, with amplitudes that the samples prove; `proofs` as they are known.
+
+    Those `before` are of a larger cell.
 
     Raises
     ------
@@ -325,7 +332,7 @@ def proved_cell(
         The samples bound no amplitude of some mode by itself.
     """
     own = _about(problem, omega, damping, delay)
-    proofs = extractions_over(own, omega, damping) if proofs is None else proofs
+    proofs = extractions_over(own, omega, damping, before) if proofs is None else proofs
     largest = problem.entries.as_given(largest_amplitudes(own, omega, damping, proofs))
     return PoleCell(omega, damping, largest, delay, problem.dt, proofs)
 

@@ -42,18 +42,21 @@ def value_sets_at(
     gap: float,
     about: Complex | None = None,
     budget: Budget | None = None,
+    enough: float | None = None,
 ) -> tuple[ValueSet, ...]:
     """Support function and attained points at one frequency, of every independent entry.
 
-    SISO: in all directions. MIMO: in as many as the corner of every polygon that is farthest from a nominal value `about` (ny, nu)
+    SISO: in all directions, unless a distance is `enough`. MIMO: in as many as the corner of every polygon that is farthest from a nominal value `about` (ny, nu)
     asks for; by default the value at the centre. Nothing where the budget is over before its end.
     """
     here = consistent.with_node(omega)
     single = here.posed.problem.entries.single
-    angles = directions_at(omega, here.posed.problem.dt, directions if single else FINE * directions)
+    angles = directions_at(omega, here.posed.problem.dt, directions if single and enough is None else FINE * directions)
     search = _Search(here, omega, angles, gap, about, Pieces(budget))
     try:
-        return (search.siso(),) if single else search.mimo()
+        if not single:
+            return search.mimo()
+        return (search.siso() if enough is None else search.within(enough),)
     except _TimeIsOver:
         return ()
 
@@ -189,6 +192,18 @@ class _Search:
         support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
         return ValueSet(self._omega, self._angles, support, points, float(tail), proofs)
 
+    def within(self, enough: float) -> ValueSet:
+        """The only entry, in as many directions as the corner that is farthest from the nominal value asks for.
+
+        Until it is so near that it is `enough`, or near to a value that is reached.
+        """
+        polygon = self._begun((0, 0))
+        polygon.step = 1
+        self._sharpen(polygon, _SHARP, enough)
+        order, proofs = polygon.order, tuple(polygon.sides[k].certificate for k in polygon.order)
+        points = np.array([self._value(polygon.sides[k])[0, 0] for k in order])
+        return ValueSet(self._omega, polygon.angles[order], polygon.support, points, float(self._tail[0]), proofs)
+
     def _beside(self, sides: dict[int, Extreme], direction: int) -> Place | None:
         """A place on the way to an extreme from those of the sides next to it; None where they are too far apart.
 
@@ -294,18 +309,23 @@ class _Search:
 
     def _polygon(self, entry: Entry) -> _Polygon:
         """A few sides, and more until the farthest corner is near to a value that is reached."""
+        polygon = self._begun(entry)
+        self._sharpen(polygon, _WITHIN)
+        return polygon
+
+    def _begun(self, entry: Entry) -> _Polygon:
+        """A few sides."""
         polygon, count = _Polygon(entry, self._angles, complex(self._origin[entry])), self._angles.size
         polygon.step = FINE if count > 2 else 1
         count //= polygon.step
         first = {round(k * count / _FIRST) % count for k in range(_FIRST)} if count > _FIRST else range(count)
         for direction in (k * polygon.step for k in first):
             self._side(polygon, direction)
-        self._sharpen(polygon, _WITHIN)
         return polygon
 
-    def _sharpen(self, polygon: _Polygon, within: float) -> None:
+    def _sharpen(self, polygon: _Polygon, within: float, enough: float = 0.0) -> None:
         """Cut corners off, from the part of the problem that sees the entry; the farthest is so many gaps from what is reached."""
-        while polygon.extent < (1 - within * self._gap) * polygon.radius:
+        while polygon.radius > enough and polygon.extent < (1 - within * self._gap) * polygon.radius:
             direction = polygon.between
             if direction is None or direction in polygon.sides:
                 return
@@ -316,7 +336,9 @@ class _Search:
         functional, before = self._functional(polygon.entry, direction), polygon.sides.get(direction)
         found = None if whole else self._begin().bounded(functional, self._gap)
         if found is None:
-            found = self._begin().extreme_of_all(functional, self._gap)
+            single = self._entries.single
+            near = self._beside(polygon.sides, direction) if single else None
+            found = self._begin().extreme_of_all(functional, self._gap, near, early=single)
             self._take(found)
             polygon.whole.add(direction)
         reached = complex(self._value(found)[polygon.entry])
