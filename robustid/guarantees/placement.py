@@ -37,7 +37,7 @@ _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
 _FURTHER = 2  # cells at once, where the error is largest
-_PEAK = 0.7  # of the time for polygons over a box: where the error is largest
+_PEAK = 0.6  # of the time for polygons over a box: where the error is largest
 _MORE = 2.0  # times as many, to begin with those of another frequency
 _SHARE = 1 / 3  # of the time that is left, for the cells at one frequency
 _WORDS = "bounding the error over the pole-uncertainty box"
@@ -201,12 +201,11 @@ class OverBox(Programs):
                 w = max(share, key=share.__getitem__)
                 before = self._covers.get(w, [])
                 most = min(len(before) + _FURTHER, _CELLS_AT_PEAK) if before else _CELLS
-                how = self._largest[None], most, means, lambda _: None
-                leaves = self._tree.cover(w, *how, before or self._beside(w))
+                leaves = self._tree.cover(w, self._largest[None], most, means, start=before or self._beside(w))
                 if leaves is None or set(leaves) == set(before):
                     break
                 self._covers[w], seen = leaves, [*seen, w]
-                share[w] = min(share[w], self._share(w))
+                share[w] = min(share[w], self._share(w, leaves))
                 if means.progress is not None:
                     means.progress(_WORDS, len(self._covers), omega.size)
         self._interrupted |= sweep.interrupted
@@ -214,19 +213,22 @@ class OverBox(Programs):
         radii = [self._radius(self._covers[w], w) for w in found.tolist()]
         return found, np.array(radii).reshape(-1, *self.entries.shape)
 
-    def _share(self, omega: float) -> float:
-        """The proved error at a frequency, in units of the largest that is known."""
-        at, kept = np.array([omega]), [leaf.kept(omega) for leaf in self._covers[omega]]
+    def _share(self, omega: float, leaves: list[Branch]) -> float:
+        """The proved error of cells at a frequency, in units of the largest that is known."""
+        at, kept = np.array([omega]), [leaf.kept(omega) for leaf in leaves]
         nominal = self.identification.problem.plane.values_at(self.model, at)
         return float((union_of(kept, nominal, at)[0] / self._largest).max())
 
     def _beside(self, omega: float) -> list[Branch]:
-        """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box."""
+        """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box.
+
+        Those with the largest errors there first: of the others less has to be known.
+        """
         box = self._tree.root.cell
         nearest = min(self._covers, key=lambda w: abs(w - omega), default=np.inf)
         leaves = self._covers.get(nearest, [])
         near = abs(nearest - omega) <= np.ptp(box.omega[box.widest_at(omega)]) and len(leaves) <= _MORE * _CELLS
-        return leaves if near else []
+        return sorted(leaves, key=lambda leaf: -self._share(nearest, [leaf])) if near else []
 
     def _radius(self, leaves: list[Branch], omega: float) -> Real:
         return discs_of([leaf.kept(omega) for leaf in leaves], np.array([omega]), self.entries)[1][0]
@@ -284,7 +286,8 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     polygons = joined = None
     # The search between the polygons, which ends where its time does.
     searching = 0.0 if means.budget is None or means.budget.seconds is None else _BETWEEN * means.budget.left
-    first = means if means.budget is None else means._replace(budget=_less(means, searching).budget.share(_PEAK))
+    first = _less(means, searching)
+    first = first if first.budget is None else first._replace(budget=first.budget.share(_PEAK))
     seen, radius = programs.lower(candidates, band, first)
     if seen.size:
         tried[np.searchsorted(candidates, seen)], polygons = radius, programs.polygons()

@@ -22,8 +22,10 @@ from robustid.guarantees.widening import Points, bounds_at, widened_points, wide
 from robustid.identification import Identification, MixedProblem
 
 REPEAT = 3  # terms of the series about the middle of a cell: what it leaves of another pole is of third order
-_ROUNDING = 1e-12  # error of a distance between poles: a few operations, none of which cancels
-_WIDER = 1 + 1e-9  # the same for products
+_ROUNDING, _WIDER = (
+    1e-12,
+    1 + 1e-9,
+)  # error of a distance between poles, none of whose operations cancels, and of products
 TERMS = 16  # of the impulse response of what the series leaves out, after which only its norm counts
 
 
@@ -33,12 +35,12 @@ class PoleCell(Frozen):
 
     The poles are a_i = exp(s_i T), s_i = (-d_i + j sqrt(1 - d_i^2)) w_i; in continuous time a_i = s_i.
 
-    A mode c/(1 - a x), x the delay, whose pole a lies within the hyperbolic distance T of a1, is a series about a1 (as those of
-    linear certificates are): of c' t^k b^k/(1 - a1 x), b = (x - a1*)/(1 - a1 x), |t| <= T, c' = c (1 - |a1|^2)/(1 - a1* a). On the
-    unit circle |b| = 1, so that after m terms a remainder of at most |c'| T^m/((1 - T) |1 - a1 x|) is left. In continuous time so
-    is c/(s - a), of c' t^k b^k/(s - a1), b = (s + a1*)/(s - a1), c' = 2 c Re a1/(a + a1*). So the systems with poles in the cell are
-    among those with m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder
-    does to them. MIMO: every entry has its own c', all have the poles in common.
+    A mode c/(1 - a x), x the delay, whose pole a lies within the hyperbolic distance T of a1, is a series about a1 (cf. linear
+    certificates): of c' t^k b^k/(1 - a1 x), b = (x - a1*)/(1 - a1 x), |t| <= T, c' = c (1 - |a1|^2)/(1 - a1* a). On the circle
+    |b| = 1: after m terms a remainder of at most |c'| T^m/((1 - T) |1 - a1 x|) is left. In continuous time c/(s - a) is one of
+    c' t^k b^k/(s - a1), b = (s + a1*)/(s - a1), c' = 2 c Re a1/(a + a1*). So the systems with poles in the cell are among those with
+    m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does to them.
+    MIMO: every entry has its own c', all have the poles in common.
 
     Attributes
     ----------

@@ -76,7 +76,7 @@ class PoleTree:
         scale: Real,
         most: int,
         means: Means,
-        told: Callable[[int], None],
+        told: Callable[[int], None] | None = None,
         start: Sequence[Branch] = (),
     ) -> list[Branch] | None:
         """So many branches at most that cover the box, without those that are refuted, with their values at a frequency.
@@ -113,7 +113,8 @@ class PoleTree:
                 raise self._refusal
             if all(np.isfinite(sizes[leaf]) for leaf in leaves):
                 known = leaves
-            told(len(leaves))
+            if told is not None:
+                told(len(leaves))
         return known
 
     def _enough(self, leaves: Sequence[Branch], omega: float) -> float:

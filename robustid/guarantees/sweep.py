@@ -139,9 +139,9 @@ def value_sets(
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is told of them.
 
-    Those of matrices, and of one entry where a distance is `enough`, have their sides where they bound the distance from a model. `_order` says which come first; a folder holds
-    those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, of the budget so
-    many at `least`; one that is begun in this process is given up there.
+    Those of matrices, and of one entry where a distance is `enough`, have their sides where they bound the distance from a
+    model. `_order` says which come first; a folder holds those that are finished. Where the budget is over, and on Ctrl-C without
+    a folder, those finished by then, of the budget so many at `least`; one that is begun in this process is given up there.
     """
     executor, progress, resume, budget = means
     store = None if resume is None else _Store(resume, consistent, directions, gap)
