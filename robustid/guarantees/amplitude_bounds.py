@@ -1,8 +1,12 @@
 r"""Certified bounds of the amplitudes of modes whose poles lie anywhere in a pole-uncertainty box: from sums over the samples.
 
-Linear certificates bound the amplitude c' = c (1 - |a_1|^2)/(1 - a_1* a) of a mode c n(x)/(1 - a x), for every pole a within a
-hyperbolic distance of a_1: that of the series of a `PoleCell`. Of a box that reaches the circle they bound c, and |c'| <= 2 |c|. In
-continuous time (1 + x)/(1 - a x) = (b - p)/(s - p), b the corner of the map, p the pole, so that c' is b - p_1 times as large.
+Linear certificates bound the amplitude c' = c (1 - |a_1|^2)/(1 - a_1* a) of a mode c n(x)/(1 - a x), for every pole a within the
+hyperbolic distance T of a_1. Since |1 - a_1* a| <= (1 - |a_1|^2) + |a_1| T |1 - a_1* a|,
+
+.. math:: |c| \le |c'| / (1 - T |a_1|),
+
+and of a box that reaches the circle c' = c. In continuous time (1 + x)/(1 - a x) = (b - p)/(s - p), b the corner of the map, p the
+pole, so that the amplitude of 1/(s - p) is at most |b - p| times as large.
 """
 
 from __future__ import annotations
@@ -72,7 +76,7 @@ def _rank(problem: MixedProblem) -> NDArray[np.intp]:
 
 
 def largest_amplitudes(problem: MixedProblem, omega: Real, damping: Real, extractions: Extractions) -> Real:
-    """Proved bounds of the amplitudes c' of all modes in every entry, (M, ny, nu), modes in the order of the parametric part.
+    """Proved bounds of the amplitudes c of all modes in every entry, (M, ny, nu), modes in the order of the parametric part.
 
     Raises
     ------
@@ -115,13 +119,12 @@ def _check_apart(problem: MixedProblem, functions: Functions, rank: NDArray[np.i
 
 
 def _factors(problem: MixedProblem, functions: Functions, omega: Real, damping: Real) -> Real:
-    """Largest |c'| of a cell over what the certificates bound, (M,), modes and box by rising frequency."""
+    """Largest |c/c'| over the box of every mode, (M,), modes and box by rising frequency."""
     modes = functions.modes
-    far: NDArray[np.bool_] = modes.reach > 0  # type: ignore[union-attr]
-    size = np.where(far, 2.0, 1.0) * _WIDER
+    size = np.where(modes.reach > 0, 1.0, 1 / (1 - modes.distance * np.abs(modes.middle)))  # type: ignore[union-attr]
     if problem.dt:
-        return size
+        return size * _WIDER
     plane: Any = problem.plane
-    corner, (w, d) = float(plane.corner), (omega[:, 1], damping[:, 1])
-    # |b - p| of a = (b + p)/(b - p): at the middle, and at most.
-    return size * np.where(far, np.sqrt(corner**2 + 2 * corner * d * w + w**2), np.abs(2 * corner / (1 + modes.middle)))  # type: ignore[union-attr]
+    corner = float(plane.corner)
+    w, d = omega[:, 1], damping[:, 1]
+    return size * np.sqrt(corner**2 + 2 * corner * d * w + w**2) * _WIDER

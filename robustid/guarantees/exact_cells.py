@@ -5,23 +5,24 @@ again, for the ends of the cell as they are stored, and compared with these numb
 what follows: sums, products and norms of non-negative numbers, whose rounding is at most some thousand units of 1e-16. Bounds that
 the remainders are added to may be too small by one rounding, which the claims about relaxed problems allow for.
 
-.. math:: T = \max \Big|\frac{s - s_1}{s + s_1^*}\Big|, \qquad
-          \Big|\frac{c}{1 - a/z} - \frac{c'}{1 - a_1/z} \sum_{j<m} (t b)^j\Big| \le \frac{|c'|\, T^m}{(1 - T)\, d},
-          \quad d = |1 - a_1/z|
+.. math:: |a - a_0| \le \max(|a|, |a_0|)\, |\log a - \log a_0|, \qquad
+          \Big|\frac{c}{1 - a/z} - \sum_{j<m} c\,(a - a_0)^j \frac{z^{-j}}{(1 - a_0/z)^{j+1}}\Big|
+          \le \frac{|c|\, r^m}{d^m (d - r)}, \quad d = |1 - a_0/z|
 
-and the same for c/(s - a), with d = |s - a_1|, in continuous time. The largest distance T from the middle is at a corner of a
-polygon around the s of a cell, since hyperbolic discs are convex; their images in z are at most as far apart (Schwarz and Pick).
+and the same for 1/(s - a), with d = |s - a_0|, in continuous time.
 """
 
 from __future__ import annotations
 
+import math
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robustid.bases import kautz
 from robustid.core import Real
-from robustid.guarantees.pole_cells import REPEAT, TERMS, PoleCell
+from robustid.guarantees.pole_cells import REPEAT, PoleCell
 from robustid.identification import MixedProblem, ball_arithmetic
 
 if TYPE_CHECKING:
@@ -31,16 +32,16 @@ _HALF = 1 + 5e-10  # half of the allowance
 
 
 def relaxed_enough(cell: PoleCell, problem: MixedProblem, omega: Real) -> bool:
-    """Return whether distances, intervals and remainders of a cell are above what the formulas give, all rounding enclosed.
+    """Return whether radii, intervals and remainders of a cell are above what the formulas give, all rounding enclosed.
 
     The remainders are used at the samples of the problem and at `omega` (F,), rad/s, where the response is bounded.
     """
     omega = np.concatenate([omega, *(points.omega for points in problem.frequency)])
     samples = max((record.u.shape[0] for record in problem.time), default=0)
     with ball_arithmetic() as flint:
-        modes = [_Mode(flint, cell, number) for number in range(cell.distance.size)]
+        modes = [_Mode(flint, cell, number) for number in range(cell.radius.size)]
         return (
-            all(mode.distance_holds() for mode in modes)
+            all(mode.radius_holds() for mode in modes)
             and all(mode.intervals_hold() for mode in modes)
             and _remainders_hold(modes, np.unique(omega), cell)
             and (not samples or all(mode.impulse_holds(samples) for mode in modes))
@@ -48,72 +49,66 @@ def relaxed_enough(cell: PoleCell, problem: MixedProblem, omega: Real) -> bool:
 
 
 class _Mode:
-    """One mode of a cell: its middle pole as a ball, its distance and its largest amplitudes as they are stored."""
+    """One mode of a cell: its middle pole as a ball, its radius and its largest amplitudes as they are stored."""
 
     def __init__(self, flint: ModuleType, cell: PoleCell, number: int) -> None:
         self.flint, self.cell, self.number = flint, cell, number
-        self.distance = flint.arb(float(cell.distance[number]))
-        self.amplitude: Real = cell.amplitude.reshape(cell.distance.size, -1)[number]
+        self.radius = flint.arb(float(cell.radius[number]))
+        self.amplitude: Real = cell.amplitude.reshape(cell.radius.size, -1)[number]
         self.ends = [[flint.arb(end) for end in side[number].tolist()] for side in (cell.omega, cell.damping)]
-        middle = complex(cell.middle[number])
-        self.pole = flint.acb(middle.real, middle.imag)
+        self.means = [float(side.mean(axis=1)[number]) for side in (cell.omega, cell.damping)]
+        self.decay, self.turn = self._log(*map(flint.arb, self.means))
+        exponent = flint.acb(-self.decay, self.turn)
+        self.pole = exponent.exp() if cell.dt else exponent
 
-    def distance_holds(self) -> bool:
-        """Return whether corners of a polygon around the s of the cell are within the distance from that of the middle.
+    def _log(self, omega: arb, damping: arb) -> tuple[arb, arb]:
+        """-Re and Im of the logarithm of a pole; in continuous time of the pole."""
+        step = omega * self.flint.arb(self.cell.dt or 1.0)
+        return step * damping, step * (1 - damping * damping).sqrt()
 
-        Besides its four corners the point in which the tangents at the ends of the outer arc meet.
-        """
-        acb, dt, (omega, damping) = self.flint.acb, self.cell.dt, self.ends
-        middle = self.pole.log() / self.flint.arb(dt) if dt else self.pole
-        turns = [acb(-d, (1 - d * d).sqrt()) for d in damping]
-        total = turns[0] + turns[1]  # its length is 2 cos of half of the angle between them
-        tip = omega[1] * total / (total * total.conjugate()).real * 2
-        corners = [w * turn for w in omega for turn in turns] + [tip]
-        return all(bool(abs((s - middle) / (s + middle.conjugate())) <= self.distance) for s in corners)
+    def radius_holds(self) -> bool:
+        """Return whether |a - a0| <= r on the whole cell: decay rises with both sides, the angle falls with the damping."""
+        (w, v), (d, e) = self.ends
+        slow, fast = self._log(w, d)[0], self._log(v, e)[0]
+        least, most = self._log(w, e)[1], self._log(v, d)[1]
+        ends = ((fast - self.decay).max(self.decay - slow), (most - self.turn).max(self.turn - least))
+        away, aside = (end.abs_upper() for end in ends)  # numbers, since a ball around 0 has no square root
+        largest = (-slow).exp() if self.cell.dt else 1
+        return self._below(largest * (away * away + aside * aside).sqrt(), self.radius)
 
     def intervals_hold(self) -> bool:
-        """Return whether twice the coefficients c' t^k lie in their intervals."""
-        ends = self.cell.intervals()[..., 1].reshape(self.cell.distance.size, 2 * REPEAT, -1)[self.number]
-        sizes = [2 * self.distance ** (k // 2) for k in range(2 * REPEAT)]
-        return all(self._reach(size, row) for size, row in zip(sizes, ends, strict=True))
+        """Return whether twice the coefficients c (a - a0)^j / a0^j, of functions of unit norm, lie in their intervals."""
+        arb, cell = self.flint.arb, self.cell
+        one = kautz(*self.means, dt=cell.dt, repeat=REPEAT, delay=cell.delay)
+        ends = cell.intervals()[..., 1].reshape(cell.radius.size, 2 * REPEAT, -1)[self.number]
+        for k, (row, stored) in enumerate(zip(one.C, ends, strict=True)):
+            first = _norm(arb, one.A[k]) if cell.dt and cell.delay == 0 else arb(1)
+            size = 2 * (self.radius / abs(self.pole)) ** (k // 2) * first / _norm(arb, row)
+            if not all(self._below(size * arb(c), arb(end)) for c, end in zip(self.amplitude, stored, strict=True)):
+                return False
+        return True
 
     def remainder(self, omega: float) -> arb | None:
-        """Bound of what the series leaves out at a frequency of an amplitude of one; None where it may be without bound."""
+        """Bound of what the expansion leaves out at a frequency of an amplitude of one; None where it may be without bound."""
         total, dt = self.flint.arb(0), self.cell.dt
         turned = self.flint.acb(0, -self.flint.arb(omega * dt)).exp()
         for pole in (self.pole, self.pole.conjugate()):
             distance = abs(1 - pole * turned) if dt else abs(self.flint.acb(0, omega) - pole)
-            room = distance * (1 - self.distance)
+            room = distance - self.radius
             if not room > 0:
                 return None
-            total += self.distance**REPEAT / room
+            total += (self.radius / distance) ** REPEAT / room
         return total
 
     def impulse_holds(self, count: int) -> bool:
-        """Return whether 2 c' sum_k T^k |f_k| is below the remainder of every sample: f_0 = a1^n, f_k = b f_(k-1).
-
-        Of the functions after some terms the norm bounds the sum.
-        """
-        arb, acb, T, a = self.flint.arb, self.flint.acb, self.distance, self.pole
-        norm = 1 / (1 - (a * a.conjugate()).real).sqrt()
+        """Return whether 2 C r^m binom(k, m) x^(k-m) is below the remainder of every sample, x the largest modulus of a pole."""
+        arb, largest = self.flint.arb, abs(self.pole) + self.radius
         stored = self.cell.impulse_remainder(count)[:, self.number].reshape(count, -1)
-        stored = stored[self.cell.delay :]
-        f, total = [a**n for n in range(len(stored))], [norm * T**TERMS / (1 - T)] * len(stored)
-        for k in range(TERMS):
-            if k >= REPEAT:
-                total = [one + T**k * abs(here) for one, here in zip(total, f, strict=True)]
-            last, before, after = acb(0), acb(0), list[Any]()
-            for here in f:
-                last = a * last + before - a.conjugate() * here
-                before = here
-                after.append(last)
-            f = after
-        return all(self._reach(2 * size, row) for size, row in zip(total, stored, strict=True)) and bool(arb(1) > T)
-
-    def _reach(self, size: arb, stored: Real) -> bool:
-        """Return whether so many times the amplitude of every entry lie below stored numbers."""
-        arb = self.flint.arb
-        return all(self._below(size * arb(c), arb(end)) for c, end in zip(self.amplitude, stored, strict=True))
+        for row, k in zip(stored, range(-self.cell.delay, count - self.cell.delay), strict=True):
+            size = 2 * self.radius**REPEAT * math.comb(k, REPEAT) * largest ** (k - REPEAT) if k >= REPEAT else arb(0)
+            if not all(self._below(size * arb(c), arb(end)) for c, end in zip(self.amplitude, row, strict=True)):
+                return False
+        return True
 
     def _below(self, value: arb, stored: arb) -> bool:
         """Return whether a ball lies below a number with half of the allowance."""
@@ -134,3 +129,10 @@ def _remainders_hold(modes: list[_Mode], omega: Real, cell: PoleCell) -> bool:
             if not total * arb(_HALF) <= end:
                 return False
     return True
+
+
+def _norm(arb: Any, values: Real) -> Any:
+    total = arb(0)
+    for value in values.tolist():
+        total += arb(value) ** 2
+    return total.sqrt()

@@ -5,28 +5,26 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.bases import ParametricBasis, kautz, stack_bases
+from robustid.bases import ParametricBasis, kautz
 from robustid.core import Array, Arrays, Complex, Frozen, Real, as_array, exponents_of, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.amplitude_bounds import Extractions, extractions_of, extractions_over, largest_amplitudes
 from robustid.guarantees.box_parts import are_covered, lies_within
-from robustid.guarantees.linear.pole_discs import distances, hull, middle_of
 from robustid.guarantees.widening import Points, bounds_at, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
 
-REPEAT = 3  # terms of the series about the middle of a cell: what it leaves of another pole is of third order
-_ROUNDING, _WIDER = (
-    1e-12,
-    1 + 1e-9,
-)  # error of a distance between poles, none of whose operations cancels, and of products
-TERMS = 16  # of the impulse response of what the series leaves out, after which only its norm counts
+REPEAT = 3  # multiplicity of the pole at the middle of a cell: what it leaves of another pole is of third order
+_ROUNDING = (
+    1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4; of s, relative
+)
+_WIDER = 1 + 1e-9  # the same for products
+_ENDLESS = 1e200  # stands for a remainder that does not converge
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -35,19 +33,18 @@ class PoleCell(Frozen):
 
     The poles are a_i = exp(s_i T), s_i = (-d_i + j sqrt(1 - d_i^2)) w_i; in continuous time a_i = s_i.
 
-    A mode c/(1 - a x), x the delay, whose pole a lies within the hyperbolic distance T of a1, is a series about a1 (cf. linear
-    certificates): of c' t^k b^k/(1 - a1 x), b = (x - a1*)/(1 - a1 x), |t| <= T, c' = c (1 - |a1|^2)/(1 - a1* a). On the circle
-    |b| = 1: after m terms a remainder of at most |c'| T^m/((1 - T) |1 - a1 x|) is left. In continuous time c/(s - a) is one of
-    c' t^k b^k/(s - a1), b = (s + a1*)/(s - a1), c' = 2 c Re a1/(a + a1*). So the systems with poles in the cell are among those with
-    m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does to them.
-    MIMO: every entry has its own c', all have the poles in common.
+    A mode c/(1 - a z^-1) with |a - a0| <= r expands about the middle a0 into multiples of z^-k/(1 - a0 z^-1)^(k+1), whose
+    coefficients c (a - a0)^k are bounded by C r^k, and a remainder of modulus at most C r^m / (d^m (d - r)), d = |1 - a0 z^-1|,
+    after m terms; c/(s - a) into multiples of 1/(s - a0)^(k+1), with d = |s - a0|. So the systems with poles in the cell are among
+    those with m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does
+    to them. MIMO: every entry has its own c and C, all have the poles in common.
 
     Attributes
     ----------
     omega, damping : (M, 2) arrays
         Ends, rad/s and 1.
     amplitude : (M,) array; MIMO: (M, ny, nu)
-        Largest |c'| of every mode.
+        C, the largest |c| of every mode.
     delay : int, samples
     dt : float, s
         0 in continuous time.
@@ -66,84 +63,75 @@ class PoleCell(Frozen):
         self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude")})
 
     @functools.cached_property
-    def _corners(self) -> Complex:
-        """Corners of polygons around the s of every mode, (M, 5)."""
-        return hull(self.omega, self.damping)
-
-    @functools.cached_property
-    def _exponents(self) -> Complex:
-        """The s of the middle of every mode, (M,)."""
-        return np.array([middle_of(corners) for corners in self._corners], dtype=complex)
-
-    @functools.cached_property
     def middle(self) -> Complex:
-        """The a1, (M,) complex."""
-        return np.exp(self._exponents * self.dt) if self.dt else self._exponents
+        """The a0, (M,) complex."""
+        return _pole(self.omega.mean(axis=1), self.damping.mean(axis=1), self.dt)
 
     @functools.cached_property
-    def distance(self) -> Real:
-        """T, (M,): the largest hyperbolic distance of s from that of the middle; that of poles in z is at most as large (Pick)."""
-        return distances(self._corners, self._exponents[:, None]).max(axis=1) + _ROUNDING
+    def radius(self) -> Real:
+        """Bound of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals.
+
+        In continuous time those of a and a0 themselves do.
+        """
+        steps = (self.dt or 1.0) * self.omega
+        decay, turn = _products(steps, self.damping), _products(steps, np.sqrt(1 - self.damping**2))
+        middle = np.asarray(np.log(self.middle)) if self.dt else self.middle
+        away = [
+            np.maximum(high - value, value - low)
+            for (low, high), value in ((decay, -np.real(middle)), (turn, np.imag(middle)))
+        ]
+        largest = np.exp(-decay[0]) if self.dt else 1.0
+        return largest * np.hypot(*away) * _WIDER + self._rounding
 
     @property
     def _rounding(self) -> Real:
         """Error of a distance from each of the poles, (M,)."""
-        return 1e-14 * (np.ones(self.middle.size) if self.dt else np.abs(self.middle))
+        return _ROUNDING * (np.ones(self.middle.size) if self.dt else np.abs(self.middle))
 
     def basis(self) -> ParametricBasis:
-        """The functions of the series: real and imaginary parts of their impulse responses."""
-        return stack_bases(
-            [self._functions(a, s) for a, s in zip(self.middle.tolist(), self._exponents.tolist(), strict=True)]
-        )
-
-    def _functions(self, pole: complex, s: complex) -> ParametricBasis:
-        """Those of one mode: sums of its repeated pairs, (a1 u)^k/(1 - a1 x) with u = x/(1 - a1 x), b = u (1 - |a1|^2) - a1*.
-
-        In continuous time of |a1|^k/(s - a1)^(k+1), b = 1 + 2 Re a1/(s - a1).
-        """
-        size = abs(s)
-        pair = kautz(size, -s.real / size, dt=self.dt, repeat=REPEAT, delay=self.delay)
-        rows = np.linalg.norm(pair.C, axis=1)
-        at_once = bool(self.dt) and self.delay == 0
-        norms = (np.linalg.norm(pair.A, axis=1) if at_once else np.ones(rows.size)) / rows
-        step, shift = ((1 - abs(pole) ** 2) / pole, -pole.conjugate()) if self.dt else (2 * s.real / size, 1.0)
-        turn = np.zeros((2 * REPEAT, 2 * REPEAT))
-        for k, j in itertools.combinations_with_replacement(range(REPEAT), 2):  # b^j by powers k <= j
-            weight = complex(math.comb(j, k) * step**k * shift ** (j - k))
-            block = [[weight.real, -weight.imag], [weight.imag, weight.real]]
-            turn[2 * j : 2 * j + 2, 2 * k : 2 * k + 2] = block
-        turn = turn * norms
-        return dataclasses.replace(pair, C=turn @ pair.C, D=turn @ pair.D)
+        """Repeated pairs at the middle."""
+        omega, damping = self.omega.mean(axis=1), self.damping.mean(axis=1)
+        return kautz(omega, damping, dt=self.dt, repeat=REPEAT, delay=self.delay)
 
     def intervals(self) -> Real:
-        """Intervals of the coefficients of `basis`, 2 Re and -2 Im of c' t^k, (2 M repeat, 2); MIMO: (2 M repeat, ny, nu, 2)."""
-        powers = self.distance[:, None] ** np.repeat(np.arange(REPEAT), 2)
-        half = 2 * self.amplitude[:, None] * self._each(powers) * _WIDER
-        half = half.reshape(-1, *self.amplitude.shape[1:])
+        """Intervals of the coefficients of `basis`, (2 M repeat, 2); MIMO: (2 M repeat, ny, nu, 2)."""
+        ends: list[Real] = []
+        for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
+            one = kautz(w, d, dt=self.dt, repeat=REPEAT, delay=self.delay)
+            rows = np.linalg.norm(one.C, axis=1)
+            at_once = bool(self.dt) and self.delay == 0
+            norms = (np.linalg.norm(one.A, axis=1) if at_once else np.ones(rows.size)) / rows
+            # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
+            # In continuous time (w t)^j/j! exp(a t) has w^j/(s - a)^(j+1), w = |a|.
+            shrink = float(self.radius[number] / abs(self.middle[number])) ** (np.arange(len(one.C)) // 2)
+            ends.append(2 * self.amplitude[number] * self._each(shrink) * self._each(norms))
+        half = np.concatenate(ends) * _WIDER
         return np.stack([-half, half], axis=-1)
 
-    def remainder(self, omega: Real, terms: int = REPEAT) -> Real:
-        """Bound of what a series of so many terms leaves out at frequencies, (F, M). MIMO: (F, M, ny, nu)."""
+    def remainder(self, omega: Real) -> Real:
+        """Bound of what the expansion leaves out at frequencies, (F, M); inf where it does not converge. MIMO: (F, M, ny, nu)."""
         total = np.zeros((np.size(omega), *self.amplitude.shape))
         for pole in (self.middle, self.middle.conj()):
-            total += self._left_out(self._distance(pole, np.asarray(omega, dtype=float)), terms)
+            total += self._left_out(self._distance(pole, np.asarray(omega, dtype=float)))
         return total * _WIDER
 
     def _distance(self, pole: Complex, omega: Real) -> Real:
-        """Distance of frequencies (F,) or (F, M) from poles (M,), (F, M)."""
+        """Distance d of frequencies (F,) or (F, M) from poles (M,), (F, M)."""
         omega = omega.reshape(len(omega), -1)
         if self.dt:
             return np.abs(1 - pole * np.exp(-1j * (omega * self.dt)))
         return np.hypot(pole.real, omega - pole.imag)
 
-    def _left_out(self, distance: Real, terms: int = REPEAT) -> Real:
-        """Part that the series about poles at these distances (F, M) leave out, (F, M); MIMO: (F, M, ny, nu)."""
-        room = np.maximum(distance - self._rounding, np.finfo(float).tiny)
-        rest = self.distance**terms / np.maximum(1 - self.distance, _ROUNDING)
-        return self.amplitude * self._each(rest / room)
+    def _left_out(self, distance: Real) -> Real:
+        """Part that the expansion about poles at these distances (F, M) leaves out, (F, M); MIMO: (F, M, ny, nu)."""
+        distance = distance - self._rounding
+        room = self._each(distance - self.radius)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            terms = self.amplitude * self._each((self.radius / distance) ** REPEAT) / room
+            return np.where(room > 0, terms, np.inf)
 
     def slack_on(self, low: Real, high: Real) -> Real:
-        """Largest `slack` between frequencies, rad/s, (F, ny, nu).
+        """Largest `slack` between frequencies, rad/s, (F, ny, nu); inf where the expansion does not converge.
 
         What is left out falls with the distance from the pole: it is largest at the frequency of the pole, or at an end.
         """
@@ -157,26 +145,21 @@ class PoleCell(Frozen):
         return self._matrices((total * _WIDER).sum(axis=1))
 
     def slack(self, omega: Real) -> Real:
-        """Remainder of the series of all modes in every entry at frequencies in rad/s, (F, ny, nu)."""
+        """Remainder of the expansion of all modes in every entry at frequencies in rad/s, (F, ny, nu)."""
         return self._matrices(self.remainder(omega).sum(axis=1))
 
     def impulse_remainder(self, count: int) -> Real:
-        """Bound of what the series leaves out of the impulse response, (count, M); MIMO: (count, M, ny, nu).
+        """Bound of what the expansion leaves out of the impulse response, (count, M); MIMO: (count, M, ny, nu).
 
-        Twice |c'| times the sum of T^k |f_k|, f_k the samples of the functions; of those after many terms their norm.
+        2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole.
         """
-        import scipy.signal
+        import scipy.special
 
-        found = np.zeros((count, self.middle.size))
-        start = np.eye(count, 1, -self.delay)[:, 0]
-        for mode, (pole, T) in enumerate(zip(self.middle.tolist(), self.distance.tolist(), strict=True)):
-            here: Complex = np.asarray(scipy.signal.lfilter([1.0], [1.0, -pole], start), dtype=complex)
-            for k in range(TERMS):
-                found[:, mode] += T**k * np.abs(here) * (k >= REPEAT)
-                here = np.asarray(scipy.signal.lfilter([-pole.conjugate(), 1.0], [1.0, -pole], here), dtype=complex)
-            norm = 1 / np.sqrt((1 - abs(pole)) * (1 + abs(pole)))
-            found[self.delay :, mode] += norm * (T**TERMS / max(1 - T, _ROUNDING) + 1e-13 * T**REPEAT)
-        return 2 * self.amplitude * self._each(found) * _WIDER
+        k = np.arange(count)[:, None] - self.delay
+        largest = np.abs(self.middle) + self.radius
+        ways = scipy.special.comb(np.maximum(k, 0), REPEAT) * _WIDER
+        size = 2 * self.amplitude * self._each(self.radius**REPEAT)
+        return size * self._each(ways) * self._each(largest ** np.maximum(k - REPEAT, 0))
 
     def _each(self, array: Array) -> Real:
         """An array whose last axis goes with the modes, with an axis more for each of the entries."""
@@ -208,7 +191,7 @@ class PoleCell(Frozen):
         )
 
     def cost(self, omega: Real, bounds: Real) -> float:
-        """Largest remainder of the series at frequencies, in units of the bounds (F, ny, nu) of the samples there.
+        """Largest remainder of the expansion at frequencies, in units of the bounds (F, ny, nu) of the samples there.
 
         At the samples it is the part by which any sum of theirs grows at most, since |d| (bound + remainder) does so term by term.
         """
@@ -218,24 +201,19 @@ class PoleCell(Frozen):
     def widest(self, problem: MixedProblem, omega: Real) -> int:
         """Mode whose remainder is largest in units of the bounds, at frequencies and at the samples."""
         omega = np.concatenate([omega, *(f.omega for f in problem.frequency)])
-        weight = self.remainder(omega).reshape(omega.size, len(self.middle), -1)
+        weight = np.minimum(self.remainder(omega), _ENDLESS).reshape(omega.size, len(self.middle), -1)
         bounds = bounds_at(problem, omega).reshape(omega.size, 1, -1)
         return int(np.argmax((weight / bounds).max(axis=(0, 2))))
 
     def widest_at(self, omega: float) -> int:
-        """Mode that the place of its pole changes most at a frequency."""
-        return int(np.argmax(self.remainder(np.array([omega]), 1).reshape(len(self.middle), -1).max(axis=1)))
-
-    def moved(self, omega: float) -> Real:
-        """Bound of the distance of systems with the poles at the middle from those with other poles, (ny, nu)."""
-        return self._matrices(self.remainder(np.array([omega]), 1).sum(axis=1))[0]
+        """Mode whose remainder is largest at a frequency."""
+        return int(np.argmax(self.remainder(np.array([omega])).reshape(len(self.middle), -1).max(axis=1)))
 
     def split(self, problem: MixedProblem, mode: int) -> tuple[PoleCell, PoleCell] | None:
         """Two halves of the side of a mode that moves its pole more, each with its own amplitudes; None if these have no bound."""
-        (slow, fast), (light, heavy) = self.omega[mode].tolist(), self.damping[mode].tolist()
-        damping = math.sqrt(light * heavy)
-        wide = (fast - slow) / (damping * (fast + slow) / 2) >= math.log(heavy / light)
-        name, middle = ("omega", (slow + fast) / 2) if wide else ("damping", damping)
+        sides = [np.ptp(self.omega[mode]), np.ptp(self.damping[mode]) * self.omega[mode].mean()]
+        name = "omega" if sides[0] >= sides[1] else "damping"
+        middle = float(getattr(self, name)[mode].mean())
         halves: list[PoleCell] = []
         for end in (0, 1):
             ends = {"omega": np.array(self.omega), "damping": np.array(self.damping)}
@@ -402,3 +380,14 @@ def _intervals(omega: ArrayLike | None, damping: ArrayLike | None, modes: int, d
         rest = " and `omega_interval` below pi/dt" if dt else ""
         raise InputError(f"`damping_interval` must lie below 1{rest}")
     return omega, damping
+
+
+def _pole(omega: Real, damping: Real, dt: float) -> Complex:
+    s = -damping + 1j * np.sqrt(1 - damping**2)
+    return np.exp(s * omega * dt) if dt else s * omega
+
+
+def _products(a: Real, b: Real) -> tuple[Real, Real]:
+    """Smallest and largest product of positive intervals, (M,) each."""
+    all_of = np.stack([a[:, i] * b[:, j] for i, j in itertools.product((0, 1), repeat=2)])
+    return all_of.min(axis=0), all_of.max(axis=0)

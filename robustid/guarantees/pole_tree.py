@@ -20,9 +20,8 @@ from robustid.identification import MixedProblem
 if TYPE_CHECKING:
     import control
 
-_LITTLE = 0.01  # of the error: what the place of the poles in a cell that is left as it is changes
-_LESS = 0.99  # times the largest error of a cell: what that of its quarters has to be for more of them
-_WIDE = 0.3  # distance of poles from the middle of a cell that is halved before its systems are looked at
+_LITTLE = 1e-3  # of the error: the remainder of a cell that is left as it is
+_LESS = 0.97  # times the largest error of a cell: what that of its quarters has to be for more of them
 _ENOUGH = 0.97  # times the largest error that the relaxed problems of cells reach: what a polygon need not be below
 
 
@@ -90,32 +89,27 @@ class PoleTree:
             if not (pieces.begins() and self._valued(leaf, omega, means, self._enough(leaves, omega))):
                 return None
             sizes[leaf] = self._size(leaf, omega, scale)
-        known = leaves  # of the last leaves that all have their values
         while len(leaves) < most and pieces.begins():
             worst = max(leaves, key=sizes.__getitem__)
             above = parents.get(worst)
-            moved = float((worst.cell.moved(omega) / scale).max())
-            if moved < _LITTLE * sizes[worst] or (above in parents and sizes[worst] > _LESS * sizes[parents[above]]):
+            slack = float((worst.cell.slack(np.array([omega])) / scale).max())
+            if slack < _LITTLE * sizes[worst] or (above in parents and sizes[worst] > _LESS * sizes[parents[above]]):
                 break
-            halves = self._halves(worst, omega)
+            halves, enough = self._halves(worst, omega), self._enough(leaves, omega)
             over = (
                 means.budget is not None and means.budget.over
             )  # then one that is too wide may be one without a margin
-            wide = all(half.cell.distance[half.cell.widest_at(omega)] > _WIDE for half in halves)
-            enough = self._enough(leaves, omega)
-            if over or not halves or not (wide or all(self._valued(half, omega, means, enough) for half in halves)):
+            if over or not halves or not all(self._valued(half, omega, means, enough) for half in halves):
                 break
             halves = tuple(half for half in halves if not isinstance(half.found, RefutedCell))
             leaves = [leaf for leaf in leaves if leaf is not worst] + list(halves)
-            sizes |= {half: np.inf if wide else self._size(half, omega, scale) for half in halves}
+            sizes |= {half: self._size(half, omega, scale) for half in halves}
             parents |= dict.fromkeys(halves, worst)
             if not leaves:
                 raise self._refusal
-            if all(np.isfinite(sizes[leaf]) for leaf in leaves):
-                known = leaves
             if told is not None:
                 told(len(leaves))
-        return known
+        return leaves
 
     def _enough(self, leaves: Sequence[Branch], omega: float) -> float:
         """About the largest distance from the model that cells reach."""

@@ -51,11 +51,11 @@ def test_numbers_that_fall_short_are_found(monkeypatch: pytest.MonkeyPatch, name
     assert not relaxed_enough(cell, problem_of((2, 2)), OMEGA)
 
 
-def test_a_distance_that_leaves_out_a_corner_is_found() -> None:
+def test_a_radius_that_leaves_out_a_corner_is_found() -> None:
     cell = drawn_cell(np.random.default_rng(3), 0.1, delay=1, shape=())
-    distance = np.array(cell.distance)
-    distance[1] *= 1 - 1e-8
+    radius = np.array(cell.radius)
+    radius[1] *= 1 - 1e-8
     short = dataclasses.replace(cell)
-    short.__dict__["distance"] = distance
+    short.__dict__["radius"] = radius
     assert relaxed_enough(cell, problem_of(()), OMEGA)
     assert not relaxed_enough(short, problem_of(()), OMEGA)

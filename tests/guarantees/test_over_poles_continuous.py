@@ -23,7 +23,7 @@ def test_cells_cover_their_poles_in_ball_arithmetic(width):
         cell = drawn_cell(rng, width, dt=0.0)
         assert relaxed_enough(cell, problem, omega)
         short = dataclasses.replace(cell)
-        short.__dict__["distance"] = np.asarray(cell.distance) * (1 - 1e-8)
+        short.__dict__["radius"] = np.asarray(cell.radius) * (1 - 1e-8)
         assert width <= 1e-11 or not relaxed_enough(short, problem, omega)
 
 

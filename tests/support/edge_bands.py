@@ -26,8 +26,8 @@ NEARLY = 1 - 1e-9  # an error at its bound, whatever its rounding
 class EdgePlant:
     """A problem, the box of its poles (None: they are exact), its plant at frequencies in rad/s, and the highest one to look at.
 
-    `residue` (ny, nu) is the c of its mode c/(s - p), or c x^delay/(1 - a x), and `pole` its p or a. `exact` is the problem with
-    the poles of the plant itself, with which it is consistent.
+    `residue` (ny, nu) is the c of its mode c/(s - p), or c x^delay/(1 - a x). `exact` is the problem with the poles of the plant
+    itself, with which it is consistent.
     """
 
     problem: rid.MixedProblem
@@ -35,7 +35,6 @@ class EdgePlant:
     truth: Callable[[Any], Any]
     top: float
     residue: Any
-    pole: complex
     exact: rid.MixedProblem
 
     def frequencies(self, rng, count):
@@ -87,9 +86,7 @@ def edge_plant(kind, seed):
         prior=prior, parametric=basis, symmetric=kind == "symmetric",
     )  # fmt: skip
     exact = dataclasses.replace(problem, parametric=own) if part else problem
-    return EdgePlant(
-        problem, box if part else None, truth, top, residue, pole if dt is None else np.exp(pole * DT), exact
-    )
+    return EdgePlant(problem, box if part else None, truth, top, residue, exact)
 
 
 @functools.lru_cache(maxsize=32)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 
+import robustid as rid
 from robustid.guarantees import PoleCell
 
 
@@ -49,17 +51,23 @@ def impulse_of(cell, c, poles, count):
     return np.concatenate([np.zeros(cell.delay), 2 * np.real(c[:, None] * poles[:, None] ** k).sum(axis=0)])
 
 
-def amplitudes(cell, c, poles):
-    """The c' of modes c in a cell."""
-    if cell.dt:
-        return c * (1 - np.abs(cell.middle) ** 2) / (1 - cell.middle.conj() * poles)
-    return 2 * c * cell.middle.real / (poles + cell.middle.conj())
-
-
 def expansion(cell, c, poles):
-    """Coefficients of modes in the functions of the cell: 2 Re and -2 Im of c' t^k, t the place of the pole about the middle."""
-    middle = cell.middle
-    away = 1 - middle.conj() * poles if cell.dt else poles + middle.conj()
-    t = (poles - middle) / away
-    p = 2 * amplitudes(cell, c, poles)[:, None] * t[:, None] ** np.arange(3)
-    return np.stack([p.real, -p.imag], axis=-1).ravel()
+    """Coefficients of modes in the functions of the cell.
+
+    Those of c a^k in binom(k, j) a0^k are c ((a - a0)/a0)^j, those of c exp(a t) in t^j/j! exp(a0 t) are c (a - a0)^j.
+    """
+    p, k = [], np.arange(4) if cell.dt else np.linspace(0, 0.4, 9)
+    ways = [1 + 0 * k, k, k * (k - 1) / 2 if cell.dt else k**2 / 2]
+    for number, (amplitude, a, a0) in enumerate(zip(c, poles, cell.middle, strict=True)):
+        one = rid.kautz(cell.omega[number].mean(), cell.damping[number].mean(), dt=cell.dt, repeat=3, delay=cell.delay)
+        if cell.dt:
+            values, own, away = one.impulse(cell.delay + 4)[cell.delay :], a0**k, (a - a0) / a0
+        else:
+            values = np.array([(one.C @ scipy.linalg.expm(one.A * t) @ one.B)[:, 0] for t in k])
+            own, away = np.exp(a0 * k), a - a0
+        for j in range(3):  # in units of the basis: what its functions are at these times
+            plain = ways[j][:, None] * np.stack([own.real, own.imag], axis=1)
+            sizes = np.abs(plain).max(axis=0) / np.abs(values[:, 2 * j : 2 * j + 2]).max(axis=0)
+            factor = 2 * amplitude * away**j
+            p.append(np.array([factor.real, -factor.imag]) * sizes)
+    return np.concatenate(p)
