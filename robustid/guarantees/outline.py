@@ -49,7 +49,7 @@ class Outline:
 
     @property
     def support(self) -> Real:
-        """Of the directions in their order."""
+        """Proved values of the directions in their order."""
         return np.array([self.sides[k].upper for k in self.order])
 
     @property
