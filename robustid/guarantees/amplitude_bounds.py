@@ -32,13 +32,16 @@ _WIDER = 1 + 1e-9  # what a few operations round
 Extractions = tuple[Extraction, ...]  # of the independent entries
 
 
-def extractions_over(problem: MixedProblem, omega: Real, damping: Real) -> Extractions:
+def extractions_over(problem: MixedProblem, omega: Real, damping: Real, before: Extractions = ()) -> Extractions:
     """Search sums that extract the amplitudes of the modes from the samples, for poles anywhere in a box (M, 2), (M, 2).
 
-    Here and below the poles of the parametric part lie in the box.
+    Here and below the poles of the parametric part lie in the box. From those `before`, of a larger box, it takes less time.
     """
+    every = _samples(problem, omega, damping)
     with one_thread():
-        return tuple(extract(one) for one in _samples(problem, omega, damping))
+        return tuple(
+            extract(one, before=known) for one, known in zip(every, before or [None] * len(every), strict=True)
+        )
 
 
 def extractions_of(problem: MixedProblem, omega: Real, damping: Real, multipliers: Sequence[Arrays]) -> Extractions:

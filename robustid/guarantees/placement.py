@@ -16,7 +16,7 @@ from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.parameters import parameter_intervals
 from robustid.guarantees.pole_cells import box_of
-from robustid.guarantees.pole_proofs import KeptCell
+from robustid.guarantees.pole_proofs import KeptCell, union_of
 from robustid.guarantees.pole_tree import Branch, PoleTree
 from robustid.guarantees.refinement import discs_of, in_order
 from robustid.guarantees.sweep import Known, Means, value_sets
@@ -36,6 +36,8 @@ _MANY = 4  # entries: of more all frequencies are chosen at once, since the sear
 _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good enough
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
+_FURTHER = 2  # cells at once, where the error is largest
+_PEAK = 0.6  # of the time for polygons over a box: where the error is largest
 _MORE = 2.0  # times as many, to begin with those of another frequency
 _SHARE = 1 / 3  # of the time that is left, for the cells at one frequency
 _WORDS = "bounding the error over the pole-uncertainty box"
@@ -79,6 +81,10 @@ class Programs(abc.ABC):
     @abc.abstractmethod
     def polygons(self) -> Bounded | None:
         """Everything that was found; None where nothing was."""
+
+    def lower(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+        """Lower the largest error first, where that takes more than a polygon; what `solve` returns."""
+        return omega[:0], np.zeros((0, *self.entries.shape))
 
 
 class OfExactPoles(Programs):
@@ -156,7 +162,8 @@ class OverBox(Programs):
         share = (error / self._largest).max(axis=(1, 2))
         first = np.argsort(-share, kind="stable")  # the largest error, before the time is over
         omega, error, share = omega[first], error[first], share[first]
-        most = np.ceil(_CELLS + (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0)).astype(int)
+        further = (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0) if self._every else 0.0
+        most = np.ceil(_CELLS + further * np.ones(omega.size)).astype(int)
         with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
             for k, w in enumerate(omega.tolist()):
 
@@ -166,7 +173,7 @@ class OverBox(Programs):
 
                 mine = means._replace(budget=None if means.budget is None else means.budget.share(_SHARE))
                 how = w, error[k : k + 1], int(most[k]), mine, told
-                leaves = None if self._interrupted else self._tree.cover(*how, self._beside(w, int(most[k])))
+                leaves = None if self._interrupted else self._tree.cover(*how, self._beside(w))
                 if leaves is None:
                     break
                 radii[w] = self._radius(leaves, w)
@@ -184,13 +191,44 @@ class OverBox(Programs):
         """As `Programs.spread`; far from the modes one cell says it all, and takes little time."""
         return _SPREAD
 
-    def _beside(self, omega: float, most: int) -> list[Branch]:
-        """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box."""
+    def lower(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+        """As `Programs.lower`: cells where the error is largest, by discs or by cells, until more of them make it no smaller."""
+        error = known_errors(known, self.identification.problem, self.model, omega)
+        share = dict(zip(omega.tolist(), (error / self._largest).max(axis=(1, 2)).tolist(), strict=True))
+        seen: list[float] = []
+        with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
+            while not (means.budget is not None and means.budget.over):
+                w = max(share, key=share.__getitem__)
+                before = self._covers.get(w, [])
+                most = min(len(before) + _FURTHER, _CELLS_AT_PEAK) if before else _CELLS
+                leaves = self._tree.cover(w, self._largest[None], most, means, start=before or self._beside(w))
+                if leaves is None or set(leaves) == set(before):
+                    break
+                self._covers[w], seen = leaves, [*seen, w]
+                share[w] = min(share[w], self._share(w, leaves))
+                if means.progress is not None:
+                    means.progress(_WORDS, len(self._covers), omega.size)
+        self._interrupted |= sweep.interrupted
+        found = np.unique(seen)
+        radii = [self._radius(self._covers[w], w) for w in found.tolist()]
+        return found, np.array(radii).reshape(-1, *self.entries.shape)
+
+    def _share(self, omega: float, leaves: list[Branch]) -> float:
+        """The proved error of cells at a frequency, in units of the largest that is known."""
+        at, kept = np.array([omega]), [leaf.kept(omega) for leaf in leaves]
+        nominal = self.identification.problem.plane.values_at(self.model, at)
+        return float((union_of(kept, nominal, at)[0] / self._largest).max())
+
+    def _beside(self, omega: float) -> list[Branch]:
+        """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box.
+
+        Those with the largest errors there first: of the others less has to be known.
+        """
         box = self._tree.root.cell
         nearest = min(self._covers, key=lambda w: abs(w - omega), default=np.inf)
         leaves = self._covers.get(nearest, [])
-        near = abs(nearest - omega) <= np.ptp(box.omega[box.widest_at(omega)]) and len(leaves) <= _MORE * most
-        return leaves if near else []
+        near = abs(nearest - omega) <= np.ptp(box.omega[box.widest_at(omega)]) and len(leaves) <= _MORE * _CELLS
+        return sorted(leaves, key=lambda leaf: -self._share(nearest, [leaf])) if near else []
 
     def _radius(self, leaves: list[Branch], omega: float) -> Real:
         return discs_of([leaf.kept(omega) for leaf in leaves], np.array([omega]), self.entries)[1][0]
@@ -248,6 +286,13 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     polygons = joined = None
     # The search between the polygons, which ends where its time does.
     searching = 0.0 if means.budget is None or means.budget.seconds is None else _BETWEEN * means.budget.left
+    first = _less(means, searching)
+    first = first if first.budget is None else first._replace(budget=first.budget.share(_PEAK))
+    seen, radius = programs.lower(candidates, band, first)
+    if seen.size:
+        tried[np.searchsorted(candidates, seen)], polygons = radius, programs.polygons()
+        if polygons is not None:
+            found, joined = band.between(polygons, None), polygons
     size = programs.together if plain[0].size <= _MANY else programs.most
     while count < programs.most:
         room = min(size, programs.most - count)
@@ -255,13 +300,13 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
             now, then = found.at(candidates)[1], _estimated(plain, tried, candidates)
             gain = (now / then).max(axis=(1, 2))
             drop = np.nan_to_num((now - then) / plain.max(axis=0)).max(axis=(1, 2))
+        new = np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN)
         if count:
-            new = np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN)
             chosen = np.union1d(
                 _apart(np.where(new, drop, 0), room // 2), _apart(np.where(new, gain, 0), room - room // 2)
             )
         else:
-            chosen = _first(np.where(gain > _GAIN, plain.max(axis=(1, 2)), 0), (room + 1) // 2, programs.spread(room))
+            chosen = _first(np.where(new, plain.max(axis=(1, 2)), 0), (room + 1) // 2, programs.spread(room))
         if not chosen.size:
             break
         # The best of them first: the time may end before the others.

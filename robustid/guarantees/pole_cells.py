@@ -219,7 +219,7 @@ class PoleCell(Frozen):
             ends = {"omega": np.array(self.omega), "damping": np.array(self.damping)}
             ends[name][mode, 1 - end] = middle
             try:
-                halves.append(proved_cell(problem, ends["omega"], ends["damping"], self.delay))
+                halves.append(proved_cell(problem, ends["omega"], ends["damping"], self.delay, before=self.proofs))
             except InputError:
                 return None
         return halves[0], halves[1]
@@ -295,9 +295,16 @@ def box_of(identification: Identification, omega: ArrayLike | None, damping: Arr
 
 
 def proved_cell(
-    problem: MixedProblem, omega: Real, damping: Real, delay: int, proofs: Extractions | None = None
+    problem: MixedProblem,
+    omega: Real,
+    damping: Real,
+    delay: int,
+    proofs: Extractions | None = None,
+    before: Extractions = (),
 ) -> PoleCell:
     """Cell of modes in the order of the parametric part, with amplitudes that the samples prove; `proofs` as they are known.
+
+    Those `before` are of a larger cell.
 
     Raises
     ------
@@ -305,7 +312,7 @@ def proved_cell(
         The samples bound no amplitude of some mode by itself.
     """
     own = _about(problem, omega, damping, delay)
-    proofs = extractions_over(own, omega, damping) if proofs is None else proofs
+    proofs = extractions_over(own, omega, damping, before) if proofs is None else proofs
     largest = problem.entries.as_given(largest_amplitudes(own, omega, damping, proofs))
     return PoleCell(omega, damping, largest, delay, problem.dt, proofs)
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _LITTLE = 1e-3  # of the error: the remainder of a cell that is left as it is
 _LESS = 0.97  # times the largest error of a cell: what that of its quarters has to be for more of them
+_ENOUGH = 0.97  # times the largest error that the relaxed problems of cells reach: what a polygon need not be below
 
 
 class Branch:
@@ -74,7 +75,7 @@ class PoleTree:
         scale: Real,
         most: int,
         means: Means,
-        told: Callable[[int], None],
+        told: Callable[[int], None] | None = None,
         start: Sequence[Branch] = (),
     ) -> list[Branch] | None:
         """So many branches at most that cover the box, without those that are refuted, with their values at a frequency.
@@ -83,22 +84,22 @@ class PoleTree:
         makes it smaller and there is time; None where there is none for the first ones, `start` or the whole box.
         """
         pieces, parents = Pieces(means.budget), dict[Branch, Branch]()
-        leaves = list(start) or [self.root]
+        leaves, sizes = list(start) or [self.root], dict[Branch, float]()
         for leaf in leaves:
-            if not (pieces.begins() and self._valued(leaf, omega, means)):
+            if not (pieces.begins() and self._valued(leaf, omega, means, self._enough(leaves, omega))):
                 return None
-        sizes = {leaf: self._size(leaf, omega, scale) for leaf in leaves}
+            sizes[leaf] = self._size(leaf, omega, scale)
         while len(leaves) < most and pieces.begins():
             worst = max(leaves, key=sizes.__getitem__)
             above = parents.get(worst)
             slack = float((worst.cell.slack(np.array([omega])) / scale).max())
             if slack < _LITTLE * sizes[worst] or (above in parents and sizes[worst] > _LESS * sizes[parents[above]]):
                 break
-            halves = self._halves(worst, omega)
+            halves, enough = self._halves(worst, omega), self._enough(leaves, omega)
             over = (
                 means.budget is not None and means.budget.over
             )  # then one that is too wide may be one without a margin
-            if over or not halves or not all(self._valued(half, omega, means) for half in halves):
+            if over or not halves or not all(self._valued(half, omega, means, enough) for half in halves):
                 break
             halves = tuple(half for half in halves if not isinstance(half.found, RefutedCell))
             leaves = [leaf for leaf in leaves if leaf is not worst] + list(halves)
@@ -106,8 +107,15 @@ class PoleTree:
             parents |= dict.fromkeys(halves, worst)
             if not leaves:
                 raise self._refusal
-            told(len(leaves))
+            if told is not None:
+                told(len(leaves))
         return leaves
+
+    def _enough(self, leaves: Sequence[Branch], omega: float) -> float:
+        """About the largest distance from the model that cells reach."""
+        nominal = complex(self.problem.plane.values_at(self.model, np.array([omega]))[0].flat[0])
+        reached = [one.farthest(nominal)[1] for leaf in leaves for one in leaf.values.get(omega, ())]
+        return _ENOUGH * max(reached, default=0.0)
 
     @property
     def _refusal(self) -> InconsistentDataError:
@@ -133,12 +141,14 @@ class PoleTree:
             )
         return branch.halves[mode]
 
-    def _valued(self, branch: Branch, omega: float, means: Means) -> bool:
-        """Find the values at a frequency, and say whether there was time for it; of cells without a set there are none."""
+    def _valued(self, branch: Branch, omega: float, means: Means, enough: float) -> bool:
+        """Find the values at a frequency, and say whether there was time for it; of cells without a set there are none.
+
+        `enough` is a distance from the model within which no more has to be known.
+        """
         if isinstance(branch.found, ConsistentSet) and omega not in branch.values:
-            found = value_sets(
-                branch.found, np.array([omega]), *self._sides, means.part(branch.name), self.model, least=0
-            )
+            how = means.part(branch.name), self.model
+            found = value_sets(branch.found, np.array([omega]), *self._sides, *how, least=0, enough=enough)
             if not found:
                 return False
             branch.values[omega] = tuple(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable
 
@@ -10,13 +9,14 @@ import numpy as np
 
 from robustid.core import Budget, Complex, Pieces, Real
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
-from robustid.guarantees.value_set import FINE, ValueSet, along, corners, directions_at
+from robustid.guarantees.outline import Outline
+from robustid.guarantees.value_set import FINE, ValueSet, along, directions_at
 from robustid.identification import Functional
 from robustid.identification.solver import Place
 
 _FIRST = 4  # directions of an entry of a matrix to begin with
-# Gaps from corners to what is reached: in a part, by consistent systems, for singular values.
-_WITHIN, _ALL, _SHARP = 2.5, 5.0, 1.0
+# Gaps from corners to what is reached: in a part, by consistent systems, for singular values, of one entry.
+_WITHIN, _ALL, _SHARP, _CLOSE = 2.5, 5.0, 1.0, 1.5
 _FINER = 0.25  # part of the gap, where the largest singular value asks for it
 _WORTH = 3.0  # gaps that tighter bounds of the entries may make up for
 _NEARLY = 2.0  # gaps of systems that are far in several entries from what there is
@@ -42,18 +42,21 @@ def value_sets_at(
     gap: float,
     about: Complex | None = None,
     budget: Budget | None = None,
+    enough: float | None = None,
 ) -> tuple[ValueSet, ...]:
     """Support function and attained points at one frequency, of every independent entry.
 
-    SISO: in all directions. MIMO: in as many as the corner of every polygon that is farthest from a nominal value `about` (ny, nu)
-    asks for; by default the value at the centre. Nothing where the budget is over before its end.
+    SISO: in all directions, unless a distance is `enough`. MIMO: in as many as the corner of every polygon that is farthest from
+    a nominal value `about` (ny, nu) asks for; by default the value at the centre. Nothing where the budget is over before its end.
     """
     here = consistent.with_node(omega)
     single = here.posed.problem.entries.single
-    angles = directions_at(omega, here.posed.problem.dt, directions if single else FINE * directions)
+    angles = directions_at(omega, here.posed.problem.dt, directions if single and enough is None else FINE * directions)
     search = _Search(here, omega, angles, gap, about, Pieces(budget))
     try:
-        return (search.siso(),) if single else search.mimo()
+        if not single:
+            return search.mimo()
+        return (search.siso() if enough is None else search.within(enough),)
     except _TimeIsOver:
         return ()
 
@@ -70,89 +73,6 @@ def value_set(
 
 class _TimeIsOver(Exception):
     """The end of a search whose next program would take longer than the time that is left."""
-
-
-@dataclasses.dataclass
-class _Polygon:
-    """The sides found so far around the values of one entry, by the numbers of their directions.
-
-    `reached` are values that the bounds of the sides are near to; of `whole` sides they are those of consistent systems. Directions
-    are taken so many `steps` apart.
-    """
-
-    entry: Entry
-    angles: Real
-    origin: complex
-    sides: dict[int, Extreme] = dataclasses.field(default_factory=dict[int, Extreme])
-    reached: dict[int, complex] = dataclasses.field(default_factory=dict[int, complex])
-    whole: set[int] = dataclasses.field(default_factory=set[int])
-    step: int = 1
-    order: list[int] = dataclasses.field(default_factory=list[int])
-
-    def add(self, direction: int, side: Extreme, reached: complex) -> None:
-        """Add a side, or replace one; `order` are the directions of those that bound the polygon, rising."""
-        self.sides[direction], self.reached[direction] = side, reached
-        self.order = sorted(self.sides)
-        # A loose side between tight ones bounds nothing, and corners with it would lie outside.
-        while (loose := self._redundant()) is not None:
-            self.order.remove(loose)
-
-    def _redundant(self) -> int | None:
-        angles, support, count = self.angles[self.order], self.support, len(self.order)
-        for k in range(count if self.angles.size > 2 else 0):
-            beside = [k - 1, (k + 1) % count]
-            if count < 4 or (angles[beside[1]] - angles[beside[0]]) % (2 * np.pi) > np.pi - 1e-9:
-                continue
-            corner = corners(angles[beside], support[beside])[0]
-            if np.real(np.exp(-1j * angles[k]) * corner) <= support[k]:
-                return self.order[k]
-        return None
-
-    @property
-    def support(self) -> Real:
-        return np.array([self.sides[k].upper for k in self.order])
-
-    @property
-    def _distances(self) -> Real:
-        """Distances of the corners from the origin; corner k lies between directions k and k + 1."""
-        if self.angles.size == 2:
-            return np.abs(np.array([self.support[0], -self.support[1]]) - self.origin)
-        return np.abs(corners(self.angles[self.order], self.support) - self.origin)
-
-    @property
-    def radius(self) -> float:
-        """Largest distance of a corner from the origin."""
-        return float(self._distances.max())
-
-    @property
-    def farthest(self) -> int:
-        """The direction whose reached value is farthest from the origin."""
-        return max(self.order, key=lambda k: abs(self.reached[k] - self.origin))
-
-    @property
-    def extent(self) -> float:
-        """Distance of the farthest value of a consistent system that was found."""
-        return abs(self.reached[self.farthest] - self.origin)
-
-    @property
-    def beside(self) -> tuple[int, int]:
-        """The directions on both sides of the farthest corner."""
-        order, worst = self.order, int(np.argmax(self._distances))
-        if self.angles.size == 2:
-            return order[worst], order[worst]
-        return order[worst], order[(worst + 1) % len(order)]
-
-    def far(self, part: float) -> list[int]:
-        """The directions beside corners that are almost as far as the farthest."""
-        order, far = self.order, np.flatnonzero(self._distances >= part * self.radius)
-        return sorted({order[k] for at in far for k in (at, (at + 1) % len(order))})
-
-    @property
-    def between(self) -> int | None:
-        """A direction that cuts off the farthest corner; None where there is none left."""
-        first, second = self.beside
-        steps = (second - first) % self.angles.size // self.step
-        return (first + steps // 2 * self.step) % self.angles.size if steps > 1 else None
 
 
 class _Search:
@@ -188,6 +108,18 @@ class _Search:
         points = np.array([self._value(one)[0, 0] for one in found])
         support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
         return ValueSet(self._omega, self._angles, support, points, float(tail), proofs)
+
+    def within(self, enough: float) -> ValueSet:
+        """The only entry, in as many directions as the corner that is farthest from the nominal value asks for.
+
+        Until it is so near that it is `enough`, or near to a value that is reached.
+        """
+        polygon = self._begun((0, 0))
+        polygon.step = 1
+        self._sharpen(polygon, _CLOSE, enough)
+        order, proofs = polygon.order, tuple(polygon.sides[k].certificate for k in polygon.order)
+        points = np.array([self._value(polygon.sides[k])[0, 0] for k in order])
+        return ValueSet(self._omega, polygon.angles[order], polygon.support, points, float(self._tail[0]), proofs)
 
     def _beside(self, sides: dict[int, Extreme], direction: int) -> Place | None:
         """A place on the way to an extreme from those of the sides next to it; None where they are too far apart.
@@ -232,7 +164,7 @@ class _Search:
             self._refine(polygons)
         return tuple(self._value_set(one) for one in polygons)
 
-    def _refine(self, polygons: list[_Polygon]) -> None:
+    def _refine(self, polygons: list[Outline]) -> None:
         """More directions around the farthest corners, and tighter bounds there; then systems with larger singular values."""
         self._gap *= _FINER
         for one in polygons:
@@ -242,7 +174,7 @@ class _Search:
             self._sharpen(one, _SHARP)
         self._climb(self._largest_reached(polygons), polygons)
 
-    def _climb(self, error: Complex, polygons: list[_Polygon]) -> None:
+    def _climb(self, error: Complex, polygons: list[Outline]) -> None:
         """Consistent systems with ever larger singular values: each is extreme along the singular vectors of the one before."""
         for _ in range(_STEPS):
             before, found = self._sigma, self._find(self._along_vectors(error), self._gap)
@@ -250,7 +182,7 @@ class _Search:
                 return
             error = found - self._origin
 
-    def _near(self, polygons: list[_Polygon]) -> bool:
+    def _near(self, polygons: list[Outline]) -> bool:
         """Say whether a consistent system is near to the bound of the largest singular value."""
         return self._sigma >= self._enough * self._norm(polygons)
 
@@ -259,7 +191,7 @@ class _Search:
         """Largest singular value that was found of the difference from the origin."""
         return max((float(np.linalg.norm(one - self._origin, 2)) for one in self._members), default=0.0)
 
-    def _norm(self, polygons: list[_Polygon]) -> float:
+    def _norm(self, polygons: list[Outline]) -> float:
         """Its bound from those of the entries."""
         return float(np.linalg.norm(self._matrix({one.entry: one.radius for one in polygons}), 2))
 
@@ -292,43 +224,50 @@ class _Search:
         k = int(np.ravel_multi_index(entry, self._shape))
         return along(self._angles[direction], self._x[k], self._p[k], self._tail[k])
 
-    def _polygon(self, entry: Entry) -> _Polygon:
+    def _polygon(self, entry: Entry) -> Outline:
         """A few sides, and more until the farthest corner is near to a value that is reached."""
-        polygon, count = _Polygon(entry, self._angles, complex(self._origin[entry])), self._angles.size
+        polygon = self._begun(entry)
+        self._sharpen(polygon, _WITHIN)
+        return polygon
+
+    def _begun(self, entry: Entry) -> Outline:
+        """A few sides."""
+        polygon, count = Outline(entry, self._angles, complex(self._origin[entry])), self._angles.size
         polygon.step = FINE if count > 2 else 1
         count //= polygon.step
         first = {round(k * count / _FIRST) % count for k in range(_FIRST)} if count > _FIRST else range(count)
         for direction in (k * polygon.step for k in first):
             self._side(polygon, direction)
-        self._sharpen(polygon, _WITHIN)
         return polygon
 
-    def _sharpen(self, polygon: _Polygon, within: float) -> None:
+    def _sharpen(self, polygon: Outline, within: float, enough: float = 0.0) -> None:
         """Cut corners off, from the part of the problem that sees the entry; the farthest is so many gaps from what is reached."""
-        while polygon.extent < (1 - within * self._gap) * polygon.radius:
+        while polygon.radius > enough and polygon.extent < (1 - within * self._gap) * polygon.radius:
             direction = polygon.between
             if direction is None or direction in polygon.sides:
                 return
             self._side(polygon, direction)
 
-    def _side(self, polygon: _Polygon, direction: int, whole: bool = False) -> None:
+    def _side(self, polygon: Outline, direction: int, whole: bool = False) -> None:
         """Add a side, or the bound and the system from the whole problem to one that is there."""
         functional, before = self._functional(polygon.entry, direction), polygon.sides.get(direction)
         found = None if whole else self._begin().bounded(functional, self._gap)
         if found is None:
-            found = self._begin().extreme_of_all(functional, self._gap)
+            single = self._entries.single
+            near = self._beside(polygon.sides, direction) if single else None
+            found = self._begin().extreme_of_all(functional, self._gap, near, early=single)
             self._take(found)
             polygon.whole.add(direction)
         reached = complex(self._value(found)[polygon.entry])
         side = found if before is None or found.upper <= before.upper else found.proved_by(before)
         polygon.add(direction, side, polygon.origin if np.isnan(reached) else reached)
 
-    def _met(self, polygon: _Polygon) -> bool:
+    def _met(self, polygon: Outline) -> bool:
         """Say whether a consistent system is near to the farthest corner."""
         errors = [abs(member[polygon.entry] - polygon.origin) for member in self._members]
         return max(errors, default=0.0) >= self._enough * polygon.radius
 
-    def _close(self, polygon: _Polygon) -> None:
+    def _close(self, polygon: Outline) -> None:
         """Bounds and systems from the whole problem, where they are farthest apart."""
         while not self._met(polygon):
             near = polygon.farthest, *polygon.beside, polygon.between
@@ -337,7 +276,7 @@ class _Search:
                 return
             self._side(polygon, left[0], whole=True)
 
-    def _largest_reached(self, polygons: list[_Polygon]) -> Complex:
+    def _largest_reached(self, polygons: list[Outline]) -> Complex:
         """An error with a large singular value that reached values of the entries make together.
 
         Of every entry the value that is farthest in the direction of the singular vectors, whose vectors again: each step is
@@ -374,7 +313,7 @@ class _Search:
                 out[j, i] = value
         return out
 
-    def _together(self, polygons: list[_Polygon]) -> Functional:
+    def _together(self, polygons: list[Outline]) -> Functional:
         """The sum over entries of Re(exp(-j theta) F), each in the direction of its farthest value and in its units.
 
         Its unit is the distance of that value, or of the farthest corner where no value was found.
@@ -385,7 +324,7 @@ class _Search:
         tail = float(sum(s * part.tail for s, part in zip(size, parts, strict=True)))
         return Functional(np.asarray(x), np.asarray(p), tail)
 
-    def _value_set(self, polygon: _Polygon) -> ValueSet:
+    def _value_set(self, polygon: Outline) -> ValueSet:
         order, nothing = polygon.order, np.full(self._shape, np.nan, complex)
         values = {k: self._value(polygon.sides[k]) if k in polygon.whole else nothing for k in order}
         # The system that is farthest from the origin in this entry, and one in the largest singular value.

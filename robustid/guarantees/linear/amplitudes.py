@@ -57,13 +57,19 @@ def amplitude_targets(samples: Samples) -> Targets:
     return Targets(base_of(samples), np.zeros(count, complex), values, np.zeros((count, count)))
 
 
-def extract(samples: Samples, budget: Budget | None = None) -> Extraction:
+def extract(samples: Samples, budget: Budget | None = None, before: Extraction | None = None) -> Extraction:
     """Search combinations that extract the amplitudes, each round as far as what the last one proved asks for.
 
     The first matches all functions exactly; where that proves nothing, since many terms of a series ask for large multipliers, it
-    begins with discs that are surely too large. Where the budget is over: the best of those so far.
+    begins with discs that are surely too large. Where the budget is over: the best of those so far. From combinations `before`, of
+    the same samples with a larger box, one round does, unless it proves nothing.
     """
     targets = amplitude_targets(samples)
+    if before is not None and np.all(np.isfinite(before.known.radius)):
+        there = before.points, before.multipliers
+        found = Extraction(samples, before.known.centre, *search(samples, targets, before.known, start=there))
+        if np.all(np.isfinite(found.known.radius)):
+            return found
     fit = guess(samples, targets)
     large = np.abs(fit) + float(samples.gains.max())
     best = None
