@@ -36,8 +36,8 @@ def test_the_bound_holds_the_plant_that_half_of_the_periods_are_of(seeds):
 
 @pytest.mark.parametrize("seeds", [range(1), slow(range(100, 120))])
 @pytest.mark.parametrize("fault", ["another plant (random)", "varying plant (random)"])
-def test_the_bound_of_any_excitation_holds_the_plant_of_half_of_the_time(seeds, fault):
-    """1 % faster in one of two records, or half-way in each: nearly all bounds were left, by up to 2.57 times."""
+def test_the_bound_of_any_excitation_is_wider_where_half_of_the_time_is_of_another_plant(seeds, fault):
+    """1 % faster in one of two records, or half-way in each. All were silent, and nearly all left by the plant; not yet none is."""
     far = []
     for seed in seeds:
         for name in ("arm", "matrix"):
@@ -47,7 +47,8 @@ def test_the_bound_of_any_excitation_holds_the_plant_of_half_of_the_time(seeds, 
             found = response_alone(faulty.records)
             assert CHANGED in found.note
             far.append(distance(found, clean.plant))
-    assert np.sum(np.array(far) > 1) <= LEFT * len(far), far
+    assert np.median(far) < 1
+    assert np.max(far) < 2
 
 
 @pytest.mark.parametrize("seeds", [range(1), slow(range(1000, 1040))])
