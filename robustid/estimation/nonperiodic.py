@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustid.core import as_array, hz_words
-from robustid.data import Caveat, TimeRecord
+from robustid.data import Caveat, TimeRecord, stacked
 from robustid.errors import InputError
+from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.common_poles import predicted
 from robustid.estimation.estimate import Estimate, pooled
 
@@ -17,6 +18,10 @@ _SEGMENTS = 8  # of Welch's method: of half overlap, per record
 _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
 _ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
+_TOLD = (
+    0.3  # of the input whose sign turns half-way, that the input itself does not follow: both halves drive the plant
+)
+_SURE = 1e-5  # chance of any block of lines, in any entry, that halves differ so much: the model of a window is not all
 _FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
 _MOST = 5000  # lines by default
 _CHUNK = 2**22  # numbers in the largest array
@@ -31,9 +36,9 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     samples, nu, ny = len(first.u), first.u.shape[1], first.y.shape[1]
     loop = first.reference is not None and first.reference.shape[1] == nu
     u, y = (np.fft.rfft(np.stack([getattr(r, name) for r in records]), axis=1) / samples for name in ("u", "y"))
-    x, z = u, y
+    x, z, excitation = u, y, np.stack([np.asarray(r.reference if loop else r.u) for r in records])
     if loop:
-        x = np.fft.rfft(np.stack([np.asarray(r.reference) for r in records]), axis=1) / samples
+        x = np.fft.rfft(excitation, axis=1) / samples
         z = np.concatenate([y, u], axis=2)
     unknowns = (_ORDER + 1) * (nu + len(records)) + _ORDER
     half = -(-((unknowns + _SPARE) / len(records) - 1) // 2)
@@ -47,9 +52,16 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     index = excited_lines(x, half, last) if lines is None else checked_lines(lines, last)
     chunk = max(1, _CHUNK // ((2 * half + 1) * len(records) * unknowns * 2))
     known = predicted(x, z, samples, index, last)
-    parts = [_fit(x, z - known.spectra, part, half, last) for part in np.array_split(index, -(-index.size // chunk))]
-    values, covariance, residual = (np.concatenate(piece) for piece in zip(*parts, strict=True))
-    values, covariance = values + known.values, covariance + known.covariance
+    dof = float(len(records) * (2 * half + 1) - unknowns)
+    free = dof - (_ORDER + 1) * nu  # beside the changes of a window
+    turned = np.fft.rfft(_signs(*excitation.shape[:2])[: None if free >= 1 else 0] * excitation, axis=2) / samples
+    pieces = np.array_split(index, -(-index.size // chunk))
+    parts = [_fit(x, z - known.spectra, turned, part, half, last) for part in pieces]
+    values, covariance, residual, change, sure = (np.concatenate(piece) for piece in zip(*parts, strict=True))
+    step = float(np.median(np.diff(index))) if index.size > 1 else 1.0
+    changes = _added(change, sure, free, (2 * half + 1) / step)
+    values = values + known.values
+    covariance = covariance + known.covariance + changes[:, None, :] * np.eye(changes.shape[1])
     if loop:
         values, covariance = divided(values, covariance, ny)
     power = np.mean(np.abs(y) ** 2, axis=0)
@@ -59,15 +71,32 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         step=2 * np.pi / (samples * first.dt),
         values=values,
         covariance=covariance,
-        dof=float(len(records) * (2 * half + 1) - unknowns),
+        dof=dof,
         excitations=len(records) // nu or 1,
         coherence=np.clip(1 - residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
-        f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)})",
+        f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)}){CHANGED if np.any(changes) else ''}",
         noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
         modes=() if loop else known.modes,  # the poles of a loop are not those of the plant in it
     )
+
+
+def _signs(records: int, samples: int) -> np.ndarray:
+    """-1 in the first half of the time, 1 in the second, of every record and of all together, (2 or 1, records, samples, 1)."""
+    times = np.arange(records * samples).reshape(records, samples)
+    signs = [np.where(times[:1] < samples // 2, -1.0, 1.0) * np.ones((records, 1))]
+    if records > 1:
+        signs.append(np.where(times < times.size // 2, -1.0, 1.0))
+    return np.stack(signs)[..., None]
+
+
+def _added(change: np.ndarray, variance: np.ndarray, free: float, shared: float) -> np.ndarray:
+    """Variances (f, nz nx) that make up for what halves of the time differ by: see `added_variance`."""
+    added = np.zeros((len(change), *change.shape[2:]))
+    for half, sure in zip(change.swapaxes(0, 1), variance.swapaxes(0, 1), strict=True):
+        added += added_variance(2 * half, 2 * sure, free, chance=_SURE, shared=shared)
+    return stacked(added)
 
 
 class _Windows(NamedTuple):
@@ -77,6 +106,7 @@ class _Windows(NamedTuple):
     high: np.ndarray  # (f, r, _ORDER) powers of the offset from 1 on, for every experiment
     shared: np.ndarray  # (f, r, p) of N and M
     size: np.ndarray  # (f, nx) of the excitation: its columns are scaled by it
+    powers: np.ndarray  # (f, w, _ORDER + 1) of the offset
 
 
 def _windows(x: np.ndarray, index: np.ndarray, half: int, last: int) -> _Windows:
@@ -86,16 +116,25 @@ def _windows(x: np.ndarray, index: np.ndarray, half: int, last: int) -> _Windows
     powers = ((lines - index[:, None]) / half)[:, :, None] ** np.arange(_ORDER + 1)
     size = np.sqrt(np.mean(np.abs(x[:, lines]) ** 2, axis=(0, 2)))
     size = np.where(size > 0, size, 1)
-    drive = (x[:, lines] / size[:, None]).transpose(1, 0, 2, 3)  # (f, e, w, nx)
-    rows = (len(index), experiments * width, -1)
-    forced = (powers[:, None, :, :, None] * drive[:, :, :, None, :]).reshape(rows)
-    free = np.einsum("ed,fws->fewds", np.eye(experiments), powers).reshape(rows)
+    free = np.einsum("ed,fws->fewds", np.eye(experiments), powers).reshape(len(index), experiments * width, -1)
     high = np.tile(powers[:, :, 1:], (1, experiments, 1))
-    return _Windows(lines, high, np.concatenate([forced, free], axis=2), size)
+    return _Windows(lines, high, np.concatenate([_forced(x, lines, size, powers), free], axis=2), size, powers)
 
 
-def _fit(x: np.ndarray, z: np.ndarray, index: np.ndarray, half: int, last: int) -> tuple[np.ndarray, ...]:
-    """Values (f, nz, nx), covariance (f, nz nx, nz nx) of vec, and variance of the residuals (f, nz)."""
+def _forced(x: np.ndarray, lines: np.ndarray, size: np.ndarray, powers: np.ndarray) -> np.ndarray:
+    """Regressors of a response to the excitation (records, K, nx), (f, r, p)."""
+    drive = (x[:, lines] / size[:, None]).transpose(1, 0, 2, 3)  # (f, e, w, nx)
+    forced = powers[:, None, :, :, None] * drive[:, :, :, None, :]
+    return forced.reshape(len(lines), drive.shape[1] * drive.shape[2], -1)
+
+
+def _fit(
+    x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray, half: int, last: int
+) -> tuple[np.ndarray, ...]:
+    """Values (f, nz, nx), covariance (f, nz nx, nz nx) of vec, and variance of the residuals (f, nz).
+
+    Then half of what the response changes by from the first half of the time to the second, (f, nz, nx), and its variance.
+    """
     nx, nz = x.shape[2], z.shape[2]
     windows = _windows(x, index, half, last)
     polynomial = _pseudo_inverses(windows.shared)
@@ -103,17 +142,49 @@ def _fit(x: np.ndarray, z: np.ndarray, index: np.ndarray, half: int, last: int) 
     values = np.empty((len(index), nz, nx), complex)
     maps = np.empty((len(index), nz, nx, rows), complex)
     left = np.empty((len(index), nz, rows), complex)
+    change, sure = (np.zeros((len(index), len(turned), nz, nx), kind) for kind in (complex, float))
     for i in range(nz):
         target = z[:, windows.lines, i].transpose(1, 0, 2).reshape(len(index), rows)
         solution, inverse, left[:, i] = _one_output(windows, polynomial, target)
         values[:, i], maps[:, i] = solution[:, :nx], inverse[:, :nx]
+        for k, drive in enumerate(turned):
+            change[:, k, i], sure[:, k, i] = _changed(windows, drive, target)
     spread = left @ left.conj().swapaxes(1, 2) / (rows - unknowns - _ORDER)  # (f, nz, nz)
     # vec with columns stacked: entry (i, j) at j nz + i.
     gram = np.einsum("fijr,fklr->fjilk", maps, maps.conj(), optimize=True)
     covariance = (gram * spread[:, None, :, None, :]).reshape(len(index), nx * nz, nx * nz)
     units = np.repeat(1 / windows.size, nz, axis=1)
     covariance = covariance * units[:, :, None] * units[:, None, :]
-    return values / windows.size[:, None, :], covariance, np.einsum("fii->fi", spread).real
+    sizes = windows.size[:, None, None, :]
+    return (
+        values / windows.size[:, None, :],
+        covariance,
+        np.einsum("fii->fi", spread).real,
+        change / sizes,
+        sure / sizes**2,
+    )
+
+
+def _changed(windows: _Windows, drive: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Half of the change of the response, (f, nx), and its variance; 0 where the drives of both halves do not tell.
+
+    ``Y = G U + T + C V``: V is the transform of the input whose sign turns half-way, C a polynomial of the order of N and M. Least
+    squares of C beside all that the plain model follows.
+    """
+    forced = _forced(drive, windows.lines, windows.size, windows.powers)
+    plain = np.concatenate([windows.shared, -windows.high * target[:, :, None]], axis=2)
+    size = np.linalg.norm(plain, axis=1)
+    q = np.linalg.qr(plain / np.where(size > 0, size, 1)[:, None])[0]
+    beside, left = (part - q @ (q.conj().swapaxes(1, 2) @ part) for part in (forced, target[:, :, None]))
+    inverse = _pseudo_inverses(beside)
+    found = (inverse @ left)[:, :, 0]
+    spread = _sum(left[:, :, 0] - (beside @ found[:, :, None])[:, :, 0]) / (
+        target.shape[1] - plain.shape[2] - forced.shape[2]
+    )
+    told = np.linalg.norm(beside, axis=1) > _TOLD * np.linalg.norm(forced, axis=1)
+    variance = np.where(told, _sum(inverse.swapaxes(1, 2)) * spread[:, None], 0)
+    nx = drive.shape[2]
+    return found[:, :nx], variance[:, :nx]
 
 
 def _one_output(windows: _Windows, polynomial: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, ...]:
