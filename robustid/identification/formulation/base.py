@@ -27,6 +27,7 @@ from robustid.identification.truncation import BalancedContraction
 LARGEST_EXACT = 200  # coefficients: the exact form is dense, n^4 work per Newton step
 
 _PER_SECOND = 2e10  # multiplications, of dense matrices on one core
+_PATIENCE = 5.0  # seconds of a step that is begun in any case: what is kept is worth it
 _STORED = 2.0  # GB: the Newton matrix, of which there are several copies
 
 Family = Interpolants | TaylorInterpolants
@@ -186,7 +187,7 @@ class Formulation(Frozen, Functions):
         """Refuse a matrix whose single Newton step takes longer than a solution may, or more memory than there is."""
         entries, unknowns = self.problem.entries.count, self.count * self.problem.entries.count
         takes, stored = self.work / _PER_SECOND, 8e-9 * unknowns**2
-        late = seconds is not None and takes > seconds
+        late = seconds is not None and takes > max(seconds, _PATIENCE)
         if entries > 1 and (late or stored > _STORED):
             limit = f"`time_limit` is {seconds:.3g} s" if late else f"{_STORED:g} GB are possible"
             raise SizeError(
