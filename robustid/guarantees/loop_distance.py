@@ -11,10 +11,8 @@ import numpy as np
 
 from robustid.core import (
     Complex,
-    Real,
     StateMatrices,
     as_flag,
-    bilinear_in_s,
     closed_loop,
     decay_of,
     input_states,
@@ -23,12 +21,11 @@ from robustid.core import (
     mirroring_feedback,
     normalised_factors,
     one_thread,
-    points_of,
     poles_of,
     right_factors,
-    series,
 )
 from robustid.errors import InputError
+from robustid.guarantees.chordal import LargestAngle
 from robustid.identification import as_system, describe_poles
 from robustid.reduction import MOST_DOUBT, doubtful_distance, hinf_norm, is_stable
 
@@ -40,7 +37,10 @@ _ISOMETRY, _CHECKED = (
     1e-6,
     4,
 )  # error of normalised factors at which they are none, and the poles at which it is looked for
-_APART = 1 - 1e-14  # a gap that is 1 but for rounding
+_AWAY, _AWAY_FROM_END = (
+    1e-6,
+    1e-2,
+)  # from the axis, relative to A, and from z = -1: poles at which a response is as exact
 
 
 class CoprimeFactors(NamedTuple):
@@ -240,12 +240,13 @@ def nu_gap(
     LoopDistance(value=1.0, omega=nan)
     """
     one, dt, two = _pair(("first", first), ("second", second), opposite=False)
-    right = graph_factors("first", one, dt)
-    left = graph_complement(graph_factors("second", two.transposed(), dt).transposed())
-    if not _winds_alike(right, left, dt):
+    graph = _graph("first", one, dt)
+    complement = graph_complement(_graph("second", two.transposed(), dt).transposed())
+    largest = LargestAngle(graph, complement, discrete=bool(dt))
+    if not largest.winds_alike():
         return LoopDistance(1.0, np.nan)
-    omega = hinf_norm(series(right, left), dt).omega
-    return LoopDistance(_sine(right, left, omega, dt), omega)
+    value, angle = largest.search()
+    return LoopDistance(value, angle / float(dt) if dt else angle)
 
 
 def _pair(
@@ -267,14 +268,19 @@ def _pair(
     return first, dt if base is None else base, last
 
 
+def _graph(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
+    """What spans the graph of a system: ``[I; P]``, or normalised factors where poles are near the axis, or z = -1."""
+    poles = poles_of(system.A)
+    distance = np.abs(np.abs(poles) - 1) if dt else np.abs(poles.real)
+    if np.all(distance > _AWAY * np.linalg.norm(system.A)) and not (dt and np.any(np.abs(poles + 1) < _AWAY_FROM_END)):
+        _check_shown(name, system, dt, poles)
+        return right_factors(system, np.zeros((system.B.shape[1], len(system.A))))
+    return graph_factors(name, system, dt)
+
+
 def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
     """The normalised right factors ``[D; N]``, checked: stable, and an isometry where rounding weighs most."""
-    hidden = _hidden_poles(system, dt)
-    if hidden.size:
-        raise InputError(
-            f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
-            f" {describe_poles(hidden, dt)}. Leave such states out"
-        )
+    _check_shown(name, system, dt, poles_of(system.A))
     try:
         found = normalised_factors(system, dt or 0.0)
     except (np.linalg.LinAlgError, InputError):
@@ -287,10 +293,9 @@ def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMa
     return found
 
 
-def _hidden_poles(system: StateMatrices, dt: float | None) -> Complex:
-    """Poles that are not stable and that no input moves or no output shows, relative to the matrices; of a pair one."""
+def _check_shown(name: str, system: StateMatrices, dt: float | None, poles: Complex) -> None:
+    """Refuse poles that are not stable and that no input moves or no output shows, relative to the matrices."""
     A, B, C, _ = system
-    poles = poles_of(A)
     distance = 1 - np.abs(poles) if dt else -poles.real
     stable = distance > 0
     if np.any(np.abs(distance) <= MOST_DOUBT * np.linalg.norm(A)):
@@ -302,7 +307,11 @@ def _hidden_poles(system: StateMatrices, dt: float | None) -> Complex:
         both = np.concatenate([shifted, np.broadcast_to(part, (poles.size, *part.shape))], axis=axis)
         levels = np.linalg.svd(both, compute_uv=False)
         hidden |= levels[:, -1] <= _HIDDEN * levels[:, 0]
-    return poles[hidden]
+    if hidden.any():
+        raise InputError(
+            f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
+            f" {describe_poles(poles[hidden], dt)}. Leave such states out"
+        )
 
 
 def _is_isometry(factors: StateMatrices, dt: float | None) -> bool:
@@ -338,26 +347,3 @@ def graph_complement(left: StateMatrices) -> StateMatrices:
     A, B, C, D = left
     ny = len(C)
     return StateMatrices(A, np.hstack([-B[:, ny:], B[:, :ny]]), C, np.hstack([-D[:, ny:], D[:, :ny]]))
-
-
-def _sine(right: StateMatrices, left: StateMatrices, omega: float, dt: float | None) -> float:
-    """Largest singular value of the product at a frequency, with both factors made orthonormal there: not by the feedback."""
-    place = points_of(np.array([omega])[np.isfinite([omega])], dt)
-    first, second = (one.D + (one.C @ input_states(one.A, one.B, place)).sum(axis=0) for one in (right, left))
-    graph, complement = np.linalg.qr(first)[0], np.linalg.qr(second.conj().T)[0]
-    return min(float(np.linalg.norm(complement.conj().T @ graph, 2)), 1.0)
-
-
-def _winds_alike(right: StateMatrices, left: StateMatrices, dt: float | None) -> bool:
-    """The winding condition; also true where the gap is 1 at the end of the axis, so that no sides can be counted."""
-    if dt:
-        right, left = bilinear_in_s(right, 2.0), bilinear_in_s(left, 2.0)
-    if np.linalg.norm(left.D @ right.D, 2) >= _APART:
-        return True
-    back: Real = np.asarray(np.linalg.inv(np.hstack([right.D, left.D.T])), dtype=float)
-    states = np.vstack([right.B @ back[: right.B.shape[1]], -left.C.T @ back[right.B.shape[1] :]])
-    states = -states @ np.hstack([right.C, left.B.T])  # A - B D^-1 C of the inverse
-    first = len(right.A)
-    states[:first, :first] += right.A
-    states[first:, first:] -= left.A.T
-    return np.count_nonzero(poles_of(states).real > 0) == len(left.A)

@@ -1,0 +1,99 @@
+r"""Largest sine of the angle between the graphs of two systems over the frequency axis, without normalised factors.
+
+The graph of P at a frequency is spanned by :math:`G = [D; N]` of any state feedback, none included (:math:`[I; P]`), and
+:math:`\tilde G = [-\tilde N, \tilde D]` is zero on it. The sine of the angle between two graphs is
+
+.. math:: \kappa = \bar\sigma\left( (\tilde G_2 \tilde G_2^*)^{-1/2} \, \tilde G_2 G_1 \, (G_1^* G_1)^{-1/2} \right)
+
+and equals :math:`\gamma` where the following has no inverse: the zeros of a matrix of transfer functions whose states are those of
+both systems and of their adjoints.
+
+.. math:: \begin{bmatrix} G_1 & \\ & \tilde G_2^* \end{bmatrix}^*
+          \begin{bmatrix} -\gamma I & I \\ I & -\gamma I \end{bmatrix}
+          \begin{bmatrix} G_1 & \\ & \tilde G_2^* \end{bmatrix}
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from robustid.core import Complex, Numbers, Response, StateMatrices, bilinear_in_s, input_states, poles_of
+from robustid.reduction import LargestGain, Values, modes_of, turned
+
+_APART = 1 - 1e-14  # a sine that is 1 but for rounding
+
+
+class LargestAngle(LargestGain):
+    """The largest sine of the angle between two graphs, one by its G, the other by what is zero on it."""
+
+    def __init__(self, graph: StateMatrices, complement: StateMatrices, *, discrete: bool):
+        self.pair = graph, complement
+        self.continuous = [bilinear_in_s(one, 2.0) if discrete else one for one in self.pair]
+        sums = modes_of(graph), modes_of(complement)
+        direct = _product(*(one.D[None].astype(complex) for one in self.continuous))[0].real
+        super().__init__(_Sines(*sums) if sums[0] and sums[1] else None, direct, discrete=discrete)
+
+    def winds_alike(self) -> bool:
+        """The winding condition; also true where the sine is 1 at the end of the axis, so that no sides can be counted.
+
+        As many zeros of the square matrix ``[G, G*]`` of the graph and of the adjoint of the complement as the latter has states
+        are right of the axis: no feedback moves them.
+        """
+        if np.linalg.norm(self.direct, 2) >= _APART:
+            return True
+        (A, B, C, D), (E, F, G, H) = self.continuous
+        back = np.linalg.solve(np.hstack([D, H.T]), np.hstack([C, F.T]))
+        states = scipy.linalg.block_diag(A, -E.T) - np.vstack([B @ back[: B.shape[1]], -G.T @ back[B.shape[1] :]])
+        return np.count_nonzero(poles_of(states).real > 0) == len(E)
+
+    def factorised(self) -> Values:
+        """The response by two Schur forms."""
+        return _Sines(*(Response(one) for one in self.pair), orthonormal=True)
+
+    def exact(self, point: Complex) -> float:
+        """The sine at a point, with both graphs made orthonormal there."""
+        graph, complement = (D + C @ input_states(A, B, point) for A, B, C, D in self.pair)
+        return min(float(np.linalg.norm(_orthonormal(graph, complement)[0], 2)), 1.0)
+
+    def level_matrix(self, level: float, pivot: float | None) -> Numbers:
+        """The Hamiltonian matrix of a level, of twice as many states as both systems have."""
+        (A, B, C, D), (E, F, G, H) = (turned(one, pivot) for one in self.continuous)
+        E, F, G, H = -_star(E), _star(F), -_star(G), _star(H)  # of the adjoint: G* is its input, F* its output
+        rows = np.block([[-level * C, F], [C, -level * F]])
+        direct = np.block([[-level * D, H], [D, -level * H]])
+        states, inputs, outputs, through = (scipy.linalg.block_diag(*two) for two in ((A, E), (B, G), (C, F), (D, H)))
+        n = len(states)
+        found = np.zeros((2 * n, 2 * n), dtype=states.dtype)
+        found[:n, :n], found[n:, n:], found[n:, :n] = states, -_star(states), -_star(outputs) @ rows
+        left, right = np.vstack([inputs, -_star(outputs) @ direct]), np.hstack([_star(through) @ rows, _star(inputs)])
+        return found - left @ np.linalg.solve(_star(through) @ direct, right)
+
+
+class _Sines:
+    """Matrices whose singular values are the sines, from both responses."""
+
+    def __init__(self, graph: Values, complement: Values, *, orthonormal: bool = False):
+        self.graph, self.complement = graph, complement
+        self.poles = np.concatenate([graph.poles, complement.poles])
+        self.product = _orthonormal if orthonormal else _product
+
+    def at(self, points: Complex) -> Complex:
+        """Values at points s or z."""
+        return self.product(self.graph.at(points), self.complement.at(points))
+
+
+def _star(matrix: Numbers) -> Numbers:
+    return matrix.conj().swapaxes(-1, -2)
+
+
+def _product(graph: Complex, complement: Complex) -> Complex:
+    """The product between the inverse Cholesky factors of both Gram matrices: inexact where a system has a large gain."""
+    first, second = np.linalg.cholesky(_star(graph) @ graph), np.linalg.cholesky(complement @ _star(complement))
+    half = np.linalg.solve(second, complement @ graph)
+    return _star(np.linalg.solve(first, _star(half)))
+
+
+def _orthonormal(graph: Complex, complement: Complex) -> Complex:
+    """The same by QR, in three times the time."""
+    return _star(np.linalg.qr(_star(complement))[0]) @ np.linalg.qr(graph)[0]
