@@ -15,24 +15,32 @@ both systems and of their adjoints.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-import scipy.linalg
 
 from robustid.core import Complex, Numbers, Response, StateMatrices, bilinear_in_s, input_states, poles_of
-from robustid.reduction import LargestGain, Values, modes_of, turned
+from robustid.reduction import LargestGain, Modes, Values, turned
 
 _APART = 1 - 1e-14  # a sine that is 1 but for rounding
+
+
+class Graph(NamedTuple):
+    """A system that spans a graph, or is zero on it, and the same as a sum over its poles where that serves."""
+
+    system: StateMatrices
+    sums: Modes | None
 
 
 class LargestAngle(LargestGain):
     """The largest sine of the angle between two graphs, one by its G, the other by what is zero on it."""
 
-    def __init__(self, graph: StateMatrices, complement: StateMatrices, *, discrete: bool):
-        self.pair = graph, complement
+    def __init__(self, graph: Graph, complement: Graph, *, discrete: bool):
+        self.pair = graph.system, complement.system
         self.continuous = [bilinear_in_s(one, 2.0) if discrete else one for one in self.pair]
-        sums = modes_of(graph), modes_of(complement)
         direct = _product(*(one.D[None].astype(complex) for one in self.continuous))[0].real
-        super().__init__(_Sines(*sums) if sums[0] and sums[1] else None, direct, discrete=discrete)
+        sums = _Sines(graph.sums, complement.sums) if graph.sums and complement.sums else None
+        super().__init__(sums, direct, discrete=discrete)
 
     def winds_alike(self) -> bool:
         """The winding condition; also true where the sine is 1 at the end of the axis, so that no sides can be counted.
@@ -44,7 +52,7 @@ class LargestAngle(LargestGain):
             return True
         (A, B, C, D), (E, F, G, H) = self.continuous
         back = np.linalg.solve(np.hstack([D, H.T]), np.hstack([C, F.T]))
-        states = scipy.linalg.block_diag(A, -E.T) - np.vstack([B @ back[: B.shape[1]], -G.T @ back[B.shape[1] :]])
+        states = _beside(A, -E.T) - np.vstack([B @ back[: B.shape[1]], -G.T @ back[B.shape[1] :]])
         return np.count_nonzero(poles_of(states).real > 0) == len(E)
 
     def factorised(self) -> Values:
@@ -62,7 +70,7 @@ class LargestAngle(LargestGain):
         E, F, G, H = -_star(E), _star(F), -_star(G), _star(H)  # of the adjoint: G* is its input, F* its output
         rows = np.block([[-level * C, F], [C, -level * F]])
         direct = np.block([[-level * D, H], [D, -level * H]])
-        states, inputs, outputs, through = (scipy.linalg.block_diag(*two) for two in ((A, E), (B, G), (C, F), (D, H)))
+        states, inputs, outputs, through = (_beside(*two) for two in ((A, E), (B, G), (C, F), (D, H)))
         n = len(states)
         found = np.zeros((2 * n, 2 * n), dtype=states.dtype)
         found[:n, :n], found[n:, n:], found[n:, :n] = states, -_star(states), -_star(outputs) @ rows
@@ -81,6 +89,14 @@ class _Sines:
     def at(self, points: Complex) -> Complex:
         """Values at points s or z."""
         return self.product(self.graph.at(points), self.complement.at(points))
+
+
+def _beside(one: Numbers, other: Numbers) -> Numbers:
+    """Two blocks on the diagonal."""
+    rows, columns = one.shape
+    found = np.zeros((rows + other.shape[0], columns + other.shape[1]), dtype=np.result_type(one, other))
+    found[:rows, :columns], found[rows:, columns:] = one, other
+    return found
 
 
 def _star(matrix: Numbers) -> Numbers:

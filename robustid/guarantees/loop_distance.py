@@ -25,22 +25,21 @@ from robustid.core import (
     right_factors,
 )
 from robustid.errors import InputError
-from robustid.guarantees.chordal import LargestAngle
+from robustid.guarantees.chordal import Graph, LargestAngle
 from robustid.identification import as_system, describe_poles
-from robustid.reduction import MOST_DOUBT, doubtful_distance, hinf_norm, is_stable
+from robustid.reduction import MOST_DOUBT, doubtful_distance, hinf_norm, is_stable, modes_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import control
 
 _HIDDEN = 1e-13  # of the matrix that tells it: a pole that is moved, or seen, by so little is hidden
-_ISOMETRY, _CHECKED = (
-    1e-6,
-    4,
-)  # error of normalised factors at which they are none, and the poles at which it is looked for
-_AWAY, _AWAY_FROM_END = (
-    1e-6,
-    1e-2,
-)  # from the axis, relative to A, and from z = -1: poles at which a response is as exact
+_FAR = 1e-10  # squared singular value, relative: no question of rounding
+# Error of normalised factors at which they are none, and the number of poles at which it is looked for.
+_ISOMETRY, _CHECKED = 1e-6, 4
+# Distance from the axis, relative to A, and from z = -1: poles farther off leave the response of the system itself exact enough.
+_AWAY, _AWAY_FROM_END = 1e-6, 1e-2
 
 
 class CoprimeFactors(NamedTuple):
@@ -241,7 +240,7 @@ def nu_gap(
     """
     one, dt, two = _pair(("first", first), ("second", second), opposite=False)
     graph = _graph("first", one, dt)
-    complement = graph_complement(_graph("second", two.transposed(), dt).transposed())
+    complement = _graph("second", two.transposed(), dt, lambda found: graph_complement(found.transposed()))
     largest = LargestAngle(graph, complement, discrete=bool(dt))
     if not largest.winds_alike():
         return LoopDistance(1.0, np.nan)
@@ -268,14 +267,19 @@ def _pair(
     return first, dt if base is None else base, last
 
 
-def _graph(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
-    """What spans the graph of a system: ``[I; P]``, or normalised factors where poles are near the axis, or z = -1."""
-    poles = poles_of(system.A)
+def _graph(
+    name: str, system: StateMatrices, dt: float | None, then: Callable[[StateMatrices], StateMatrices] = lambda one: one
+) -> Graph:
+    """What spans the graph of a system: ``[I; P]``, or normalised factors where poles are near the axis, or near z = -1."""
+    found = then(right_factors(system, np.zeros((system.B.shape[1], len(system.A)))))
+    sums = modes_of(found)
+    poles = sums.poles if sums else poles_of(system.A)
     distance = np.abs(np.abs(poles) - 1) if dt else np.abs(poles.real)
-    if np.all(distance > _AWAY * np.linalg.norm(system.A)) and not (dt and np.any(np.abs(poles + 1) < _AWAY_FROM_END)):
-        _check_shown(name, system, dt, poles)
-        return right_factors(system, np.zeros((system.B.shape[1], len(system.A))))
-    return graph_factors(name, system, dt)
+    if np.any(distance <= _AWAY * np.linalg.norm(system.A)) or (dt and np.any(np.abs(poles + 1) < _AWAY_FROM_END)):
+        found = then(graph_factors(name, system, dt))
+        return Graph(found, modes_of(found))
+    _check_shown(name, system, dt, poles)
+    return Graph(found, sums)
 
 
 def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
@@ -303,15 +307,27 @@ def _check_shown(name: str, system: StateMatrices, dt: float | None, poles: Comp
     poles = poles[~stable & (poles.imag >= 0)]
     shifted = poles[:, None, None] * np.eye(len(A)) - A
     hidden = np.zeros(poles.size, dtype=bool)
-    for part, axis in ((B, 2), (C, 1)) if poles.size else ():
-        both = np.concatenate([shifted, np.broadcast_to(part, (poles.size, *part.shape))], axis=axis)
-        levels = np.linalg.svd(both, compute_uv=False)
-        hidden |= levels[:, -1] <= _HIDDEN * levels[:, 0]
+    for left, part in ((shifted, B), (shifted.swapaxes(1, 2), C.T)) if poles.size else ():
+        both = np.concatenate([left, np.broadcast_to(part, (poles.size, *part.shape))], axis=2)
+        if not _far_from_singular(both):
+            levels = np.linalg.svd(both, compute_uv=False)
+            hidden |= levels[:, -1] <= _HIDDEN * levels[:, 0]
     if hidden.any():
         raise InputError(
             f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
             f" {describe_poles(poles[hidden], dt)}. Leave such states out"
         )
+
+
+def _far_from_singular(rows: Complex) -> bool:
+    """Say whether rows are independent by much more than rounding, which a Cholesky factorisation tells in little time."""
+    gram = rows @ rows.conj().swapaxes(1, 2)
+    room = _FAR * np.trace(gram, axis1=1, axis2=2).real
+    try:
+        np.linalg.cholesky(gram - room[:, None, None] * np.eye(gram.shape[1]))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _is_isometry(factors: StateMatrices, dt: float | None) -> bool:

@@ -12,7 +12,7 @@ from robustid.reduction.doubtful_modes import DoubtfulMode, without_doubtful_mod
 from robustid.reduction.error_norm import PeakError, hinf_error, hinf_norm
 from robustid.reduction.gramians import MOST_DOUBT, Parts, doubtful_distance, gramian_factors, is_stable
 from robustid.reduction.inverse_hold import ContinuousModel, to_continuous
-from robustid.reduction.largest_gain import LargestGain, Values, modes_of, turned
+from robustid.reduction.largest_gain import LargestGain, Modes, Values, modes_of, turned
 from robustid.reduction.loop_from_data import any_loop, loop_from_data, with_auxiliary
 from robustid.reduction.model_worth import ModelWorth, model_worth_having
 from robustid.reduction.plant import PlantReduction, plant_of, reduce_plant
@@ -25,6 +25,7 @@ __all__ = [
     "DoubtfulMode",
     "LargestGain",
     "ModelWorth",
+    "Modes",
     "Parts",
     "PeakError",
     "PlantReduction",

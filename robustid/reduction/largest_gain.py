@@ -18,10 +18,11 @@ _NEAR, _NEAR_ZERO = 1e-3, 1e-7
 _SHARP = 0.99  # of the level: a feedthrough so large makes the Hamiltonian matrix ill-conditioned
 _REFINED, _LOW = 4, 0.9  # peaks that are refined, if they aren't much lower than the best
 _BESIDE = np.array([-1, 0, 1])
-_CLOSER = 0.25 ** np.arange(
-    1, 6
+_CLOSER = 0.1 ** np.arange(
+    1, 4
 )  # parts of the way to a neighbour that are looked at: a peak may be much narrower than that
 _ZOOMS = 20
+_DAMPED = 0.3  # damping below which |pole| and its imaginary part are nearer to each other than the resonance is wide
 _CURVED = 3e-6  # relative: a parabola of so little height is right to its square
 _TURNED, _SAME = (
     1e6,
@@ -111,14 +112,16 @@ class LargestGain(ABC):
     def search(self) -> tuple[float, float]:
         """The largest singular value, at most 1e-9 too small, and where it is."""
         poles = self.response.poles
-        peaks = np.abs(np.angle(poles)) if self.discrete else np.abs(poles)
-        # Resonances lie near |pole| or at its imaginary part; what is left of the axis between them.
-        marks = np.unique(
-            np.concatenate([[0.0], peaks, np.abs(np.imag(poles))] if not self.discrete else [[0.0, np.pi], peaks])
-        )
+        if self.discrete:
+            marks = np.unique(np.concatenate([[0.0, np.pi], np.abs(np.angle(poles))]))
+        else:  # resonances lie near |pole|, which is the imaginary part of what is lightly damped, or at its imaginary part
+            damped = poles[np.abs(poles.real) > _DAMPED * np.abs(poles)]
+            marks = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(damped.imag)]))
         marks = np.unique(np.concatenate([marks, (marks[:-1] + marks[1:]) / 2]))
         values = self._look(marks)
-        self._look([np.pi if self.discrete else np.inf])
+        end = float(np.linalg.norm(self.direct, 2))
+        if end > self.value and not self.discrete:
+            self.value, self.omega = end, np.inf
         if values[0] > _SHARP * self.value:  # else 0 serves, and with it real matrices
             lowest = marks[np.argmin(values)]
             self.lowest = float(np.tan(lowest / 2) if self.discrete else lowest)
@@ -161,15 +164,17 @@ class LargestGain(ABC):
         return found
 
     def _at(self, omega: Real) -> Real:
-        values = np.repeat(self.direct[None].astype(complex), omega.size, axis=0)
-        near = np.isfinite(omega)
-        values[near] = self.response.at(points_of(omega[near], 1.0 if self.discrete else None))
+        values = self.response.at(points_of(omega, 1.0 if self.discrete else None))
         if 1 in self.direct.shape:
             return norms(values)
         squares: Real = np.linalg.norm(values, axis=(1, 2))
         found = squares / np.sqrt(min(self.direct.shape))
         high = squares >= self.low * max(self.value, float(np.max(found, initial=0.0)))
-        found[high] = norms(values[high])
+        # Gram matrices hold the largest singular value to rounding, for half of the time.
+        best = values[high]
+        adjoint = best.conj().swapaxes(1, 2)
+        wide = self.direct.shape[0] < self.direct.shape[1]
+        found[high] = np.sqrt(np.linalg.eigvalsh(best @ adjoint if wide else adjoint @ best)[:, -1])
         return found
 
     def _zoom(self, marks: Real, values: Real, best: NDArray[np.intp]) -> None:
