@@ -23,6 +23,7 @@ from robustid.core import Complex, Numbers, Response, StateMatrices, bilinear_in
 from robustid.reduction import LargestGain, Modes, Values, turned
 
 _APART = 1 - 1e-14  # a sine that is 1 but for rounding
+_LARGE = 1e3  # a gain whose square leaves too few digits of the identity beside it
 
 
 class Graph(NamedTuple):
@@ -38,7 +39,7 @@ class LargestAngle(LargestGain):
     def __init__(self, graph: Graph, complement: Graph, *, discrete: bool):
         self.pair = graph.system, complement.system
         self.continuous = [bilinear_in_s(one, 2.0) if discrete else one for one in self.pair]
-        direct = _product(*(one.D[None].astype(complex) for one in self.continuous))[0].real
+        direct = _orthonormal(*(one.D[None] for one in self.continuous))[0]
         sums = _Sines(graph.sums, complement.sums) if graph.sums and complement.sums else None
         super().__init__(sums, direct, discrete=discrete)
 
@@ -57,7 +58,7 @@ class LargestAngle(LargestGain):
 
     def factorised(self) -> Values:
         """The response by two Schur forms."""
-        return _Sines(*(Response(one) for one in self.pair), orthonormal=True)
+        return _Sines(*(Response(one) for one in self.pair))
 
     def exact(self, point: Complex) -> float:
         """The sine at a point, with both graphs made orthonormal there."""
@@ -81,14 +82,20 @@ class LargestAngle(LargestGain):
 class _Sines:
     """Matrices whose singular values are the sines, from both responses."""
 
-    def __init__(self, graph: Values, complement: Values, *, orthonormal: bool = False):
+    def __init__(self, graph: Values, complement: Values):
         self.graph, self.complement = graph, complement
         self.poles = np.concatenate([graph.poles, complement.poles])
-        self.product = _orthonormal if orthonormal else _product
 
     def at(self, points: Complex) -> Complex:
         """Values at points s or z."""
-        return self.product(self.graph.at(points), self.complement.at(points))
+        graph, complement = self.graph.at(points), self.complement.at(points)
+        large = np.maximum(np.abs(graph).max(axis=(1, 2)), np.abs(complement).max(axis=(1, 2))) > _LARGE
+        if not large.any():
+            return _product(graph, complement)
+        found = np.empty((len(points), complement.shape[1], graph.shape[2]), dtype=complex)
+        found[large] = _orthonormal(graph[large], complement[large])
+        found[~large] = _product(graph[~large], complement[~large])
+        return found
 
 
 def _beside(one: Numbers, other: Numbers) -> Numbers:
@@ -104,12 +111,12 @@ def _star(matrix: Numbers) -> Numbers:
 
 
 def _product(graph: Complex, complement: Complex) -> Complex:
-    """The product between the inverse Cholesky factors of both Gram matrices: inexact where a system has a large gain."""
+    """The product between the inverse Cholesky factors of both Gram matrices, which square the gain."""
     first, second = np.linalg.cholesky(_star(graph) @ graph), np.linalg.cholesky(complement @ _star(complement))
     half = np.linalg.solve(second, complement @ graph)
     return _star(np.linalg.solve(first, _star(half)))
 
 
-def _orthonormal(graph: Complex, complement: Complex) -> Complex:
-    """The same by QR, in three times the time."""
+def _orthonormal(graph: Numbers, complement: Numbers) -> Numbers:
+    """A matrix of the same singular values by QR, in three times the time."""
     return _star(np.linalg.qr(_star(complement))[0]) @ np.linalg.qr(graph)[0]

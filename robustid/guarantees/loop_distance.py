@@ -218,10 +218,13 @@ def nu_gap(
 
     Notes
     -----
-    It is the H-infinity norm of a stable product of normalised factors, :math:`\tilde G_2 G_1` with :math:`G_1 = [D_1; N_1]` and
-    :math:`\tilde G_2 = [-\tilde N_2, \tilde D_2]`. The winding condition holds if as many zeros of the square matrix
-    :math:`[G_1, \tilde G_2^*]` as :math:`P_2` has states lie right of the axis. Where such a zero comes to the axis, so that
-    its side is a question of rounding, the product has a singular value of 1 there: both answers are 1, the gap does not jump.
+    It is the largest sine of the angle between the graphs of both plants, of :math:`G_1 = [I; P_1]` and what
+    :math:`\tilde G_2 = [-P_2, I]` is zero on; a level is reached nowhere where a Hamiltonian matrix of twice as many states as both
+    have has no eigenvalues on the axis. Normalised factors are in their place where a plant has poles near the axis.
+
+    The winding condition holds if as many zeros of the square matrix :math:`[G_1, \tilde G_2^*]` as :math:`P_2` has states lie
+    right of the axis. Where such a zero comes to the axis, so that its side is a question of rounding, the sine is 1 there: both
+    answers are 1, the gap does not jump.
 
     Depends on the units of the signals, as `ncf_margin` does.
 
