@@ -39,7 +39,7 @@ class LargestAngle(LargestGain):
     def __init__(self, graph: Graph, complement: Graph, *, discrete: bool):
         self.pair = graph.system, complement.system
         self.continuous = [bilinear_in_s(one, 2.0) if discrete else one for one in self.pair]
-        direct = _orthonormal(*(one.D[None] for one in self.continuous))[0]
+        direct = np.real(_orthonormal(*(one.D[None] for one in self.continuous))[0])
         sums = _Sines(graph.sums, complement.sums) if graph.sums and complement.sums else None
         super().__init__(sums, direct, discrete=discrete)
 
@@ -67,11 +67,12 @@ class LargestAngle(LargestGain):
 
     def level_matrix(self, level: float, pivot: float | None) -> Numbers:
         """The Hamiltonian matrix of a level, of twice as many states as both systems have."""
-        (A, B, C, D), (E, F, G, H) = (turned(one, pivot) for one in self.continuous)
-        E, F, G, H = -_star(E), _star(F), -_star(G), _star(H)  # of the adjoint: G* is its input, F* its output
-        rows = np.block([[-level * C, F], [C, -level * F]])
-        direct = np.block([[-level * D, H], [D, -level * H]])
-        states, inputs, outputs, through = (_beside(*two) for two in ((A, E), (B, G), (C, F), (D, H)))
+        (a, b, c, d), (other, *rest) = (turned(one, pivot) for one in self.continuous)
+        f, g, h = map(_star, rest)  # of the adjoint, whose input is g and whose output is f
+        rows = np.block([[-level * c, f], [c, -level * f]])
+        direct = np.block([[-level * d, h], [d, -level * h]])
+        pairs = (a, -_star(other)), (b, -g), (c, f), (d, h)
+        states, inputs, outputs, through = (_beside(*two) for two in pairs)
         n = len(states)
         found = np.zeros((2 * n, 2 * n), dtype=states.dtype)
         found[:n, :n], found[n:, n:], found[n:, :n] = states, -_star(states), -_star(outputs) @ rows
@@ -114,7 +115,7 @@ def _product(graph: Complex, complement: Complex) -> Complex:
     """The product between the inverse Cholesky factors of both Gram matrices, which square the gain."""
     first, second = np.linalg.cholesky(_star(graph) @ graph), np.linalg.cholesky(complement @ _star(complement))
     half = np.linalg.solve(second, complement @ graph)
-    return _star(np.linalg.solve(first, _star(half)))
+    return np.asarray(_star(np.linalg.solve(first, _star(half))), dtype=complex)
 
 
 def _orthonormal(graph: Numbers, complement: Numbers) -> Numbers:

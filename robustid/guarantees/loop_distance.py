@@ -11,6 +11,7 @@ import numpy as np
 
 from robustid.core import (
     Complex,
+    Numbers,
     StateMatrices,
     as_flag,
     closed_loop,
@@ -273,7 +274,7 @@ def _pair(
 def _graph(
     name: str, system: StateMatrices, dt: float | None, then: Callable[[StateMatrices], StateMatrices] = lambda one: one
 ) -> Graph:
-    """What spans the graph of a system: ``[I; P]``, or normalised factors where poles are near the axis, or near z = -1."""
+    """Find what spans the graph of a system: ``[I; P]``, or normalised factors where poles are near the axis, or near z = -1."""
     found = then(right_factors(system, np.zeros((system.B.shape[1], len(system.A)))))
     sums = modes_of(found)
     poles = sums.poles if sums else poles_of(system.A)
@@ -322,7 +323,7 @@ def _check_shown(name: str, system: StateMatrices, dt: float | None, poles: Comp
         )
 
 
-def _far_from_singular(rows: Complex) -> bool:
+def _far_from_singular(rows: Numbers) -> bool:
     """Say whether rows are independent by much more than rounding, which a Cholesky factorisation tells in little time."""
     gram = rows @ rows.conj().swapaxes(1, 2)
     room = _FAR * np.trace(gram, axis1=1, axis2=2).real
