@@ -65,7 +65,7 @@ class Values(Protocol):
 
     @property
     def poles(self) -> Complex:
-        """Where peaks are looked for."""
+        """Poles, near which peaks are looked for."""
         ...
 
     def at(self, points: Complex, /) -> Complex:
