@@ -16,7 +16,7 @@ from band_problems import EXPLORED, MEASURED, SWEEPS, TIMES, class_of, one_entry
 import robustid as rid
 from robustid.core import one_thread
 from robustid.guarantees.linear.amplitudes import extract
-from robustid.guarantees.linear.certificate import centres, choose, radii, targets_at
+from robustid.guarantees.linear.certificate import choose, discs, targets_at
 from robustid.guarantees.linear.functions import fixed_functions, functions_over
 from robustid.guarantees.linear.samples import samples_of
 from robustid.guarantees.linear.search import search
@@ -260,8 +260,7 @@ def at_once(problem, box, omega):
         known, targets = extract(samples).known, targets_at(samples, problem.plane.angles(omega))
         points, d = search(samples, targets, known)
         chosen = choose(samples, targets, points)
-        found[0][:, i, j] = centres(samples, chosen, targets, d, known)
-        found[1][:, i, j] = radii(samples, chosen, targets, d, known)
+        found[0][:, i, j], found[1][:, i, j] = discs(samples, chosen, targets, d, known)
     return found
 
 

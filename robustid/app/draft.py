@@ -29,6 +29,14 @@ _CLASS = """\
 # gain_bound = 0.2
 # decay_rate = 1.1
 """
+_LOOP = """\
+[loop]  # a reference was recorded: a controller ran, u = r - C y. Without it the response from u to y is identified
+%s
+# excitation = "reference"  # where r was added: "input", u = r - C y (default), "reference", u = C (r - y), or "output"
+"""
+_CONTROLLER = (
+    '# controller = "controller.json"  # EDIT: the file with the controller that ran; or its numerator and denominator'
+)
 _ASKED = {
     "dt": "# dt = 0.001  # EDIT: the sample time in s, which nothing here says; or rate = ... in Hz",
     "frequency_unit": '# unit = "Hz"  # EDIT: the unit of the frequencies, which the file does not say',
@@ -59,6 +67,9 @@ def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
     if period := next((size for size in sizes if size is not None), None):
         parts.append(f"[estimate]\nperiod = {int(period)}  # samples; found in the input\n")
     edits = [line for one in sources for line in one.edits]
+    if any(one.looped for one in looks):
+        parts.append(_LOOP % _CONTROLLER)
+        edits.append(_CONTROLLER)
     return Draft("\n".join([*parts, _CLASS]), (*edits, *(line for one in sources for line in one.checks)))
 
 

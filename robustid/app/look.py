@@ -118,11 +118,19 @@ class Look(Frozen):
             model = hasattr(self.data, "nstates")
             return ("the model for another program", ["export", self.path]) if model else ("", [])
         period = next((fault.size for fault in self.faults if fault.kind is FaultKind.UNSTATED_PERIOD), None)
-        if period and isinstance(self.data, TimeRecord) and self.data.u.shape[1] == 1 and not self.faulty:
+        alone = isinstance(self.data, TimeRecord) and self.data.u.shape[1] == 1 and not self.looped
+        if period and alone and not self.faulty:
             called = ["frf", self.path, *self.as_options(), "--period", f"{period:.0f}"]
             return "the frequency response, with its bound", called
         fault = ", with what undoes the fault" if self.correction else ""
-        return f"a run file, ready to edit{fault}", ["new", self.path]
+        loop = ", with the loop that it was measured in" if self.looped else ""
+        return f"a run file, ready to edit{loop}{fault}", ["new", self.path]
+
+    @property
+    def looped(self) -> bool:
+        """True of records with a reference: a controller ran."""
+        records = self.data if is_array(self.data) else [self.data]
+        return any(isinstance(one, TimeRecord) and one.reference is not None for one in records)
 
     def as_options(self) -> list[str]:
         """The arguments with which it was read, as options of a command."""

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg
 
 from robustid.core.planes import bilinear_in_s
-from robustid.core.state_space import Complex, Real, StateMatrices
+from robustid.core.state_space import Complex, Numbers, Real, StateMatrices
 from robustid.errors import InputError
 
 _SINGULAR = 1e-13  # relative: what is smaller is rounding
@@ -29,7 +29,7 @@ _EDGE, _NEWTON = 0.1, 6  # distance of a pole from z = -1 at which it is moved f
 _ROUNDING = 1e-12  # of the largest pole: a decay that is smaller is none
 
 
-def poles_of(A: Real) -> Complex:
+def poles_of(A: Numbers) -> Complex:
     """Eigenvalues."""
     return np.asarray(np.linalg.eigvals(A), dtype=complex)
 

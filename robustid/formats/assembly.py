@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from robustid.core import Options, as_float, as_positive
 from robustid.data import FrequencyResponse, TimeRecord, uniform_step
-from robustid.errors import InputError, Remedy
+from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.formats import units
 from robustid.formats.addresses import TIME_AXES
 from robustid.formats.role_lookup import Lookup, flat, seconds
@@ -185,6 +185,8 @@ def as_time(lookup: Lookup, options: Options) -> TimeRecord | list[TimeRecord]:
     names = {role: lookup.need(role) for role in ("u", "y")}
     for role in ("reference", "bound"):
         if role not in options and (name := lookup.find(role)) is not None:
+            if role == "reference" and role not in lookup.fields and not _is_reference(lookup, name, names):
+                continue
             names[role] = name
             if role == "bound":
                 _same_unit(lookup, name, [names["y"]])
@@ -219,6 +221,16 @@ def as_time(lookup: Lookup, options: Options) -> TimeRecord | list[TimeRecord]:
                 " files of the samples before and behind the gap, or fill it"
             )
     return TimeRecord(**signals, **options)
+
+
+def _is_reference(lookup: Lookup, name: object, names: Mapping[str, object]) -> bool:
+    """Say whether an array named as a reference is a signal that varies, of as many numbers as all inputs or all outputs."""
+    try:
+        found, *signals = (lookup.signal(role, one) for role, one in [("reference", name), *names.items()])
+    except (InputError, InputTypeError, FileFormatError):
+        return False
+    same = any(one.shape[:1] == found.shape[:1] and one.size == found.size for one in signals)
+    return same and bool(np.all(np.isfinite(found)) and np.ptp(found) > 0)
 
 
 def _realisations(

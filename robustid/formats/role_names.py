@@ -23,7 +23,7 @@ TIME = {
     "time": ("time", "t", "times"),
     "u": ("u", "input", "inputs", "inputvalues", "input_values", "inputdata", "input_data"),
     "y": ("y", "output", "outputs", "outputvalues", "output_values", "outputdata", "output_data"),
-    "reference": ("reference",),
+    "reference": ("reference", "ref", "r", "setpoint", "set_point"),
 }
 NAMES = {
     **FREQUENCY,

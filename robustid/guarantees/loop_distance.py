@@ -11,10 +11,9 @@ import numpy as np
 
 from robustid.core import (
     Complex,
-    Real,
+    Numbers,
     StateMatrices,
     as_flag,
-    bilinear_in_s,
     closed_loop,
     decay_of,
     input_states,
@@ -23,24 +22,25 @@ from robustid.core import (
     mirroring_feedback,
     normalised_factors,
     one_thread,
-    points_of,
     poles_of,
     right_factors,
-    series,
 )
 from robustid.errors import InputError
+from robustid.guarantees.chordal import Graph, LargestAngle
 from robustid.identification import as_system, describe_poles
-from robustid.reduction import MOST_DOUBT, doubtful_distance, hinf_norm, is_stable
+from robustid.reduction import MOST_DOUBT, doubtful_distance, hinf_norm, is_stable, modes_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import control
 
 _HIDDEN = 1e-13  # of the matrix that tells it: a pole that is moved, or seen, by so little is hidden
-_ISOMETRY, _CHECKED = (
-    1e-6,
-    4,
-)  # error of normalised factors at which they are none, and the poles at which it is looked for
-_APART = 1 - 1e-14  # a gap that is 1 but for rounding
+_FAR = 1e-10  # squared singular value, relative: no question of rounding
+# Error of normalised factors at which they are none, and the number of poles at which it is looked for.
+_ISOMETRY, _CHECKED = 1e-6, 4
+# Distance from the axis, relative to A, and from z = -1: poles farther off leave the response of the system itself exact enough.
+_AWAY, _AWAY_FROM_END = 1e-6, 1e-2
 
 
 class CoprimeFactors(NamedTuple):
@@ -219,10 +219,13 @@ def nu_gap(
 
     Notes
     -----
-    It is the H-infinity norm of a stable product of normalised factors, :math:`\tilde G_2 G_1` with :math:`G_1 = [D_1; N_1]` and
-    :math:`\tilde G_2 = [-\tilde N_2, \tilde D_2]`. The winding condition holds if as many zeros of the square matrix
-    :math:`[G_1, \tilde G_2^*]` as :math:`P_2` has states lie right of the axis. Where such a zero comes to the axis, so that
-    its side is a question of rounding, the product has a singular value of 1 there: both answers are 1, the gap does not jump.
+    It is the largest sine of the angle between the graphs of both plants, of :math:`G_1 = [I; P_1]` and what
+    :math:`\tilde G_2 = [-P_2, I]` is zero on; a level is reached nowhere where a Hamiltonian matrix of twice as many states as both
+    have has no eigenvalues on the axis. Normalised factors are in their place where a plant has poles near the axis.
+
+    The winding condition holds if as many zeros of the square matrix :math:`[G_1, \tilde G_2^*]` as :math:`P_2` has states lie
+    right of the axis. Where such a zero comes to the axis, so that its side is a question of rounding, the sine is 1 there: both
+    answers are 1, the gap does not jump.
 
     Depends on the units of the signals, as `ncf_margin` does.
 
@@ -240,12 +243,13 @@ def nu_gap(
     LoopDistance(value=1.0, omega=nan)
     """
     one, dt, two = _pair(("first", first), ("second", second), opposite=False)
-    right = graph_factors("first", one, dt)
-    left = graph_complement(graph_factors("second", two.transposed(), dt).transposed())
-    if not _winds_alike(right, left, dt):
+    graph = _graph("first", one, dt)
+    complement = _graph("second", two.transposed(), dt, lambda found: graph_complement(found.transposed()))
+    largest = LargestAngle(graph, complement, discrete=bool(dt))
+    if not largest.winds_alike():
         return LoopDistance(1.0, np.nan)
-    omega = hinf_norm(series(right, left), dt).omega
-    return LoopDistance(_sine(right, left, omega, dt), omega)
+    value, angle = largest.search()
+    return LoopDistance(value, angle / float(dt) if dt else angle)
 
 
 def _pair(
@@ -267,14 +271,24 @@ def _pair(
     return first, dt if base is None else base, last
 
 
+def _graph(
+    name: str, system: StateMatrices, dt: float | None, then: Callable[[StateMatrices], StateMatrices] = lambda one: one
+) -> Graph:
+    """Find what spans the graph of a system: ``[I; P]``, or normalised factors where poles are near the axis, or near z = -1."""
+    found = then(right_factors(system, np.zeros((system.B.shape[1], len(system.A)))))
+    sums = modes_of(found)
+    poles = sums.poles if sums else poles_of(system.A)
+    distance = np.abs(np.abs(poles) - 1) if dt else np.abs(poles.real)
+    if np.any(distance <= _AWAY * np.linalg.norm(system.A)) or (dt and np.any(np.abs(poles + 1) < _AWAY_FROM_END)):
+        found = then(graph_factors(name, system, dt))
+        return Graph(found, modes_of(found))
+    _check_shown(name, system, dt, poles)
+    return Graph(found, sums)
+
+
 def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
     """The normalised right factors ``[D; N]``, checked: stable, and an isometry where rounding weighs most."""
-    hidden = _hidden_poles(system, dt)
-    if hidden.size:
-        raise InputError(
-            f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
-            f" {describe_poles(hidden, dt)}. Leave such states out"
-        )
+    _check_shown(name, system, dt, poles_of(system.A))
     try:
         found = normalised_factors(system, dt or 0.0)
     except (np.linalg.LinAlgError, InputError):
@@ -287,10 +301,9 @@ def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMa
     return found
 
 
-def _hidden_poles(system: StateMatrices, dt: float | None) -> Complex:
-    """Poles that are not stable and that no input moves or no output shows, relative to the matrices; of a pair one."""
+def _check_shown(name: str, system: StateMatrices, dt: float | None, poles: Complex) -> None:
+    """Refuse poles that are not stable and that no input moves or no output shows, relative to the matrices."""
     A, B, C, _ = system
-    poles = poles_of(A)
     distance = 1 - np.abs(poles) if dt else -poles.real
     stable = distance > 0
     if np.any(np.abs(distance) <= MOST_DOUBT * np.linalg.norm(A)):
@@ -298,11 +311,27 @@ def _hidden_poles(system: StateMatrices, dt: float | None) -> Complex:
     poles = poles[~stable & (poles.imag >= 0)]
     shifted = poles[:, None, None] * np.eye(len(A)) - A
     hidden = np.zeros(poles.size, dtype=bool)
-    for part, axis in ((B, 2), (C, 1)) if poles.size else ():
-        both = np.concatenate([shifted, np.broadcast_to(part, (poles.size, *part.shape))], axis=axis)
-        levels = np.linalg.svd(both, compute_uv=False)
-        hidden |= levels[:, -1] <= _HIDDEN * levels[:, 0]
-    return poles[hidden]
+    for left, part in ((shifted, B), (shifted.swapaxes(1, 2), C.T)) if poles.size else ():
+        both = np.concatenate([left, np.broadcast_to(part, (poles.size, *part.shape))], axis=2)
+        if not _far_from_singular(both):
+            levels = np.linalg.svd(both, compute_uv=False)
+            hidden |= levels[:, -1] <= _HIDDEN * levels[:, 0]
+    if hidden.any():
+        raise InputError(
+            f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
+            f" {describe_poles(poles[hidden], dt)}. Leave such states out"
+        )
+
+
+def _far_from_singular(rows: Numbers) -> bool:
+    """Say whether rows are independent by much more than rounding, which a Cholesky factorisation tells in little time."""
+    gram = rows @ rows.conj().swapaxes(1, 2)
+    room = _FAR * np.trace(gram, axis1=1, axis2=2).real
+    try:
+        np.linalg.cholesky(gram - room[:, None, None] * np.eye(gram.shape[1]))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _is_isometry(factors: StateMatrices, dt: float | None) -> bool:
@@ -338,26 +367,3 @@ def graph_complement(left: StateMatrices) -> StateMatrices:
     A, B, C, D = left
     ny = len(C)
     return StateMatrices(A, np.hstack([-B[:, ny:], B[:, :ny]]), C, np.hstack([-D[:, ny:], D[:, :ny]]))
-
-
-def _sine(right: StateMatrices, left: StateMatrices, omega: float, dt: float | None) -> float:
-    """Largest singular value of the product at a frequency, with both factors made orthonormal there: not by the feedback."""
-    place = points_of(np.array([omega])[np.isfinite([omega])], dt)
-    first, second = (one.D + (one.C @ input_states(one.A, one.B, place)).sum(axis=0) for one in (right, left))
-    graph, complement = np.linalg.qr(first)[0], np.linalg.qr(second.conj().T)[0]
-    return min(float(np.linalg.norm(complement.conj().T @ graph, 2)), 1.0)
-
-
-def _winds_alike(right: StateMatrices, left: StateMatrices, dt: float | None) -> bool:
-    """The winding condition; also true where the gap is 1 at the end of the axis, so that no sides can be counted."""
-    if dt:
-        right, left = bilinear_in_s(right, 2.0), bilinear_in_s(left, 2.0)
-    if np.linalg.norm(left.D @ right.D, 2) >= _APART:
-        return True
-    back: Real = np.asarray(np.linalg.inv(np.hstack([right.D, left.D.T])), dtype=float)
-    states = np.vstack([right.B @ back[: right.B.shape[1]], -left.C.T @ back[right.B.shape[1] :]])
-    states = -states @ np.hstack([right.C, left.B.T])  # A - B D^-1 C of the inverse
-    first = len(right.A)
-    states[:first, :first] += right.A
-    states[first:, first:] -= left.A.T
-    return np.count_nonzero(poles_of(states).real > 0) == len(left.A)

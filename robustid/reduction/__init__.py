@@ -12,6 +12,7 @@ from robustid.reduction.doubtful_modes import DoubtfulMode, without_doubtful_mod
 from robustid.reduction.error_norm import PeakError, hinf_error, hinf_norm
 from robustid.reduction.gramians import MOST_DOUBT, Parts, doubtful_distance, gramian_factors, is_stable
 from robustid.reduction.inverse_hold import ContinuousModel, to_continuous
+from robustid.reduction.largest_gain import LargestGain, Modes, Values, modes_of, turned
 from robustid.reduction.loop_from_data import any_loop, loop_from_data, with_auxiliary
 from robustid.reduction.model_worth import ModelWorth, model_worth_having
 from robustid.reduction.plant import PlantReduction, plant_of, reduce_plant
@@ -22,13 +23,16 @@ __all__ = [
     "MOST_DOUBT",
     "ContinuousModel",
     "DoubtfulMode",
+    "LargestGain",
     "ModelWorth",
+    "Modes",
     "Parts",
     "PeakError",
     "PlantReduction",
     "Reduction",
     "ReductionStatus",
     "SearchStatus",
+    "Values",
     "any_loop",
     "balanced_truncation",
     "balanced_truncations",
@@ -41,10 +45,12 @@ __all__ = [
     "is_stable",
     "loop_from_data",
     "model_worth_having",
+    "modes_of",
     "plant_of",
     "reduce_plant",
     "reduce_within_bounds",
     "to_continuous",
+    "turned",
     "why_not_compared",
     "with_auxiliary",
     "without_doubtful_modes",

@@ -6,45 +6,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import (
-    Complex,
-    Real,
-    Response,
-    StateMatrices,
-    bilinear_in_s,
-    input_states,
-    norms,
-    points_of,
-    poles_of,
-    threads_for,
-)
+from robustid.core import Complex, Numbers, Response, StateMatrices, bilinear_in_s, input_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.reduction.gramians import split
+from robustid.reduction.largest_gain import LargestGain, modes_of, turned
 
 if TYPE_CHECKING:
     import control
-
-
-_RTOL = 1e-9
-_ROUNDS = 30
-# Eigenvalues this near the axis, relative to themselves or to the largest, may be on it: two that meet there have half of the
-# digits. What is on it by mistake costs one more frequency.
-_NEAR, _NEAR_ZERO = 1e-3, 1e-7
-_SHARP = 0.99  # of the level: a feedthrough so large makes the Hamiltonian matrix ill-conditioned
-_REFINED, _LOW = 4, 0.9  # peaks that are refined, if they aren't much lower than the best
-_BESIDE = np.array([-1, 0, 1])
-_CLOSER = 0.25 ** np.arange(
-    1, 6
-)  # parts of the way to a neighbour that are looked at: a peak may be much narrower than that
-_ZOOMS = 20
-_CURVED = 3e-6  # relative: a parabola of so little height is right to its square
-_TURNED, _SAME = (
-    1e6,
-    1e-10,
-)  # condition of eigenvectors that serve, relative error of the peak that shows that they do not
 
 
 class PeakError(NamedTuple):
@@ -115,165 +85,33 @@ def hinf_norm(system: StateMatrices, dt: float | None) -> PeakError:
     transformation, which keeps the norm.
     """
     with threads_for(len(system.A)):
-        value, angle = _Peak(system, discrete=bool(dt)).search()
+        value, angle = _OfSystem(system, discrete=bool(dt)).search()
     return PeakError(value, angle / float(dt) if dt else angle)
 
 
-class _Modes(NamedTuple):
-    """A response as a sum over its poles: one product of two matrices for all points."""
-
-    poles: Complex
-    left: Complex
-    right: Complex
-    direct: Real
-
-    def at(self, points: Complex) -> Complex:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            terms = self.left / (points[:, None, None] - self.poles)
-        rows = terms.reshape(points.size * len(self.left), self.poles.size)
-        return self.direct + (rows @ self.right).reshape(points.size, *self.direct.shape)
-
-
-def _modes_of(system: StateMatrices) -> _Modes | None:
-    """The poles and their parts; None where eigenvectors almost depend on each other, as at a double pole."""
-    A, B, C, D = system
-    try:
-        poles, vectors = np.linalg.eig(A)
-        back = np.linalg.inv(vectors)
-    except np.linalg.LinAlgError:
-        return None
-    if np.linalg.norm(vectors) * np.linalg.norm(back) > _TURNED * poles.size:
-        return None
-    left, right = np.asarray(C @ vectors, dtype=complex), np.asarray(back @ B, dtype=complex)
-    return _Modes(np.asarray(poles, dtype=complex), left, right, D)
-
-
-class _Peak:
-    """Largest singular value of a stable response: lower bound by evaluation, proof of the level by eigenvalues."""
+class _OfSystem(LargestGain):
+    """The H-infinity norm of a stable system."""
 
     def __init__(self, system: StateMatrices, *, discrete: bool):
-        self.discrete, self.system, self.d = discrete, system, system.D
-        self.response = _modes_of(system) or Response(system)
+        self.system = system
         self.continuous = bilinear_in_s(system, 2.0) if discrete else system
-        self.value, self.omega, self.lowest = 0.0, np.inf, 0.0
-        self.low = _LOW  # of the best: what is lower is no peak worth refining
+        super().__init__(modes_of(system), self.continuous.D, discrete=discrete)
 
-    def search(self) -> tuple[float, float]:
-        poles = self.response.poles
-        peaks = np.abs(np.angle(poles)) if self.discrete else np.abs(poles)
-        # Resonances lie near |pole| or at its imaginary part; what is left of the axis between them.
-        marks = np.unique(
-            np.concatenate([[0.0], peaks, np.abs(np.imag(poles))] if not self.discrete else [[0.0, np.pi], peaks])
-        )
-        marks = np.unique(np.concatenate([marks, (marks[:-1] + marks[1:]) / 2]))
-        values = self._look(marks)
-        lowest = marks[np.argmin(values)]
-        self.lowest = np.tan(lowest / 2) if self.discrete else lowest
-        self._look([np.pi if self.discrete else np.inf])
-        self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
-        for _ in range(_ROUNDS):
-            self._settle()
-            crossings = self._crossings(self.value * (1 + _RTOL))
-            before = self.value
-            if not crossings.size:
-                break
-            # An interval above the level may go over decades, and its ends are good to rounding only: means of both kinds.
-            marks = np.concatenate([[0.0], crossings, 2 * crossings[-1:]])
-            low, high = marks[:-1], marks[1:]
-            marks = np.unique(np.concatenate([marks, (low + high) / 2, np.sqrt(low * high)]))
-            marks = np.append(2 * np.arctan(marks), np.pi) if self.discrete else marks
-            values = self._look(marks)
-            if self.value <= before * (1 + _RTOL):
-                break
-            self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
-        return self.value, self.omega
+    def factorised(self) -> Response:
+        """The response by its Schur form."""
+        return Response(self.system)
 
-    def _settle(self) -> None:
-        """The best value by a factorisation of its own where it is a sum over poles; no such sums from here on if that was off."""
-        if isinstance(self.response, Response) or not np.isfinite(self.omega):
-            return
+    def exact(self, point: Complex) -> float:
+        """The largest singular value at a point by one factorisation."""
         A, B, C, D = self.system
-        place = points_of(np.array([self.omega]), 1.0 if self.discrete else None)
-        sum_over_poles, self.value = self.value, float(np.linalg.norm(D + C @ input_states(A, B, place)[0], 2))
-        if abs(sum_over_poles - self.value) > _SAME * self.value:
-            self.response = Response(self.system)
+        return float(np.linalg.norm(D + C @ input_states(A, B, point)[0], 2))
 
-    def _look(self, frequencies: ArrayLike) -> Real:
-        """Largest singular values at the frequencies, where they are not much lower than the largest of all, which is kept.
-
-        Elsewhere what is surely reached, from the sum of squares.
-        """
-        omega = np.asarray(frequencies, dtype=float)
-        found = self._at(omega)
-        if found.size and np.max(found) > self.value:
-            self.value, self.omega = float(np.max(found)), float(omega[np.argmax(found)])
-        return found
-
-    def _at(self, omega: Real) -> Real:
-        values = np.repeat(self.d[None].astype(complex), omega.size, axis=0)
-        near = np.isfinite(omega)
-        values[near] = self.response.at(points_of(omega[near], 1.0 if self.discrete else None))
-        if 1 in self.d.shape:
-            return norms(values)
-        squares: Real = np.linalg.norm(values, axis=(1, 2))
-        found = squares / np.sqrt(min(self.d.shape))
-        high = squares >= self.low * max(self.value, float(np.max(found, initial=0.0)))
-        found[high] = norms(values[high])
-        return found
-
-    def _zoom(self, marks: Real, values: Real, best: NDArray[np.intp]) -> None:
-        """Peaks at the best of some frequencies, refined between their neighbours: all of them in each round."""
-        sides = np.clip(best[:, None] + _BESIDE, 0, marks.size - 1)
-        omega, found = marks[sides], values[sides]
-        for count in range(_ZOOMS):
-            self.low = 1 - (1 - _LOW) * _CLOSER[0] ** count  # what a parabola may still rise by shrinks with its square
-            rows = found[:, 1] >= self.low * self.value
-            if not rows.any():  # the peak is elsewhere
-                break
-            omega, found = omega[rows], found[rows]
-            way = (omega[:, [0, 2]] - omega[:, [1]])[..., None] * _CLOSER
-            points = np.hstack([_vertices(omega, found)[:, None], omega[:, [1]] + way.reshape(len(omega), -1)])
-            seen = self._look(points.ravel()).reshape(points.shape)
-            if np.all(found[:, 1:2] - found <= _CURVED * self.value):
-                break
-            omega, found = _best_three(np.hstack([omega, points]), np.hstack([found, seen]))
-        self.low = _LOW
-
-    def _crossings(self, level: float) -> Real:
-        """Frequencies in continuous time where a singular value may be `level`, none of them missing; ascending."""
-        if level == 0 or not self.response.poles.size:
-            return np.zeros(0)
-        a, b, c, d = self.continuous
-        pivot = self.lowest if np.linalg.norm(d, 2) > _SHARP * level else None
-        if pivot is not None:  # where the response is small goes to infinity: 1/(s - j pivot) in the place of s
-            back = np.linalg.inv(a - 1j * pivot * np.eye(len(a)))
-            a, b, c, d = back, back @ b, -c @ back, d - c @ back @ b
+    def level_matrix(self, level: float, pivot: float | None) -> Numbers:
+        """The Hamiltonian matrix of a level, of twice as many states."""
+        a, b, c, d = turned(self.continuous, pivot)
         b, c, d = b / np.sqrt(level), c / np.sqrt(level), d / level
         left = np.linalg.inv(np.eye(d.shape[1]) - d.conj().T @ d)
         a = a + b @ left @ d.conj().T @ c
         right = np.eye(d.shape[0]) + d @ left @ d.conj().T
         above, below = b @ left @ b.conj().T, -c.conj().T @ right @ c
-        values = poles_of(np.block([[a, above], [below, -a.conj().T]]))
-        sizes = np.abs(values)
-        near = np.abs(np.real(values)) <= np.maximum(_NEAR * sizes, _NEAR_ZERO * np.max(sizes))
-        omega = np.imag(values[near])
-        if pivot is not None:
-            omega = pivot - 1 / omega[omega != 0]
-        return np.unique(np.abs(omega))
-
-
-def _best_three(omega: Real, found: Real) -> tuple[Real, Real]:
-    """In each row the frequency with the largest value, between its neighbours."""
-    order = np.argsort(omega, axis=1)
-    middle = np.argmax(np.take_along_axis(found, order, 1), axis=1)[:, None]
-    kept = np.take_along_axis(order, np.clip(middle + _BESIDE, 0, omega.shape[1] - 1), 1)
-    return np.take_along_axis(omega, kept, 1), np.take_along_axis(found, kept, 1)
-
-
-def _vertices(omega: Real, values: Real) -> Real:
-    """Vertex of the parabola through each row of three frequencies, of which the middle one is the best."""
-    low, high = omega[:, 1] - omega[:, 0], omega[:, 2] - omega[:, 1]
-    left, right = values[:, 1] - values[:, 0], values[:, 1] - values[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        step = (left * high**2 - right * low**2) / (2 * (left * high + right * low))
-    return omega[:, 1] + np.where(np.isfinite(step), np.clip(step, -low, high), 0.0)
+        return np.block([[a, above], [below, -a.conj().T]])

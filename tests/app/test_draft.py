@@ -85,3 +85,23 @@ def test_signals_and_sample_time_that_are_proposed(tmp_path, name, arrays, field
 def test_a_counter_may_be_the_frequency_axis_of_a_response(tmp_path):
     write(tmp_path / "x.csv", {"k": COUNT, "a": U, "b": Y})
     assert '"freq_hz": "k"' in rid.look(tmp_path / "x.csv").refusal
+
+
+@pytest.mark.parametrize("name", ["r", "ref", "Setpoint [V]", "reference"])
+def test_a_reference_beside_the_signals_is_drafted_as_a_loop(tmp_path, name):
+    write(tmp_path / "loop.csv", {"t": MS / 1e3, name: U[::-1], "u": U, "y": Y})
+    found = rid.look(tmp_path / "loop.csv")
+    np.testing.assert_allclose(found.data.reference[:, 0], U[::-1])
+    draft = drafted_run_file([found], tmp_path)
+    assert "[loop]" in draft.text
+    assert any("controller" in line for line in draft.edits)
+    (tmp_path / "run.toml").write_text(draft.text)
+    assert not read_run_file(tmp_path / "run.toml").loop.is_stated
+
+
+@pytest.mark.parametrize("other", [{"rr": U}, {"r": 0 * U + 3}])
+def test_what_is_no_reference_is_left_alone(tmp_path, other):
+    write(tmp_path / "record.csv", {"t": MS / 1e3, **other, "u": U, "y": Y})
+    found = rid.look(tmp_path / "record.csv")
+    assert found.data.reference is None
+    assert "[loop]" not in drafted_run_file([found], tmp_path).text
