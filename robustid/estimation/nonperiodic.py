@@ -146,7 +146,8 @@ def _windows(x: np.ndarray, index: np.ndarray, half: int, last: int) -> _Windows
         surer = np.mean(one / other, axis=1) < 1  # not where only the lines above are excited
         lines[:low] = np.where(surer[:, None], centred, lines[:low])
     powers, size, shared = _regressors(x, index, lines, half)
-    mirrored = np.kron(np.eye(len(x)), lines[:low, :, None] == -lines[:low, None])
+    pairs, rows = np.equal(lines[:low, :, None], -lines[:low, None]), shared.shape[1]
+    mirrored = np.einsum("ed,fvw->fevdw", np.eye(len(x)), pairs).reshape(low, rows, rows)
     return _Windows(lines, np.tile(powers[:, :, 1:], (1, len(x), 1)), shared, size, powers, mirrored)
 
 
