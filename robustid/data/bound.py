@@ -32,8 +32,12 @@ class Caveat(enum.StrEnum):
 
     SMEARED = "smeared"  # by the windows of Welch's method
     UNSTEADY = "unsteady"  # the record isn't in steady state, for which the bound holds
+    CHANGING = "changing"  # halves of the measurement differ: the bound holds either, not what comes after
 
 
+_CHANGED = (
+    " Halves of the measurement differ beyond chance: the plant changed, and the bound holds what they differ by."
+)
 _PROBABLE = ("confidence", "tolerance")
 _OF_PROBABLE = ("probability", "dof")
 
@@ -61,8 +65,9 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     excitations : int, optional
         How many independent excitations (realisations, or blocks of as many experiments as inputs) an estimated bound was
         taken from; of one alone, what varies from record to record is unknown (see `about`). None: it isn't stated.
-    caveats : tuple of {"smeared", "unsteady"}
-        What an estimated bound doesn't know: what the windows of Welch's method smear, or that the record isn't steady.
+    caveats : tuple of {"smeared", "unsteady", "changing"}
+        What an estimated bound doesn't know: what the windows of Welch's method smear, that the record isn't steady, or what
+        becomes of a plant that changed while it was measured.
     tilt : (F,) or (F, ny, nu) complex array, optional
         Makes the disc an ellipse, ``|e + tilt conj(e)| <= radius`` with ``|tilt| < 1``: semi-axes radius/(1 + |tilt|), in the
         direction arg(tilt)/2, and radius/(1 - |tilt|), across.
@@ -363,6 +368,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         """
         if self.excitations is None:
             return ""
+        changed = _CHANGED * (Caveat.CHANGING in self.caveats)
         if self.kind == "noise_floor":
             return (
                 "This is about noise without excitation: what the excitation itself disturbs, and how the response varies from"
@@ -370,10 +376,10 @@ class Bound(NDArrayOperatorsMixin, Frozen):
             )
         what = "the response in the next record" if self.kind == "tolerance" else "the mean response"
         if self.excitations > 1:
-            return f"This is about {what}, judged by {self.excitations} independent excitations."
+            return f"This is about {what}, judged by {self.excitations} independent excitations.{changed}"
         return (
             f"This is about {what} for this excitation, and rests on it alone: variation of the plant was not measured, and other"
-            " records may contradict the bound. Measure several realisations of the excitation."
+            f" records may contradict the bound. Measure several realisations of the excitation.{changed}"
         )
 
     @property

@@ -55,7 +55,8 @@ class FrequencyResponse(ResponseParts, Drawable):
     coherence : (F, ny) array, optional
         Multiple coherence: the part of the power of each output that the inputs explain linearly, 0 to 1.
     noise : (F, ny, nu) array, optional
-        Standard deviation of the values that noise alone causes.
+        Standard deviation of the values that noise alone causes, by every method: without distortion, and without what a plant
+        changed by while it was measured.
     distortion : (F, ny, nu) array, optional
         Standard deviation of what changes with the realisation of the excitation beyond noise, in one realisation:
         stochastic nonlinear distortion.

@@ -97,10 +97,13 @@ def estimate_frf(
     fewer of them as lines scatter about it beyond chance, vary together, or all do from record to record (`smyth2004`). The
     variance of the next record is ``S (1 + 1/B)`` less that of the noise.
 
-    Local. In a short record the lines of a window reach beyond a resonance, or to two, and no function of low order fits there. So
-    G and T of all lines first, by common poles, as many as shorten the description of the spectra; windows are about what these
-    leave, and the covariance of both is added, which counts the same noise twice rather than leakage not at all. The light poles,
-    four standard deviations on either side, are the `modes` of the response.
+    Local. Lines beyond 0 are conjugates (records are real), so windows at the first lines are centred too. Residuals at -k
+    repeat those at k: the noise there is not stated below that of the first window with positive lines alone, and errors that
+    lie along one direction of the complex plane are given their largest variance in all. In a short record the lines of a
+    window reach beyond a resonance, or to two, and no function of low order fits there. So G and T of all lines first, by
+    common poles, as many as shorten the description of the spectra; windows are about what these leave, and the covariance of
+    both is added, which counts the same noise twice rather than leakage not at all. The light poles, four standard deviations
+    on either side, are the `modes` of the response.
 
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
     ``w (1 - w) |D|^2`` is added to the variance, w the weight of one half in the mean: a plant that warms up. The note says so.

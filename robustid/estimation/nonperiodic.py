@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustid.core import as_array, hz_words
-from robustid.data import Caveat, TimeRecord, stacked
+from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.common_poles import predicted
@@ -24,6 +24,7 @@ _TOLD = (
 _SURE = 1e-5  # chance of any block of lines, in any entry, that halves differ so much: the model of a window is not all
 _FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
 _MOST = 5000  # lines by default
+_TINY = float(np.finfo(float).tiny)
 _CHUNK = 2**22  # numbers in the largest array
 
 
@@ -61,9 +62,10 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     step = float(np.median(np.diff(index))) if index.size > 1 else 1.0
     changes = _added(change, sure, free, (2 * half + 1) / step)
     values = values + known.values
-    covariance = covariance + known.covariance + changes[:, None, :] * np.eye(changes.shape[1])
+    of_noise = covariance + known.covariance
+    covariance = of_noise + changes[:, None, :] * np.eye(changes.shape[1])
     if loop:
-        values, covariance = divided(values, covariance, ny)
+        (values, covariance), (_, of_noise) = (divided(values, part, ny) for part in (covariance, of_noise))
     power = np.mean(np.abs(y) ** 2, axis=0)
     power = _smooth(power, half)[index]
     return Estimate(
@@ -77,7 +79,8 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)}){CHANGED if np.any(changes) else ''}",
-        noise=np.sqrt(np.einsum("fii->fi", covariance).real.reshape(len(index), nu, ny).transpose(0, 2, 1)),
+        noise=np.sqrt(variances(of_noise, values.shape)),
+        caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
         modes=() if loop else known.modes,  # the poles of a loop are not those of the plant in it
     )
 
@@ -107,23 +110,71 @@ class _Windows(NamedTuple):
     shared: np.ndarray  # (f, r, p) of N and M
     size: np.ndarray  # (f, nx) of the excitation: its columns are scaled by it
     powers: np.ndarray  # (f, w, _ORDER + 1) of the offset
+    mirrored: np.ndarray  # (low, r, r) of windows across line 0: 1 where one equation is of the line -k of the other
+
+    def surer(self, power: np.ndarray) -> np.ndarray:
+        """Variances (f, ...) of residuals, at low lines not below that of the first window that is not across line 0.
+
+        Residuals at -k repeat those at k, and say less of the noise than their number.
+        """
+        low = len(self.mirrored)
+        return np.concatenate([np.maximum(power[:low], power[-1]), power[low:]])
+
+    def directed(self, maps: np.ndarray) -> np.ndarray:
+        """Times the variance, (f,), of errors alike in all directions of the complex plane that are nowhere smaller.
+
+        Errors e = M n of noise n, with E n n^H = s^2 I and E n n^T = s^2 J for the mirrored lines J, have E |e|^2 = s^2 |M|^2 and
+        E e^2 = s^2 M J M^T: along one direction (1 + |E e^2|/E |e|^2) times as much as if they were alike in all.
+        """
+        found = np.ones(len(maps))
+        if low := len(self.mirrored):
+            maps = maps[:low]
+            along = np.abs(np.einsum("fijr,frs,fijs->fij", maps, self.mirrored, maps, optimize=True))
+            found[:low] += np.max(along / np.maximum(np.sum(np.abs(maps) ** 2, axis=3), _TINY), axis=(1, 2))
+        return found
 
 
 def _windows(x: np.ndarray, index: np.ndarray, half: int, last: int) -> _Windows:
-    experiments, width = x.shape[0], 2 * half + 1
-    # Near the ends of the axis the window is not centred: lines beyond are conjugates, which say nothing new.
-    lines = np.clip(index - half, 1, last - 2 * half)[:, None] + np.arange(width)
+    # Beyond line 0, of offsets, lines are conjugates: the window stays centred. Responses need not be smooth beyond the last one:
+    # half a sample of delay turns by pi there.
+    width, first = np.arange(2 * half + 1), np.minimum(index - half, last - 2 * half)[:, None]
+    lines, low = np.maximum(first, 1) + width, int(np.sum(first < 1))
+    if low:
+        centred = first[:low] + width
+        centred -= centred <= 0
+        one, other = (_gain(x, index[:low], part, half) for part in (centred, lines[:low]))
+        surer = np.mean(one / other, axis=1) < 1  # not where only the lines above are excited
+        lines[:low] = np.where(surer[:, None], centred, lines[:low])
+    powers, size, shared = _regressors(x, index, lines, half)
+    pairs, rows = np.equal(lines[:low, :, None], -lines[:low, None]), shared.shape[1]
+    mirrored = np.einsum("ed,fvw->fevdw", np.eye(len(x)), pairs).reshape(low, rows, rows)
+    return _Windows(lines, np.tile(powers[:, :, 1:], (1, len(x), 1)), shared, size, powers, mirrored)
+
+
+def _regressors(x: np.ndarray, index: np.ndarray, lines: np.ndarray, half: int) -> tuple[np.ndarray, ...]:
+    """Powers, sizes and shared regressors of windows: see `_Windows`."""
     powers = ((lines - index[:, None]) / half)[:, :, None] ** np.arange(_ORDER + 1)
-    size = np.sqrt(np.mean(np.abs(x[:, lines]) ** 2, axis=(0, 2)))
+    size = np.sqrt(np.mean(np.abs(_at(x, lines)) ** 2, axis=(0, 2)))
     size = np.where(size > 0, size, 1)
-    free = np.einsum("ed,fws->fewds", np.eye(experiments), powers).reshape(len(index), experiments * width, -1)
-    high = np.tile(powers[:, :, 1:], (1, experiments, 1))
-    return _Windows(lines, high, np.concatenate([_forced(x, lines, size, powers), free], axis=2), size, powers)
+    free = np.einsum("ed,fws->fewds", np.eye(len(x)), powers).reshape(len(index), len(x) * lines.shape[1], -1)
+    return powers, size, np.concatenate([_forced(x, lines, size, powers), free], axis=2)
+
+
+def _gain(x: np.ndarray, index: np.ndarray, lines: np.ndarray, half: int) -> np.ndarray:
+    """Variances (f, nx) that noise of variance 1 gives the response at lines, without a denominator."""
+    _, size, shared = _regressors(x, index, lines, half)
+    return _sum(_pseudo_inverses(shared)[:, : x.shape[2]].swapaxes(1, 2)) / size**2
+
+
+def _at(spectra: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Spectra (R, K, n) of real signals at lines (f, w) of either sign, (R, f, w, n)."""
+    there = spectra[:, np.abs(lines)]
+    return np.where((lines < 0)[..., None], there.conj(), there)
 
 
 def _forced(x: np.ndarray, lines: np.ndarray, size: np.ndarray, powers: np.ndarray) -> np.ndarray:
     """Regressors of a response to the excitation (records, K, nx), (f, r, p)."""
-    drive = (x[:, lines] / size[:, None]).transpose(1, 0, 2, 3)  # (f, e, w, nx)
+    drive = (_at(x, lines) / size[:, None]).transpose(1, 0, 2, 3)  # (f, e, w, nx)
     forced = powers[:, None, :, :, None] * drive[:, :, :, None, :]
     return forced.reshape(len(lines), drive.shape[1] * drive.shape[2], -1)
 
@@ -135,7 +186,9 @@ def _fit(
 
     Then half of what the response changes by from the first half of the time to the second, (f, nz, nx), and its variance.
     """
-    nx, nz = x.shape[2], z.shape[2]
+    nx, nz, asked = x.shape[2], z.shape[2], len(index)
+    if index[0] <= half:
+        index = np.append(index, half + 1)  # the first window that is not across line 0
     windows = _windows(x, index, half, last)
     polynomial = _pseudo_inverses(windows.shared)
     rows, unknowns = windows.shared.shape[1:]
@@ -144,25 +197,23 @@ def _fit(
     left = np.empty((len(index), nz, rows), complex)
     change, sure = (np.zeros((len(index), len(turned), nz, nx), kind) for kind in (complex, float))
     for i in range(nz):
-        target = z[:, windows.lines, i].transpose(1, 0, 2).reshape(len(index), rows)
+        target = _at(z[:, :, i : i + 1], windows.lines)[..., 0].transpose(1, 0, 2).reshape(len(index), rows)
         solution, inverse, left[:, i] = _one_output(windows, polynomial, target)
         values[:, i], maps[:, i] = solution[:, :nx], inverse[:, :nx]
         for k, drive in enumerate(turned):
             change[:, k, i], sure[:, k, i] = _changed(windows, drive, target)
     spread = left @ left.conj().swapaxes(1, 2) / (rows - unknowns - _ORDER)  # (f, nz, nz)
+    more = np.sqrt(windows.surer(power := np.einsum("fii->fi", spread).real) / np.maximum(power, _TINY))
+    spread = spread * more[:, :, None] * more[:, None, :]
     # vec with columns stacked: entry (i, j) at j nz + i.
     gram = np.einsum("fijr,fklr->fjilk", maps, maps.conj(), optimize=True)
     covariance = (gram * spread[:, None, :, None, :]).reshape(len(index), nx * nz, nx * nz)
     units = np.repeat(1 / windows.size, nz, axis=1)
     covariance = covariance * units[:, :, None] * units[:, None, :]
+    covariance = covariance * windows.directed(maps)[:, None, None]
     sizes = windows.size[:, None, None, :]
-    return (
-        values / windows.size[:, None, :],
-        covariance,
-        np.einsum("fii->fi", spread).real,
-        change / sizes,
-        sure / sizes**2,
-    )
+    found = (values / sizes[:, 0], covariance, np.einsum("fii->fi", spread).real, change / sizes, sure / sizes**2)
+    return tuple(part[:asked] for part in found)
 
 
 def _changed(windows: _Windows, drive: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -182,9 +233,9 @@ def _changed(windows: _Windows, drive: np.ndarray, target: np.ndarray) -> tuple[
         target.shape[1] - plain.shape[2] - forced.shape[2]
     )
     told = np.linalg.norm(beside, axis=1) > _TOLD * np.linalg.norm(forced, axis=1)
-    variance = np.where(told, _sum(inverse.swapaxes(1, 2)) * spread[:, None], 0)
+    variance = np.where(told, _sum(inverse.swapaxes(1, 2)) * windows.surer(spread)[:, None], 0)
     nx = drive.shape[2]
-    return found[:, :nx], variance[:, :nx]
+    return found[:, :nx], variance[:, :nx] * windows.directed(inverse[:, None, :nx])[:, None]
 
 
 def _one_output(windows: _Windows, polynomial: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -71,7 +71,7 @@ def periodic(records: list[TimeRecord], period: int | None, lines: ArrayLike | N
     kept = {name: _steady(records, name, period, skipped, drifts) for name in spectra}
     whole = {name: by_block(dft(signals, period), nu) for name, (signals, _) in kept.items()}
     found = _estimate(records, index, period, whole, _skipped(skipped, steady) + _drifted(*kept["y"]))
-    return found if steady else found._replace(caveats=(Caveat.UNSTEADY,))
+    return found if steady else found._replace(caveats=(Caveat.UNSTEADY, *found.caveats))
 
 
 def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: _Spectra, skipped: str) -> Estimate:
@@ -104,6 +104,7 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         noise=scatter.noise,
         distortion=scatter.distortion,
         real=(2 * index) % period == 0,
+        caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
     )
 
 

@@ -35,6 +35,9 @@ _CAVEATS = {
     " doesn't know it. Estimate with the local method, or with periodic excitation, before you identify.",
     Caveat.UNSTEADY: "The record isn't in steady state even after the periods that were left out: the bounds hold for steady"
     " data. Leave out more of its start.",
+    Caveat.CHANGING: "Halves of the measurement differ beyond chance: the plant changed (it warmed up, say), or another one was"
+    " measured. The bound holds what they differ by, not what comes after. Measure again once nothing changes, or each condition"
+    " by itself.",
 }
 _LEVELS = (
     "Medians over the frequency points; bound, noise and distortion relative to the response. σ is the standard deviation of the"
@@ -144,6 +147,8 @@ def response_verdict(view: ResponseView) -> Verdict:
                 f"{frf.bound.about} With a probability of {chance} what one excitation shows, noise and the distortion on unexcited"
                 f" lines, stays within the bound {where} at once."
             )
+        elif Caveat.CHANGING in frf.bound.caveats:
+            sentence = f"{frf.bound.about} {sentence}"
         if frf.bound.caveats:
             sentence += " The warnings say what this leaves out."
     alone = frf.bound is not None and frf.bound.excitations == 1

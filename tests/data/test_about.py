@@ -32,6 +32,11 @@ def test_words_and_lead_say_what_a_bound_is_about():
     assert several.about == "This is about the response in the next record, judged by 3 independent excitations."
     assert rid.Bound(0.1).about == rid.Bound(0.1, kind="confidence", probability=0.95).about == ""
     assert "noise without excitation" in rid.Bound(0.1, kind="noise_floor", excitations=2).about
+    for count in (1, 3):
+        changing = rid.Bound(0.1, kind="confidence", probability=0.9, excitations=count, caveats=("changing",)).about
+        assert changing.endswith(
+            "Halves of the measurement differ beyond chance: the plant changed, and the bound holds what they differ by."
+        )
 
 
 def test_the_bound_of_the_next_record_knows_what_changes():

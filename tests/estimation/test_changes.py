@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from robustid.data import variances
 from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.frf import response_alone
+from robustid.report.response_charts import ResponseView
+from robustid.report.response_page import response_verdict
 from support.cases import slow
 from support.fault_judge import CATALOGUE
 from support.fault_plants import SIMULATED, recipes, records, simulated
@@ -19,6 +22,16 @@ def distance(frf, plant):
     return float(np.max(np.abs(frf.values - truth) / frf.bound.radius))
 
 
+def assert_said(frf):
+    """The page says so where the bound stands, and the noise is without what was added."""
+    lead = response_verdict(ResponseView(frf, None))
+    assert lead.key == "weak"
+    assert "Halves of the measurement differ" in lead.sentence
+    whole = variances(frf.covariance, frf.values.shape) / frf.noise**2
+    assert whole.min() > 1 - 1e-9
+    assert whole.max() > 2
+
+
 CLEAN = [(("stage", "heater"), range(2)), slow(SIMULATED, range(1000, 1200))]
 
 
@@ -30,7 +43,9 @@ def test_the_bound_holds_the_plant_that_half_of_the_periods_are_of(seeds):
         clean = simulated("heater", seed)
         faulty = CATALOGUE["varying plant (periodic)"].of(clean, "limit", np.random.default_rng([seed, 7]))
         assert faulty is not None
-        far.append(distance(response_alone(faulty.records, period=faulty.period), clean.plant))
+        found = response_alone(faulty.records, period=faulty.period)
+        assert_said(found)
+        far.append(distance(found, clean.plant))
     assert np.sum(np.array(far) > 1) <= LEFT * len(seeds), far
 
 
@@ -46,6 +61,7 @@ def test_the_bound_of_any_excitation_is_wider_where_half_of_the_time_is_of_anoth
             assert faulty is not None
             found = response_alone(faulty.records)
             assert CHANGED in found.note
+            assert_said(found)
             far.append(distance(found, clean.plant))
     assert np.mean(np.array(far) > 1) <= 0.5, far
 
