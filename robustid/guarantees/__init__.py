@@ -35,7 +35,8 @@ from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.outputs import output_errors
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
+from robustid.guarantees.pole_cells import PoleCell, box_of
+from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.power import Judgement, shown
 from robustid.guarantees.proof_file import proof_text
 from robustid.guarantees.refute import Refutation, refute

@@ -228,7 +228,8 @@ class OverBox(Programs):
         nearest = min(self._covers, key=lambda w: abs(w - omega), default=np.inf)
         leaves = self._covers.get(nearest, [])
         near = abs(nearest - omega) <= np.ptp(box.omega[box.widest_at(omega)]) and len(leaves) <= _MORE * _CELLS
-        return sorted(leaves, key=lambda leaf: -self._share(nearest, [leaf])) if near else []
+        alike = near and np.array_equal(leaves[0].cell.near, self._tree.root_at(omega).cell.near)
+        return sorted(leaves, key=lambda leaf: -self._share(nearest, [leaf])) if alike else []
 
     def _radius(self, leaves: list[Branch], omega: float) -> Real:
         return discs_of([leaf.kept(omega) for leaf in leaves], np.array([omega]), self.entries)[1][0]

@@ -65,9 +65,20 @@ class PoleTree:
     ) -> None:
         self.problem, self.model, self._sides, self._budget = problem, model, sides, budget
         self.refuted: list[RefutedCell] = []
-        self.root = self._branch(whole, "cell-")
-        if self.refuted:
-            raise self._refusal
+        self._roots: dict[tuple[bool, ...], Branch] = {}
+        self.root = self._root(whole)
+
+    def root_at(self, omega: float) -> Branch:
+        """The whole box, every mode expanded as its remainder at a frequency is smaller."""
+        return self._root(self.root.cell.about(self.problem, omega))
+
+    def _root(self, cell: PoleCell) -> Branch:
+        ways = tuple(cell.near.tolist())
+        if ways not in self._roots:
+            self._roots[ways] = self._branch(cell, "cell-" + "".join("in"[way] for way in ways) + "-")
+            if isinstance(self._roots[ways].found, RefutedCell):
+                raise self._refusal
+        return self._roots[ways]
 
     def cover(
         self,
@@ -84,7 +95,7 @@ class PoleTree:
         makes it smaller and there is time; None where there is none for the first ones, `start` or the whole box.
         """
         pieces, parents = Pieces(means.budget), dict[Branch, Branch]()
-        leaves, sizes = list(start) or [self.root], dict[Branch, float]()
+        leaves, sizes = list(start) or [self.root_at(omega)], dict[Branch, float]()
         for leaf in leaves:
             if not (pieces.begins() and self._valued(leaf, omega, means, self._enough(leaves, omega))):
                 return None

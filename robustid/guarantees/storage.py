@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ class _Circle(TypedDict):
 class _Cell(TypedDict):
     ends: Ends
     amplitudes: tuple[Arrays, ...]
+    near: NotRequired[tuple[bool, ...]]  # modes that are expanded in powers of an inner function
 
 
 class _Kept(TypedDict):
@@ -146,7 +147,11 @@ def _make_over_poles(
     problem, delay = identification.problem, as_count("delay", delay)
 
     def loaded(cell: _Cell) -> PoleCell:
-        return loaded_cell(problem, *cell["ends"], delay, cell["amplitudes"])
+        omega, damping = cell["ends"]
+        near = np.array(cell.get("near", (False,) * len(omega)), dtype=bool)
+        if near.size != len(omega):
+            raise ValueError("its modes are not those of the cell")
+        return loaded_cell(problem, omega, damping, delay, cell["amplitudes"], near)
 
     cells = tuple(
         KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), loaded(item["cell"]))
@@ -165,7 +170,11 @@ def _make_over_poles(
 
 
 def _cell(cell: PoleCell) -> _Cell:
-    return {"ends": (cell.omega, cell.damping), "amplitudes": tuple(_amplitudes(one) for one in cell.proofs)}
+    return {
+        "ends": (cell.omega, cell.damping),
+        "amplitudes": tuple(_amplitudes(one) for one in cell.proofs),
+        "near": tuple(cell.near.tolist()),
+    }
 
 
 def _own_nominal(result: Bounded) -> StateMatrices | None:
