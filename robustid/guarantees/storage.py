@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NotRequired, TypedDict
+from typing import TYPE_CHECKING, TypedDict, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,16 +45,19 @@ class _Circle(TypedDict):
 class _Cell(TypedDict):
     ends: Ends
     amplitudes: tuple[Arrays, ...]
-    near: NotRequired[tuple[bool, ...]]  # modes that are expanded in powers of an inner function
+
+
+class _NearCell(_Cell):
+    near: tuple[bool, ...]  # modes that are expanded in powers of an inner function
 
 
 class _Kept(TypedDict):
-    cell: _Cell
+    cell: _Cell | _NearCell
     values: Arrays
 
 
 class _Refuted(TypedDict):
-    cell: _Cell
+    cell: _Cell | _NearCell
     certificate: MarginCertificate
 
 
@@ -146,9 +149,9 @@ def _make_over_poles(
 ) -> WorstCaseOverPoles:
     problem, delay = identification.problem, as_count("delay", delay)
 
-    def loaded(cell: _Cell) -> PoleCell:
+    def loaded(cell: _Cell | _NearCell) -> PoleCell:
         omega, damping = cell["ends"]
-        near = np.array(cell.get("near", (False,) * len(omega)), dtype=bool)
+        near = np.array(cast("_NearCell", cell)["near"] if "near" in cell else np.zeros(len(omega)), dtype=bool)
         if near.size != len(omega):
             raise ValueError("its modes are not those of the cell")
         return loaded_cell(problem, omega, damping, delay, cell["amplitudes"], near)
@@ -169,12 +172,10 @@ def _make_over_poles(
     )
 
 
-def _cell(cell: PoleCell) -> _Cell:
-    return {
-        "ends": (cell.omega, cell.damping),
-        "amplitudes": tuple(_amplitudes(one) for one in cell.proofs),
-        "near": tuple(cell.near.tolist()),
-    }
+def _cell(cell: PoleCell) -> _Cell | _NearCell:
+    amplitudes = tuple(_amplitudes(one) for one in cell.proofs)
+    plain: _Cell = {"ends": (cell.omega, cell.damping), "amplitudes": amplitudes}
+    return {**plain, "near": tuple(cell.near.tolist())} if cell.near.any() else plain
 
 
 def _own_nominal(result: Bounded) -> StateMatrices | None:
