@@ -102,9 +102,7 @@ def largest_amplitudes(
                 " the pole-uncertainty box; measure more frequency points around it or state a smaller box. `band` holds over the"
                 " box all the same"
             )
-        found[rank, i, j] = largest * _factors(
-                problem, functions, omega[rank], damping[rank], near[rank]
-            )
+        found[rank, i, j] = largest * _factors(problem, functions, omega[rank], damping[rank], near[rank])
         if problem.entries.symmetric:
             found[:, j, i] = found[:, i, j]
     return found
@@ -126,9 +124,7 @@ def _check_apart(problem: MixedProblem, functions: Functions, rank: NDArray[np.i
         first += count
 
 
-def _factors(
-    problem: MixedProblem, functions: Functions, omega: Real, damping: Real, near: NDArray[np.bool_]
-) -> Real:
+def _factors(problem: MixedProblem, functions: Functions, omega: Real, damping: Real, near: NDArray[np.bool_]) -> Real:
     """Largest |c/c'| over the box of every mode, (M,), modes and box by rising frequency; of those `near` that of their c'."""
     modes: Any = functions.modes
     far = modes.reach > 0

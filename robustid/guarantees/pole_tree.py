@@ -45,7 +45,7 @@ class Branch:
 
     @functools.cached_property
     def found(self) -> RefutedCell | ConsistentSet | None:
-        """What the data say of the cell; None: no sample says anything of all its poles at once."""
+        """Refutation of the cell, or the set of its relaxed problem; None: no sample says anything of all its poles at once."""
         return self._look(self.cell)
 
     def kept(self, omega: float) -> KeptCell:

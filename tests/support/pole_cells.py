@@ -10,7 +10,7 @@ from robustid.guarantees import PoleCell
 
 
 def drawn_cell(rng, width, *, dt=0.01, delay=1, modes=2, shape=(), near=False):
-    """Of modes in continuous time for dt = 0; frequencies and damping ratios to `width` of the damping; all of them near or none."""
+    """Of modes in continuous time for dt = 0; ends to `width` of the damping; all modes `near` or none."""
     middle = (2 * np.pi if dt else 1.0) * np.sort(rng.uniform(5, 40, modes))
     damping = rng.uniform(0.005, 0.1, modes)
     spread = width * damping * middle
