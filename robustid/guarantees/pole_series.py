@@ -23,7 +23,7 @@ from math import comb
 import numpy as np
 
 from robustid.bases import ParametricBasis
-from robustid.core import Real
+from robustid.core import Complex, Real
 
 
 def norms_of(pair: ParametricBasis) -> Real:
@@ -54,4 +54,5 @@ def inner_pair(pair: ParametricBasis) -> ParametricBasis:
 
 def _pole(pair: ParametricBasis) -> complex:
     """The pole in the upper half plane."""
-    return complex(pair.poles[np.argmax(np.imag(pair.poles))])
+    poles: Complex = pair.poles
+    return complex(poles[np.argmax(np.imag(poles))])

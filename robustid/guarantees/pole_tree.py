@@ -143,7 +143,7 @@ class PoleTree:
         return leaves
 
     def _left(self, leaves: Sequence[Branch]) -> list[Branch]:
-        """Those that are not refuted."""
+        """Leave out those that are refuted."""
         left = [leaf for leaf in leaves if not isinstance(leaf.found, RefutedCell)]
         if not left:
             raise self._refusal

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypedDict, cast
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +151,7 @@ def _make_over_poles(
 
     def loaded(cell: _Cell | _NearCell) -> PoleCell:
         omega, damping = cell["ends"]
-        near = np.array(cast("_NearCell", cell)["near"] if "near" in cell else np.zeros(len(omega)), dtype=bool)
+        near = np.array(cell["near"] if "near" in cell else np.zeros(len(omega)), dtype=bool)
         if near.size != len(omega):
             raise ValueError("its modes are not those of the cell")
         return loaded_cell(problem, omega, damping, delay, cell["amplitudes"], near)
