@@ -35,13 +35,14 @@ from robustid.guarantees.nominal import as_frequencies, default_grid
 from robustid.guarantees.outputs import output_errors
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
-from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
+from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.power import Judgement, shown
 from robustid.guarantees.proof_file import proof_text
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
 from robustid.guarantees.scope import in_box, scope_of
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
+from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.tubes import ResponseTube, response_tube
 from robustid.guarantees.unstable_plant import UnstablePlant
 from robustid.guarantees.value_set import ValueSet, norm_of_bounds

@@ -6,7 +6,9 @@ hyperbolic distance T of a_1. Since |1 - a_1* a| <= (1 - |a_1|^2) + |a_1| T |1 -
 .. math:: |c| \le |c'| / (1 - T |a_1|),
 
 and of a box that reaches the circle c' = c. In continuous time (1 + x)/(1 - a x) = (b - p)/(s - p), b the corner of the map, p the
-pole, so that the amplitude of 1/(s - p) is at most |b - p| times as large.
+pole, so that the amplitude of 1/(s - p) is at most |b - p| times as large. With p_1 that belongs to a_1, its own
+
+.. math:: c (p_1 + p_1^*)/(p + p_1^*) = c' (b - p_1), \qquad c \text{ the amplitude of } 1/(s - p).
 """
 
 from __future__ import annotations
@@ -75,8 +77,12 @@ def _rank(problem: MixedProblem) -> NDArray[np.intp]:
     return np.argsort(np.angle(poles[np.imag(poles) > 0]), kind="stable")
 
 
-def largest_amplitudes(problem: MixedProblem, omega: Real, damping: Real, extractions: Extractions) -> Real:
+def largest_amplitudes(
+    problem: MixedProblem, omega: Real, damping: Real, extractions: Extractions, near: NDArray[np.bool_]
+) -> Real:
     """Proved bounds of the amplitudes c of all modes in every entry, (M, ny, nu), modes in the order of the parametric part.
+
+    Of modes `near`, (M,), those of c'.
 
     Raises
     ------
@@ -96,7 +102,7 @@ def largest_amplitudes(problem: MixedProblem, omega: Real, damping: Real, extrac
                 " the pole-uncertainty box; measure more frequency points around it or state a smaller box. `band` holds over the"
                 " box all the same"
             )
-        found[rank, i, j] = largest * _factors(problem, functions, omega[rank], damping[rank])
+        found[rank, i, j] = largest * _factors(problem, functions, omega[rank], damping[rank], near[rank])
         if problem.entries.symmetric:
             found[:, j, i] = found[:, i, j]
     return found
@@ -118,13 +124,16 @@ def _check_apart(problem: MixedProblem, functions: Functions, rank: NDArray[np.i
         first += count
 
 
-def _factors(problem: MixedProblem, functions: Functions, omega: Real, damping: Real) -> Real:
-    """Largest |c/c'| over the box of every mode, (M,), modes and box by rising frequency."""
-    modes = functions.modes
-    size = np.where(modes.reach > 0, 1.0, 1 / (1 - modes.distance * np.abs(modes.middle)))  # type: ignore[union-attr]
+def _factors(problem: MixedProblem, functions: Functions, omega: Real, damping: Real, near: NDArray[np.bool_]) -> Real:
+    """Largest |c/c'| over the box of every mode, (M,), modes and box by rising frequency; of those `near` that of their c'."""
+    modes: Any = functions.modes
+    far = modes.reach > 0
+    size = np.where(far | near, 1.0, 1 / (1 - modes.distance * np.abs(modes.middle)))
+    size = np.where(far & near, np.inf, size)  # of such a box c' is c
     if problem.dt:
         return size * _WIDER
     plane: Any = problem.plane
     corner = float(plane.corner)
     w, d = omega[:, 1], damping[:, 1]
-    return size * np.sqrt(corner**2 + 2 * corner * d * w + w**2) * _WIDER
+    away = np.sqrt(corner**2 + 2 * corner * d * w + w**2)
+    return size * np.where(near, np.abs(corner - plane.exponents(modes.middle)), away) * _WIDER

@@ -18,8 +18,8 @@ from robustid.guarantees.family_result import Family
 from robustid.guarantees.member import CONDITIONS, Member, Members, as_members
 from robustid.guarantees.nominal import as_frequencies, as_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded, worst_case_over_poles
-from robustid.guarantees.pole_cells import checked_box
 from robustid.guarantees.pole_sweep import default_frequencies
+from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError

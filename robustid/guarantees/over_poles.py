@@ -31,9 +31,10 @@ from robustid.guarantees.exact_cells import relaxed_enough
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.over_cells import WorstCase
-from robustid.guarantees.pole_cells import PoleCell, box_of, checked_box
+from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
 from robustid.guarantees.pole_sweep import affordable, bounded, circle_over_poles, default_frequencies, searched
+from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.sweep import Folder, Known, Means, Processes
 from robustid.guarantees.value_set import RefutationClaim, SupportClaim, gap_of
 from robustid.guarantees.worst_case_result import WorstCaseError

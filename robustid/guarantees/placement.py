@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _GRID = 40  # further candidates, equally spaced
 _THIN = 1e-3  # of a frequency, that is left out so near above another one, over a box
+_NARROW = 0.25  # and of the half-width of the nearest resonance
 _AROUND = 13  # and so many over three times the width of the box of every mode
 _MOST, _ROUND = 40, 8  # frequencies, and of these so many before the next are chosen
 _MOST_OF_CELLS, _ROUND_OF_CELLS, _SPREAD = 32, 4, 14  # the same over a box, and those that are spread over all
@@ -228,7 +229,8 @@ class OverBox(Programs):
         nearest = min(self._covers, key=lambda w: abs(w - omega), default=np.inf)
         leaves = self._covers.get(nearest, [])
         near = abs(nearest - omega) <= np.ptp(box.omega[box.widest_at(omega)]) and len(leaves) <= _MORE * _CELLS
-        return sorted(leaves, key=lambda leaf: -self._share(nearest, [leaf])) if near else []
+        alike = near and np.array_equal(leaves[0].cell.near, self._tree.root_at(omega).cell.near)
+        return sorted(leaves, key=lambda leaf: -self._share(nearest, [leaf])) if alike else []
 
     def _radius(self, leaves: list[Branch], omega: float) -> Real:
         return discs_of([leaf.kept(omega) for leaf in leaves], np.array([omega]), self.entries)[1][0]
@@ -272,7 +274,12 @@ def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | No
         first, last = (min(max(end, low), high) for end in (2 * least - most, 2 * most - least))
         every.append(np.linspace(first, last, _AROUND))
     found = np.unique(np.concatenate(every))
-    return found if box is None else found[np.diff(found, prepend=-np.inf) > _THIN * found]
+    if box is None:
+        return found
+    # A resonance can be narrower than that: at least a few candidates over the half-width of the lightest one in a box.
+    nearest = np.argmin(np.abs(found[:, None] - box[0].mean(axis=1)), axis=1)
+    narrow = _NARROW * (box[0][:, 0] * box[1][:, 0])[nearest]
+    return found[np.diff(found, prepend=-np.inf) > np.minimum(_THIN * found, narrow)]
 
 
 def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:

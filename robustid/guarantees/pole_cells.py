@@ -8,14 +8,17 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from robustid.bases import ParametricBasis, kautz
-from robustid.core import Array, Arrays, Complex, Frozen, Real, as_array, exponents_of, freeze
+from robustid.bases import ParametricBasis, kautz, stack_bases
+from robustid.core import Array, Arrays, Complex, Frozen, Real, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.amplitude_bounds import Extractions, extractions_of, extractions_over, largest_amplitudes
 from robustid.guarantees.box_parts import are_covered, lies_within
+from robustid.guarantees.linear.pole_discs import disc_around_box
+from robustid.guarantees.pole_series import inner_pair, inner_scale, norms_of
+from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.widening import Points, bounds_at, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
 
@@ -24,6 +27,7 @@ _ROUNDING = (
     1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4; of s, relative
 )
 _WIDER = 1 + 1e-9  # the same for products
+_NEAR = 0.8  # hyperbolic distance up to which a mode can be expanded in powers of an inner function
 _ENDLESS = 1e200  # stands for a remainder that does not converge
 
 
@@ -39,17 +43,24 @@ class PoleCell(Frozen):
     those with m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does
     to them. MIMO: every entry has its own c and C, all have the poles in common.
 
+    That is sharp far from the poles, where z^-1/(1 - a0 z^-1) is small. Modes `near` which a response is bounded are expanded in
+    powers of the inner function b = (z^-1 - a0*)/(1 - a0 z^-1) instead, a0 the hyperbolic middle of the cell (see `pole_series`):
+    multiples c' t^k of b^k/(1 - a0 z^-1), bounded by C r^k, and a remainder of at most C r^m / (d (1 - r)), r a bound of the
+    hyperbolic distance |t| of a from a0, C one of |c'|.
+
     Attributes
     ----------
     omega, damping : (M, 2) arrays
         Ends, rad/s and 1.
     amplitude : (M,) array; MIMO: (M, ny, nu)
-        C, the largest |c| of every mode.
+        C, the largest |c| of every mode, or |c'|.
     delay : int, samples
     dt : float, s
         0 in continuous time.
     proofs : tuple of Extraction
         Sums over the samples that prove the amplitudes, of every independent entry; empty: they are stated.
+    near : (M,) bool array
+        Mask of the modes that are expanded in powers of an inner function; by default none.
     """
 
     omega: Real
@@ -58,20 +69,40 @@ class PoleCell(Frozen):
     delay: int
     dt: float
     proofs: Extractions = ()
+    near: NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
 
     def __post_init__(self) -> None:
-        self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude")})
+        self._set(near=self.near if self.near.size else np.zeros(len(self.omega), bool))
+        self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude", "near")})
+
+    @functools.cached_property
+    def _discs(self) -> tuple[Complex, Real]:
+        """Hyperbolic middles in s and radii of the modes, (M,) each; zeros of those that are expanded in another way."""
+        found = np.zeros(self.near.size, complex), np.zeros(self.near.size)
+        for k in np.flatnonzero(self.near).tolist():
+            found[0][k], found[1][k] = disc_around_box(self.omega[k], self.damping[k])
+        return found
+
+    @functools.cached_property
+    def centre(self) -> tuple[Real, Real]:
+        """Natural frequencies and damping ratios of the a0, (M,) each."""
+        s = self._discs[0]
+        size = np.where(self.near, np.abs(s), 1.0)
+        return np.where(self.near, size, self.omega.mean(axis=1)), np.where(
+            self.near, -s.real / size, self.damping.mean(axis=1)
+        )
 
     @functools.cached_property
     def middle(self) -> Complex:
         """The a0, (M,) complex."""
-        return _pole(self.omega.mean(axis=1), self.damping.mean(axis=1), self.dt)
+        return _pole(*self.centre, self.dt)
 
     @functools.cached_property
     def radius(self) -> Real:
-        """Bound of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals.
+        """Bound r of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals.
 
-        In continuous time those of a and a0 themselves do.
+        In continuous time those of a and a0 themselves do. Of modes `near` the hyperbolic distance: that of a = exp(s T) is at most
+        that of s.
         """
         steps = (self.dt or 1.0) * self.omega
         decay, turn = _products(steps, self.damping), _products(steps, np.sqrt(1 - self.damping**2))
@@ -81,7 +112,7 @@ class PoleCell(Frozen):
             for (low, high), value in ((decay, -np.real(middle)), (turn, np.imag(middle)))
         ]
         largest = np.exp(-decay[0]) if self.dt else 1.0
-        return largest * np.hypot(*away) * _WIDER + self._rounding
+        return np.where(self.near, self._discs[1], largest * np.hypot(*away) * _WIDER + self._rounding)
 
     @property
     def _rounding(self) -> Real:
@@ -90,20 +121,25 @@ class PoleCell(Frozen):
 
     def basis(self) -> ParametricBasis:
         """Repeated pairs at the middle."""
-        omega, damping = self.omega.mean(axis=1), self.damping.mean(axis=1)
-        return kautz(omega, damping, dt=self.dt, repeat=REPEAT, delay=self.delay)
+        return stack_bases([inner_pair(one) if near else one for one, near in zip(self._pairs, self.near, strict=True)])
+
+    @functools.cached_property
+    def _pairs(self) -> list[ParametricBasis]:
+        """The powers at the middle of every mode."""
+        every = zip(*self.centre, strict=True)
+        return [kautz(w, d, dt=self.dt, repeat=REPEAT, delay=self.delay) for w, d in every]
 
     def intervals(self) -> Real:
         """Intervals of the coefficients of `basis`, (2 M repeat, 2); MIMO: (2 M repeat, ny, nu, 2)."""
         ends: list[Real] = []
-        for number, (w, d) in enumerate(zip(self.omega.mean(axis=1), self.damping.mean(axis=1), strict=True)):
-            one = kautz(w, d, dt=self.dt, repeat=REPEAT, delay=self.delay)
-            rows = np.linalg.norm(one.C, axis=1)
-            at_once = bool(self.dt) and self.delay == 0
-            norms = (np.linalg.norm(one.A, axis=1) if at_once else np.ones(rows.size)) / rows
+        for number, one in enumerate(self._pairs):
             # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
             # In continuous time (w t)^j/j! exp(a t) has w^j/(s - a)^(j+1), w = |a|.
-            shrink = float(self.radius[number] / abs(self.middle[number])) ** (np.arange(len(one.C)) // 2)
+            scale = abs(self.middle[number])
+            norms = norms_of(one)
+            if self.near[number]:
+                scale, norms = 1.0, np.full(norms.size, 1 / inner_scale(one))
+            shrink = float(self.radius[number] / scale) ** (np.arange(len(one.C)) // 2)
             ends.append(2 * self.amplitude[number] * self._each(shrink) * self._each(norms))
         half = np.concatenate(ends) * _WIDER
         return np.stack([-half, half], axis=-1)
@@ -125,10 +161,11 @@ class PoleCell(Frozen):
     def _left_out(self, distance: Real) -> Real:
         """Part that the expansion about poles at these distances (F, M) leaves out, (F, M); MIMO: (F, M, ny, nu)."""
         distance = distance - self._rounding
-        room = self._each(distance - self.radius)
+        unit = np.where(self.near, 1.0, distance)
+        room = np.where(self.near, distance * (1 - self.radius), distance - self.radius)
         with np.errstate(divide="ignore", invalid="ignore"):
-            terms = self.amplitude * self._each((self.radius / distance) ** REPEAT) / room
-            return np.where(room > 0, terms, np.inf)
+            terms = self.amplitude * self._each((self.radius / unit) ** REPEAT) / self._each(room)
+            return np.where(self._each(room) > 0, terms, np.inf)
 
     def slack_on(self, low: Real, high: Real) -> Real:
         """Largest `slack` between frequencies, rad/s, (F, ny, nu); inf where the expansion does not converge.
@@ -151,7 +188,8 @@ class PoleCell(Frozen):
     def impulse_remainder(self, count: int) -> Real:
         """Bound of what the expansion leaves out of the impulse response, (count, M); MIMO: (count, M, ny, nu).
 
-        2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole.
+        2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole; of modes `near` 2 C r^m / ((1 - r) sqrt(1 - |a0|^2)), the
+        mean of the remainder on the circle at most.
         """
         import scipy.special
 
@@ -159,7 +197,9 @@ class PoleCell(Frozen):
         largest = np.abs(self.middle) + self.radius
         ways = scipy.special.comb(np.maximum(k, 0), REPEAT) * _WIDER
         size = 2 * self.amplitude * self._each(self.radius**REPEAT)
-        return size * self._each(ways) * self._each(largest ** np.maximum(k - REPEAT, 0))
+        power = ways * largest ** np.maximum(k - REPEAT, 0)
+        inner = (k >= 0) * _WIDER / ((1 - self.radius) * np.sqrt(1 - np.minimum(np.abs(self.middle), 1 - 1e-16) ** 2))
+        return size * self._each(np.where(self.near, inner, power))
 
     def _each(self, array: Array) -> Real:
         """An array whose last axis goes with the modes, with an axis more for each of the entries."""
@@ -212,26 +252,38 @@ class PoleCell(Frozen):
     def split(self, problem: MixedProblem, mode: int) -> tuple[PoleCell, PoleCell] | None:
         """Two halves of the side of a mode that moves its pole more, each with its own amplitudes; None if these have no bound."""
         sides = [np.ptp(self.omega[mode]), np.ptp(self.damping[mode]) * self.omega[mode].mean()]
-        name = "omega" if sides[0] >= sides[1] else "damping"
-        middle = float(getattr(self, name)[mode].mean())
+        middle = self.omega[mode].mean(), self.damping[mode].mean()
+        if self.near[mode]:  # in the hyperbolic metric
+            low, high = self.damping[mode].tolist()
+            middle = middle[0], np.sqrt(low * high)
+            sides = [sides[0] / (middle[0] * middle[1]), np.log(high / low)]
+        at = int(sides[1] > sides[0])
+        name, cut = ("omega", "damping")[at], float(middle[at])
         halves: list[PoleCell] = []
         for end in (0, 1):
             ends = {"omega": np.array(self.omega), "damping": np.array(self.damping)}
-            ends[name][mode, 1 - end] = middle
+            ends[name][mode, 1 - end] = cut
+            box = ends["omega"], ends["damping"]
             try:
-                halves.append(proved_cell(problem, ends["omega"], ends["damping"], self.delay, before=self.proofs))
+                halves.append(proved_cell(problem, *box, self.delay, before=self.proofs, near=self.near))
             except InputError:
                 return None
         return halves[0], halves[1]
 
+    def about(self, problem: MixedProblem, omega: float) -> PoleCell:
+        """The same cell, with those modes `near` whose remainder at a frequency is smaller then; nothing is searched anew."""
+        fits = np.array([disc_around_box(w, d)[1] < _NEAR for w, d in zip(self.omega, self.damping, strict=True)])
+        inner = self._with(problem, fits)
+        rest = [one.remainder(np.array([omega])).reshape(fits.size, -1).max(axis=1) for one in (self, inner)]
+        return self._with(problem, fits & (rest[1] < rest[0]))
+
+    def _with(self, problem: MixedProblem, near: NDArray[np.bool_]) -> PoleCell:
+        return proved_cell(problem, self.omega, self.damping, self.delay, self.proofs, near=near)
+
     def proved_again(self, problem: MixedProblem) -> Real | None:
         """Amplitudes that its proofs give, evaluated anew; None where they give none."""
         try:
-            return (
-                proved_cell(problem, self.omega, self.damping, self.delay, self.proofs).amplitude
-                if self.proofs
-                else None
-            )
+            return self._with(problem, self.near).amplitude if self.proofs else None
         except InputError:
             return None
 
@@ -244,43 +296,6 @@ class PoleCell(Frozen):
         """Return whether cells that lie inside leave out none of its poles, by their ends alone."""
         whole, parts = self.ends, [cell.ends for cell in cells]
         return all(lies_within(part, whole) for part in parts) and are_covered(whole, parts)
-
-
-def checked_box(
-    identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int
-) -> tuple[Real, Real, int]:
-    """Ends of a pole-uncertainty box and the delay of its pairs.
-
-    Raises
-    ------
-    InputError
-        Intervals that do not hold the poles of the identification, other bases than one pair per mode, records with
-        other than zero initial conditions.
-    """
-    problem = identification.problem
-    delay = delay if problem.dt else 0
-    poles = _modes(identification, delay)
-    omega, damping = _intervals(omega, damping, poles.size, problem.dt)
-    for record in problem.time:
-        if record.initial != "rest":
-            raise InputError(
-                f'`identification` has a time record with initial="{record.initial}": what poles in a pole-uncertainty'
-                " box do to its initial state is not bounded here; use a frequency response (`estimate_frf`) or a record"
-                " with zero initial conditions"
-            )
-    logs = exponents_of(poles, problem.dt)
-    for name, ends, own in (
-        ("omega_interval", omega, np.abs(logs)),
-        ("damping_interval", damping, -logs.real / np.abs(logs)),
-    ):
-        outside = (own < ends[:, 0] * (1 - 1e-9)) | (own > ends[:, 1] * (1 + 1e-9))
-        if np.any(outside):
-            mode = int(np.argmax(outside))
-            raise InputError(
-                f"`{name}` must hold the poles of `identification`, in their order. Mode {mode + 1} has {own[mode]:.9g}, got"
-                f" {ends[mode].tolist()}. Identify with poles in it first"
-            )
-    return omega, damping, delay
 
 
 def box_of(identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int) -> PoleCell:
@@ -301,6 +316,7 @@ def proved_cell(
     delay: int,
     proofs: Extractions | None = None,
     before: Extractions = (),
+    near: NDArray[np.bool_] | None = None,
 ) -> PoleCell:
     """Cell of modes in the order of the parametric part, with amplitudes that the samples prove; `proofs` as they are known.
 
@@ -313,73 +329,28 @@ def proved_cell(
     """
     own = _about(problem, omega, damping, delay)
     proofs = extractions_over(own, omega, damping, before) if proofs is None else proofs
-    largest = problem.entries.as_given(largest_amplitudes(own, omega, damping, proofs))
-    return PoleCell(omega, damping, largest, delay, problem.dt, proofs)
+    near = np.zeros(len(omega), bool) if near is None else near
+    largest = problem.entries.as_given(largest_amplitudes(own, omega, damping, proofs, near))
+    return PoleCell(omega, damping, largest, delay, problem.dt, proofs, near)
 
 
 def loaded_cell(
-    problem: MixedProblem, omega: Real, damping: Real, delay: int, multipliers: Sequence[Arrays]
+    problem: MixedProblem,
+    omega: Real,
+    damping: Real,
+    delay: int,
+    multipliers: Sequence[Arrays],
+    near: NDArray[np.bool_] | None = None,
 ) -> PoleCell:
     """Cell whose amplitudes known multipliers prove. ValueError for those of other entries or samples."""
     own = _about(problem, omega, damping, delay)
-    return proved_cell(problem, omega, damping, delay, extractions_of(own, omega, damping, multipliers))
+    return proved_cell(problem, omega, damping, delay, extractions_of(own, omega, damping, multipliers), near=near)
 
 
 def _about(problem: MixedProblem, omega: Real, damping: Real, delay: int) -> MixedProblem:
     """The statement with the pairs at the middle of a cell."""
     pairs = kautz(omega.mean(axis=1), damping.mean(axis=1), dt=problem.dt, delay=delay)
     return dataclasses.replace(problem, parametric=pairs, parameter_bounds=None)
-
-
-def _modes(identification: Identification, delay: int) -> Complex:
-    """The pole of every mode, in the upper half plane: in z, or in s in continuous time."""
-    problem = identification.problem
-    basis = problem.parametric
-    if basis is None:
-        raise InputError(
-            "`identification` has no parametric part, hence no poles that could lie in a pole-uncertainty box"
-        )
-    poles = basis.in_s().poles[np.imag(basis.poles) > 0]
-    if has_single_pairs(basis):
-        logs = exponents_of(poles, problem.dt)
-        pairs = kautz(np.abs(logs), -logs.real / np.abs(logs), dt=problem.dt, delay=delay).on(problem.plane)
-        count = delay + 4  # a pair has two functions of second order
-        if np.allclose(pairs.impulse(count), basis.impulse(count), rtol=1e-9, atol=1e-12):
-            return poles
-    if problem.prior.passive:
-        raise InputError(
-            "`identification` is of a passive class, beside which no pole-uncertainty box is bounded: leave its modes out and"
-            " choose a `decay` below their smallest damping times frequency, in rad/s; that class holds them wherever they lie"
-        )
-    raise InputError(
-        "`identification` must have one single `kautz` pair per mode in its parametric part"
-        + f", of the `delay` that is said here ({delay})" * bool(problem.dt)
-    )
-
-
-def has_single_pairs(basis: ParametricBasis | None) -> bool:
-    """Return whether functions may be one pair for each mode, whose poles a box could hold: no real or repeated ones."""
-    if basis is None:
-        return False
-    poles = basis.poles[np.imag(basis.poles) > 0]
-    return 0 < 2 * np.unique(poles).size == basis.size
-
-
-def _intervals(omega: ArrayLike | None, damping: ArrayLike | None, modes: int, dt: float) -> tuple[Real, Real]:
-    """The intervals, checked; None is refused as missing."""
-    omega, damping = as_array("omega_interval", omega, ndim=2), as_array("damping_interval", damping, ndim=2)
-    for name, ends in (("omega_interval", omega), ("damping_interval", damping)):
-        if ends.shape != (modes, 2):
-            raise InputError(
-                f"`{name}` must have one row (low, high) for each of the {modes} modes of `parametric` (one kautz pair each);"
-                f" got shape {ends.shape}"
-            )
-        if np.any(ends[:, 0] > ends[:, 1]) or np.any(ends <= 0):
-            raise InputError(f"`{name}` must hold positive ends, low <= high; got {ends.tolist()}")
-    if np.any(damping >= 1) or np.any(omega * dt >= np.pi):
-        rest = " and `omega_interval` below pi/dt" if dt else ""
-        raise InputError(f"`damping_interval` must lie below 1{rest}")
-    return omega, damping
 
 
 def _pole(omega: Real, damping: Real, dt: float) -> Complex:

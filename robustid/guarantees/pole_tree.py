@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _LITTLE = 1e-3  # of the error: the remainder of a cell that is left as it is
 _LESS = 0.97  # times the largest error of a cell: what that of its quarters has to be for more of them
+_SMALL = 0.2  # hyperbolic radius of a mode near a frequency: larger cells are halved before anything is solved
 _ENOUGH = 0.97  # times the largest error that the relaxed problems of cells reach: what a polygon need not be below
 
 
@@ -30,16 +32,21 @@ class Branch:
 
     Attributes
     ----------
-    found : RefutedCell, ConsistentSet or None
-        None: no sample says anything of all its poles at once.
     values : dict
         Polygons by frequency, rad/s.
     """
 
-    def __init__(self, cell: PoleCell, name: str, found: RefutedCell | ConsistentSet | None) -> None:
-        self.cell, self.name, self.found = cell, name, found
+    def __init__(
+        self, cell: PoleCell, name: str, look: Callable[[PoleCell], RefutedCell | ConsistentSet | None]
+    ) -> None:
+        self.cell, self.name, self._look = cell, name, look
         self.values: dict[float, tuple[ValueSet, ...]] = {}
         self.halves: dict[int, tuple[Branch, ...]] = {}
+
+    @functools.cached_property
+    def found(self) -> RefutedCell | ConsistentSet | None:
+        """Refutation of the cell, or the set of its relaxed problem; None: no sample says anything of all its poles at once."""
+        return self._look(self.cell)
 
     def kept(self, omega: float) -> KeptCell:
         """The cell with its values at a frequency; without any of one that is too wide."""
@@ -65,9 +72,20 @@ class PoleTree:
     ) -> None:
         self.problem, self.model, self._sides, self._budget = problem, model, sides, budget
         self.refuted: list[RefutedCell] = []
-        self.root = self._branch(whole, "cell-")
-        if self.refuted:
+        self._roots: dict[tuple[bool, ...], Branch] = {}
+        self.root = self._root(whole)
+        if isinstance(self.root.found, RefutedCell):
             raise self._refusal
+
+    def root_at(self, omega: float) -> Branch:
+        """The whole box, every mode expanded as its remainder at a frequency is smaller."""
+        return self._root(self.root.cell.about(self.problem, omega))
+
+    def _root(self, cell: PoleCell) -> Branch:
+        ways = tuple(cell.near.tolist())
+        if ways not in self._roots:
+            self._roots[ways] = self._branch(cell, "cell-" + "".join("in"[way] for way in ways) + "-")
+        return self._roots[ways]
 
     def cover(
         self,
@@ -84,15 +102,19 @@ class PoleTree:
         makes it smaller and there is time; None where there is none for the first ones, `start` or the whole box.
         """
         pieces, parents = Pieces(means.budget), dict[Branch, Branch]()
-        leaves, sizes = list(start) or [self.root], dict[Branch, float]()
+        leaves, sizes = list(start) or self._small(omega, most), dict[Branch, float]()
         for leaf in leaves:
             if not (pieces.begins() and self._valued(leaf, omega, means, self._enough(leaves, omega))):
                 return None
-            sizes[leaf] = self._size(leaf, omega, scale)
+        leaves = self._left(leaves)
+        sizes |= {leaf: self._size(leaf, omega, scale) for leaf in leaves}
         while len(leaves) < most and pieces.begins():
             worst = max(leaves, key=sizes.__getitem__)
             above = parents.get(worst)
+            mode = worst.cell.widest_at(omega)
             slack = float((worst.cell.slack(np.array([omega])) / scale).max())
+            # Near a mode the last term of the series, whose phase is free, is all that matters of a small cell.
+            slack /= worst.cell.radius[mode] if worst.cell.near[mode] else 1.0
             if slack < _LITTLE * sizes[worst] or (above in parents and sizes[worst] > _LESS * sizes[parents[above]]):
                 break
             halves, enough = self._halves(worst, omega), self._enough(leaves, omega)
@@ -101,15 +123,31 @@ class PoleTree:
             )  # then one that is too wide may be one without a margin
             if over or not halves or not all(self._valued(half, omega, means, enough) for half in halves):
                 break
-            halves = tuple(half for half in halves if not isinstance(half.found, RefutedCell))
-            leaves = [leaf for leaf in leaves if leaf is not worst] + list(halves)
-            sizes |= {half: self._size(half, omega, scale) for half in halves}
+            leaves = self._left([*(leaf for leaf in leaves if leaf is not worst), *halves])
+            sizes |= {half: self._size(half, omega, scale) for half in halves if half in leaves}
             parents |= dict.fromkeys(halves, worst)
-            if not leaves:
-                raise self._refusal
             if told is not None:
                 told(len(leaves))
         return leaves
+
+    def _small(self, omega: float, most: int) -> list[Branch]:
+        """So many parts of the box at most, as small as cells have to be near a frequency; nothing is solved."""
+        leaves = [self.root_at(omega)]
+        mode = self.root.cell.widest_at(omega)
+        while len(leaves) < most and leaves[0].cell.near[mode]:
+            widest = max(leaves, key=lambda leaf: leaf.cell.radius[mode])
+            halves = self._parts(widest, mode) if widest.cell.radius[mode] > _SMALL else ()
+            if not halves:
+                break
+            leaves = [*(leaf for leaf in leaves if leaf is not widest), *halves]
+        return leaves
+
+    def _left(self, leaves: Sequence[Branch]) -> list[Branch]:
+        """Leave out those that are refuted."""
+        left = [leaf for leaf in leaves if not isinstance(leaf.found, RefutedCell)]
+        if not left:
+            raise self._refusal
+        return left
 
     def _enough(self, leaves: Sequence[Branch], omega: float) -> float:
         """About the largest distance from the model that cells reach."""
@@ -125,15 +163,23 @@ class PoleTree:
         )
 
     def _branch(self, cell: PoleCell, name: str) -> Branch:
+        return Branch(cell, name, self._looked_at)
+
+    def _looked_at(self, cell: PoleCell) -> RefutedCell | ConsistentSet | None:
         found = looked_at(cell, self.problem, self._budget)
         if isinstance(found, RefutedCell):
             self.refuted.append(found)
-        return Branch(cell, name, found)
+        return found
 
     def _halves(self, branch: Branch, omega: float) -> tuple[Branch, ...]:
         """Halves of the mode that matters at a frequency; none where their amplitudes have no bound."""
         wide = branch.found is None
-        mode = branch.cell.widest(self.problem, np.array([omega])) if wide else branch.cell.widest_at(omega)
+        return self._parts(
+            branch, branch.cell.widest(self.problem, np.array([omega])) if wide else branch.cell.widest_at(omega)
+        )
+
+    def _parts(self, branch: Branch, mode: int) -> tuple[Branch, ...]:
+        """Halves of a mode."""
         if mode not in branch.halves:
             cells = branch.cell.split(self.problem, mode) or ()
             branch.halves[mode] = tuple(

@@ -47,13 +47,17 @@ class _Cell(TypedDict):
     amplitudes: tuple[Arrays, ...]
 
 
+class _NearCell(_Cell):
+    near: tuple[bool, ...]  # modes that are expanded in powers of an inner function
+
+
 class _Kept(TypedDict):
-    cell: _Cell
+    cell: _Cell | _NearCell
     values: Arrays
 
 
 class _Refuted(TypedDict):
-    cell: _Cell
+    cell: _Cell | _NearCell
     certificate: MarginCertificate
 
 
@@ -145,8 +149,12 @@ def _make_over_poles(
 ) -> WorstCaseOverPoles:
     problem, delay = identification.problem, as_count("delay", delay)
 
-    def loaded(cell: _Cell) -> PoleCell:
-        return loaded_cell(problem, *cell["ends"], delay, cell["amplitudes"])
+    def loaded(cell: _Cell | _NearCell) -> PoleCell:
+        omega, damping = cell["ends"]
+        near = np.array(cell["near"] if "near" in cell else np.zeros(len(omega)), dtype=bool)
+        if near.size != len(omega):
+            raise ValueError("its modes are not those of the cell")
+        return loaded_cell(problem, omega, damping, delay, cell["amplitudes"], near)
 
     cells = tuple(
         KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), loaded(item["cell"]))
@@ -164,8 +172,10 @@ def _make_over_poles(
     )
 
 
-def _cell(cell: PoleCell) -> _Cell:
-    return {"ends": (cell.omega, cell.damping), "amplitudes": tuple(_amplitudes(one) for one in cell.proofs)}
+def _cell(cell: PoleCell) -> _Cell | _NearCell:
+    amplitudes = tuple(_amplitudes(one) for one in cell.proofs)
+    plain: _Cell = {"ends": (cell.omega, cell.damping), "amplitudes": amplitudes}
+    return {**plain, "near": tuple(cell.near.tolist())} if cell.near.any() else plain
 
 
 def _own_nominal(result: Bounded) -> StateMatrices | None:

@@ -16,8 +16,8 @@ from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, refine,
 from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
 from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.guarantees.pole_cells import has_single_pairs
 from robustid.guarantees.pole_proofs import Cell
+from robustid.guarantees.stated_box import has_single_pairs
 from robustid.guarantees.sweep import Means, Processes
 from robustid.guarantees.value_set import Errors, SupportClaim, ValueSet, by_frequency, value_set_claims
 from robustid.identification import Identification, MixedProblem
