@@ -149,10 +149,13 @@ class Arcs(NamedTuple):
     bounds: list[str]
 
 
-def arcs_of(band: EntryBand, known: Known, omega: Real, target: Callable[[Real], Real], *, loop: bool) -> Arcs | None:
+def arcs_of(
+    band: EntryBand, known: Known, omega: Real, target: Callable[[Real], Real], *, loop: bool, least: float = 0.0
+) -> Arcs | None:
     """Return arcs between frequencies, halved until their bounds are close to what their ends say, or as small as is asked for.
 
-    `target`: the bounds that are asked for on arcs with these middles. None where an arc has no bound.
+    `target`: the bounds that are asked for on arcs with these middles. None where an arc has no bound. Bounds below `least`
+    need not be close.
     """
     at = Between(band, known.matrices, loop)
     angles = at.angles(omega)
@@ -160,7 +163,7 @@ def arcs_of(band: EntryBand, known: Known, omega: Real, target: Callable[[Real],
     for _ in range(_ROUNDS):
         asked = target((angles[:-1] + angles[1:]) / 2)
         with np.errstate(invalid="ignore"):
-            wide = (claims > _CLOSE * ends) | ((claims > asked) & (claims > _CLOSER * ends))
+            wide = (claims > _CLOSE * np.maximum(ends, least)) | ((claims > asked) & (claims > _CLOSER * ends))
         if not wide.any() or omega.size + wide.sum() > _MOST:
             break
         omega = np.union1d(omega, (omega[:-1] + omega[1:])[wide] / 2)
