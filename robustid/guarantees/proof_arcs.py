@@ -150,12 +150,19 @@ class Arcs(NamedTuple):
 
 
 def arcs_of(
-    band: EntryBand, known: Known, omega: Real, target: Callable[[Real], Real], *, loop: bool, least: float = 0.0
+    band: EntryBand,
+    known: Known,
+    omega: Real,
+    target: Callable[[Real], Real],
+    *,
+    loop: bool,
+    least: float = 0.0,
+    most: int = _MOST,
 ) -> Arcs | None:
     """Return arcs between frequencies, halved until their bounds are close to what their ends say, or as small as is asked for.
 
     `target`: the bounds that are asked for on arcs with these middles. None where an arc has no bound. Bounds below `least`
-    need not be close.
+    need not be close; no more than `most` knots are taken.
     """
     at = Between(band, known.matrices, loop)
     angles = at.angles(omega)
@@ -164,7 +171,7 @@ def arcs_of(
         asked = target((angles[:-1] + angles[1:]) / 2)
         with np.errstate(invalid="ignore"):
             wide = (claims > _CLOSE * np.maximum(ends, least)) | ((claims > asked) & (claims > _CLOSER * ends))
-        if not wide.any() or omega.size + wide.sum() > _MOST:
+        if not wide.any() or omega.size + wide.sum() > most:
             break
         omega = np.union1d(omega, (omega[:-1] + omega[1:])[wide] / 2)
         angles = at.angles(omega)

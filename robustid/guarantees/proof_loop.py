@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,7 +11,7 @@ from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.loop_bounds import LoopBounds
-from robustid.guarantees.proof_arcs import Arcs, Between, Known, arcs_of
+from robustid.guarantees.proof_arcs import Arcs, Known, arcs_of
 from robustid.guarantees.proof_question import NOT_YET
 from robustid.identification import as_system
 
@@ -19,6 +20,7 @@ _FEW = (
     20  # states up to which the margin of a controller is written: the checker inverts a matrix of them at every knot
 )
 _SMALL = 0.5  # of a peak: bounds of a map below that are not made close, at its zeros they would take thousands of arcs
+_KNOTS = 4000  # of a map, at most: each holds sums, and slow decays of a class ask for many
 
 Said = tuple[Known, Arcs, str]
 
@@ -59,9 +61,11 @@ def _factors(found: LoopBounds) -> Known:
 def _that_ran(found: LoopBounds) -> Iterator[Said]:
     for name, known in Known.maps_of(found.loop.factors, found.loop.back).items():
         peak, one = found.peaks[name].value, found.band.bands[0]
-        if Between(one, known.matrices, loop=False).claims(one.angles)[0].max() > peak * (1 + BEYOND):
-            continue  # the package knows more than the sums: no arc is short enough
-        arcs = _below(one, known, peak, loop=False, least=_SMALL * peak)
+        asked, omega = (
+            functools.partial(np.full_like, fill_value=peak),
+            one.angles / float(found.band.problem.dt or 1.0),
+        )
+        arcs = arcs_of(one, known, omega, asked, loop=False, least=_SMALL * peak, most=_KNOTS)
         if arcs is not None and _largest(arcs) <= peak * (1 + BEYOND):
             yield known, arcs, "arcs"
 
@@ -90,9 +94,9 @@ def _further(found: LoopBounds, known: Known) -> Iterator[Said]:
             yield grown, arcs, "loop"
 
 
-def _below(one: EntryBand, known: Known, peak: float, *, loop: bool = True, least: float = 0.0) -> Arcs | None:
+def _below(one: EntryBand, known: Known, peak: float, *, loop: bool = True) -> Arcs | None:
     omega = one.angles / float(one.samples.problem.dt or 1.0)
-    return arcs_of(one, known, omega, lambda middle: np.full(middle.size, peak), loop=loop, least=least)
+    return arcs_of(one, known, omega, lambda middle: np.full(middle.size, peak), loop=loop)
 
 
 def _largest(arcs: Arcs) -> float:

@@ -21,7 +21,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "continuous_time": (),
     "controller_levitation": (),
     "controller_motor": (),
-    "controller_stage": (),
+    "controller_stage": ("as this package does",),
     "flexible_structure": (),
     "motor_torsion": ("at rest",),
     "passive_beam": ("bounds a passive class",),
