@@ -1,13 +1,16 @@
-"""Scores of a watch over measured records: the steering mirror at two voltages, three experiments of it a record.
+"""Scores of a watch over measured records: the steering mirror at two voltages, three experiments of it a record, or one.
 
-Run: ROBUSTID_DATA=FOLDER python benchmarks/watch_measured.py   # about four minutes
+Run: ROBUSTID_DATA=FOLDER python benchmarks/watch_measured.py   # about six minutes
 
-Every third line of the excitation from 400 to 2500 Hz would do; one in eight is taken. A band of one record holds its own noise
-alone; a band of two, for the next record, holds what the piezo adds from one random phase to the next.
+Every third line of the excitation from 400 to 2500 Hz would do; one in eight is taken. A band of three experiments holds its own
+noise alone; a band of two such records, for the next one, holds what the piezo adds from one random phase to the next. By the local
+method a single experiment, all inputs at the same time, is a record: nine of each voltage, and neighbouring lines show what the
+piezo adds. Its false alarms are counted in random orders of the nine: rearrangements of one data set, not new records.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import os
 from pathlib import Path
@@ -15,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import robustid as rid
+from robustid.guarantees.drift import drift
 
 LINES = np.arange(512, 3201, 8)
 PERIOD = 8192
@@ -39,6 +43,41 @@ def response(groups: list[list[rid.TimeRecord]], about: str) -> rid.FrequencyRes
     return rid.estimate_frf([one for group in groups for one in group], period=PERIOD, lines=LINES, about=about)
 
 
+def experiments(voltage: int) -> list[rid.FrequencyResponse]:
+    """The responses of the nine experiments of a voltage, each alone, by the local method."""
+    alone = [dataclasses.replace(one, initial="free") for group in records(voltage).values() for one in group]
+    return [rid.estimate_frf(one, method="local", lines=2 * LINES) for one in alone]
+
+
+def by_experiments(orders: int = 200) -> None:
+    """Print scores of every experiment under the band of one, and alarms of a drift in random orders of the same voltage."""
+    own, rng = {voltage: experiments(voltage) for voltage in (200, 300)}, np.random.default_rng(0)
+    alarms = {rate: [0, 0, 0] for rate in (0.002, 0.01, 0.05, 0.2)}
+    for voltage, other in ((200, 300), (300, 200)):
+        for k, band in enumerate(own[voltage]):
+            watched = rid.watch(band)
+            for one in [*own[voltage][:k], *own[voltage][k + 1 :], *own[other]]:
+                watched = watched.update(one)
+            scores, refuted = np.array([one.score for one in watched.history]), len(watched.refuted)
+            same, away = scores[:8], scores[8:]
+            said = f"same {same.min():.2f} to {same.max():.2f}, other {away.min():.2f} to {away.max():.2f}"
+            wrong = sum(one.refuted is not None for one in watched.history[:8])
+            print(
+                f"band of experiment {k + 1} at {voltage} mV: {said}; refuted {refuted}, {wrong} of the same",
+                flush=True,
+            )
+            for _ in range(orders):
+                mixed, next_ones = rng.permutation(same), rng.permutation(away)
+                for rate, count in alarms.items():
+                    count[0] += int(drift(mixed[:2], mixed[2:], rate).alarms.sum())
+                    count[1] += 6
+                    count[2] += bool(drift(mixed, next_ones, rate).alarms.any())
+    for rate, (false, seen, found) in alarms.items():
+        print(
+            f"rate {rate}: {false} alarms in {seen} records of the same voltage; of the other one found in {found} orders"
+        )
+
+
 def main() -> None:
     """Print the scores of every record under bands of one, and of two, of its own voltage and of the other."""
     own = {voltage: records(voltage) for voltage in (200, 300)}
@@ -60,4 +99,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    by_experiments()
     main()

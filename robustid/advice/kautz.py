@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,10 @@ from robustid.advice.pole_fit import (
     BELOW,
     DAMPING,
     LineData,
+    StepClock,
     best_start,
     find_poles,
+    line_data,
     ratios,
     refine_beside,
     residual_rows,
@@ -22,10 +24,18 @@ from robustid.advice.pole_fit import (
     told_apart,
     wanted_in_basis,
 )
-from robustid.advice.pole_interval import bounded_by_shown, damped_outside, pole_interval, shown_in, with_shown
+from robustid.advice.pole_interval import (
+    PoleBox,
+    bounded_by_shown,
+    damped_outside,
+    mode_intervals,
+    pole_interval,
+    shown_in,
+    with_shown,
+)
 from robustid.advice.real_poles import RealPoles, explain_more, over_decades, slow_poles
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, Plane, Real, as_count, as_positive, freeze, hz_scale, hz_words, one_thread, plane_of
+from robustid.core import Frozen, Real, as_count, as_positive, freeze, hz_scale, hz_words, one_thread, plane_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import told_apart_of
@@ -116,6 +126,7 @@ def suggest_kautz(
     modes: int | None = None,
     delay: int | None = None,
     repeat: int = 1,
+    time_limit: float | None = None,
 ) -> KautzSuggestion:
     """Find the lightly damped modes of a frequency response and the pole positions that its bounds leave.
 
@@ -141,6 +152,8 @@ def suggest_kautz(
         which the fewest real poles keep to the bounds.
     repeat : int
         Multiplicity of each pole in `basis` (see `kautz`).
+    time_limit : float, optional
+        Seconds, five at least: modes are not found by halves.
 
     Returns
     -------
@@ -148,6 +161,8 @@ def suggest_kautz(
 
     Raises
     ------
+    SizeError
+        A further mode, or the interval of one, would take longer than what is left of the time.
     InputError
         Too few frequency points for the modes asked, frequencies above pi/dt.
     InputTypeError
@@ -185,7 +200,8 @@ def suggest_kautz(
             f"`modes` = {wanted}: {fit.angle.size} frequency points can't tell more than {fit.room} modes from a smooth"
             " remainder; ask for fewer modes, or give more frequency points"
         )
-    poles, reason = find_poles(fit, wanted)
+    clock = StepClock(fit, time_limit)
+    poles, reason = find_poles(fit, wanted, clock)
     decades, lowest = None, float(frf.omega[frf.omega > 0].min(initial=np.inf))
     if wanted is None and not fit.plane.dt:
         decades = over_decades(frf)
@@ -195,7 +211,9 @@ def suggest_kautz(
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     poles, kept, words = _kept(fit, poles, shown, wanted is not None)
     reason += words
-    boxes = [bounded_by_shown(pole_interval(fit, poles, i), poles[i], shown, fit.angle) for i in kept.tolist()]
+    boxes = [
+        bounded_by_shown(box, poles[i], shown, fit.angle) for i, box in _intervals(fit, poles, kept.tolist(), clock)
+    ]
     if wanted is None:
         seen = [k for k, box in enumerate(boxes) if box.ends[1, 1] < DAMPING[1] * (1 - 1e-6)]
         if len(seen) < len(kept):
@@ -248,6 +266,12 @@ def suggest_kautz(
         delay=chosen,
         reason=reason,
     )
+
+
+def _intervals(fit: LineData, poles: Real, kept: Sequence[int], clock: StepClock) -> Iterator[tuple[int, PoleBox]]:
+    for k, which in enumerate(kept):
+        clock.check(f"{k} of {len(kept)} intervals of modes")
+        yield which, pole_interval(fit, poles, which)
 
 
 def _kept(fit: LineData, poles: Real, shown: Real, every: bool) -> tuple[Real, NDArray[np.int_], str]:
@@ -348,19 +372,6 @@ def further_mode(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[fl
     return float(one[0]), float(zeta[0])
 
 
-def mode_intervals(edges: Real, plane: Plane) -> Real:
-    """Ends of natural frequencies and dampings, (M, 2, 2), of intervals of the poles in z (angle and damping there).
-
-    In continuous time those of the four corners of every box, and of the middles of its sides.
-    """
-    if plane.dt:
-        return edges / np.array([plane.dt, 1.0])[:, None]
-    parts = np.array([0.0, 0.5, 1.0])
-    turn, damping = (edges[:, k, :1] + np.diff(edges[:, k]) * parts for k in (0, 1))
-    corners = plane.modes(*(np.broadcast_arrays(turn[:, :, None], damping[:, None])))
-    return np.stack([np.stack([part.min(axis=(1, 2)), part.max(axis=(1, 2))], axis=1) for part in corners], axis=1)
-
-
 def _checked(frf: object, dt: float | None) -> LineData:
     if not isinstance(frf, FrequencyResponse):
         raise InputTypeError(
@@ -381,20 +392,3 @@ def _checked(frf: object, dt: float | None) -> LineData:
             f"`frf` has {frf.omega.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
         )
     return data
-
-
-def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
-    """Frequency points of all, in order, without entries that are zero throughout."""
-    angle = plane.angles(np.concatenate([f.omega for f in frfs]))
-    order = np.argsort(angle, kind="stable")
-    measured = np.concatenate([~f.missing for f in frfs]).reshape(angle.size, -1)[order]
-    value = np.concatenate([f.values for f in frfs]).reshape(angle.size, -1)[order]
-    value = np.where(measured, value, 0.0)
-    size = np.abs(value)
-    bound = np.maximum(0.05 * size, 1e-6 * size.max(axis=0))
-    if all(f.bound is not None for f in frfs):
-        bound = np.concatenate([f.bound.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
-    bound, seen = np.where(measured, bound, np.inf), size.max(axis=0) > 0
-    if size.shape[1] == 1:
-        return LineData(angle[order], value[:, 0], bound[:, 0], plane)
-    return LineData(angle[order], value[:, seen], bound[:, seen], plane)

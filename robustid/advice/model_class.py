@@ -215,7 +215,7 @@ def _from_data(data: MixedProblem, delay: int | None, budget: Budget) -> tuple[l
                 f'`time` has a record with initial="{record.initial}": what poles in a pole-uncertainty box do to its initial'
                 " state is not bounded; leave it out here, or give the `modes` that you know"
             )
-    found = suggest_kautz(frf, delay=delay)
+    found = suggest_kautz(frf, delay=delay, time_limit=budget.seconds)
     parts = _box_parts(data, found, "", budget, first=True)
     for count in (found.omega.size - 1, found.omega.size + 1):
         if count < 1:
@@ -224,7 +224,10 @@ def _from_data(data: MixedProblem, delay: int | None, budget: Budget) -> tuple[l
             parts.append(_Part(count, 1, None, None, (), late=True))
             continue
         try:
-            other = suggest_kautz(frf, modes=count, delay=found.delay)
+            other = suggest_kautz(frf, modes=count, delay=found.delay, time_limit=budget.seconds)
+        except SizeError:  # no time
+            parts.append(_Part(count, 1, None, None, (), late=True))
+            continue
         except InputError:  # more modes than the frequency points can tell
             continue
         parts += _box_parts(data, other, _why_not(other, found), budget)

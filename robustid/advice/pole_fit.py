@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Plane, Projection, Real, projected
+from robustid.core import Complex, Plane, Projection, Real, as_positive, projected
+from robustid.data import FrequencyResponse
+from robustid.errors import Remedy, SizeError
 
 _log = logging.getLogger("robustid")
 
@@ -28,6 +32,9 @@ _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DELAYS = range(4)  # samples
 BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
 _ONE = 0.01  # half-widths between two poles, below which they are one
+_PLACES = 400  # of a resonance on the grid of poles, at most
+_PER_SECOND = 4e6  # places at a frequency point of an entry, in the search for a mode: as measured
+_PATIENCE = 5.0  # seconds that a search may take in any case
 _SLOW = 0.7  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
 
 
@@ -66,6 +73,47 @@ class LineData:
         """Complex columns as real rows in units of the bounds."""
         weighted = columns / self.bound[:, None]
         return np.concatenate([weighted.real, weighted.imag])
+
+
+def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
+    """Frequency points of all, in order, without entries that are zero throughout."""
+    angle = plane.angles(np.concatenate([f.omega for f in frfs]))
+    order = np.argsort(angle, kind="stable")
+    measured = np.concatenate([~f.missing for f in frfs]).reshape(angle.size, -1)[order]
+    value = np.concatenate([f.values for f in frfs]).reshape(angle.size, -1)[order]
+    value = np.where(measured, value, 0.0)
+    size = np.abs(value)
+    bound = np.maximum(0.05 * size, 1e-6 * size.max(axis=0))
+    if all(f.bound is not None for f in frfs):
+        bound = np.concatenate([f.bound.outer_radius for f in frfs]).reshape(angle.size, -1)[order]
+    bound, seen = np.where(measured, bound, np.inf), size.max(axis=0) > 0
+    if size.shape[1] == 1:
+        return LineData(angle[order], value[:, 0], bound[:, 0], plane)
+    return LineData(angle[order], value[:, seen], bound[:, seen], plane)
+
+
+class StepClock:
+    """Time of a search for modes: a step that would end after the limit is refused.
+
+    A step is expected to take as long as the longest one before, the first one by its number of multiplications.
+    """
+
+    def __init__(self, data: LineData, time_limit: float | None) -> None:
+        self._limit = None if time_limit is None else as_positive("time_limit", time_limit)
+        self._entries, self._lines = len(data.measured), min(data.angle.size, _MOST_LINES)
+        self._longest = self._entries * self._lines * min(8 * self._lines, _PLACES) / _PER_SECOND
+        self._start = self._last = time.monotonic()
+
+    def check(self, found: str) -> None:
+        """Refuse the step that follows, and say what was found, where its time is longer than what is left."""
+        now = time.monotonic()
+        self._longest, self._last = max(self._longest, now - self._last), now
+        if self._limit is not None and now - self._start + self._longest > max(self._limit, _PATIENCE):
+            raise SizeError(
+                f"`frf` has {self._entries} entries of {self._lines} frequency points: {found} after {now - self._start:.3g} s,"
+                f" and the next step takes about {self._longest:.2g} s, `time_limit` is {self._limit:g} s. ",
+                Remedy({}, "Take single entries, frf.entry(output, input), fewer points, frf.select, or more time"),
+            )
 
 
 def pole_pair(angle: Real, pole: Real, power: int = 1) -> Complex:
@@ -136,7 +184,7 @@ def ratios(rows: Real) -> Real:
     return np.hypot(rows[:half], rows[half:])
 
 
-def find_poles(data: LineData, wanted: int | None) -> tuple[Real, str]:
+def find_poles(data: LineData, wanted: int | None, clock: StepClock) -> tuple[Real, str]:
     """Poles (log angle, log damping) one after the other, all refined together after each."""
     data = data.select(slice(None, None, -(-data.angle.size // _MOST_LINES)))
     poles = np.zeros((0, 2))
@@ -152,6 +200,7 @@ def find_poles(data: LineData, wanted: int | None) -> tuple[Real, str]:
         if len(poles) >= most:
             why = "as many as were asked for" if len(poles) == wanted else "as many as are looked for"
             return poles, f"{_count(poles)}, {why}; {fits}"
+        clock.check(f"{_count(poles)} found")
         further = refine(np.vstack([poles, best_start(poles, data)]), data)
         after = residual_rows(further, data)
         gain = float(before @ before - after @ after)
@@ -182,7 +231,7 @@ def best_start(poles: Real, data: LineData) -> Real:
     """The pole on a grid whose pair removes most of the residual."""
     lines = data.angle.size
     # Between the frequency points too: the resonance of a light mode usually lies there.
-    place = np.interp(np.linspace(0, lines - 1, min(8 * lines, 400)), np.arange(lines), data.angle)
+    place = np.interp(np.linspace(0, lines - 1, min(8 * lines, _PLACES)), np.arange(lines), data.angle)
     place = place[(place > 0) & (place < np.pi)]
     best, where = -np.inf, np.zeros(2)
     entries = [(one, _projected(one, poles), there) for one, there in zip(data.each, data.measured, strict=True)]

@@ -174,6 +174,19 @@ def pole_interval(data: LineData, poles: Real, which: int) -> PoleBox:
     return PoleBox(np.exp(box.T), level, reached, share, _linear_estimate(local, centre, data.plane))
 
 
+def mode_intervals(edges: Real, plane: Plane) -> Real:
+    """Ends of natural frequencies and dampings, (M, 2, 2), of intervals of the poles in z (angle and damping there).
+
+    In continuous time those of the four corners of every box, and of the middles of its sides.
+    """
+    if plane.dt:
+        return edges / np.array([plane.dt, 1.0])[:, None]
+    parts = np.array([0.0, 0.5, 1.0])
+    turn, damping = (edges[:, k, :1] + np.diff(edges[:, k]) * parts for k in (0, 1))
+    corners = plane.modes(*(np.broadcast_arrays(turn[:, :, None], damping[:, None])))
+    return np.stack([np.stack([part.min(axis=(1, 2)), part.max(axis=(1, 2))], axis=1) for part in corners], axis=1)
+
+
 def _linear_estimate(fits: Sequence[_Local], pole: Real, plane: Plane) -> Real:
     """Logarithms of natural frequency and damping by local least squares, and how far errors as large as the bounds move each.
 

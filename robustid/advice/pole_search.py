@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.advice.kautz import KautzSuggestion, line_data, mode_intervals
+from robustid.advice.kautz import KautzSuggestion
 from robustid.advice.moving_pairs import MovingPairs, moved_samples, pairs_of, units
-from robustid.advice.pole_interval import pole_interval
+from robustid.advice.pole_fit import line_data
+from robustid.advice.pole_interval import mode_intervals, pole_interval
 from robustid.core import (
     Budget,
     Choice,

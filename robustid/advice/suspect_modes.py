@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.advice.kautz import line_data
-from robustid.advice.pole_fit import ratios, residual_rows
+from robustid.advice.pole_fit import line_data, ratios, residual_rows
 from robustid.core import Real, hz_words, plane_of
 from robustid.data import Fault, FaultKind, FrequencyResponse
 from robustid.estimation import leaving_out

@@ -88,6 +88,47 @@ class Known(NamedTuple):
         D = [[self.D[0][0] + (1 - k) * Dm[0][0] * d], [k * d], [Fraction(0)]]
         return self._replace(A=A, B=self.B + [[into[0] * d] for into in Bm], C=C, D=D)
 
+    def behind(self, factors: StateMatrices) -> Self:
+        """Return a' and b' of a u + b y = (a' + b' R) x, c = 0, of a plant that was measured in a loop: [u; y] = M [x; R x].
+
+        `factors`: the matrix M of that loop. Functions of one input are transposed: M^T [a; b].
+        """
+        n = len(factors.A)
+        shapes = (n, n), (n, 2), (2, n), (2, 2)
+        Am, Bm, Cm, Dm = (
+            np.array(one, dtype=object).reshape(shape).T for one, shape in zip(_scaled(factors), shapes, strict=True)
+        )
+        C, D = (
+            np.array(one[:2], dtype=object).reshape(2, width) for one, width in ((self.C, len(self.A)), (self.D, 1))
+        )
+        A = [row + [Fraction(0)] * len(Am) for row in self.A]
+        A += [[*into, *row] for into, row in zip((Cm @ C).tolist(), Am.tolist(), strict=True)]
+        if len(A) > MOST_STATES:
+            raise InputError(NOT_YET.format(f"functions of {len(A)} states, of {MOST_STATES} possible, take part"))
+        after = [[*own, *through] for own, through in zip((Dm @ C).tolist(), Bm.tolist(), strict=True)]
+        none = [[Fraction(0)] * len(A)], [[Fraction(0)]]
+        return self._replace(A=A, B=self.B + (Cm @ D).tolist(), C=after + none[0], D=(Dm @ D).tolist() + none[1])
+
+    @classmethod
+    def maps_of(cls, factors: StateMatrices, back: StateMatrices) -> dict[str, Self]:
+        """Return a and b of the maps a + b R of the loop that ran, of one input and one output, by their names.
+
+        `factors`: M, whose answer [u; y] to x = D r of an excitation r at the input of the plant, or N d of one at its output, is
+        linear in R; [D, N]: the first row of its inverse, `back`, transposed here.
+        """
+        Am, Bm, Cm, Dm = _scaled(back)
+        A, B = [list(row) for row in zip(*Am, strict=True)], [[one] for one in Cm[0]]
+        (D, N), none = [[row[k] for row in Bm] for k in (0, 1)], [Fraction(0)] * len(Am)
+        (d, n), zero = Dm[0], Fraction(0)
+        given = {
+            "sensitivity": ([D, none], [[d], [zero]]),
+            "complementary_sensitivity": ([none, N], [[zero], [n]]),
+            "process_sensitivity": ([none, D], [[zero], [d]]),
+            "control_sensitivity": ([N, none], [[n], [zero]]),
+        }
+        found = {name: cls(A, B, *rows).behind(factors) for name, rows in given.items()}
+        return {name: one._replace(C=one.C[:2], D=one.D[:2]) for name, one in found.items()}
+
     @property
     def text(self) -> Record:
         """The functions as a file has them."""
@@ -108,10 +149,20 @@ class Arcs(NamedTuple):
     bounds: list[str]
 
 
-def arcs_of(band: EntryBand, known: Known, omega: Real, target: Callable[[Real], Real], *, loop: bool) -> Arcs | None:
+def arcs_of(
+    band: EntryBand,
+    known: Known,
+    omega: Real,
+    target: Callable[[Real], Real],
+    *,
+    loop: bool,
+    least: float = 0.0,
+    most: int = _MOST,
+) -> Arcs | None:
     """Return arcs between frequencies, halved until their bounds are close to what their ends say, or as small as is asked for.
 
-    `target`: the bounds that are asked for on arcs with these middles. None where an arc has no bound.
+    `target`: the bounds that are asked for on arcs with these middles. None where an arc has no bound. Bounds below `least`
+    need not be close; no more than `most` knots are taken.
     """
     at = Between(band, known.matrices, loop)
     angles = at.angles(omega)
@@ -119,8 +170,8 @@ def arcs_of(band: EntryBand, known: Known, omega: Real, target: Callable[[Real],
     for _ in range(_ROUNDS):
         asked = target((angles[:-1] + angles[1:]) / 2)
         with np.errstate(invalid="ignore"):
-            wide = (claims > _CLOSE * ends) | ((claims > asked) & (claims > _CLOSER * ends))
-        if not wide.any() or omega.size + wide.sum() > _MOST:
+            wide = (claims > _CLOSE * np.maximum(ends, least)) | ((claims > asked) & (claims > _CLOSER * ends))
+        if not wide.any() or omega.size + wide.sum() > most:
             break
         omega = np.union1d(omega, (omega[:-1] + omega[1:])[wide] / 2)
         angles = at.angles(omega)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Complex, Real, Record, StateMatrices, response_at
+from robustid.core import Complex, Real, Record, StateMatrices
 from robustid.errors import InputError, Status
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.consistent_set import ConsistentSet
@@ -25,6 +25,7 @@ from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
 from robustid.guarantees.loop_bounds import LoopBounds
 from robustid.guarantees.proof_arcs import MOST_STATES, Arcs, Known, arcs_of
 from robustid.guarantees.proof_factors import MOST_POWERS, InKernels, in_kernels
+from robustid.guarantees.proof_loop import BEYOND, statements_of
 from robustid.guarantees.proof_passive import scattering_of
 from robustid.guarantees.proof_question import (
     NOT_YET,
@@ -39,18 +40,14 @@ from robustid.guarantees.proof_question import (
 )
 from robustid.guarantees.value_set import ValueSet
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem, SupportCertificate, as_system, identify
+from robustid.identification import Identification, MixedProblem, SupportCertificate, identify
 from robustid.identification.formulation import Formulation
 
 VERSION = 1
 _WIDER = 1 + 1e-9  # a stated radius of a parameter over the proved one; claims are widened by ten times as much
 _ROOM = 1e-9  # of the gain bound, and of the value: what a support by multipliers in double precision is widened by
-_BEYOND = 1e-6  # of the largest support at a frequency, what functions that a form leaves out may cost more in a file
 _SHORT = (
     'its form leaves out functions that cost {:.1g} of its bounds in a file; take `form="auto"`, which leaves out less'
-)
-_FEW = (
-    20  # states up to which the margin of a controller is written: the checker inverts a matrix of them at every knot
 )
 _DROPPED = 1e-12  # singular values of multipliers, relative, that are left out: they cost their part of the residual
 _KEPT, _MOST = 1e9, 4096  # of a bound, what reflection coefficients leave out; how many of them
@@ -65,9 +62,9 @@ def proof_text(result: object) -> str:
         Of one input and one output, of a class without a weight; records from rest, in discrete time and beside exact poles. Of a
         band, over a pole-uncertainty box too, the discs of its sums at its frequencies and, in discrete time around a model of at
         most 64 states, bounds of its error on the whole axis; of bounds at exact poles the supports of their polygons; of a loop in
-        discrete time with a controller that every consistent plant is stabilised, and peaks and margins on the whole axis (a plant
-        measured in open loop); of an identification the system that fits, or that none does, of passive classes that of
-        S = (F - r)/(F + r).
+        discrete time with a controller that every consistent plant is stabilised, and peaks and margins on the whole axis (of a
+        plant measured in a loop peaks with the controller that ran, stability with others); of an identification the system that
+        fits, or that none does, of passive classes that of S = (F - r)/(F + r).
 
     Returns
     -------
@@ -132,58 +129,11 @@ def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Record, Record]
 
 
 def _of_loop(found: LoopBounds) -> str:
-    """Worst cases of a controller of a plant that was measured in open loop, on the whole axis: of the sensitivity, and others."""
     check_expressed(found.band.problem)
-    if not found.band.problem.dt:
-        raise InputError(NOT_YET.format("it is a loop in continuous time"))
-    if not found.in_open_loop:
-        raise InputError(NOT_YET.format("its plant was measured in a loop"))
-    if not found.guaranteed or not np.isfinite(peak := found.peaks["sensitivity"].value):
-        raise InputError(NOT_YET.format("its controller is not proved to stabilise every consistent plant"))
-    one, dt = found.band.bands[0], float(found.band.problem.dt or 1.0)
-    controller = StateMatrices.of(as_system("controller", found.controller)[0].model(dt))
-    size = np.abs(response_at(controller, np.exp(1j * one.angles))[:, 0, 0] * one.centre)
-    crossing = int(np.argmin(np.abs(np.log(np.maximum(size, np.finfo(float).tiny)))))
-    known = Known.loop_of(controller, float(np.abs(one.centre[crossing])), dt)
-    arcs = _below(one, known, peak)
-    if arcs is None:
-        raise InputError(NOT_YET.format("its sums do not say on every arc that its loop is stable"))
-    proofs = [_arcs(one, known, arcs, "loop"), *_further(found, known)]
+    one = found.band.bands[0]
+    proofs = [_arcs(one, *said) for said in statements_of(found)]
     statements, evidence = map(list, zip(*proofs, strict=True))
     return _file(found.band.problem, one.extraction, statements, evidence)
-
-
-def _further(found: LoopBounds, known: Known) -> Iterator[tuple[Record, Record]]:
-    """Statements on the peaks of C S and T and the disk margin, where the sums bound them as this package does."""
-    one, size = found.band.bands[0], 1 + _BEYOND / 2
-    peak = found.peaks["control_sensitivity"].value
-    if (arcs := _below(one, known.control, peak)) is not None and _largest(arcs) <= peak * (1 + _BEYOND):
-        yield _arcs(one, known.control, arcs, "loop")
-    for x, y, peak in (
-        (-1.0, 1.0, found.peaks["complementary_sensitivity"].value),
-        (1.0, -0.5, 1 / found.margins.disk),
-    ):
-        if abs(y) / size <= peak <= abs(y) * size:
-            continue
-        apart, loop = known.within(x, y, peak * size), peak > abs(y)
-        if (arcs := _below(one, apart, 1.0, loop=loop)) is not None and _largest(arcs) <= 1:
-            yield _arcs(one, apart, arcs._replace(bounds=["1"] * len(arcs.bounds)), "loop" if loop else "arcs")
-    if found.stability is None or found.band.model is None:
-        return
-    model = StateMatrices.of(found.band.model)
-    if len(model.A) + len(known.A) <= _FEW and 1 < (factor := found.stability.margin) < np.inf:
-        grown = known.grown(model, factor * (1 - _BEYOND))
-        if (arcs := _below(one, grown, 0.0)) is not None:
-            yield _arcs(one, grown, arcs, "loop")
-
-
-def _below(one: EntryBand, known: Known, peak: float, *, loop: bool = True) -> Arcs | None:
-    omega = one.angles / float(one.samples.problem.dt or 1.0)
-    return arcs_of(one, known, omega, lambda middle: np.full(middle.size, peak), loop=loop)
-
-
-def _largest(arcs: Arcs) -> float:
-    return max(map(float, arcs.bounds))
 
 
 def _arcs(one: EntryBand, known: Known, arcs: Arcs, kind: str) -> tuple[Record, Record]:
@@ -234,12 +184,12 @@ def _supports(consistent: ConsistentSet, one: ValueSet) -> Iterator[tuple[Record
     """Statement and evidence of every side of a polygon."""
     posed = consistent.posed_at(one.omega)
     functions = in_kernels(posed, (one.omega,))
-    most = _BEYOND * float(np.abs(one.support).max())
+    most = BEYOND * float(np.abs(one.support).max())
     for angle, support, proof in zip(one.directions.tolist(), one.support.tolist(), one.certificates, strict=True):
         turn = complex(np.exp(-1j * angle))
         beyond = _beyond(posed, one, turn, proof)
         if beyond > most:
-            raise InputError(NOT_YET.format(_SHORT.format(beyond / most * _BEYOND)))
+            raise InputError(NOT_YET.format(_SHORT.format(beyond / most * BEYOND)))
         value = support + _ROOM * (abs(support) + posed.problem.prior.gain_bound) + beyond
         yield (
             {"kind": "support", "omega": repr(one.omega), "direction": decimal(turn), "value": repr(value)},

@@ -5,9 +5,9 @@ import pytest
 import scipy.optimize
 
 import robustid as rid
-from robustid.advice import pole_fit
-from robustid.advice.kautz import line_data
+from robustid.advice import pole_fit, suggest_kautz
 from robustid.core import ZPlane
+from robustid.errors import SizeError
 
 pytestmark = pytest.mark.quick
 
@@ -17,7 +17,7 @@ POLES = np.log([[0.56, 0.12], [1.108, 0.005]])  # angle and damping, near those 
 @pytest.fixture(scope="module")
 def data():
     frf = rid.datasets.flexible_structure(lines=40, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
-    return line_data([frf], ZPlane(frf.dt))
+    return pole_fit.line_data([frf], ZPlane(frf.dt))
 
 
 def test_pairs_change_as_their_differences_say():
@@ -65,7 +65,26 @@ def test_modes_that_are_small_beside_others_are_found(seed):
     )
     noise = 0.01 * np.exp(2j * np.pi * rng.random(600)) * np.sqrt(rng.random(600))
     small = rid.FrequencyResponse(angle, values + noise, bound=0.01, dt=1.0)
-    poles, reason = pole_fit.find_poles(line_data([small], ZPlane(1.0)), None)
+    data = pole_fit.line_data([small], ZPlane(1.0))
+    poles, reason = pole_fit.find_poles(data, None, pole_fit.StepClock(data, None))
     found = np.exp(poles[np.argsort(poles[:, 0])])
     assert len(found) == 4, reason
     np.testing.assert_allclose(found[:, 0], [0.5, 1.0, 1.8, 2.5], rtol=0.01)
+
+
+def test_a_search_that_takes_longer_than_its_limit_is_refused_before_it_begins():
+    """A mode of 400 entries takes 8 s; the first step is expected by its number of multiplications."""
+    values = np.random.default_rng(0).normal(size=(200, 100, 4)) + 0j
+    large = rid.FrequencyResponse(np.linspace(0.01, 3, 200), values, bound=0.1, dt=1.0)
+    with pytest.raises(SizeError, match=r"400 entries of 200 frequency points: 0 modes found .* about 8 s.* is 6 s"):
+        suggest_kautz(large, time_limit=6.0)
+
+
+def test_a_step_is_refused_that_ends_after_the_limit_if_it_takes_as_long_as_the_longest_before(data, monkeypatch):
+    times = iter((0.0, 0.0, 2.0, 5.0, 7.5))
+    monkeypatch.setattr(pole_fit.time, "monotonic", lambda: next(times))
+    clock = pole_fit.StepClock(data, 10.0)
+    for _ in range(3):
+        clock.check("fewer modes")
+    with pytest.raises(SizeError, match=r"3 modes after 7.5 s, and the next step takes about 3 s"):
+        clock.check("3 modes")

@@ -10,7 +10,7 @@ import scipy.special
 
 import robustid as rid
 from robustid.advice import suggest_kautz
-from robustid.advice.kautz import line_data
+from robustid.advice.pole_fit import line_data
 from robustid.advice.pole_interval import _linear_estimate, _local_fit
 from robustid.advice.setups import _between, _Box, _matched
 from robustid.core import plane_of

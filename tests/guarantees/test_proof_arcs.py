@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import StateMatrices
+from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
 from robustid.guarantees import Band, proof_text
 from robustid.guarantees.proof_arcs import Known
@@ -249,9 +249,48 @@ def test_loops_that_are_not_expressed_are_refused_with_their_reason():
     unstable = rid.loop_bounds(band, controller=-1e6 * controller_for(band))
     with pytest.raises(InputError, match="not proved to stabilise"):
         proof_text(unstable)
-    loop = rid.Loop(control.ss([], [], [], 0.1, band.problem.dt))
-    with pytest.raises(InputError, match="measured in a loop"):
-        proof_text(rid.loop_bounds(band, loop))
+
+
+@pytest.mark.quick
+def test_maps_of_a_loop_that_ran_are_those_of_its_plant():
+    # P = 1/(z - 1.1) and C = 1/2: S = (z - 1.1)/(z - .6), T = .5/(z - .6).
+    gain, plant, about = (control.ss(*one, 0.01) for one in (([], [], [], 0.5), (1.1, 1, 1, 0), (1.2, 1, 0.9, 0)))
+    loop = rid.Loop(gain, about)
+    z = np.exp(1j * np.linspace(0, np.pi, 9))
+    R, S, T = loop.residual_of(plant)(z), (z - 1.1) / (z - 0.6), 0.5 / (z - 0.6)
+    wanted = {
+        "sensitivity": S,
+        "complementary_sensitivity": T,
+        "process_sensitivity": 2 * T,
+        "control_sensitivity": S / 2,
+    }
+    found = Known.maps_of(loop.factors, loop.back)
+    assert found.keys() == wanted.keys()
+    for name, known in found.items():
+        a, b = response_at(known.matrices, z)[:, :, 0].T
+        np.testing.assert_allclose(a + b * R, wanted[name], atol=1e-12)
+    # With another controller b/a: a u + b y of the plant, y = P u and u = (D - N_c R) x.
+    other = Known.loop_of(StateMatrices.of(control.ss(0.5, 1, 0.2, 0.1, 0.01)), 1.0, 0.01)
+    (a, b), (x, r) = (response_at(one.matrices, z)[:, :2, 0].T for one in (other, other.behind(loop.factors)))
+    u = response_at(loop.factors, z)[:, 0] @ [1, 0] + response_at(loop.factors, z)[:, 0] @ [0, 1] * R
+    np.testing.assert_allclose(x + r * R, (a + b / (z - 1.1)) * u, atol=1e-12)
+
+
+@pytest.mark.quick
+def test_of_a_plant_that_was_measured_in_a_loop_peaks_and_another_controller_are_proved(program, tmp_path):
+    band = band_with_model(2)
+    size = float(np.max(np.abs(band.bands[0].centre) + band.bands[0].radius))
+    small, gain = (control.ss([], [], [], k / size, band.problem.dt) for k in (0.1, 0.5))
+    loop = rid.Loop(small)
+    ran, other = rid.loop_bounds(band, loop), rid.loop_bounds(band, loop, controller=gain)
+    text = proof_text(ran)
+    assert asked(program, text, tmp_path)[0] == 0
+    peaks = [max(map(float, statement_of(text, k)["bounds"])) for k in range(4)]
+    names = ("sensitivity", "complementary_sensitivity", "process_sensitivity", "control_sensitivity")
+    np.testing.assert_array_less(peaks, [ran.peaks[name].value * (1 + 1e-6) for name in names])
+    text = proof_text(other)
+    assert statement_of(text)["kind"] == "loop"
+    assert asked(program, text, tmp_path)[0] == 0
 
 
 @pytest.mark.slow

@@ -19,9 +19,9 @@ from support.proofs import asked
 # Examples of one entry, and what of theirs the format does not express.
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "continuous_time": (),
-    "controller_levitation": ("measured in a loop",),
+    "controller_levitation": (),
     "controller_motor": (),
-    "controller_stage": ("measured in a loop",),
+    "controller_stage": ("as this package does",),
     "flexible_structure": (),
     "motor_torsion": ("at rest",),
     "passive_beam": ("bounds a passive class",),
