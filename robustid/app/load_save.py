@@ -81,7 +81,7 @@ def load(
     path : str, path, or a table in memory
         * NAME, NAME.npz or NAME.json of an `Identification`, a `Band`, a `WorstCaseError`, a `WorstCaseOverPoles`, a `LoopBounds`,
           an `Interconnection`, a `ControllerDesign`, a `MatrixFraction`, a `Comparison`, `CommonModes` or a `Watch` that was
-          saved;
+          saved; or the folder of a run, for its result;
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
           numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;

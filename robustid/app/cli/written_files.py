@@ -98,6 +98,6 @@ def new_folder(wanted: Path) -> Path:
 
 def sources(path: Path) -> list[Path]:
     """The files that may be read for `path`."""
-    from robustid.core import paths
+    from robustid.core import paths, result_in
 
-    return [path, *paths(path)]
+    return [path, *paths(result_in(path))]
