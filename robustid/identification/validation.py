@@ -50,7 +50,8 @@ class Validation(Frozen):
         Measured minus predicted.
     fit : (ny,), (ny, nu) or (l, r) array
         NRMSE fit as a fraction, ``1 - ||y - yhat|| / ||y - mean(y)||`` per output or entry: 1 is perfect, 0 no better
-        than the mean, negative worse, nan where nothing was measured.
+        than the mean, negative worse, nan where nothing was measured. Frequency points whose bound is above every value that
+        is above its own are left out: at lines that hardly anything excited, values may be of any size.
     ratio : float or None
         Largest residual in units of its bound, as the bound means it (see `FrequencyResponse.ratio`); None where the data
         have no bound.
@@ -174,7 +175,8 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
         result.update(ratio=float(ratios[worst]), worst=worst, outside=int(np.sum(ratios > 1)))
     if isinstance(data, TimeRecord):
         result["whiteness"] = np.array([_ljung_box(residuals[:, i], used[:, i]) for i in range(shape[0])])
-    return Validation(data, predicted=predicted, residuals=residuals, fit=_fit(measured, residuals, used), **result)
+    fit = _fit(measured, residuals, _known(data) if isinstance(data, FrequencyResponse) else used)
+    return Validation(data, predicted=predicted, residuals=residuals, fit=fit, **result)
 
 
 def check_model(name: str, model: object) -> Model:
@@ -311,6 +313,16 @@ def _free_response(model: Model, data: TimeRecord, missing: Real) -> Real:
 def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> NDArray[np.bool_]:
     """Mask of the samples that count: those of a finite bound, or all."""
     return data.used if isinstance(data, TimeRecord) else ~data.missing
+
+
+def _known(data: FrequencyResponse) -> NDArray[np.bool_]:
+    """The samples of a response that are used, without those whose bound says that they may be noise of any size."""
+    used = _used(data)
+    if data.bound is None:
+        return used
+    size, radius = np.abs(data.values), data.bound.outer_radius
+    largest = np.max(size, axis=0, initial=0.0, where=used & (size >= radius))
+    return used & ((radius <= largest) | (largest == 0))
 
 
 def _fit(measured: Numbers, residuals: Numbers, used: NDArray[np.bool_]) -> Real:
