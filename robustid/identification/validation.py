@@ -30,6 +30,7 @@ from robustid.core import (
 )
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.identification.residuals import known
 
 _WHITE = 0.01  # a white residual is called coloured in 1 % of the cases
 _LAGS = 20
@@ -175,7 +176,8 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
         result.update(ratio=float(ratios[worst]), worst=worst, outside=int(np.sum(ratios > 1)))
     if isinstance(data, TimeRecord):
         result["whiteness"] = np.array([_ljung_box(residuals[:, i], used[:, i]) for i in range(shape[0])])
-    fit = _fit(measured, residuals, _known(data) if isinstance(data, FrequencyResponse) else used)
+    bounded = isinstance(data, FrequencyResponse) and data.bound is not None
+    fit = _fit(measured, residuals, known(data) if bounded else used)
     return Validation(data, predicted=predicted, residuals=residuals, fit=fit, **result)
 
 
@@ -313,16 +315,6 @@ def _free_response(model: Model, data: TimeRecord, missing: Real) -> Real:
 def _used(data: TimeRecord | FrequencyResponse | TangentialResponse) -> NDArray[np.bool_]:
     """Mask of the samples that count: those of a finite bound, or all."""
     return data.used if isinstance(data, TimeRecord) else ~data.missing
-
-
-def _known(data: FrequencyResponse) -> NDArray[np.bool_]:
-    """The samples of a response that are used, without those whose bound says that they may be noise of any size."""
-    used = _used(data)
-    if data.bound is None:
-        return used
-    size, radius = np.abs(data.values), data.bound.outer_radius
-    largest = np.max(size, axis=0, initial=0.0, where=used & (size >= radius))
-    return used & ((radius <= largest) | (largest == 0))
 
 
 def _fit(measured: Numbers, residuals: Numbers, used: NDArray[np.bool_]) -> Real:
