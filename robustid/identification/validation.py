@@ -176,8 +176,8 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
         result.update(ratio=float(ratios[worst]), worst=worst, outside=int(np.sum(ratios > 1)))
     if isinstance(data, TimeRecord):
         result["whiteness"] = np.array([_ljung_box(residuals[:, i], used[:, i]) for i in range(shape[0])])
-    bounded = isinstance(data, FrequencyResponse) and data.bound is not None
-    fit = _fit(measured, residuals, known(data) if bounded else used)
+    counted = known(data) if isinstance(data, FrequencyResponse) and data.bound is not None else used
+    fit = _fit(measured, residuals, counted)
     return Validation(data, predicted=predicted, residuals=residuals, fit=fit, **result)
 
 
