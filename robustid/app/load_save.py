@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeGuard, Unpack, overload
 
 from numpy.typing import ArrayLike
 
-from robustid import core
-from robustid.app.exports.network_files import is_network, save_network
-from robustid.core import Progress, Signal, as_function
+from robustid.core import Progress, Signal, as_function, load_saved, paths, saved_kind
+from robustid.core import save as save_one
 from robustid.errors import FileFormatError, InputError
+from robustid.formats import is_network
 
 if TYPE_CHECKING:
     import control
@@ -81,7 +82,7 @@ def load(
     path : str, path, or a table in memory
         * NAME, NAME.npz or NAME.json of an `Identification`, a `Band`, a `WorstCaseError`, a `WorstCaseOverPoles`, a `LoopBounds`,
           an `Interconnection`, a `ControllerDesign`, a `MatrixFraction`, a `Comparison`, `CommonModes` or a `Watch` that was
-          saved;
+          saved; or the folder of a run, for its result;
         * ``.csv`` or ``.npz`` of an `Excitation`;
         * ``.npz`` or ``.mat`` with the matrices A, B, C and, optionally, D and dt (0: continuous) of a state-space model, or the
           numbers of a MATLAB model: a, b, c, d, or z, p, k, or num, den (one input, one output), in a structure too, with Ts;
@@ -173,7 +174,7 @@ def load(
     stated = {"dt": dt, "bound": bound, "inputs": inputs, "outputs": outputs, "initial": initial, "rate": rate,
               "axes": axes, "decimal": decimal, "start": start, "step": step}  # fmt: skip
     path = _of_name(path)
-    if not _is_place(path) or core.saved_kind(path) is None:
+    if not _is_place(path) or saved_kind(path) is None:
         return read_file(path, kind=kind, fields=fields, frequency_unit=frequency_unit, **stated)
     for name, value in ({"kind": kind, "fields": fields, "frequency_unit": frequency_unit} | stated).items():
         if value is not None:
@@ -183,9 +184,9 @@ def load(
 
 def _of_name(path: object) -> object:
     """NAME as NAME.npz, where only that is there: a model or measurements that were saved so."""
-    if not _is_place(path) or os.path.exists(path) or core.saved_kind(path) is not None:
+    if not _is_place(path) or os.path.exists(path) or saved_kind(path) is not None:
         return path
-    numbers = core.paths(path)[0]
+    numbers = paths(path)[0]
     return numbers if not os.path.splitext(path)[1] and numbers.is_file() else path
 
 
@@ -198,15 +199,16 @@ def load_result(path: str | os.PathLike[str], *kinds: str, progress: Progress | 
 
     Default: of any.
     """
-    # With them come all rooms that have results to load.
-    from robustid import advice as advice
-    from robustid import controllers as controllers
-    from robustid import fitting as fitting
-    from robustid import guarantees as guarantees
-
-    if os.path.isfile(path) and core.saved_kind(path) is None and not core.paths(path)[1].exists():
+    for room in (
+        "advice",
+        "controllers",
+        "fitting",
+        "guarantees",
+    ):  # with them come all rooms that have results to load
+        importlib.import_module(f"robustid.{room}")
+    if os.path.isfile(path) and saved_kind(path) is None and not paths(path)[1].exists():
         raise FileFormatError(f"{path} is no saved result; robustid look {path} shows what it is, and how to go on")
-    return core.load_saved(path, *kinds, progress=progress)
+    return load_saved(path, *kinds, progress=progress)
 
 
 def save(
@@ -269,6 +271,8 @@ def save(
     True
     """
     if is_network(path):
+        from robustid.app.exports.network_files import save_network
+
         save_network(path, thing, parameter=parameter, reference=reference, omega=omega)
         return
     given = {"parameter": parameter, "reference": reference, "omega": omega}
@@ -277,4 +281,4 @@ def save(
     from robustid.app.exports import exported
 
     if not exported(path, thing):
-        core.save(path, thing)
+        save_one(path, thing)

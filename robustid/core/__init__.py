@@ -63,7 +63,18 @@ from robustid.core.state_space import (
     series_at,
     simulate,
 )
-from robustid.core.storage import Savable, keep, load_saved, part, paths, read_arrays, save, saved_kind, written_by
+from robustid.core.storage import (
+    Savable,
+    keep,
+    load_saved,
+    part,
+    paths,
+    read_arrays,
+    result_in,
+    save,
+    saved_kind,
+    written_by,
+)
 from robustid.core.threads import one_thread, threads_for
 from robustid.core.validation import (
     Signal,
@@ -170,6 +181,7 @@ __all__ = [
     "response",
     "response_at",
     "responses",
+    "result_in",
     "right_factors",
     "right_quotient",
     "rounded_down",

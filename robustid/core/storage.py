@@ -31,6 +31,7 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 PathLike = str | os.PathLike[str]
 
 _KIND = "robustid.kind"  # array that shows a saved result
+_IN_FOLDERS = "result", "identification", "family", "controller", "loop"  # the result of a run within its folder
 _ABOUT = ("format", "version", "summary")  # what stands beside the evidence
 
 
@@ -137,7 +138,7 @@ def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) ->
     Parameters
     ----------
     path : str or path
-        NAME, NAME.npz or NAME.json.
+        NAME, NAME.npz or NAME.json; or the folder of a run, for the result in it.
     *kinds : str
         Those that will do; default: all that are registered.
     progress : callable (text, done, count), optional
@@ -149,7 +150,7 @@ def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) ->
     """
     formats = {kept.format: kept for kept in _RESULTS.values() if kept.kind in (kinds or [kept.kind])}
     words = next(iter(formats.values())).words if len(formats) == 1 else "result"
-    numbers, text = paths(path)
+    numbers, text = paths(result_in(path))
     try:
         record = json.loads(text.read_text(encoding="utf-8"))
         arrays = read_arrays(numbers)
@@ -203,6 +204,7 @@ def saved_kind(path: PathLike) -> str | None:
 
     Of a result whose text is missing or damaged: "result", if its numbers show that they are those of one.
     """
+    path = result_in(path)
     numbers, text = paths(path)
     if pathlib.Path(path).suffix not in (".npz", ".json") and pathlib.Path(path).is_file():
         return None
@@ -217,6 +219,13 @@ def saved_kind(path: PathLike) -> str | None:
             return "result" if f"{_KIND}.npy" in archive.namelist() else None
     except Exception:  # zipfile has many for damaged bytes; a file of measurements, whose reader has the sentence
         return None
+
+
+def result_in(path: PathLike) -> PathLike:
+    """The result in the folder of a run; the path itself where it is no folder, or files of a result have its name."""
+    if paths(path)[1].is_file() or not (folder := pathlib.Path(path)).is_dir():
+        return path
+    return next((folder / name for name in _IN_FOLDERS if paths(folder / name)[1].is_file()), path)
 
 
 def paths(path: PathLike) -> tuple[pathlib.Path, pathlib.Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Complex, Frozen, Numbers, Real, StateSpace, freeze, responses, simulate
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord, bound_ratio
@@ -104,12 +105,12 @@ def largest_ratio(problem: MixedProblem, model: StateSpace) -> float:
 def fit_percent(problem: MixedProblem, model: StateSpace) -> dict[str, float]:
     """Return ``100 (1 - |y - yhat|/|y - mean(y)|)`` of the worst entry or output, for each kind of experiment.
 
-    Of frequency points the complex values in place of y; those that share their bounds, and combinations of signals, are left
-    out, as are constant ones.
+    Of frequency points the complex values in place of y, of those that are `known`; those that share their bounds, and
+    combinations of signals, are left out, as are constant ones.
     """
     found: dict[str, float] = {}
     for residual in model_residuals(problem, model):
-        row, column = residual.entry
+        (row, column), error = residual.entry, residual.error
         if residual.kind == "time":
             record = problem.time[residual.index]
             y: Numbers = record.y[record.bound.used[:, row or 0], row or 0]
@@ -117,12 +118,23 @@ def fit_percent(problem: MixedProblem, model: StateSpace) -> dict[str, float]:
             continue
         else:
             frf: FrequencyResponse = problem.frequency[residual.index]
-            y = frf.values[frf.bound.used[:, row, column], row, column]
+            counted = known(frf)[:, row, column]
+            y, error = frf.values[counted, row, column], error[counted[frf.bound.used[:, row, column]]]
         size = np.linalg.norm(y - y.mean())
         if size > 0:
-            value = float(100 * (1 - np.linalg.norm(residual.error) / size))
+            value = float(100 * (1 - np.linalg.norm(error) / size))
             found[residual.kind] = min(value, found.get(residual.kind, np.inf))
     return found
+
+
+def known(frf: FrequencyResponse) -> NDArray[np.bool_]:
+    """The samples that have a bound, without those whose bound is above every value that is above its own, by entry.
+
+    At lines that hardly anything excited values may be of any size.
+    """
+    used, size, radius = frf.bound.used, np.abs(frf.values), frf.bound.outer_radius
+    most = np.max(size, axis=0, initial=0.0, where=used & (size >= radius))
+    return used & ((radius <= most) | (most == 0))
 
 
 def largest(residuals: list[Residual]) -> float:

@@ -30,6 +30,7 @@ from robustid.core import (
 )
 from robustid.data import FrequencyResponse, TangentialResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError
+from robustid.identification.residuals import known
 
 _WHITE = 0.01  # a white residual is called coloured in 1 % of the cases
 _LAGS = 20
@@ -50,7 +51,8 @@ class Validation(Frozen):
         Measured minus predicted.
     fit : (ny,), (ny, nu) or (l, r) array
         NRMSE fit as a fraction, ``1 - ||y - yhat|| / ||y - mean(y)||`` per output or entry: 1 is perfect, 0 no better
-        than the mean, negative worse, nan where nothing was measured.
+        than the mean, negative worse, nan where nothing was measured. Frequency points whose bound is above every value that
+        is above its own are left out: at lines that hardly anything excited, values may be of any size.
     ratio : float or None
         Largest residual in units of its bound, as the bound means it (see `FrequencyResponse.ratio`); None where the data
         have no bound.
@@ -174,7 +176,9 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
         result.update(ratio=float(ratios[worst]), worst=worst, outside=int(np.sum(ratios > 1)))
     if isinstance(data, TimeRecord):
         result["whiteness"] = np.array([_ljung_box(residuals[:, i], used[:, i]) for i in range(shape[0])])
-    return Validation(data, predicted=predicted, residuals=residuals, fit=_fit(measured, residuals, used), **result)
+    counted = known(data) if isinstance(data, FrequencyResponse) and data.bound is not None else used
+    fit = _fit(measured, residuals, counted)
+    return Validation(data, predicted=predicted, residuals=residuals, fit=fit, **result)
 
 
 def check_model(name: str, model: object) -> Model:

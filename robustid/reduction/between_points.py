@@ -8,7 +8,7 @@ import numpy as np
 
 from robustid.core import Complex, Real, responses
 from robustid.data import FrequencyResponse
-from robustid.identification import Identification
+from robustid.identification import Identification, PositiveReal
 
 if TYPE_CHECKING:
     import control
@@ -22,7 +22,8 @@ _NEAR = 0.1  # relative: a resonance that has moved by less is the same one
 class Guard:
     r"""\|G - F\| <= K S + the largest \|F\| within a tenth of the frequency, of a model G and the identified F; K S of the
     prior. At every angle; where G has integrators, from the lowest frequency point on. `times` as much where F itself misses
-    its data by so much.
+    its data by so much. Of a positive-real class more in proportion to the frequency above the last point, as an inductance, and
+    to its inverse below the first, as a capacitance: both are passive, and a ball holds neither.
     """
 
     def __init__(self, identification: Identification, integrators: int, times: float = 1.0):
@@ -34,6 +35,7 @@ class Guard:
         low = np.geomspace(_LOWEST, float(even[1]), _GRID, endpoint=False)
         angles = np.unique(np.concatenate([even, low, lines, (lines[1:] + lines[:-1]) / 2, resonances(model)]))
         self._lowest = lowest if integrators else 0.0
+        self._ends = (lines[0], lines[-1]) if isinstance(problem.prior, PositiveReal) and lines.size else None
         self._angles = angles[angles >= self._lowest]
         self._model, self._dt = model, problem.dt
         scales = identification.prior.scales(problem.entries.outputs, problem.entries.inputs)
@@ -49,7 +51,15 @@ class Guard:
         sizes = np.abs(self._response)
         around = [sizes[a:b].max(axis=0, initial=0.0) for a, b in zip(first, last, strict=True)]
         gain = self._gain * self._weight.sizes(angles)[:, None, None]
-        return self._times * (gain + np.maximum(np.abs(here), np.array(around).reshape(here.shape)))
+        growth = self._times * self._growth(angles)[:, None, None]
+        return growth * (gain + np.maximum(np.abs(here), np.array(around).reshape(here.shape)))
+
+    def _growth(self, angles: Real) -> Real:
+        """Factors of at least 1, beyond the ends of the data."""
+        if self._ends is None:
+            return np.ones_like(angles)
+        at, first, last = (np.tan(np.maximum(turn, _LOWEST) / 2) for turn in (angles, *self._ends))
+        return np.maximum(1.0, np.maximum(at / last, first / at))
 
     @property
     def spread(self) -> FrequencyResponse:

@@ -6,6 +6,7 @@ import pytest
 import scipy.sparse
 
 import robustid as rid
+from robustid.errors import InputError
 from support.problems import random_problem
 
 pytestmark = pytest.mark.quick
@@ -14,6 +15,18 @@ pytestmark = pytest.mark.quick
 @pytest.fixture(scope="module")
 def result():
     return rid.identify(random_problem(2, "parametric", 8))
+
+
+def test_the_folder_of_a_run_stands_for_its_result(result, tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        rid.load(folder)
+    result.save(folder / "identification")
+    assert rid.load(folder).margin == result.margin
+    other = rid.identify(random_problem(2, "parametric", 6))
+    other.save(folder)  # run.npz and run.json, beside the folder: files go first
+    assert rid.load(folder).margin == other.margin != result.margin
 
 
 def model(order=2):

@@ -9,6 +9,7 @@ from robustid.bases import Sections, input_normal_pair, shift_pair
 from robustid.identification.entries import Entries
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
 from robustid.identification.formulation.ball import TurnedBall
+from robustid.identification.formulation.passive import PassiveMap, QuadratureRealPart
 from robustid.identification.formulation.quadrature import QuadratureMap
 from robustid.identification.formulation.quadrature_products import QuadratureProducts
 from robustid.identification.formulation.sarason import PairMap
@@ -94,6 +95,9 @@ def test_the_quadrature_of_a_pair_against_its_stored_matrices(radius):
         found = QuadratureMap.of(pair, sarason.symmetry)
         assert found is not None
         check_blocks(SymmetricBall(found), [-sarason.symmetric_basis, sarason.symmetric_basis], rng)
+        passive = PassiveMap(pair).ball()
+        assert isinstance(passive, QuadratureRealPart)
+        check_blocks(passive, [(sarason.basis + sarason.basis.transpose(0, 2, 1)) / 2], rng)
 
 
 def test_a_pair_without_the_quadrature_does_without_it():

@@ -145,6 +145,16 @@ def test_whiteness_errs_as_often_as_it_says():
     assert 8 <= called <= 36  # 20 expected, sigma 4.4
 
 
+def test_lines_that_nothing_excited_have_no_part_in_the_fit():
+    omega, truth = np.linspace(1, 10, 30), control.ss([[0.9]], [[1.0]], [[0.1]], 0, 0.1)
+    values = np.array([truth(np.exp(0.1j * w)) for w in omega])
+    bound = np.full(30, 1e-3)
+    values[-3:], bound[-3:] = [1e3, -2e3, 5e2j], 1e4
+    assert validate(truth, FrequencyResponse(omega, values, bound=bound, dt=0.1)).fit[0, 0] > 0.999
+    assert validate(truth, FrequencyResponse(omega, values, bound=1e-3, dt=0.1)).fit[0, 0] < 0.1
+    assert np.isfinite(validate(truth, FrequencyResponse(omega, values, bound=1e5, dt=0.1)).fit[0, 0])  # all are noise
+
+
 def test_what_cannot_be_tested_is_nan_and_a_constant_signal_has_a_defined_fit():
     static = control.StateSpace([], [], [], [[1.0]])
     assert np.isnan(validate(static, TimeRecord(np.ones(4), np.arange(4.0), dt=DT)).whiteness[0])

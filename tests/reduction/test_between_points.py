@@ -117,6 +117,17 @@ def test_integrators_are_compared_from_the_lowest_line_on():
     assert lines.omega[0] * 0.01 == pytest.approx(2.5, abs=1e-3)
 
 
+def test_a_passive_model_may_grow_beyond_its_data_as_an_inductance_or_a_capacitance():
+    omega = np.geomspace(1, 100, 7)
+    for truth in (lambda s: 1 + s / 10, lambda s: 1 + 10 / (s + 0.1)):
+        frf = rid.FrequencyResponse(omega, truth(1j * omega), bound=0.01 * np.abs(truth(1j * omega)))
+        result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.PositiveReal(decay=0.05)))
+        small = rid.reduce_within_bounds(result)
+        assert small.order == 1
+        beyond = np.array([1e-2, 1e3])
+        np.testing.assert_allclose(small.model(1j * beyond), truth(1j * beyond), rtol=0.1)
+
+
 # --- near the centre of a proved band
 
 

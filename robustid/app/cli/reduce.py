@@ -175,6 +175,6 @@ def _say_margin(console: Terminal, identification: Identification, reduction: Re
 def _load_identification(path: Path) -> Identification | None:
     """The saved identification at `path`; None where the file is a plain model."""
     from robustid.app.load_save import load_result
-    from robustid.core import paths
+    from robustid.core import paths, result_in
 
-    return load_result(path, "identification") if paths(path)[1].exists() else None
+    return load_result(path, "identification") if paths(result_in(path))[1].exists() else None

@@ -37,7 +37,8 @@ def verify(
     source: Annotated[
         Path,
         typer.Argument(
-            help="A saved identification, saved bounds, a loop, a connection or a design (NAME, NAME.npz or NAME.json)."
+            help="A saved identification, saved bounds, a loop, a connection or a design (NAME, NAME.npz or NAME.json),"
+            " or the folder of a run."
         ),
     ],
     exact: Annotated[

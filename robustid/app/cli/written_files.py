@@ -72,8 +72,10 @@ def free(wanted: Path, *endings: str) -> str:
 
 
 def stem(output: Path) -> Path:
-    """The name of a result without the ending of its files."""
-    return result_files(output)[0].with_suffix("")
+    """The name of a result without the ending of its files; of the folder of a run the one in it."""
+    from robustid.core import result_in
+
+    return result_files(Path(result_in(output)))[0].with_suffix("")
 
 
 def beside(output: Path, ending: str) -> Path:
@@ -98,6 +100,6 @@ def new_folder(wanted: Path) -> Path:
 
 def sources(path: Path) -> list[Path]:
     """The files that may be read for `path`."""
-    from robustid.core import paths
+    from robustid.core import paths, result_in
 
-    return [path, *paths(path)]
+    return [path, *paths(result_in(path))]

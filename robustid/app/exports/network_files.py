@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike
 from robustid.core import StateMatrices, as_array, as_positive, as_state_space, hz_words, input_states, model_of
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.formats import is_network, scattering_model, scattering_of, write_spice, write_touchstone
+from robustid.formats import scattering_model, scattering_of, write_spice, write_touchstone
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["is_network", "save_network"]  # asked of a path before anything else is loaded
 
 _PARAMETERS = ("s", "z", "y")
 

@@ -41,9 +41,10 @@ def _signal_roles(name: str, content: Iterable[str]) -> dict[str, str | list[str
 
 def _recognised(roles: str) -> str:
     """Names of columns that are found without being told."""
-    from robustid import formats
+    from robustid.formats import FREQUENCY, TIME
 
-    return "; ".join(f"{role}: {', '.join(names)}" for role, names in getattr(formats, roles).items())
+    known = {"FREQUENCY": FREQUENCY, "TIME": TIME}[roles]
+    return "; ".join(f"{role}: {', '.join(names)}" for role, names in known.items())
 
 
 def _response_fields() -> str:

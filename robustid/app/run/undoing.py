@@ -7,13 +7,15 @@ import shlex
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from robustid.app.run.measurements import Measured, Origins, Place
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.toml import write_toml
 from robustid.data import Fault, FaultKind, FrequencyResponse, PlacedFault, Undoing
 from robustid.estimation import all_faults
+
+if TYPE_CHECKING:
+    from robustid.app.run.measurements import Measured, Place
 
 _LEAVE_OUT, _ABOVE, _BELOW = "leave out ", "above ", "below "
 _POINTS = "frequency_points"
@@ -105,10 +107,10 @@ def in_run_file_of_member(
         return place._replace(number=own[place.number])
 
     responses, records, excited = data.origins
-    origins = Origins(
-        tuple(None if one is None else whole(one) for one in responses),
-        tuple(map(whole, records)),
-        tuple(map(whole, excited)),
+    origins = data.origins._replace(
+        responses=tuple(None if one is None else whole(one) for one in responses),
+        records=tuple(map(whole, records)),
+        excited=tuple(map(whole, excited)),
     )
     return in_run_file(asked, name, command, data._replace(origins=origins), faults)
 

@@ -30,11 +30,9 @@ class QuadratureMap(SymmetricMap):
     @classmethod
     def of(cls, pair: InputNormalPair, symmetry: Real) -> QuadratureMap | None:
         """The map of a cascade (`nodes_pair`) with its T; None where nodes too near to the circle cost the digits of it."""
-        phi = _values(pair, np.exp(1j * _nodes(_zeros(pair.A))))
-        rows = phi.conj() / np.linalg.norm(phi, axis=1)[:, None]
-        gram = np.real(rows.T @ rows.conj())
-        if not np.abs(gram - np.eye(pair.order)).max(initial=0.0) < _EXACT:
+        if (found := quadrature(pair)) is None:
             return None
+        rows, phi = found
         phases = np.sum((rows @ symmetry) * rows, axis=1).conj()
         return cls(rows, phases[:, None] * phi)
 
@@ -78,6 +76,14 @@ class QuadratureMap(SymmetricMap):
         half = R @ P
         first, last, mixed = half[:n] @ R[:n].T, half[n:] @ R[n:].T, half[:n] @ R[n:].T
         return first - last, mixed + mixed.T, first + last, mixed.T - mixed
+
+
+def quadrature(pair: InputNormalPair) -> tuple[Complex, Complex] | None:
+    """The b_k and the phi(z_k) of a cascade, as rows; None where nodes too near to the circle cost the digits of b_k."""
+    phi = _values(pair, np.exp(1j * _nodes(_zeros(pair.A))))
+    rows = phi.conj() / np.linalg.norm(phi, axis=1)[:, None]
+    gram = np.real(rows.T @ rows.conj())
+    return (rows, phi) if np.abs(gram - np.eye(pair.order)).max(initial=0.0) < _EXACT else None
 
 
 def _zeros(A: Real) -> Complex:
