@@ -65,7 +65,8 @@ def test_no_amplitude_of_a_drawn_plant_is_above_its_bound(time, width, plants):
 def test_bounds_hold_at_the_edge_of_the_class(kind, seed):
     """Gain exactly K, poles in a corner of their box, records and matrices too: against the residues of the plants."""
     plant = next(one for k in range(40) if (one := edge_plant(kind, 40 * seed + k)).box is not None)
-    found = largest_amplitudes(plant.problem, *plant.box, extractions_over(plant.problem, *plant.box))
+    proofs = extractions_over(plant.problem, *plant.box)
+    found = largest_amplitudes(plant.problem, *plant.box, proofs, np.zeros(1, bool))
     assert found.shape == (1, *plant.problem.entries.shape)
     assert np.all(np.abs(plant.residue) <= found[0])
     assert np.all(np.isfinite(found))
