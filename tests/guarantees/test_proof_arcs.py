@@ -202,7 +202,7 @@ def _float(text: str) -> float:
 
 @pytest.mark.quick
 def test_an_integrator_is_proved_where_the_centre_of_a_disc_at_zero_is_not_real(program, tmp_path):
-    omega = np.linspace(0.5, 31.0, 24)
+    omega = np.linspace(0.5, 31.0, 30)
     frf = rid.FrequencyResponse(omega, 0.1 / (np.exp(0.1j * omega) - 0.9), bound=0.01, dt=0.1)
     posed = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))
     band = rid.band(posed, model=control.ss(0.9, 1.0, 0.1, 0.0, 0.1), omega=[1.0])
