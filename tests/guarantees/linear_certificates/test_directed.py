@@ -26,7 +26,7 @@ EXACT = {
     "matrix": [0, 2],
 }  # fmt: skip
 OVER_BOX = {"discrete": [2, 10], "continuous": [1, 5], "roll-off": [1, 3]}
-QUICK = ("discrete", 11), ("continuous", 10)
+QUICK = ("discrete", 11), ("continuous", 30)
 ONE = QUICK[0]
 
 
