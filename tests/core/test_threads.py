@@ -1,6 +1,7 @@
 """The number of threads of the linear algebra library inside and outside of what limits it."""
 
-import multiprocessing
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -66,23 +67,16 @@ def test_an_error_inside_gives_the_threads_back(idle):
         assert number() == 2
 
 
-def spin():
-    while True:
-        pass
-
-
 @pytest.mark.skipif(not threads._counters(), reason="the platform does not count what its cores do")
 def test_cores_that_spin_are_not_idle():
-    processes = [multiprocessing.get_context("spawn").Process(target=spin, daemon=True) for _ in threads._counters()]
-    for one in processes:
-        one.start()
+    processes = [subprocess.Popen([sys.executable, "-S", "-c", "while True: pass"]) for _ in threads._counters()]
     try:
-        time.sleep(2.0)
+        time.sleep(0.3)
         assert threads._look() < 1.5
     finally:
         for one in processes:
             one.kill()
-            one.join()
+            one.wait()
 
 
 def test_cores_are_looked_at_once_in_a_while(monkeypatch):
@@ -140,7 +134,10 @@ def result():
     return rid.identify(PROBLEM)
 
 
-@pytest.mark.parametrize("name", [pytest.param(k, marks=pytest.mark.slow) if k == "family" else k for k in CALLS])
+SLOW = "family", "identify_reduced"
+
+
+@pytest.mark.parametrize("name", [pytest.param(k, marks=pytest.mark.slow) if k in SLOW else k for k in CALLS])
 def test_small_matrices_have_one_thread_in_every_call(name, result, monkeypatch):
     seen = []
 

@@ -184,7 +184,7 @@ def test_one_real_value_against_the_closed_form(options):
     assert result.margin == pytest.approx(v * 1.5 / bound, rel=1e-4)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", ["frequency", pytest.param("mixed", marks=pytest.mark.slow), "parametric"])
 def test_margin_against_the_paper_s_theorem(case, seeds):
     """Clarabel on the printed inequality with the errors whitened by the covariances; Taylor forms enclose the number."""
@@ -243,7 +243,7 @@ def test_no_tilt_is_a_disc():
         assert second.margin_lower == pytest.approx(first.margin_lower, rel=1e-9)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
 def test_the_truth_inside_its_ellipses_is_never_refuted(form, seeds):
     """Errors on the border of every ellipse (99.9 % of it), drawn along the whole border."""

@@ -41,7 +41,7 @@ def test_covariance_is_that_of_many_draws_of_the_noise():
     index = np.arange(1, 499)
     truth = plant.response(2 * np.pi * index / (u.size * DT))
     squares = []
-    for _ in range(20):
+    for _ in range(10):
         x, z = spectra_of(plant, u, 0.01, rng)
         found = predicted(x, z, u.size, index, 499)
         squares.append(np.abs(found.values[:, 0, 0] - truth) ** 2 / found.covariance[:, 0, 0].real)

@@ -52,7 +52,7 @@ def test_scatter_of_the_measured_mirror_is_that_of_its_repetitions():
     assert own.bound.excitations == 1
 
 
-@pytest.mark.parametrize("seeds", [5, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [3, pytest.param(10, marks=pytest.mark.slow)])
 def test_too_coarse_a_response_is_refused_with_what_to_do(seeds):
     refused = 0
     for seed in range(seeds):  # 12 modes between 60 points can look like noise

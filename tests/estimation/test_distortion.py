@@ -165,7 +165,9 @@ def test_derivatives_by_the_poles_are_those_of_differences():
     np.testing.assert_allclose(pole_fit.slopes_of(x, poles, c), differences, atol=1e-6)
 
 
-@pytest.mark.parametrize("part", [0.1, pytest.param(0.3, marks=pytest.mark.slow), 0.5])
+@pytest.mark.parametrize(
+    "part", [pytest.param(0.1, marks=pytest.mark.slow), pytest.param(0.3, marks=pytest.mark.slow), 0.5]
+)
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 20))])
 def test_noise_that_is_a_large_part_of_the_response(seed, part):
     """A hammer test with few averages: a mode in the band, one above it; the noise that is found is that of the data."""

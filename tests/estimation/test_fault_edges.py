@@ -5,7 +5,7 @@ import pytest
 
 import robustid as rid
 
-MANY = [range(15), pytest.param(range(15, 600), marks=pytest.mark.slow)]
+MANY = [range(8), pytest.param(range(8, 600), marks=pytest.mark.slow)]
 INPUTS = {
     "noise": lambda rng, n: rng.standard_normal((n, 1)),
     "constant": lambda rng, n: np.ones((n, 1)),

@@ -1,6 +1,7 @@
 """estimate_frf on measured records: what others found in the same data."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -19,10 +20,16 @@ def peaks(hz, gain, prominence):
     return hz[found]
 
 
+@functools.cache
+def bench():
+    """The record of the two masses, and its response."""
+    record = rid.datasets.load("two_mass")
+    return record, rid.estimate_frf(record, period=2500)
+
+
 def test_two_mass_bench():
     """240 lines; resonance at 77 Hz on both sides, antiresonance at 53 Hz on the motor side only; noise 0.6 % and 1.5 %."""
-    record = rid.datasets.load("two_mass")
-    frf = rid.estimate_frf(record, period=2500)
+    record, frf = bench()
     assert "the first 2 left out (transient)" in frf.note
     np.testing.assert_allclose(frf.freq_hz, np.arange(11, 251))
     motor, load = np.abs(frf.values[:, :, 0]).T
@@ -81,8 +88,7 @@ def test_bounds_of_the_mirror_hold_for_other_realisations(about, widest, least):
 
 def test_one_multisine_on_the_bench_shows_its_distortion_beside_the_band():
     """All 240 lines of the band are excited; 35 beside it are not. The noise alone gave a bound of 2 % and 5 %."""
-    record = rid.datasets.load("two_mass")
-    frf = rid.estimate_frf(record, period=2500)
+    record, frf = bench()
     assert "on 35 unexcited spectral lines, all beside the band, times 2: an estimate from below" in frf.note
     assert frf.bound.about.startswith(
         "This is about the mean response for this excitation, and rests on it alone: variation of the plant"

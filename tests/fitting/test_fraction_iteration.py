@@ -129,7 +129,7 @@ def test_a_fit_is_never_worse_than_its_start_and_says_when_it_has_not_converged(
     assert bad.cost <= start.cost
 
 
-@pytest.mark.parametrize(("time", "amplitude"), [(60, 0), (-60, 0), (0, 60), (0, -60), (-60, 60)])
+@pytest.mark.parametrize(("time", "amplitude"), [(60, 0), (0, -60), (-60, 60)])
 def test_units_scale_the_fit(time, amplitude):
     omega, _, values = structure(2, modes=3, ports=2, lines=60)
 

@@ -115,7 +115,9 @@ RIGID = pytest.param("proportional, rigid", marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(6, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["proportional", RIGID, "symmetric", "general, symmetric"])
+@pytest.mark.parametrize(
+    "name", ["proportional", RIGID, pytest.param("symmetric", marks=pytest.mark.slow), "general, symmetric"]
+)
 def test_true_structure_lowers_the_error_at_withheld_points(name, seeds):
     """Six seeds, 3 % noise: below the free fit in all but one at most, and by a tenth in the median where shapes are real."""
     ratios = []
@@ -130,8 +132,7 @@ def test_true_structure_lowers_the_error_at_withheld_points(name, seeds):
     assert np.median(ratios) < (0.9 if asked["modal"].damping == "proportional" else 1)
 
 
-@pytest.mark.parametrize("dt", [None, 1e-3])
-@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize(("power", "dt"), every_one([1, 2], [None, 1e-3]))
 def test_velocities_and_accelerations_have_real_shapes_too(power, dt):
     system, frf, asked = posed("proportional", level=0.0, dt=dt, power=power)
     fit = rid.fit_mfd(frf, **asked)
@@ -182,7 +183,9 @@ def test_a_start_of_another_order_is_completed_or_reduced():
     assert relative_error(poles.fraction.response(BETWEEN), system.response(BETWEEN)) < 0.01
 
 
-@pytest.mark.parametrize("name", ["proportional", "symmetric", "general, symmetric"])
+@pytest.mark.parametrize(
+    "name", ["proportional", pytest.param("symmetric", marks=pytest.mark.slow), "general, symmetric"]
+)
 def test_a_mode_in_the_wrong_place_is_exchanged(name):
     """From a start that has one of four modes far away the descent alone ends elsewhere, but with blocks."""
     system, frf, asked = posed(name, level=0.01)

@@ -305,7 +305,7 @@ def test_stated_bounds_cap_the_order(seeds):
     """6 plants: the true order in 5, never more than 1.5 times it."""
     found = []
     for seed in range(seeds):
-        sweep = suggest_order(bounded(seed, 1 + seed % 2, 1, 2, 80))
+        sweep = suggest_order(bounded(seed, 1 + seed % 2, 1, 2, 80 if seeds > 3 else 50))
         found.append(sweep.suggested)
         assert sweep.outside.shape == sweep.orders.shape
     assert max(found) <= 6
@@ -323,10 +323,10 @@ def test_no_more_than_half_as_many_parameters_as_equations():
 
 def test_where_no_order_is_right_withheld_points_decide():
     """A delay has no order: the costs fall for ever, and the order suggested predicts withheld points as well as any."""
-    omega = 2 * np.pi * np.linspace(1, 100, 100)
+    omega = 2 * np.pi * np.linspace(1, 100, 60)
     s = 1j * omega
     values = np.exp(-0.011 * s) * (1 / (s**2 + 2 * s + 150**2) + 0.3 / (s**2 + 4 * s + 400**2)) * 1e4
-    values = values * (1 + 1e-3 * np.random.default_rng(0).standard_normal(100))
+    values = values * (1 + 1e-3 * np.random.default_rng(0).standard_normal(60))
     sweep = suggest_order(rid.FrequencyResponse(omega, values), orders=range(4, 15, 2))
     assert np.all(np.diff(sweep.costs) <= 1e-6 * sweep.costs[:-1])
     chosen = sweep.withheld[sweep.orders == sweep.suggested][0]
@@ -370,16 +370,16 @@ def test_a_roll_off_is_hinted_at_where_the_machine_has_it(seeds):
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 3), marks=pytest.mark.slow)])
 def test_orders_of_shared_poles_count_every_pole_once(seeds):
     """Residues of any rank: three seeds of three, and the singular values count poles, not states."""
-    omega = 2 * np.pi * np.linspace(1, 20, 80)
+    omega = 2 * np.pi * np.linspace(1, 20, 50)
     s = 1j * omega[:, None, None]
     for seed in seeds:
         rng = np.random.default_rng(seed)
-        values = np.zeros((80, 2, 2), dtype=complex)
+        values = np.zeros((50, 2, 2), dtype=complex)
         for pole in 2 * np.pi * np.array([4.0, 9.0, 15.0]) * (-0.02 + 1j):
             residue = rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2))
             values += residue / (s - pole) + residue.conj() / (s - pole.conjugate())
         e = rng.standard_normal((2, *values.shape)) * 1e-3
-        covariance = np.broadcast_to(2e-6 * np.eye(4), (80, 4, 4))
+        covariance = np.broadcast_to(2e-6 * np.eye(4), (50, 4, 4))
         frf = rid.FrequencyResponse(omega, values + e[0] + 1j * e[1], covariance=covariance)
         sweep = suggest_order(frf, form="shared")
         assert sweep.suggested == 6

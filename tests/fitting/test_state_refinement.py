@@ -230,7 +230,7 @@ def test_the_response_is_that_of_the_fraction():
 # --- points left out
 
 
-@pytest.mark.parametrize(("ny", "nu"), [(1, 1), (2, 2)])
+@pytest.mark.parametrize(("ny", "nu"), [pytest.param(1, 1, marks=pytest.mark.slow), (2, 2)])
 def test_equals_fits_without_each_point(ny, nu):
     """Small noise: first order is all there is."""
     omega = 2 * np.pi * np.geomspace(5, 900, 24)

@@ -12,12 +12,13 @@ from support.forging import forge
 from support.mfd_systems import noisy, random_modal_system
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 120)
-FREE = random_modal_system(3, 2, 2, 3, band_hz=(5, 1000), damping=(0.005, 0.02)).response(1j * OMEGA)
+SYSTEM = random_modal_system(3, 2, 2, 3, band_hz=(5, 1000), damping=(0.005, 0.02))
+FREE = SYSTEM.response(1j * OMEGA)
 RIGID = FREE + 1e5 * np.outer([1.0, 0.2], [1.0, -0.3]) / (1j * OMEGA[:, None, None]) ** 2
 FITS = {
     "plain": (FREE, {}),
     "left, constrained": (FREE, {"form": "left", "constraints": [rid.fits.RollOff(2)]}),
-    "static gain": (FREE, {"constraints": [rid.fits.StaticGain(np.eye(2))]}),
+    "static gain": (FREE, {"constraints": [rid.fits.StaticGain(SYSTEM.response(np.zeros(1))[0].real)]}),
     "rigid body": (RIGID, {"order": 8, "rigid_body": rid.RigidBody(1)}),
     "feed-through": (FREE, {"feedthrough": True}),
     "shared poles": (FREE, {"form": "shared"}),

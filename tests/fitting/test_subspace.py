@@ -35,7 +35,7 @@ def sample_time(domain):
 # ---------------------------------------------------------------- exact data
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(5, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("domain", "kind", "feedthrough", "outputs", "inputs", "modes"),
     every_two(
@@ -113,7 +113,7 @@ def test_order_40_with_one_percent_noise(seeds):
 @pytest.mark.parametrize(
     ("size", "domain", "kind", "seeds"),
     [
-        (1, "z", "log", 3),
+        (1, "z", "log", 2),
         *(pytest.param(1, domain, "log", 12, marks=pytest.mark.slow) for domain in "sz"),
         *(pytest.param(4, domain, kind, 20, marks=pytest.mark.slow) for domain in "sz" for kind in ("log", "linear")),
     ],
@@ -178,7 +178,7 @@ def test_measured_mirror_is_followed_on_other_realisations():
 
 
 @pytest.mark.parametrize(
-    ("amplitude", "frequency"), [(60, -60), (-60, 60), (0, 60), slow(60, 60), slow(-60, -60), slow(0, -60)]
+    ("amplitude", "frequency"), [(60, -60), (-60, 60), slow(0, 60), slow(60, 60), slow(-60, -60), slow(0, -60)]
 )
 def test_units_scale_the_estimate_exactly(amplitude, frequency):
     system = random_modal_system(1, 2, 3, 5)
@@ -195,7 +195,7 @@ def test_units_scale_the_estimate_exactly(amplitude, frequency):
     assert np.array_equal(weighted.A, subspace_estimate(data, s, 10, weight=1 / np.abs(data)).A)
 
 
-@pytest.mark.parametrize("domain", ["s", "z"])
+@pytest.mark.parametrize("domain", ["s", slow("z")])
 def test_order_of_lines_conjugation_and_channels_do_not_matter(domain):
     system = random_modal_system(2, 2, 3, 5, dt=sample_time(domain))
     points = xi(grid("linear", 300), domain)

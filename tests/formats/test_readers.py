@@ -95,7 +95,7 @@ def outcome(path):
     return None
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [10, pytest.param(200, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", FORMATS)
 def test_damaged_files(tmp_path, name, count):
     """Cut at 40 places; of the damages three quarters flipped bytes, the others stretches of zeros or of 0xff: seeded, most of them
@@ -215,7 +215,7 @@ VAST = {
 }
 
 
-@pytest.mark.parametrize("name", VAST)
+@pytest.mark.parametrize("name", [pytest.param(k, marks=pytest.mark.slow) if k == "bomb.npz" else k for k in VAST])
 def test_declared_sizes_are_refused_before_anything_is_allocated(tmp_path, name):
     VAST[name](tmp_path / name)
     with pytest.raises(FileFormatError, match="declares"):
@@ -276,12 +276,12 @@ print(record.u.shape[0], record.y.sum(), (after - before) / 1024)
 @pytest.mark.skipif(sys.platform != "linux", reason="memory of a process as Linux counts it")
 @pytest.mark.parametrize("suffix", [".csv", *(pytest.param(one, marks=pytest.mark.slow) for one in (".npz", ".mat"))])
 def test_memory_of_a_long_record_is_a_few_times_its_numbers(tmp_path, suffix):
-    """200 000 samples of 4 channels are 6.4 MB: five times in memory at most 60 MB, text with lists of cells took 300."""
-    rng, samples = np.random.default_rng(0), 200_000
+    """100 000 samples of 4 channels are 3.2 MB: five times in memory at most 30 MB, text with lists of cells took 150."""
+    rng, samples = np.random.default_rng(0), 100_000
     data = TimeRecord(rng.standard_normal((samples, 2)), rng.standard_normal((samples, 2)).round(3), dt=0.5)
     save(tmp_path / f"long{suffix}", data)
     command = [sys.executable, "-c", _LONG, str(tmp_path / f"long{suffix}")]
     printed = subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ).stdout.split()
     assert int(printed[0]) == samples
     assert float(printed[1]) == pytest.approx(data.y.sum(), rel=1e-9)
-    assert float(printed[2]) < 120
+    assert float(printed[2]) < 60

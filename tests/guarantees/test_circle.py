@@ -36,7 +36,7 @@ TWENTY = [slow(seed, case, 10, 100_000) for case in CASES for seed in range(60, 
 
 
 @pytest.mark.parametrize(
-    ("seed", "case", "coefficients", "points"), [(4, "parametric", 8, 20_000), slow(4, "mixed", 8, 20_000), *TWENTY]
+    ("seed", "case", "coefficients", "points"), [(4, "parametric", 8, 5_000), slow(4, "mixed", 8, 20_000), *TWENTY]
 )
 def test_no_system_exceeds_the_bound_on_the_circle(seed, case, coefficients, points):
     """Cell by cell: the truth, and central interpolants of extreme coefficients."""
@@ -104,7 +104,7 @@ def test_an_attribute_is_a_bound_however_little_work_it_may_take(monkeypatch):
     assert np.all(narrow <= wide)
     assert np.median(narrow) < np.inf
     assert error.known_circle is None
-    assert error.on_circle(0.5, time_limit=1.0).largest == error.hinf
+    assert error.on_circle(0.5, time_limit=0.1).largest == error.hinf
 
 
 @pytest.mark.parametrize(("seed", "case"), [(4, "parametric"), slow(1, "mixed")])

@@ -204,7 +204,11 @@ GRIDS = np.linspace(0.5, 31.0, 16), np.linspace(0.2, 30.0, 11)
 
 @pytest.mark.parametrize(
     ("gain", "bound", "wanted"),
-    [(2.0, 0.02, STABLE), (4.0, 0.2, UNSTABLE), pytest.param(80.0, 0.02, UNSTABLE, marks=pytest.mark.slow)],
+    [
+        (4.0, 0.2, UNSTABLE),
+        pytest.param(2.0, 0.02, STABLE, marks=pytest.mark.slow),
+        pytest.param(80.0, 0.02, UNSTABLE, marks=pytest.mark.slow),
+    ],
 )
 def test_identified_pairs(gain, bound, wanted):
     """A pair that is returned keeps all samples within their bounds, and its loop is unstable by python-control."""
@@ -325,7 +329,7 @@ def test_the_judges_of_this_file_judge():
     """All-pass functions have modulus 1, the asked phase, and stable poles."""
     rng = np.random.default_rng(0)
     for dt in (0.1, 0.0):
-        for _ in range(20):
+        for _ in range(5):
             one = all_pass(rng, dt)
             np.testing.assert_allclose(np.abs(values(one, grid(dt))), 1, rtol=1e-9)
             target, omega = rng.normal() + 1j * rng.normal(), rng.uniform(1, 20)

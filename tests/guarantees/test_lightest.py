@@ -77,12 +77,12 @@ def continuous():
 def test_few_coefficients_give_the_bounds_of_the_exact_form(continuous, monkeypatch):
     """Between the frequency points by the section; far outside, where its tail is as large as the class, by the exact form."""
     result, plant = continuous
-    omega = 2 * np.pi * np.array([3.0, 12.1, 300.0])
+    omega = 2 * np.pi * np.array([3.0, 300.0])
     found = rid.worst_case_error(result, omega=omega, directions=3)
     light = consistent_set(result)
     assert result.formulation.exact
     assert not light.posed.exact
-    assert [light.posed_at(w).exact for w in omega] == [False, False, True]
+    assert [light.posed_at(w).exact for w in omega] == [False, True]
     monkeypatch.setattr(sys.modules[consistent_set.__module__], "lightest", lambda posed, accuracy: posed)
     exact = rid.worst_case_error(result, omega=omega, directions=3)
     assert np.all(np.abs(found.upper / exact.upper - 1) < 0.03)
@@ -91,6 +91,7 @@ def test_few_coefficients_give_the_bounds_of_the_exact_form(continuous, monkeypa
     assert np.all(np.abs(np.squeeze(result.model(1j * omega)) - plant(1j * omega)) <= found.upper[:, 0, 0])
 
 
+@pytest.mark.slow
 def test_saved_bounds_of_both_forms_are_verified(continuous, tmp_path):
     options = {"omega": 2 * np.pi * np.array([31.0, 300.0]), "directions": 4, "resume": tmp_path / "folder"}
     found = rid.worst_case_error(continuous[0], **options)

@@ -33,7 +33,7 @@ def test_two_discs_are_decided_exactly():
 
 def test_the_least_error_that_closes_a_loop_of_two_discs_is_found():
     rng = np.random.default_rng(4)
-    for _ in range(25):
+    for _ in range(10):
         g, h = rng.normal(size=2) + 1j * rng.normal(size=2)
         bound = np.diag(10 ** rng.uniform(-2, 0, 2))
         loop = loop_of_discs(g, h)

@@ -119,7 +119,7 @@ def test_random_bounds_are_exceeded_everywhere_and_the_ratio_is_right(seed, cell
     assert weight.ratio == min(ratios) >= (jump(bound) if cells > 1 else 1)
 
 
-@pytest.mark.parametrize("power", [-60, 60])
+@pytest.mark.parametrize("power", [-60, pytest.param(60, marks=pytest.mark.slow)])
 def test_units_of_signals_and_time_change_nothing(power):
     edges = np.linspace(0, np.pi, 41) / 0.01
     bound = largest_on(lambda w: biquad(pair(0.9, 0.1), pair(0.5, 0.05))(w * 0.01), edges)

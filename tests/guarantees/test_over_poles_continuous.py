@@ -76,13 +76,13 @@ def test_the_band_holds_models_with_poles_anywhere_in_the_box(seed, tmp_path):
 
 def test_a_box_without_width_gives_the_band_of_its_poles():
     problem, box = plant(1, points=12)
-    result, how = rid.identify(problem), {"omega": [1.1, 5.0], "directions": 12, "rtol": 0.01}
+    result, how = rid.identify(problem), {"omega": [5.0], "directions": 8, "rtol": 0.01}
     narrow = (ends.mean(axis=1, keepdims=True) * [1 - 1e-7, 1 + 1e-7] for ends in box)
     band = rid.guarantee.worst_case_over_poles(result, *narrow, cells=1, **how)
     np.testing.assert_allclose(band.upper, rid.worst_case_error(result, **how).upper, rtol=0.03)
 
 
-@pytest.mark.parametrize("omega", [[5.0], pytest.param([1.0, 5.0, 9.0], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("omega", [pytest.param(one, marks=pytest.mark.slow) for one in ([5.0], [1.0, 5.0, 9.0])])
 def test_the_bound_on_the_axis_holds_models_with_poles_anywhere_in_the_box(omega):
     problem, _ = plant(2, points=8)
     box = OMEGA[:, None] * [0.999, 1.001], DAMPING[:, None] * [0.97, 1.03]

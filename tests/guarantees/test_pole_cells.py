@@ -57,9 +57,9 @@ def test_a_mode_in_the_cell_is_a_repeated_pair_and_a_small_remainder(time, near)
 
 @pytest.mark.parametrize("time", [slow(TIMES[0]), slow(TIMES[1]), *TIMES[2:]], ids=str)
 def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(time):
-    """Seventy drawn plants each, measured with errors at the limit and against the expansion, on tilted lines and in records."""
+    """Thirty drawn plants each, measured with errors at the limit and against the expansion, on tilted lines and in records."""
     rng, needed, count = np.random.default_rng(10 + time.get("delay", 0)), 0, 25
-    for _ in range(70):
+    for _ in range(30):
         cell = drawn_cell(rng, 0.1 * rng.uniform(), **time)
         poles = drawn_poles(cell, rng)
         c = cell.amplitude * rng.choice([1.0, rng.uniform()]) * np.exp(2j * np.pi * rng.uniform(size=poles.size))
@@ -97,18 +97,18 @@ def test_plants_with_poles_in_the_cell_solve_its_relaxed_problem(time):
         ]
         wider = [relaxed.frequency[0].bound.ravel(), *(t.bound.ravel() for t in relaxed.time)]
         needed += np.max(ratio * np.concatenate(wider) / np.concatenate(old)) > 1 + 1e-6
-    assert needed >= 60
+    assert needed >= 26
 
 
 def test_halves_cover_a_cell_and_do_not_refute_the_truth():
-    """Splitting five times towards the truth: its relaxation is consistent, and it stays in one half."""
+    """Splitting three times towards the truth: its relaxation is consistent, and it stays in one half."""
     data = rid.datasets.flexible_structure(seed=3, extra_hz=np.linspace(17.2, 18.1, 10))
     problem = about_structure(data, 0.1, 1.2, time=True)
     whole = PoleCell(
         data.modes[:, :1] * [0.97, 1.04], data.modes[:, 1:] * [0.6, 1.5], np.array([0.6, 0.1]), delay=1, dt=DT
     )
     assert rid.identify(problem).consistent
-    for _ in range(5):
+    for _ in range(3):
         halves = whole.split(problem, whole.widest(problem, problem.frequency[0].omega))
         inside = [np.all((h.omega[:, 0] <= data.modes[:, 0]) & (data.modes[:, 0] <= h.omega[:, 1])) for h in halves]
         inside = [

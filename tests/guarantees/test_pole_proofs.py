@@ -79,6 +79,7 @@ def test_round_trip_is_exact_and_verifies_again(computed, saved):
         load_saved(saved, "worst-case error")
 
 
+@pytest.mark.slow
 def test_another_nominal_survives(tmp_path):
     result, _ = identified()
     small = rid.balanced_truncation(result.model, order=4).model

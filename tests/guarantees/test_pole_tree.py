@@ -25,7 +25,7 @@ def response(omega):
 
 @functools.cache
 def identified(omega=10.0, damping=0.05):
-    lines = np.linspace(1.0, 25.0, 25)
+    lines = np.linspace(1.0, 25.0, 17)
     values = response(lines) + 0.27 * np.exp(2j * np.pi * np.random.default_rng(0).random(lines.size))
     frf = rid.FrequencyResponse(lines, values, bound=0.3, dt=0.1)
     prior = rid.Prior(gain_bound=2.0, decay_rate=1.5)

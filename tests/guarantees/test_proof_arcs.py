@@ -221,12 +221,12 @@ def test_the_schema_knows_proofs_on_arcs():
 
 @pytest.mark.quick
 def test_no_mutant_on_arcs_is_accepted_that_is_not_true(program, tmp_path):
-    survive(program, tmp_path, small_proofs(), 1, 80)
+    survive(program, tmp_path, small_proofs(), 1, 40)
 
 
 @pytest.mark.quick
 def test_mutants_on_arcs_do_not_crash_the_checker(tmp_path):
-    survive(built(*SANITIZED), tmp_path, small_proofs(), 2, 25)
+    survive(built(*SANITIZED), tmp_path, small_proofs(), 2, 10)
 
 
 @pytest.mark.quick

@@ -71,10 +71,10 @@ def test_guaranteed_means_that_every_drawn_plant_is_stabilised(rng):
     assert result.guaranteed
     assert result.margin > 1
     for scale in (1.0, result.margin * 0.999):
-        for _ in range(150):
+        for _ in range(50):
             assert closed_loop_radius(drawn_plant(nominal, scale, edges, bound, rng), controller) < 1
     # Against the condition on a dense grid.
-    omega = np.linspace(0, np.pi / 0.1, 100_001)
+    omega = np.linspace(0, np.pi / 0.1, 20_001)
     condition = on_cells(edges, bound, omega) * np.abs(loops(nominal, controller, omega)["additive"][:, 0, 0])
     assert result.margin <= 1 / condition.max()
     assert result.margin >= 0.99 / condition.max()
@@ -159,7 +159,7 @@ def test_the_margin_of_each_kind_against_a_dense_grid_with_two_channels(rng, kin
 def test_bounds_per_entry_do_not_depend_on_units(rng):
     nominal = random_model(rng, 2, 3)
     controller = small_controller(rng, nominal)
-    edges, bound = np.linspace(0, np.pi, 11) / 0.1, rng.uniform(0.2, 1.0, (10, 2, 3))
+    edges, bound = np.linspace(0, np.pi, 6) / 0.1, rng.uniform(0.2, 1.0, (5, 2, 3))
     result = robust_stability_margin(nominal, controller, edges, bound)
     omega = np.linspace(0, np.pi / 0.1, 5_001)
     sizes = np.abs(loops(nominal, controller, omega)["additive"])
@@ -201,9 +201,9 @@ def test_a_perturbation_of_the_structure_moves_a_pole_across_the_circle(rng, str
 def test_of_several_bounds_the_best_one_answers_on_every_cell(rng):
     nominal = random_model(rng, 2, 2)
     controller = small_controller(rng, nominal)
-    edges = np.linspace(0, np.pi, 9) / 0.1
-    full, entries = rng.uniform(0.1, 1.0, 8), rng.uniform(0.1, 1.0, (8, 2, 2))
-    columns = rng.uniform(0.1, 1.0, (8, 1, 2))
+    edges = np.linspace(0, np.pi, 5) / 0.1
+    full, entries = rng.uniform(0.1, 1.0, 4), rng.uniform(0.1, 1.0, (4, 2, 2))
+    columns = rng.uniform(0.1, 1.0, (4, 1, 2))
     together = robust_stability_margin(nominal, controller, edges, (full, entries, columns))
     alone = [robust_stability_margin(nominal, controller, edges, one) for one in (full, entries, columns)]
     best = np.max([one.margins for one in alone], axis=0)
@@ -213,7 +213,7 @@ def test_of_several_bounds_the_best_one_answers_on_every_cell(rng):
     # Each cell by itself: its margin is that of the condition on a dense grid.
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0, 1, 400)).ravel()
     sizes = np.linalg.norm(loops(nominal, controller, omega)["additive"], 2, axis=(1, 2))
-    gains = sizes.reshape(8, -1).max(axis=1) * full
+    gains = sizes.reshape(4, -1).max(axis=1) * full
     assert np.all(alone[0].margins <= 1 / gains)
     assert np.all(alone[0].margins >= 0.94 * np.minimum(1 / gains, 10 * alone[0].margin))
     assert alone[0].margin <= alone[0].margins.min()

@@ -56,7 +56,7 @@ def test_any_executor_gives_the_same(result, expected):
         same(run(result, executor=executor), expected)
 
 
-@pytest.mark.parametrize("processes", [1, slow(2)])
+@pytest.mark.parametrize("processes", [slow(1), slow(2)])
 def test_a_process_that_is_killed_loses_nothing(result, expected, caplog, processes):
     counts = []
 

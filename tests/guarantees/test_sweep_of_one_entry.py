@@ -33,7 +33,7 @@ def random_problem(seed):
     return rid.identify(rid.MixedProblem(frequency=frf, time=time, prior=prior, parametric=basis))
 
 
-@pytest.mark.parametrize("seed", seeds(2, 40))
+@pytest.mark.parametrize("seed", seeds(1, 40))
 def test_sides_from_those_beside_them_are_those_from_the_centre(seed):
     """Supports within the gap above the exact ones, attained values below them; every certificate holds."""
     result = random_problem(seed)
@@ -55,7 +55,7 @@ def test_sides_from_those_beside_them_are_those_from_the_centre(seed):
         assert exact.upper >= reached >= exact.attained - 1.01 * gap * far
 
 
-@pytest.mark.parametrize("seed", seeds(2, 40))
+@pytest.mark.parametrize("seed", seeds(1, 40))
 def test_a_sweep_by_quadrature_is_one_by_stored_matrices(seed, monkeypatch):
     """Polygons in which nothing differs but the rounding of the curvature, for which a bound is not a digit less tight."""
     consistent = consistent_set(random_problem(seed))

@@ -179,7 +179,7 @@ def test_l1_after_the_horizon():
     assert 0.1 * tube.error_l1 < max(worst) <= tube.error_l1 <= np.abs(P).sum(axis=0) @ bound + 1e-4
 
 
-@pytest.mark.parametrize("signal", ["impulse", "step"])
+@pytest.mark.parametrize("signal", [slow("impulse"), "step"])
 def test_samples_left_out_are_bounded_from_the_class(signal, mixed):
     every = response_tube(mixed, input=signal, horizon=14)
     some = response_tube(mixed, input=signal, horizon=14, times=[0.0, 0.03, 0.04, 0.1])
@@ -305,7 +305,7 @@ def test_a_budget_leaves_the_samples_that_are_finished(mixed):
 
 
 @pytest.mark.quick
-@pytest.mark.parametrize("start", [1, 7])
+@pytest.mark.parametrize("start", [slow(1), 7])
 def test_tails_of_impulse_responses(start):
     for a in (0.3, -0.9, 0.9999):
         total, largest = tail_bounds(np.array([[a]]), np.array([[2.0]]), np.array([[3.0]]), start)

@@ -13,6 +13,7 @@ from robustid.guarantees.polygons import value_set
 from robustid.guarantees.value_set import value_set_claims
 from robustid.identification import Functional, certify_support, evaluate_support
 from support.cases import slow
+from support.pairwise import every_one
 from support.problems import CASES, random_experiment, random_problem
 from support.refusals import refused
 
@@ -45,8 +46,7 @@ def test_no_data_gives_the_gain_bound_and_the_lens():
         assert np.all(found.support >= [K, side, K, side])
 
 
-@pytest.mark.parametrize("value", [0.0, 1.1, -1.7, 1.999])
-@pytest.mark.parametrize("bound", [1e-9, 1e-4])
+@pytest.mark.parametrize(("value", "bound"), every_one([0.0, 1.1, -1.7, 1.999], [1e-9, 1e-4]))
 def test_one_real_value_gives_picks_disc(value, bound):
     """At real nodes: |(v - w)/(1 - vw)| <= |zeta - zeta_1|/|1 - zeta zeta_1|, both ends attained, at an end of w's interval."""
     result = one_line(0.0, value, bound)
@@ -93,9 +93,17 @@ FINE = [slow(seed, case, 12, 64, 3) for case in CASES for seed in range(100, 105
 @pytest.mark.parametrize(
     ("seed", "case", "coefficients", "directions", "count"),
     [
-        *((0, case, 10, 16, 3) for case in CASES if case != "mixed"),
+        *((0, case, 10, 16, 3) for case in CASES if case not in ("mixed", "time")),
         (7, "time", 6, 64, 1),
-        *(slow(*one) for one in ((0, "mixed", 10, 16, 3), (7, "time", 6, 64, 3), (7, "parametric", 6, 64, 3))),
+        *(
+            slow(*one)
+            for one in (
+                (0, "mixed", 10, 16, 3),
+                (0, "time", 10, 16, 3),
+                (7, "time", 6, 64, 3),
+                (7, "parametric", 6, 64, 3),
+            )
+        ),
         *MANY,
         *FINE,
     ],
@@ -150,7 +158,7 @@ def test_more_data_never_widen_the_set(case):
     shorter = dataclasses.replace(record, u=record.u[:5], y=record.y[:5], bound=record.bound[:5])
     less = dataclasses.replace(problem, frequency=frf.select(slice(0, None, 2)), time=shorter)
     few, many = rid.identify(less), rid.identify(problem)
-    options = {"omega": [30.0, 120.0], "directions": 6, "rtol": 5e-3, "model": few.model}
+    options = {"omega": [30.0], "directions": 6, "rtol": 5e-3, "model": few.model}
     wide, narrow = rid.worst_case_error(few, **options), rid.worst_case_error(many, **options)
     for a, b in zip(wide.values, narrow.values, strict=True):
         assert np.all(b.support <= a.support + 5e-3 * np.ptp(a.support))

@@ -86,7 +86,7 @@ def test_both_forms_give_the_same_margin():
         assert paper.margin == pytest.approx(ours.margin, abs=1e-5 * max(1, ours.margin))
 
 
-@pytest.mark.parametrize("case", MIXED_IS_SLOW)
+@pytest.mark.parametrize("case", [slow(one) if one == "time" else one for one in MIXED_IS_SLOW])
 def test_order_is_minimal(case):
     """No pole-zero cancellations: the Hankel singular values of the scaled central part stay away from rounding."""
     smallest = []
@@ -182,8 +182,8 @@ def test_known_past_input_is_used_through_an_infinite_bound():
 
 
 def test_unknown_initial_state_is_not_ignored():
-    """The window of a long record: consistent as "free" for 5 seeds of 5, refuted as "rest" in all."""
-    for seed in range(5):
+    """The window of a long record: consistent as "free" for 2 seeds of 2, refuted as "rest" in all."""
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         truth = rid.datasets.flexible_structure(seed=1).truth
         u = np.sign(rng.standard_normal(300))
@@ -233,7 +233,7 @@ def test_integrators_in_the_parametric_part():
         flexible(frequency=zero, parametric=basis)
 
 
-@pytest.mark.parametrize("power", [-60, 60])
+@pytest.mark.parametrize("power", [-60, pytest.param(60, marks=pytest.mark.slow)])
 def test_units_do_not_matter(power, found):
     """Amplitude and time scaled by 2^+-60 scale the result exactly."""
     problem, scale = found.problem, 2.0**power

@@ -295,8 +295,7 @@ def check_problem(seed, case, form, coefficients, count):
 
 
 @pytest.mark.parametrize("seeds", [(), slow(range(3)), slow(range(100, 125))])
-@pytest.mark.parametrize("form", range(len(FORMS)))
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(("case", "form"), every_one(CASES, range(len(FORMS))))
 def test_paths_end_at_the_optimum_of_an_independent_solver(case, form, seeds, monkeypatch):
     """Consistent and not: margin, gain, support functions of both sets to 1e-6; at most 60 Newton systems each."""
     count = Count(monkeypatch)

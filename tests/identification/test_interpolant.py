@@ -70,7 +70,7 @@ def coefficients_in(sarason, size, rng):
     return x * size / sarason.norm(x)
 
 
-@pytest.mark.parametrize("seed", seeds(2, 5))
+@pytest.mark.parametrize("seed", seeds(1, 5))
 def test_every_solution_interpolates_and_stays_in_the_ball(seed):
     rng = np.random.default_rng(seed)
     angles, taylor = np.sort(rng.uniform(0.1, 3, 4)), 5

@@ -82,7 +82,7 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
 # --- an independent solver --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [2, slow(20)])
+@pytest.mark.parametrize("seeds", [1, slow(20)])
 @pytest.mark.parametrize("kind", [slow(k) if k in KINDS[::2] else k for k in KINDS])
 def test_margin_against_the_paper_s_theorem(kind, seeds):
     """Clarabel on the printed inequality with the intervals written out; Taylor forms enclose the same number."""
@@ -109,7 +109,7 @@ def test_margin_against_the_paper_s_theorem(kind, seeds):
     assert active >= {"outside": 3, "one side": 1, "far": 1}.get(kind, 0) * seeds // 4
 
 
-@pytest.mark.parametrize("seeds", [2, slow(4)])
+@pytest.mark.parametrize("seeds", [1, slow(4)])
 @pytest.mark.parametrize("kind", [k if k in KINDS[::2] else slow(k) for k in KINDS])
 def test_gain_and_centre_with_intervals(kind, seeds):
     """The smallest gain against Clarabel; every point on the way keeps to the intervals; the centre is stationary."""

@@ -35,7 +35,7 @@ def test_units_do_not_matter(power, form, kinds):
 
 
 @pytest.mark.parametrize("seeds", [1, slow(6)])
-@pytest.mark.parametrize("form", ["orthonormal", "taylor", "sections"])
+@pytest.mark.parametrize("form", ["orthonormal", slow("taylor"), "sections"])
 def test_intervals_around_the_truth_never_refute(form, seeds):
     for seed in range(seeds):
         problem, p = truthful(seed)

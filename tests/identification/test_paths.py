@@ -10,13 +10,14 @@ from robustid.identification import consistency
 from robustid.identification import margin as margin_module
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver import analytic_center, gain_path, margin_path
+from support.cases import slow
 from support.matrix_plants import judge_margin
 from support.problems import CASES, MIXED_IS_SLOW, identified, in_units, random_problem
 
 # --- decisions on the border, and degenerate input --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("case", MIXED_IS_SLOW)
+@pytest.mark.parametrize("case", [slow(one) if one == "time" else one for one in MIXED_IS_SLOW])
 def test_barely_feasible_problems_are_decided(case):
     """K from the gain path such that the margin is 1 + d: the margin path returns it, and the proof decides."""
     decided = 0

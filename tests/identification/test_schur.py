@@ -92,7 +92,7 @@ GAINS = 0.5, 0.99, 1 - 1e-6, 1 - 1e-10
 @pytest.mark.parametrize(
     ("kind", "gain"),
     [
-        *(("noise", gain) if gain == GAINS[3] else slow("noise", gain) for gain in GAINS),
+        *(slow("noise", gain) for gain in GAINS),
         *(("resonances", gain) if gain == GAINS[2] else slow("resonances", gain) for gain in GAINS),
     ],
 )
@@ -143,7 +143,7 @@ def test_a_first_order_response_has_one_state_and_one_known_singular_value(pole)
     assert np.abs(markov(*small[:4], 2501) - g).max() < 1e-13
 
 
-@pytest.mark.parametrize("seed", seeds(2, 6))
+@pytest.mark.parametrize("seed", seeds(1, 6))
 def test_the_truncation_is_that_of_a_state_space(seed):
     rng = np.random.default_rng(seed)
     n, M = 7, int(rng.integers(400, 1500))

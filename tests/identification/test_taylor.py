@@ -41,7 +41,7 @@ def test_random_members_are_in_the_unit_ball():
         assert np.abs(np.roots(member[1][::-1])).min() > 1
 
 
-@pytest.mark.parametrize("rho", [1.01, 1.1, 1.5])
+@pytest.mark.parametrize("rho", [1.01, slow(1.1), 1.5])
 def test_what_lies_beyond_l_coefficients_stays_below_the_tail(rho):
     """300 random members on the whole circle; the extremal one reaches all but 1 %, so that no smaller constant is true."""
     K, circle = 2.5, np.exp(1j * np.linspace(0, np.pi, 400)) / rho
@@ -149,7 +149,7 @@ def compare(case, seed):
     return result
 
 
-@pytest.mark.parametrize("seeds", [2, slow(4)])
+@pytest.mark.parametrize("seeds", [1, slow(4)])
 @pytest.mark.parametrize("case", MIXED_IS_SLOW)
 def test_both_forms_prove_the_same_margin(case, seeds):
     statuses = {compare(case, seed).status for seed in range(seeds)}
@@ -182,7 +182,7 @@ def test_objectives_agree_between_the_forms(case, seed, objective):
         assert worst[0] == pytest.approx(worst[1], abs=2e-4 * max(1, *worst))
 
 
-@pytest.mark.parametrize("case", ["time", "frequency", "parametric"])
+@pytest.mark.parametrize("case", [slow("time"), "frequency", "parametric"])
 def test_other_solutions_of_the_taylor_form(case):
     """Every E keeps the residuals that the model may have; its values lie in the disc of all solutions."""
     for spread in (1.0, 1e-3):

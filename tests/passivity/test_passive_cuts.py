@@ -28,7 +28,7 @@ def test_no_vector_of_an_empty_polyhedron():
     assert passive_cuts._least(np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0])) is None
 
 
-@pytest.mark.parametrize("kind", ["bounded real", "positive real"])
+@pytest.mark.parametrize("kind", ["bounded real", pytest.param("positive real", marks=pytest.mark.slow)])
 def test_the_nearest_passive_gains_are_those_of_the_semidefinite_program(kind):
     """A response that is beyond the limit by 0.1 to 1 %."""
     omega = np.geomspace(0.3, 300, 40)

@@ -46,7 +46,7 @@ def test_distinct_values_count_once():
     np.testing.assert_allclose(reduction.bounds, [2, 2, 2, 2, 2, 0], rtol=1e-14)
 
 
-@pytest.mark.parametrize("models", [8, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("models", [4, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [False, True])
 @pytest.mark.parametrize("match", [None, "static gain"])
 def test_bound_holds_at_every_order_of_random_models(match, discrete, models):
@@ -146,7 +146,7 @@ def test_order_above_the_rank_is_not_filled_with_noise():
     assert reduction.status is ReductionStatus.FEWER
 
 
-@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_unstable_part_is_kept_exactly(discrete):
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -251,7 +251,7 @@ test_bad_input_is_named = refusals(
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("count", [5, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [3, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_bound_holds_at_every_order_of_the_benchmark_models(benchmark_model, discrete, count):
     """At so many orders, the smallest and the largest among them; 1000 are all."""

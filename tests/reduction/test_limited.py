@@ -10,6 +10,7 @@ import scipy.linalg as sla
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation
 from robustid.reduction.gramians import partial_gramian_factors, split
+from support.pairwise import every_one
 from support.reduction_models import gap, mode, peak, points_of, random_model, response
 from support.refusals import refusals
 from support.two_mode_models import two_modes
@@ -43,8 +44,7 @@ def damped_model(seed, *, discrete):
     return control.StateSpace(q @ a @ q.T, q @ b, c @ q.T, rng.standard_normal((3, 2)), 0.2 if discrete else 0)
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize("band", [(0.0, 0.3), (0.3, 0.9), (1.0, 2.5)])
+@pytest.mark.parametrize(("discrete", "band"), every_one([False, True], [((0.0, 0.3),), ((0.3, 0.9),), ((1.0, 2.5),)]))
 def test_gramians_of_a_band_are_the_integrals_over_it(discrete, band):
     for seed in range(3):
         model = damped_model(seed, discrete=discrete)
@@ -82,7 +82,7 @@ def test_gramians_of_a_horizon_are_the_integrals_over_it(discrete, horizon):
             np.testing.assert_allclose(got, expected, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_gramian_with_a_weight_is_the_integral_over_all_frequencies(discrete):
     for channels in (1, 3):
         model = damped_model(0, discrete=discrete)
@@ -149,7 +149,7 @@ def test_a_weight_keeps_the_mode_where_it_is_large(dt):
 
 
 @pytest.mark.parametrize("models", [5, pytest.param(15, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_weighted_truncation_is_stable_at_every_order(discrete, models):
     for seed in range(models):
         rng = np.random.default_rng(seed)

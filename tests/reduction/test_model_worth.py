@@ -263,7 +263,7 @@ def data(dt, seed):
     return frf.with_bound(bound[:, None, None]), fit
 
 
-@pytest.mark.parametrize("dt", [None, 0.05])
+@pytest.mark.parametrize("dt", [pytest.param(None, marks=pytest.mark.slow), 0.05])
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(3)])
 def test_a_fit_outside_at_one_point_ends_inside_and_hardly_worse(dt, seed):
     frf, fit = data(dt, seed)

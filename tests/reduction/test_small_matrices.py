@@ -128,7 +128,7 @@ def joint(kind, frf):
     return frf.with_bound(rid.Bound(joint="matrix", ellipsoid=(turn * axes) @ turn.swapaxes(1, 2)))
 
 
-@pytest.mark.parametrize("kind", ["tilted", "ellipsoid"])
+@pytest.mark.parametrize("kind", [pytest.param("tilted", marks=pytest.mark.slow), "ellipsoid"])
 def test_truth_of_known_order_bounds_the_order_found_in_joint_bounds(kind):
     rng = np.random.default_rng(4)
     truth, basis = plant(rng, 2)

@@ -83,7 +83,7 @@ def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
     wide = rid.Prior(gain_bound=18.4, decay_rate=1.051)
     angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
     errors = []
-    for changes in ({}, {"parametric": light, "prior": wide}, {"parametric": None, "prior": wide}):
+    for changes in ({"parametric": light, "prior": wide}, {"parametric": None, "prior": wide}):
         one = dataclasses.replace(problem, **changes)
         reduction = rid.reduce_within_bounds(rid.identify(one))
         assert reduction.order == 4
@@ -91,7 +91,7 @@ def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
         for pole in one.parametric.poles if one.parametric else ():
             assert np.abs(reduction.model.poles() - pole).min() < 1e-9
         errors.append(np.abs(response(reduction.model, angles) - response(data.truth, angles)).max())
-    assert max(errors[:2]) < 0.1 < 0.5 < errors[2]
+    assert errors[0] < 0.1 < 0.5 < errors[1]
 
 
 @pytest.mark.slow
@@ -110,7 +110,7 @@ def test_plant_of_order_four_at_twenty_seeds(parametric, least):
 
 @pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    "case", ["mixed", "parametric", *(pytest.param(one, marks=pytest.mark.slow) for one in ("time", "frequency"))]
+    "case", ["parametric", *(pytest.param(one, marks=pytest.mark.slow) for one in ("mixed", "time", "frequency"))]
 )
 def test_truth_of_known_order_bounds_the_order_found(case, seeds):
     """Random plants: G of order 4 and, parametric, a pair more; their truth is inside the bounds."""
@@ -124,7 +124,7 @@ def test_truth_of_known_order_bounds_the_order_found(case, seeds):
         assert judged_again(problem, reduction.model) <= 1
 
 
-@pytest.mark.parametrize("kind", ["free", "periodic"])
+@pytest.mark.parametrize("kind", [pytest.param("free", marks=pytest.mark.slow), "periodic"])
 def test_records_from_an_unknown_state_and_in_steady_state(kind):
     problem = mixed(kind, samples=25)
     result = rid.identify(problem)

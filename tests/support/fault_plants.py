@@ -146,9 +146,13 @@ def step(recipe, rng, *, plant=None, samples=60):
     return rid.TimeRecord(u, y + bound * rng.uniform(-0.5, 0.5, y.shape), dt=plant.dt, bound=bound, initial="rest")
 
 
-@functools.lru_cache(maxsize=16)  # frozen, and half a second each
 def simulated(name, seed=0):
     """Clean measurements of a simulated plant."""
+    return _simulated(name, seed)
+
+
+@functools.lru_cache(maxsize=16)  # frozen, and half a second each
+def _simulated(name, seed):
     recipe, rng = recipes()[name], np.random.default_rng([seed, *map(ord, name)])
     periodic = records(recipe, rng)
     response = rid.estimate_frf(periodic, period=recipe.period)

@@ -1,5 +1,6 @@
 """Records of loops in which somebody made a mistake about the controller or the signals, and what names it."""
 
+import functools
 from typing import NamedTuple
 
 import control
@@ -37,6 +38,7 @@ class Truth(NamedTuple):
     dt: float
 
 
+@functools.cache
 def truth_of(seed):
     """Machines under a regulator, and random plants of every size, unstable both; with integrators in the controller or not."""
     if seed % 4 == 3:
@@ -55,6 +57,7 @@ def truth_of(seed):
     raise AssertionError("no loop")
 
 
+@functools.cache
 def process_of(seed, ratio):
     """A slow process under a PI controller with a filter, and what the controller is at so many times the sample time."""
     rng = np.random.default_rng([seed, 3])
@@ -66,6 +69,7 @@ def process_of(seed, ratio):
     return Truth(StateMatrices.of(control.ss(plant)), running, dt), stated
 
 
+@functools.cache
 def slower_of(seed, step):
     """A machine whose controller runs at every so many samples of the record."""
     for attempt in range(100):

@@ -141,7 +141,7 @@ def test_data_that_say_nothing_leave_the_bound_of_the_class(dt, decay, falls):
     assert np.all(found.at(at)[1][:, 0, 0] <= most * (1 + 1e-6))
 
 
-@pytest.mark.parametrize("dt", [DT, None])
+@pytest.mark.parametrize("dt", [pytest.param(DT, marks=pytest.mark.slow), None])
 @pytest.mark.parametrize("seed", seeds(1, 50))
 def test_lossless_networks_are_inside_bounded_real_bands(dt, seed):
     """All singular values are 1 on the border of the class, and the errors of the samples as large as their bounds."""

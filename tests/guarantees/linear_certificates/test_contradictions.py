@@ -23,7 +23,7 @@ def test_data_of_a_plant_at_the_edge_are_never_contradicted(kind, seed):
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("seed", [0, 2, *(slow(seed) for seed in range(3, 30))])
+@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(2, 30))])
 def test_its_factor_is_never_above_the_margin(case, seed):
     problem = random_problem(seed, case, 16, noise=(1.5, 3, 6)[seed % 3])
     found, margin = rid.guarantee.contradiction(problem), rid.identify(problem).margin
@@ -52,8 +52,8 @@ def small_gain(problem, rng):
 @pytest.mark.parametrize(
     ("change", "seed", "kinds"),
     [
-        (wrong_sign, 1, KINDS[::3]),
-        (small_gain, 1, KINDS[1::3]),
+        (wrong_sign, 1, KINDS[:4:3]),
+        (small_gain, 1, KINDS[1:5:3]),
         *(slow(change, seed, KINDS) for change in (wrong_sign, small_gain) for seed in range(12)),
     ],
 )

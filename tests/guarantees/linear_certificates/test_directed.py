@@ -26,7 +26,7 @@ EXACT = {
     "matrix": [0, 2],
 }  # fmt: skip
 OVER_BOX = {"discrete": [2, 10], "continuous": [1, 5], "roll-off": [1, 3]}
-QUICK = ("discrete", 11), ("continuous", 10)
+QUICK = ("discrete", 11), ("continuous", 30)
 ONE = QUICK[0]
 
 
@@ -36,12 +36,12 @@ def seeds(quick, all_of_them):
 
 @functools.cache
 def joined(kind, seed):
-    """A plant at the edge of its class, and the band with polygons at three frequencies; of the second quick one at one."""
+    """A plant at the edge of its class, and the band with polygons at three frequencies; of the quick ones at two and at one."""
     plant = edge_plant(kind, seed)
     result, rng = rid.identify(plant.problem), np.random.default_rng(seed)
     lines = plant.problem.frequency[0].omega
     band, omega = rid.band(result, box=plant.box, knots=80), np.sort(rng.uniform(lines.min(), lines.max(), 3))
-    omega = omega[:1] if (kind, seed) == QUICK[1] else omega
+    omega = omega[: {QUICK[0]: 2, QUICK[1]: 1}.get((kind, seed))]
     return plant, result, band.refine(result, omega=omega)
 
 

@@ -14,8 +14,8 @@ from support.problems import in_units, random_experiment
 from support.refusals import refused
 
 SAMPLED = [
-    # Quick: a matrix of four entries, and records of one input.
-    pytest.param(kind, marks=pytest.mark.slow) if kind in ("symmetric", "record of two inputs") else kind
+    # Quick: one entry, of every kind of samples.
+    pytest.param(kind, marks=pytest.mark.slow) if kind in ("matrix", "symmetric", "record of two inputs") else kind
     for kind in KINDS
     if kind not in ("continuous", "roll-off")
 ]
@@ -120,7 +120,7 @@ def test_amplitudes_are_those_of_the_entry_alone():
 
 def test_the_static_gain_is_the_band_at_zero():
     for kind in ("discrete", "continuous", "symmetric"):
-        band = rid.band(edge_plant(kind, 1).problem, omega=[1.0])
+        band = rid.band(edge_plant(kind, 1).problem, omega=[1.0], knots=40)
         centre, radius = band.at([0.0])
         np.testing.assert_array_equal(band.static_gain[0], centre[0].real)
         np.testing.assert_array_equal(band.static_gain[1], radius[0])
