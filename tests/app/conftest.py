@@ -3,6 +3,7 @@
 import io
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
@@ -65,6 +66,12 @@ def unproved(monkeypatch):
 def unsharpened(monkeypatch):
     """For tests of other steps: see `keep_discs`."""
     keep_discs(monkeypatch)
+
+
+@pytest.fixture
+def unpaged(monkeypatch):
+    """Runs whose page nobody reads write an empty one: a real one takes as long as a small run."""
+    monkeypatch.setattr("robustid.report.write_report", lambda found, path, **_: Path(path).write_text(""))
 
 
 @pytest.fixture
