@@ -105,7 +105,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
         prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
         problem = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis)
         rid.identify(problem).save(name)
-    few = ("--omega", "30", "--directions", "4", "--poles")
+    few = ("--omega", "30", "--directions", "3", "--poles")
     code, out, _ = run("bounds", "own", *few, "--workers", workers, "--resume", "part", "-v")
     assert code == 0
     assert "with every pole in the pole-uncertainty box" in out
