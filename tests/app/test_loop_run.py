@@ -49,7 +49,9 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize("every", [48, pytest.param(12, marks=pytest.mark.slow)])
-def test_a_run_gives_the_unstable_plant_and_what_holds_of_its_loop(folder, every):
+def test_a_run_gives_the_unstable_plant_and_what_holds_of_its_loop(folder, every, request):
+    if every == 48:
+        request.getfixturevalue("unsearched")
     text = ASK.replace("every = 12", f"every = {every}")
     (folder / "ask.toml").write_text(text + "at_hz = [20.0, 100.0]\n")
     result = rid.run(folder / "ask.toml", folder / f"out-{every}")
