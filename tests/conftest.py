@@ -17,8 +17,9 @@ gc.disable()  # while tests are collected: all that is made stays
 
 
 def pytest_collection_finish():
-    """Collections of garbage don't go through the collected tests each time."""
+    """Collections of garbage don't go through the collected tests each time, and are rarer: they took a tenth of the time."""
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
     gc.enable()
 
 

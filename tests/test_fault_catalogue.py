@@ -22,7 +22,7 @@ def outcomes(plants, strengths=STRENGTHS, every=1):
     }
 
 
-@pytest.mark.parametrize("every", [5, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [9, pytest.param(1, marks=pytest.mark.slow)])
 def test_clear_faults_are_named_with_what_undoes_them(every):
     found = outcomes({"arm": simulated("arm")}, ("clear",), every)
     missed = {name for (name, _, _), outcome in found.items() if outcome != "named"}

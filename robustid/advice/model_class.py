@@ -90,7 +90,7 @@ def suggest_class(
     --------
     >>> import robustid as rid
     >>> from robustid.advice import suggest_class
-    >>> data = rid.datasets.flexible_structure(lines=4, samples=2)
+    >>> data = rid.datasets.flexible_structure(lines=3, samples=2)
     >>> found = suggest_class(frequency=data.frequency, modes=data.modes)
     >>> found.recommended.repeat, rid.identify(found.problem).consistent
     (1, True)

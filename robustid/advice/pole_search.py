@@ -191,7 +191,7 @@ def improve_kautz(
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> data = rid.datasets.flexible_structure(extra_hz=np.linspace(17.2, 18.1, 10))
+    >>> data = rid.datasets.flexible_structure(lines=6, extra_hz=np.linspace(17.2, 18.1, 10))
     >>> wrong = rid.kautz(data.modes[:, 0] * [1, 1.01], data.modes[:, 1], dt=0.01, delay=1)
     >>> prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     >>> found = rid.advise.improve_kautz(rid.MixedProblem(frequency=data.frequency, parametric=wrong, prior=prior))

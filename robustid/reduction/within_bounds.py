@@ -113,7 +113,7 @@ def reduce_within_bounds(
     Examples
     --------
     >>> import robustid as rid
-    >>> data = rid.datasets.flexible_structure(seed=0)
+    >>> data = rid.datasets.flexible_structure(seed=0, lines=6, samples=6)
     >>> basis = rid.kautz(data.modes[:, 0], data.modes[:, 1], dt=0.01, delay=1)
     >>> prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
     >>> problem = rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior, parametric=basis)

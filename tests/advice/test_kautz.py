@@ -67,10 +67,10 @@ def test_poles_outside_the_interval_are_refuted_by_a_conic_solver():
     other = found.omega[0], found.damping[0]
     low, high = found.omega_interval[1]
     for omega in (low - 0.05 * (high - low), high + 0.05 * (high - low)):
-        margins = [smallest_margin(data, (omega, zeta), other) for zeta in np.geomspace(1e-5, 0.1, 15)]
+        margins = [smallest_margin(data, (omega, zeta), other) for zeta in np.geomspace(1e-5, 0.1, 8)]
         assert min(margins) > 1
     heaviest = found.damping_interval[1, 1]
-    for omega in np.linspace(low, high, 15):
+    for omega in np.linspace(low, high, 8):
         assert smallest_margin(data, (omega, 1.1 * heaviest), other) > 1
     assert smallest_margin(data, (found.omega[1], found.damping[1]), other) <= 1
 
@@ -262,7 +262,7 @@ def response(values):
     return rid.FrequencyResponse(OMEGA, values, bound=1e-3 * np.abs(values))
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 3 else k for k in range(8)])
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(8)])
 def test_damped_modes_over_decades_are_no_relaxations(seed):
     """Six modes of damping 0.3: pairs follow them, and a real pole would say what is not there."""
     rng, s = np.random.default_rng(seed), 1j * OMEGA
@@ -270,7 +270,7 @@ def test_damped_modes_over_decades_are_no_relaxations(seed):
     assert over_decades(response(values)) is None
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k >= 3 else k for k in range(8)])
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(8)])
 def test_real_poles_are_found_and_nothing_over_less_than_two_decades(seed):
     rng, s = np.random.default_rng(seed), 1j * OMEGA
     places = np.geomspace(0.5, 500, 4) * np.exp(rng.uniform(-0.3, 0.3, 4))
@@ -281,7 +281,7 @@ def test_real_poles_are_found_and_nothing_over_less_than_two_decades(seed):
     assert over_decades(frf.select(frf.omega < 90)) is None
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 20))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))])
 def test_a_cell_of_two_relaxations_has_real_poles_whatever_modes_beside_a_remainder_leave(seed):
     """Of seed 0 four heavily damped modes keep to the bounds too, and none of them may stand in a class."""
     omega, rng = 2 * np.pi * np.geomspace(0.01, 1e4, 61), np.random.default_rng(seed)

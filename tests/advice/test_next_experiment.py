@@ -91,7 +91,8 @@ def test_a_worst_case_error_is_not_computed_again(result, monkeypatch):
 
 def test_more_time_samples_are_a_candidate():
     problem = random_problem(6, "time", 4)
-    found = suggest_next(rid.identify(problem), count=100)
+    result = rid.identify(problem)
+    found = suggest_next(rid.worst_case_error(result, omega=[100.0], directions=4), count=100)
     times = [item for item in found if item.kind == "time"]
     assert len(times) == 1
     item, record = times[0], problem.time[0]
@@ -102,7 +103,7 @@ def test_more_time_samples_are_a_candidate():
     u = np.concatenate([record.u[:, 0], np.full(6, record.u[-1, 0])])
     k = round(item.at / 0.01)
     truth = np.convolve(u, truth_of(6, "time")[0](10))[k]
-    model = rid.identify(problem).model
+    model = result.model
     assert abs(truth - simulate(model, u[:, None])[0][k, 0]) <= item.upper * drive
     assert "time samples to" in str(item)
 

@@ -92,7 +92,7 @@ def test_joint_intervals_hold_the_truth_within_every_box(lines):
     assert {tuple(one) for one in mine} <= {tuple(one) for one in single.omega_interval}
 
 
-@pytest.mark.parametrize("lines", [60, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lines", [45, pytest.param(100, marks=pytest.mark.slow)])
 def test_a_setup_with_a_mass_is_named_with_two_disjoint_intervals_and_no_average(tmp_path, lines):
     _, setups, changed = measured(1, mass=0.05, lines=lines)
     found = rid.advise.common_modes(setups)

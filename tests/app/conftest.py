@@ -3,6 +3,7 @@
 import io
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
@@ -11,6 +12,8 @@ from PIL import Image
 import robustid as rid
 from robustid.app.run import fleet
 from robustid.core import Workers
+from robustid.guarantees import band_result
+from robustid.guarantees.refinement import joined_bands
 from support import command_line
 from support.run_files import keep_discs, keep_whole, only_identify
 
@@ -65,6 +68,18 @@ def unproved(monkeypatch):
 def unsharpened(monkeypatch):
     """For tests of other steps: see `keep_discs`."""
     keep_discs(monkeypatch)
+
+
+@pytest.fixture
+def unsearched(monkeypatch):
+    """Semidefinite programs join a band with certificates of all directions at once: for tests of other steps, a second sooner."""
+    monkeypatch.setattr(band_result, "joined_bands", lambda bands, polygons, _: joined_bands(bands, polygons, None))
+
+
+@pytest.fixture
+def unpaged(monkeypatch):
+    """Runs whose page nobody reads write an empty one: a real one takes as long as a small run."""
+    monkeypatch.setattr("robustid.report.write_report", lambda found, path, **_: Path(path).write_text(""))
 
 
 @pytest.fixture

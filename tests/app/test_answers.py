@@ -75,6 +75,7 @@ def test_data_that_contradict_their_class_are_answered_with_causes(folder, run):
     assert found["guarantees"] == []
 
 
+@pytest.mark.usefixtures("unsearched")
 def test_bounds_answer_the_bounds_of_their_file(here, run, tmp_path):
     name = str(tmp_path / "bounds")
     found = answered(run(["bounds", "result", "--omega", "20", "--directions", "4", "-o", name, "--json"]))

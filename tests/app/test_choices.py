@@ -68,7 +68,7 @@ OVERRIDES = {
 }
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 @pytest.mark.parametrize("name", OVERRIDES)
 def test_every_choice_can_be_stated(folder, name):
     change, holds = OVERRIDES[name]
@@ -96,7 +96,7 @@ def plant_records():
     return record, rid.TimeRecord(np.zeros(300), 0.1 + noise[1], dt=0.01, **names)
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_records_become_a_response_with_the_bounds_of_the_noise_floor(folder):
     record, rest = plant_records()
     rid.save("record.npz", record)
@@ -123,7 +123,7 @@ def test_records_become_a_response_with_the_bounds_of_the_noise_floor(folder):
     assert rid.load("out/response-1.csv").values.shape == expected.values.shape
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_samples_without_bound_take_that_of_the_noise_floor(folder):
     record, rest = plant_records()
     rid.save("record.npz", record.entry(0))
@@ -141,7 +141,7 @@ def test_samples_without_bound_take_that_of_the_noise_floor(folder):
     np.testing.assert_allclose(time.y[:, 0], record.y[:20, 0] - noise.mean[0])
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_entries_are_taken_together_or_one_by_one(folder):
     record, _ = plant_records()
     rid.save("record.npz", record)
@@ -155,7 +155,7 @@ def test_entries_are_taken_together_or_one_by_one(folder):
     assert np.abs(both.model(1)).ravel() == pytest.approx(np.abs([left.model(1), right.model(1)]), rel=0.05)
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_delay_is_found_taken_out_and_said(folder):
     omega = 2 * np.pi * np.linspace(1, 45, 20)
     z = np.exp(1j * omega * 0.01)

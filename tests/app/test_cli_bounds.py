@@ -39,6 +39,7 @@ def run(capsys, monkeypatch):
 GRID = ["--omega", "60", "--omega", "110", "--directions", "4"]
 
 
+@pytest.mark.usefixtures("unsearched")
 def test_bounds_are_computed_saved_and_verified(files, run):
     command_line.refused(run("bounds", "good", *GRID, "-o", "band", "--static"), "--report FILE.html")
     code, out, err = run("bounds", "good", *GRID, "-o", "band", "--report", "band.html", "-v")
@@ -64,6 +65,7 @@ def test_bounds_are_computed_saved_and_verified(files, run):
         assert out.splitlines()[-1] == "verified"
 
 
+@pytest.mark.usefixtures("unsearched")
 def test_the_circle_is_bounded_where_asked(files, run):
     code, out, _ = run("bounds", "good", "--points", "3", "--directions", "4", "--rtol", "2", "--circle", "-v")
     assert code == 0
@@ -76,6 +78,7 @@ def test_the_circle_is_bounded_where_asked(files, run):
     assert "pi/dt" in out
 
 
+@pytest.mark.usefixtures("unsearched")
 def test_a_controller_is_judged_against_every_consistent_system(files, run):
     """As `robust_stability_margin` does of what was saved; without the circle, or a file, a sentence."""
     controller = control.ss([[0.9]], [[0.1]], [[1e-3]], [[0.0]], rid.load("good").problem.dt)
@@ -98,6 +101,7 @@ def test_a_controller_is_judged_against_every_consistent_system(files, run):
 
 
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("unsearched")
 def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
     data = rid.datasets.flexible_structure(lines=8, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
     suggested = rid.suggest_kautz(data.frequency)
@@ -105,7 +109,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
         prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
         problem = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis)
         rid.identify(problem).save(name)
-    few = ("--omega", "30", "--directions", "4", "--poles")
+    few = ("--omega", "30", "--directions", "3", "--poles")
     code, out, _ = run("bounds", "own", *few, "--workers", workers, "--resume", "part", "-v")
     assert code == 0
     assert "with every pole in the pole-uncertainty box" in out
@@ -171,6 +175,7 @@ def test_what_does_not_hold_is_named(files, run):
     assert out.splitlines()[-1] == "not verified"
 
 
+@pytest.mark.usefixtures("unsearched")
 def test_no_command_ends_with_0_where_the_identification_is_not_verified(files, run):
     """Neither what reads one whose certificate is forged, nor `verify`."""
     forge(files / "good", text=lambda record: record["claim"]["certificate"].update(value=record["claim"]["margin"]))
@@ -182,6 +187,7 @@ def test_no_command_ends_with_0_where_the_identification_is_not_verified(files, 
         assert "erif" in out + err, command
 
 
+@pytest.mark.usefixtures("unsearched")
 def test_a_forged_bound_is_named(files, run):
     assert run("bounds", "good", *GRID)[0] == 0
     forge(files / "bounds", lower("values/support"))

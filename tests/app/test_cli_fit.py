@@ -1,6 +1,7 @@
 """robustid fit on real files: a model on disk, sentences, exit codes."""
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -128,7 +129,8 @@ def test_next_steps_of_the_page_are_commands_with_ones_own_names(files, run):
 
 
 def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatch):
-    """The sweep itself is tested elsewhere: here the pool, the progress and the choice."""
+    """The sweep itself and its processes, which import everything, are tested elsewhere: here the progress and the choice."""
+    monkeypatch.setattr("robustid.core.worker_pool", lambda: ThreadPoolExecutor(1))
     system = random_modal_system(0, 1, 1, 1)
     omega = OMEGA[::2]
     values = noisy(np.random.default_rng(1), system.response(1j * omega))

@@ -14,7 +14,7 @@ from support.command_line import CLASS, COMMAND, SHORT, nothing_written, refused
 
 
 def test_identify_reduce_and_report_on_files(files, run):
-    code, out, _ = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"])
+    code, out, _ = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html", "--no-reduce"])
     assert code == 0
     assert "onsistent" in out
     result = rid.load("first")
@@ -29,7 +29,7 @@ def test_identify_reduce_and_report_on_files(files, run):
 
     assert load_model("smaller.npz").nstates == 2
     assert load_model("small.mat").dt == 0.01
-    code, out, _ = run(["report", "first.json", "-o", "again.html"])
+    code, out, _ = run(["report", "first.json", "-o", "again.html", "--no-reduce"])
     assert code == 0
     assert (files / "again.html").exists()
 
@@ -43,6 +43,7 @@ def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, run):
     assert not rid.load(files / "result").consistent
 
 
+@pytest.mark.usefixtures("unreduced")
 @pytest.mark.parametrize("command", ["identify", "run"])
 def test_a_model_that_fails_a_check_ends_with_1_and_its_page(files, run, monkeypatch, command):
     def failing(*arguments):

@@ -28,7 +28,7 @@ def measured(tmp_path_factory):
 
 def test_one_command_makes_the_page(measured, run, monkeypatch):
     monkeypatch.chdir(measured)
-    code, out, err = run(["identify", "--frequency", "frf.csv", "-o", "found", "--report", "page.html"])
+    code, out, err = run(["identify", "--frequency", "frf.csv", "-o", "found", "--report", "page.html", "--no-reduce"])
     assert code == 0, err
     assert "taken as a response of continuous time; give --dt for a sampled one" in out + err
     found = rid.load(measured / "found.npz")

@@ -143,7 +143,9 @@ def test_a_circle_that_ctrl_c_left_out_is_named(files, run, monkeypatch):
 
     assert run([*COMMAND, *CLASS, "-o", "circled", "--no-reduce"])[0] == 0
     monkeypatch.setattr("robustid.guarantees.WorstCaseError.on_circle", stop)
-    code, out, err = run(["bounds", "circled", "--circle", "--omega", "60", "-o", "circled-bounds"])
+    code, out, err = run(
+        ["bounds", "circled", "--circle", "--omega", "60", "--directions", "3", "-o", "circled-bounds"]
+    )
     assert code == 130, err
     said = "not finished: bounding the error between the frequencies"
     assert said in " ".join(out.split())
@@ -214,6 +216,7 @@ def test_an_interrupted_run_is_gone_on_with_where_something_keeps_it(folder, kep
         assert "unfinished" not in rid.load("out/identification").choices
 
 
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_an_interrupted_search_for_a_class_is_gone_on_with(folder, monkeypatch):
     sought, rest = [], []
 

@@ -12,7 +12,7 @@ from support.run_files import DATA, QUICK, ask
 PRIOR = {"prior": {"gain_bound": 0.2, "decay_rate": 1.1}}
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_the_modes_of_a_fit_are_those_of_the_class(folder):
     """Both modes of the structure, with their box; the run file in the folder gives the same again without a fit."""
     result = rid.run(ask(folder, DATA, PRIOR, QUICK, {"fit": {"order": 4, "modal": "proportional"}}), "out")
@@ -31,7 +31,7 @@ def test_the_modes_of_a_fit_are_those_of_the_class(folder):
     assert not (folder / "again" / "fit.npz").exists()
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_the_order_is_that_of_a_sweep_within_its_time(folder):
     told = []
     result = rid.run(

@@ -74,7 +74,7 @@ def test_workers_that_are_killed_cost_nothing_but_the_runs_in_flight(tmp_path, c
     assert (again.states, written(folder), computed) == (found.states, before, [])
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_one_failure_is_one_row_and_who_waits_for_data_is_named(tmp_path, computed):
     good, odd, late = machines(tmp_path / "runs", 3)
     odd.write_text("[prior]\ngain = 3\n", encoding="utf-8")
@@ -92,7 +92,7 @@ def test_one_failure_is_one_row_and_who_waits_for_data_is_named(tmp_path, comput
     assert computed == ["m000", "m001", "m002"]
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_force_runs_what_failed_or_was_asked_something_else_and_nothing_more(tmp_path, computed):
     same, changed, wrong = machines(tmp_path / "runs", 3)
     text = wrong.read_text(encoding="utf-8")
@@ -123,7 +123,7 @@ def parsed(monkeypatch):
     return names
 
 
-@pytest.mark.usefixtures("unproved", "unreduced")
+@pytest.mark.usefixtures("unproved", "unreduced", "unpaged")
 def test_a_file_of_several_machines_is_parsed_once_and_again_when_it_was_changed(tmp_path, parsed):
     common = [{"file": "common.csv"}]
     files = machines(tmp_path / "runs", 2, frequency=common)
@@ -167,7 +167,7 @@ class Deadly(ThreadPoolExecutor):
         return future
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_machine_of_which_every_worker_dies_is_a_row_that_is_tried_again(tmp_path):
     files = machines(tmp_path / "runs", 2)
     with Deadly(1) as executor:
@@ -178,7 +178,7 @@ def test_a_machine_of_which_every_worker_dies_is_a_row_that_is_tried_again(tmp_p
     assert run_them(files, tmp_path / "out").states == {FleetState.CONSISTENT: 2}
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_an_error_of_the_program_is_tried_again_by_the_next_call(tmp_path, monkeypatch):
     files, original = machines(tmp_path / "runs", 1), fleet_item.run
 
@@ -191,7 +191,7 @@ def test_an_error_of_the_program_is_tried_again_by_the_next_call(tmp_path, monke
     assert run_them(files, tmp_path / "out").states == {FleetState.CONSISTENT: 1}
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_second_call_computes_nothing(tmp_path, computed):
     files = machines(tmp_path / "runs", 2)
     found = run_them(files, tmp_path / "out")
@@ -201,7 +201,7 @@ def test_a_second_call_computes_nothing(tmp_path, computed):
     assert computed == ["m000", "m001"]
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_row_that_was_torn_is_written_again(tmp_path, computed):
     files = machines(tmp_path / "runs", 1)
     run_them(files, tmp_path / "out")
@@ -239,7 +239,7 @@ def test_a_worker_that_does_not_see_the_folder_says_so(tmp_path):
     refused("does not see the folder", fleet_item.run_item, item)
 
 
-@pytest.mark.usefixtures("threads", "unreduced")
+@pytest.mark.usefixtures("threads", "unreduced", "unpaged")
 def test_the_command_writes_table_and_page_and_its_code_is_that_of_the_worst(tmp_path, monkeypatch, run):
     machines(tmp_path / "runs", 2)
     monkeypatch.chdir(tmp_path)
@@ -254,7 +254,7 @@ def test_the_command_writes_table_and_page_and_its_code_is_that_of_the_worst(tmp
     assert "1 waiting" in out
 
 
-@pytest.mark.usefixtures("threads", "unreduced")
+@pytest.mark.usefixtures("threads", "unreduced", "unpaged")
 def test_ctrl_c_keeps_what_is_finished_and_the_next_call_goes_on(tmp_path, monkeypatch, run):
     machines(tmp_path / "runs", 2)
     monkeypatch.chdir(tmp_path)
@@ -301,6 +301,7 @@ def test_what_is_not_installed_is_named_with_the_line_that_installs_it(tmp_path,
     assert "which is not installed: pip install 'robustid[" in " ".join(err.split())
 
 
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_table_in_parquet_has_the_same_rows(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed: robustid[parquet]")
     files = machines(tmp_path / "runs", 1)
@@ -323,7 +324,7 @@ def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
         pass
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_cluster_gives_the_same(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed: robustid[distributed]")
     files = machines(tmp_path / "runs", 2)

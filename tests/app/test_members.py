@@ -114,6 +114,7 @@ def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch):
     assert np.array_equal(again.design.controller.C, found.design.controller.C)
 
 
+@pytest.mark.usefixtures("unpaged")
 def test_the_class_is_chosen_once_for_all(tmp_path):
     found = rid.run(asked(tmp_path, bound=0.3, modes={"hz": []}, prior={}), tmp_path / "out")
     priors = [one.problem.prior for one in found.identifications.values()]
@@ -122,6 +123,7 @@ def test_the_class_is_chosen_once_for_all(tmp_path):
     assert found.consistent
 
 
+@pytest.mark.usefixtures("unpaged")
 def test_the_modes_are_those_of_a_fit_of_every_member(tmp_path):
     """One mode in members of different gain; the run file that is written gives the family again without a fit."""
     basis, omega = rid.kautz([8.0], [0.03], dt=DT, delay=1), np.linspace(5.0, 11.0, 12)
@@ -157,6 +159,7 @@ def moved(tmp_path, points=9, **sections):
     return path, place
 
 
+@pytest.mark.usefixtures("unpaged")
 @pytest.mark.parametrize(
     "modes", [{}, pytest.param({"hz": [1.28], "damping": [0.03], "delay": 1}, marks=pytest.mark.slow)]
 )
@@ -182,6 +185,7 @@ def test_every_member_has_its_own_poles_and_their_box(tmp_path, modes):
     assert np.array_equal(resumed.family.upper, found.family.upper)
 
 
+@pytest.mark.usefixtures("unpaged")
 @pytest.mark.parametrize("stated", ["", "hz = [1.273]\ndamping = [0.03]\ndelay = 1"])
 def test_poles_are_of_the_data_of_each_member_whatever_its_arrays_are_called(tmp_path, stated):
     """A resonance that moves by 4 %: one pole for both contradicts the second member, one for each contradicts neither."""
@@ -259,6 +263,7 @@ def test_faults_of_the_data_of_a_member_stand_on_the_page_with_its_name_and_are_
 ONE_MODE = {"hz": [1.3], "damping": [0.03], "delay": 1}
 
 
+@pytest.mark.usefixtures("unpaged")
 def test_a_box_that_modes_states_is_that_of_every_member(tmp_path):
     modes = ONE_MODE | {"hz_interval": [[1.25, 1.34]], "damping_interval": [[0.02, 0.04]]}
     path, _ = moved(tmp_path, modes=modes, prior={"gain_bound": 0.5, "decay_rate": 1.5})

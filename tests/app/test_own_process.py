@@ -91,7 +91,8 @@ def ended(program):
 
 def test_ctrl_c_ends_a_call_that_hears_nothing(program):
     running = program(LONG)
-    until(running, "1 s so far")  # in the call, however late it began
+    until(running, "begun")
+    until(running, " s so far")  # in the call, however late it began
     os.killpg(running.pid, signal.SIGINT)
     code, out = ended(running)
     assert (code, out.splitlines()[-1]) == (130, "interrupted before the results were written")
@@ -114,7 +115,8 @@ def test_what_keeps_ctrl_c_back_writes_what_it_has_and_is_told_of(program):
 
 def test_a_second_ctrl_c_ends_at_once_what_has_something_to_keep(program):
     running = program(KEEPS)
-    until(running, "searching: 1 of 7, 1 s so far")
+    until(running, "begun")
+    until(running, "searching: 1 of 7, ")
     os.killpg(running.pid, signal.SIGINT)
     until(running, "Ctrl-C again ends at once")
     os.killpg(running.pid, signal.SIGINT)
@@ -123,7 +125,8 @@ def test_a_second_ctrl_c_ends_at_once_what_has_something_to_keep(program):
 
 def test_an_answer_is_written_for_a_call_that_was_ended(program):
     running = program(LONG, "reduce", "--json")
-    until(running, "1 s so far")
+    until(running, "begun")
+    until(running, " s so far")
     os.killpg(running.pid, signal.SIGINT)
     code, out = ended(running)
     assert (code, '"status": "stopped"' in out) == (130, True)

@@ -11,7 +11,7 @@ import robustid as rid
 from robustid.app.run import modes, sequence
 from robustid.identification import model_residuals
 from support.measured import needs
-from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask, keep_discs
+from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask, keep_discs, keep_whole
 
 
 def numbers(folder, *names):
@@ -27,11 +27,13 @@ def same_numbers(one, two, *names):
     return first.keys() == second.keys() and all(np.array_equal(first[k], second[k]) for k in first)
 
 
+@pytest.mark.usefixtures("unpaged")
 @pytest.mark.parametrize("sharpened", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_run_file_beside_the_results_gives_the_same_again(folder, sharpened, monkeypatch):
     """With modes, prior and bounds left to the program; the second time from another place, without its choosing anything."""
     if not sharpened:
         keep_discs(monkeypatch)
+        keep_whole(monkeypatch)
     frf = rid.datasets.flexible_structure(seed=0, lines=5, extra_hz=[17.4, 17.5, 17.6, 17.7, 17.8]).frequency
     rid.save(folder / "frf.csv", frf.with_bound(0.3 * frf.bound, "too tight"))
     chosen = {"identify": {"inflate": "auto"}, "frequency_points": {"every": 2, "near_hz": 1.0}}
@@ -60,6 +62,7 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder, sharpened,
     assert one.replace("../../frf.csv", "../frf.csv") == two
 
 
+@pytest.mark.usefixtures("unpaged")
 def test_the_steps_are_those_done_by_hand(folder):
     result = rid.run(ask(folder, DATA, CLASS, SHORT), "out")
     frf, step = rid.load("frf.csv"), rid.load("step.csv")
@@ -86,7 +89,7 @@ def test_the_steps_are_those_done_by_hand(folder):
     assert rid.load("out/worst_case").upper.max() == error.upper.max()
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_time_limit_leaves_bounds_at_some_frequencies_and_says_so(folder):
     limited = {"worst_case": {"at_hz": [5.0, 17.0, 30.0], "directions": 4, "time_limit": 1e-6}}
     result = rid.run(ask(folder, DATA, CLASS, limited), "out")
@@ -128,7 +131,7 @@ def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, ru
     assert "as the program found" in bound.note
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_consistent_data_are_not_widened_by_auto(folder):
     result = rid.run(ask(folder, DATA, CLASS, {"identify": {"inflate": "auto"}}, QUICK), "out")
     assert result.run_file.identify.inflate == 1
@@ -149,7 +152,7 @@ def test_a_class_of_anything_at_all_is_not_chosen():
     assert widened.run_file.identify.inflate == pytest.approx(1.1 * 25, rel=0.05)  # half the difference over the bound
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_nothing_is_replaced_without_force(folder, run):
     ask(folder, DATA, CLASS, SHORT)
     code, out, _ = run(["run", "ask.toml", "-o", "out", "-v"])
@@ -186,9 +189,10 @@ def test_nothing_is_replaced_without_force(folder, run):
     assert "holds the run file itself" in err
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
-    ask(folder, DATA, {"prior": CLASS["prior"]}, SHORT)
+    one = {"worst_case": {"at_hz": [5.0], "directions": 3}}
+    ask(folder, DATA, {"prior": CLASS["prior"]}, one)
     whole = rid.run("ask.toml", "whole")
 
     def interrupted(*_, **__):
@@ -215,13 +219,13 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
     assert same_numbers(folder / "whole", folder / "out", "identification", "band", "small_model")
     assert whole.run_file.text() == (folder / "out" / "run.toml").read_text(encoding="utf-8")
 
-    ask(folder, DATA, SHORT, CLASS)
+    ask(folder, DATA, one, CLASS)
     code, _, err = run(["run", "ask.toml", "-o", "out", "--resume"])
     assert code == 2
     assert "was asked something else" in err
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_changed_data_are_not_taken_for_those_of_an_unfinished_run(folder):
     path = ask(folder, DATA, CLASS, QUICK)
     rid.run(path, "out")

@@ -15,7 +15,7 @@ from support.run_files import EXAMPLES, QUICK, ask
 SCALING = [[2.0, 1.0], [1.0, 0.5]]
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
     """Modes, prior and scaling are left to the program; the file that it writes says them and gives the same."""
     truth, _, frf = measured(bound=0.02, count=10)
@@ -34,6 +34,7 @@ def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
     assert second.findings == first.findings
 
 
+@pytest.mark.slow  # quick: the file and the commands, and Python with its error below
 def test_the_whole_way_of_a_matrix_in_python(request):
     truth, basis, frf = measured(count=10)
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.2, scaling=SCALING)

@@ -50,7 +50,7 @@ def test_a_weight_of_python_is_stated_by_its_numbers(dt):
     assert again.weight_model["poles"]
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_table_is_covered_in_the_time_of_the_data(tmp_path, monkeypatch):
     """In continuous time: the class of `prior_weight`, from a run file (which keeps the table) and from the command line."""
     monkeypatch.chdir(tmp_path)
@@ -68,13 +68,13 @@ def test_a_table_is_covered_in_the_time_of_the_data(tmp_path, monkeypatch):
     assert rid.load("result").prior == prior
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_the_weight_stays_when_the_program_chooses_the_rest(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     omega = np.linspace(2.0, 60.0, 12)
     rid.save("frf.npz", rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 20) ** 2, bound=0.02))
     weighted = {"prior": {"weight": [[2.0, 1.0], [20.0, 0.05]]}}
-    path = ask(tmp_path, {"frequency": [{"file": "frf.npz"}]}, QUICK, weighted)
+    path = ask(tmp_path, FEW, weighted)
     found = rid.run(path, "out")
     assert found.identification.prior.weight is not None
     again = rid.run("out/run.toml", "again")

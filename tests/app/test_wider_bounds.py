@@ -11,7 +11,7 @@ MODES, PRIOR = [(9.0, 0.1), (17.3, 0.004)], rid.Prior(gain_bound=0.2, decay_rate
 
 @pytest.fixture(scope="module")
 def refuted():
-    data = rid.datasets.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0, lines=8, samples=6)
     with pytest.MonkeyPatch.context() as patch:
         keep_whole(patch)
         return rid.identify_reduced([data.frequency, data.time], modes=MODES, prior=PRIOR)
@@ -51,7 +51,7 @@ def test_systems_that_keep_the_wider_bounds_are_inside_of_it(refuted):
 
 @pytest.mark.usefixtures("unreduced")
 def test_consistent_data_have_none():
-    data = rid.datasets.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0, lines=6, samples=4)
     quick = {"prior": PRIOR, "omega": [60.0], "directions": 4}
     found = rid.identify_reduced([data.frequency, data.time], modes=[(9.0, 0.1), (17.67, 0.004)], **quick)
     assert found.consistent
@@ -61,7 +61,7 @@ def test_consistent_data_have_none():
 
 @pytest.mark.usefixtures("unreduced")
 def test_it_is_left_out_where_no_worst_case_is_asked_for():
-    data = rid.datasets.flexible_structure(seed=0)
+    data = rid.datasets.flexible_structure(seed=0, lines=8, samples=6)
     found = rid.identify_reduced([data.frequency, data.time], modes=MODES, prior=PRIOR, worst_case=False)
     assert not found.consistent
     assert found.wider is None

@@ -73,7 +73,7 @@ def test_conditioning(run, undrawn):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("lines", [(40, 3), pytest.param((12, 8), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lines", [(60, 3), pytest.param((12, 8), marks=pytest.mark.slow)])
 def test_motor_torsion(tmp_path, run, monkeypatch, undrawn, lines):
     needs("two_mass/MultisineTypeA.mat")
     example = load("motor_torsion")
