@@ -67,7 +67,9 @@ def prove_margin(
             best = certify_margin(point.samples, point.ball, reached, data.rows, data.sarason)
     if best is None or point is None:
         raise SolverError("no solver returned usable numbers; rescale the problem or loosen the bounds")
-    claim = Claim(reached, accuracy, point.x, point.p, best, point.solver)
+    # A point of the path that was not near may have been the best: rounding can leave it outside too.
+    x = _into_ball(point.x, data.sarason)
+    claim = Claim(max(reached, data.margin(x, point.p)), accuracy, x, point.p, best, point.solver)
     if claim.width <= accuracy or not np.isfinite(claim.width):
         return claim, passed
     if stopped:
@@ -104,8 +106,10 @@ def _candidates(data: ConvexData, solver: str, accuracy: float) -> Iterator[tupl
 
 def _into_ball(x: Real, sarason: SarasonMap) -> Real:
     """The coefficients, shrunk into the ball by what a solver left outside."""
-    norm = sarason.norm(x) * (1 + 1e-12)
-    return x / norm if norm > 1 else x
+    room = 1e-12
+    while (norm := sarason.norm(x)) > 1:  # of passive classes other eigenvalues, and with them rounding, may be large
+        x, room = x / (norm * (1 + room)), 10 * room
+    return x
 
 
 def wants_conic(sarason: SarasonMap, solver: str) -> bool:
