@@ -18,6 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robustid as rid
+from robustid.core import response
 from robustid.design import PID, Limits, LowPass, Notch
 
 TWO_PI = 2 * np.pi
@@ -87,10 +88,6 @@ def bounded(record):
     return rid.loop_bounds(rid.band(result), loop)
 
 
-def response(model, omega):
-    return model(np.exp(1j * omega * DT))
-
-
 def figure_of(loops, design):
     """Plants of all positions with what is known of them; |S| of the worst of all, and of the true ones."""
     figure = Figure(figsize=(8.5, 7.5), layout="constrained")
@@ -115,7 +112,7 @@ def figure_of(loops, design):
     above.set(xscale="log", yscale="log", ylim=(1e-5, 1e4), ylabel="|position/force| [µm/N]")
     for k, position in enumerate((*POSITIONS, *BETWEEN)):
         label = "true plants at these positions" * (k == 0) + "true plants between them" * (k == len(POSITIONS))
-        S = 1 / np.abs(1 + response(stage(position), omega) * response(design.controller, omega))
+        S = 1 / np.abs(1 + response(stage(position), omega * DT) * response(design.controller, omega * DT))
         below.loglog(hz, S, lw=0.8, color="k" if position in POSITIONS else "C2", label=label or None)
     below.loglog(hz, worst, color="C3", lw=1.4, label="worst consistent plant of all positions, proved")
     below.axhline(PEAK, color="0.5", ls="--", lw=1)
@@ -151,7 +148,7 @@ def main(argv=None):
     for position in sorted((*POSITIONS, *BETWEEN)):
         plant = stage(position)
         size = np.abs(control.feedback(plant, design.controller).poles()).max()
-        L = response(plant, grid) * response(design.controller, grid)
+        L = response(plant, grid * DT) * response(design.controller, grid * DT)
         crossing = grid[np.argmax(np.abs(L) < 1)] / TWO_PI
         known = "measured" if position in POSITIONS else "not measured"
         print(

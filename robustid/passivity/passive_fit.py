@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 
 from robustid.core import Complex, Real, StateMatrices, input_states
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import fit_mfd
+from robustid.passivity.least_change import least_change, slopes_of
 from robustid.passivity.passive_cuts import changed, cut, linearised, step, triangle
 from robustid.passivity.passivity_certificate import BOUNDED
 from robustid.passivity.passivity_search import Popov
@@ -185,6 +187,7 @@ class _Fit:
         self.values: Complex = np.where(np.isfinite(self.radius), self.values, 0)
         self.size = 1.0 if self.bounded else float(np.max(np.abs(self.values))) or 1.0
         self.ports, self.strict = self.values.shape[1], STRICT
+        self._slopes: scipy.sparse.csc_matrix | None = None
 
     def _between(self) -> Real:
         marks = self.popov.marks
@@ -197,9 +200,14 @@ class _Fit:
         n, m = B.shape
         gains = cp.Variable((m, n + m))
         P = cp.Variable((n, n), symmetric=True) if n else np.zeros((0, 0))
-        if not _solved(
-            cost(gains, self._basis(A, B)), self._inequality(A.T @ P + P @ A, P @ B, gains[:, :n], gains[:, n:])
-        ):
+        block = self._inequality(cp.bmat, A.T @ P + P @ A, P @ B, gains[:, :n], gains[:, n:])
+        try:
+            with warnings.catch_warnings():  # its word is not taken anyway
+                warnings.simplefilter("ignore", UserWarning)
+                cp.Problem(cp.Minimize(cost(gains, self._basis(A, B))), [block << 0]).solve(solver=cp.CLARABEL)
+        except cp.error.SolverError:
+            return None
+        if gains.value is None or not np.all(np.isfinite(gains.value)):
             return None
         found = np.asarray(gains.value, dtype=float)
         return self._model(StateMatrices(A, B, found[:, :n], found[:, n:]))
@@ -336,34 +344,36 @@ class _Fit:
 
     def _step(self, system: StateMatrices, reach: float) -> StateMatrices | None:
         """The change to the minimum of the linearised residuals among the models that P = I proves passive."""
-        cp = solver()
         n, m = system.B.shape
         residual = self.values - system.D - system.C @ self._states(system.A, system.B)
-        reduced = linearised(system, self.omega / self.popov.unit, residual, 1 / self.radius)
-        change = cp.Variable((n + m, n + m))
-        A, B = system.A + change[:n, :n], system.B + change[:n, n:]
-        C, D = system.C + change[n:, :n], system.D + change[n:, n:]
-        cost = cp.norm(reduced[:, :-1] @ cp.vec(change, order="C") - reduced[:, -1]) / _scale([reduced])
-        size = np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]]))
-        near = cp.norm(change, "fro") <= reach * size
-        if not _solved(cost, self._inequality(A + A.T, B, C, D), near):
+        rows = linearised(system, self.omega / self.popov.unit, residual, 1 / self.radius)
+        whole = np.block([[system.A, system.B], [system.C, system.D]])
+        if self._slopes is None:
+            self._slopes = slopes_of(lambda unit: self._proved(unit, n), n + m)
+        reach *= float(np.linalg.norm(whole))
+        found = least_change(rows / _scale([rows]), self._proved(whole, n), self._slopes, reach)
+        if found is None:
             return None
-        found = np.asarray(change.value, dtype=float)
-        return StateMatrices(found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:])
+        change = found.reshape(n + m, n + m)
+        return StateMatrices(change[:n, :n], change[:n, n:], change[n:, :n], change[n:, n:])
 
     def _states(self, A: Real, B: Real) -> Complex:
         return input_states(A, B, 1j * self.omega / self.popov.unit)
 
-    def _inequality(self, corner: Expression, side: Expression, C: Expression, D: Expression) -> Expression:
+    def _proved(self, whole: Real, n: int) -> Real:
+        """The block that is to be negative semidefinite for P = I, of [A, B; C, D]."""
+        A, B, C, D = whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+        return np.asarray(self._inequality(np.block, A + A.T, B, C, D), dtype=float)
+
+    def _inequality(self, stack: Callable[[Any], Any], *parts: Expression) -> Expression:
         """The block that is to be negative semidefinite."""
-        cp = solver()
-        eye = np.eye(self.ports)
+        (corner, side, C, D), eye = parts, np.eye(self.ports)
         if self.bounded:
             end = -(1 - self.strict) * eye
             rows = [[corner, side, C.T], [side.T, end, D.T], [C, D, end]]
         else:
             rows = [[corner, side - C.T], [side.T - C, 2 * self.strict * self.size * eye - D - D.T]]
-        block = cp.bmat(rows if side.shape[0] else [row[1:] for row in rows[1:]])
+        block = stack(rows if side.shape[0] else [row[1:] for row in rows[1:]])
         return (block + block.T) / 2
 
     def _model(self, system: StateMatrices) -> control.StateSpace:
@@ -376,19 +386,6 @@ def solver() -> ModuleType:
     import cvxpy
 
     return cvxpy
-
-
-def _solved(cost: Expression, block: Expression, *others: Expression) -> bool:
-    """Say whether the solver found the minimum of a cost where a block is negative semidefinite; the variables hold it then."""
-    cp = solver()
-    problem = cp.Problem(cp.Minimize(cost), [block << 0, *others])
-    try:
-        with warnings.catch_warnings():  # its word is not taken anyway
-            warnings.simplefilter("ignore", UserWarning)
-            problem.solve(solver=cp.CLARABEL)
-    except cp.error.SolverError:
-        return False
-    return all(v.value is not None and np.all(np.isfinite(v.value)) for v in problem.variables())
 
 
 def _scale(triangles: list[Real]) -> float:

@@ -196,9 +196,9 @@ class BestModels:
 
     def _rest_refined(self, pair: Pair) -> Fit:
         samples, radius, held = self.samples, self.radius, self._held
-        fit = descended(samples, least_squares(samples, pair), radius, held=held, budget=self._budget)
+        fit = descended(least_squares(samples, pair), radius, held=held, budget=self._budget)
         steps = _STEPS if fit.cost <= self.limit else 0
-        return levelled(samples, fit, radius, self.limit, steps, held, self._budget)
+        return levelled(fit, radius, self.limit, steps, held, self._budget)
 
     def _rich(self) -> Fit:
         """A model of many states in the coordinates of the samples, which stands for the data."""
@@ -267,11 +267,11 @@ class BestModels:
 
     def _descended(self, fit: Fit, steps: int) -> Fit | None:
         """The fit at its least squares, or so many steps nearer."""
-        return _quiet(lambda: descended(self.samples, fit, self.radius, steps, budget=self._budget))
+        return _quiet(lambda: descended(fit, self.radius, steps, budget=self._budget))
 
     def _followed(self, fits: list[Fit], n: int) -> Iterator[Fit]:
         """These fits at their least squares, then minimax, the first that is within the limit last."""
-        samples, radius = self.samples, self.radius
+        radius = self.radius
         if n <= REFINED:
             ends = [self._descended(f, _ALL) for f in fits]
             fits = sorted((fit for fit in ends if fit is not None), key=self._promise)
@@ -281,7 +281,7 @@ class BestModels:
             # No model with the largest ratio s has a root mean square above s: no hope near this one.
             hopeful = fit.cost <= self.limit and n <= REFINED
             steps = _STEPS if hopeful else _FEW * (n <= REFINED)
-            found = _quiet(lambda f=fit, s=steps: levelled(samples, f, radius, self.limit, s, budget=self._budget))
+            found = _quiet(lambda f=fit, s=steps: levelled(f, radius, self.limit, s, budget=self._budget))
             if found is not None:
                 yield found
             if not hopeful or (found is not None and found.worst <= self.limit):

@@ -103,14 +103,14 @@ def _candidates(models: BestModels, fit: Fit, discs: Discs) -> Iterator[control.
     dt = models.identification.problem.dt
     lines = FrequencyResponse(discs.angles / dt, discs.centre, bound=discs.radius, dt=dt)
     target = with_lines(dataclasses.replace(samples, tracks=(), discs=0), lines, models.identification.problem)
-    moved = descended(target, least_squares(target, fit.pair), models.radius, _STEPS)
+    moved = descended(least_squares(target, fit.pair), models.radius, _STEPS)
     pair = normal_functions(inside(moved.pair, models.radius)._replace(size=None), samples.weights)
     wanted = least_squares(target, pair)
     model = statespace(samples, wanted, like)
     yield model
     if largest_ratio(models.identification.problem, model) <= models.limit:
         return
-    safe = numerators_levelled(samples, least_squares(samples, pair))
+    safe = numerators_levelled(least_squares(samples, pair))
     if safe.worst > models.limit:
         return
     low, high, count = 0.0, 1.0, wanted.fixed.size

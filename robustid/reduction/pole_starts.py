@@ -14,7 +14,7 @@ from robustid.errors import InputError
 from robustid.fitting import subspace_estimate
 from robustid.identification import Identification
 from robustid.reduction.balanced import balanced_truncations
-from robustid.reduction.sample_fits import Fit, Pair, Poles, moved, pole_columns, pole_functions, with_poles
+from robustid.reduction.sample_fits import Fit, Functions, Pair, Poles, moved, pole_columns, pole_functions, with_poles
 from robustid.reduction.sample_map import SampleMap, Samples
 from robustid.reduction.smallest_maximum import orthonormal_columns
 
@@ -199,7 +199,7 @@ def sanathanan_koerner(samples: SampleMap, target: Fit, count: int) -> Pair:
     kept = samples.outputs * samples.inputs
     right = samples.real(samples.y - target.error - samples.fixed[:, kept:] @ target.fixed[kept:])
     for _ in range(_SK_STEPS if count else 0):
-        linear = np.hstack([samples.columns(pair.A, pair.C), samples.fixed[:, :kept]])
+        linear = np.hstack([samples.columns(samples.states(pair.A, pair.C)), samples.fixed[:, :kept]])
         G = samples.real(np.hstack([linear, pole_columns(samples, pair, target.outputs)]))
         U, V = orthonormal_columns(G)
         d = (V @ (U.T @ right))[-count * h :].reshape(h, count).T
@@ -223,8 +223,7 @@ def grown(samples: SampleMap, fit: Fit, count: int) -> Iterator[Pair]:
         kinds = [np.exp((-z + 1j * np.sqrt(1 - z * z)) * angles) for z in _DAMPINGS]
     else:
         kinds = [np.exp(-np.geomspace(low / 10, 3.0, _ANGLES)).astype(complex)]
-    base = np.hstack([samples.columns(fit.pair.A, fit.pair.C), samples.fixed])
-    U, _ = orthonormal_columns(samples.real(base))
+    U, _ = Functions(samples, fit.pair).basis
     rest = samples.real(samples.y)
     rest = rest - U @ (U.T @ rest)
     for candidates in kinds:
@@ -246,7 +245,7 @@ def _removed(samples: SampleMap, U: Real, rest: Real, pole: complex) -> tuple[Re
     h = samples.heads
     A = np.asarray(np.kron(np.eye(h), one.A), dtype=float)
     C = np.asarray(np.kron(np.diag(1 / samples.weights), one.C), dtype=float) if h > 1 else one.C
-    more = samples.real(samples.columns(A, C))
+    more = samples.real(samples.columns(samples.states(A, C)))
     Q, V = orthonormal_columns(more - U @ (U.T @ more))
     return V, Q.T @ rest
 

@@ -12,6 +12,7 @@ a Schur form, which is the same, and C moves too.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ import scipy.linalg
 from robustid.bases import Sections
 from robustid.core import Array, Budget, Complex, DampedSteps, Real, singular_parts
 from robustid.reduction.gramians import Parts, gramian_factors
-from robustid.reduction.sample_map import SampleMap, Samples, Signals
+from robustid.reduction.sample_map import SampleMap, Samples, Signals, triangular
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
 
 Poles = Array  # complex, or real where all of them are
@@ -50,15 +51,54 @@ class Pair(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
+class Functions:
+    """Functions C (zI - A)^-1 at the samples; a fit, its moves and the next step take what is computed once."""
+
+    samples: SampleMap
+    pair: Pair
+
+    @functools.cached_property
+    def states(self) -> Signals:
+        """What they put out, by experiment: see `SampleMap.states`."""
+        return self.samples.states(self.pair.A, self.pair.C)
+
+    @functools.cached_property
+    def numerators(self) -> Samples:
+        """The columns of X and of what is fixed, (N, tails n + k)."""
+        return np.hstack([self.samples.columns(self.states), self.samples.fixed])
+
+    @functools.cached_property
+    def basis(self) -> tuple[Real, Real]:
+        """U and V of `orthonormal_columns` of the numerators."""
+        return orthonormal_columns(self.samples.real(self.numerators))
+
+    @functools.cached_property
+    def normal(self) -> Functions:
+        """The same in their normal form."""
+        pair = normal_functions(self.pair, self.samples.weights)
+        return self if pair is self.pair else Functions(self.samples, pair)
+
+    def solved(self, y: Samples) -> Real:
+        """The numerators of least squares for these samples."""
+        U, V = self.basis
+        return V @ (U.T @ self.samples.real(y))
+
+
+@dataclasses.dataclass(frozen=True)
 class Fit:
     """A model with its residuals at the samples."""
 
-    pair: Pair  # of the functions C (zI - A)^-1
+    functions: Functions
     X: Real  # (n, tails), their coefficients
     fixed: Real  # (k,) coefficients of `SampleMap.fixed`: D, those of the integrators, those of the free responses
     outputs: Signals  # of the entries of the stable part, by experiment: see `SampleMap.outputs_of`
     error: Complex  # (N,), in units of the bounds
     sizes: Real  # (M,) norm of the errors under each bound
+
+    @property
+    def pair(self) -> Pair:
+        """Of the functions C (zI - A)^-1."""
+        return self.functions.pair
 
     @property
     def poles(self) -> Poles:
@@ -143,36 +183,31 @@ def with_poles(pair: Pair, mapped: Callable[[Poles], Poles]) -> Pair:
     return Pair(np.real(V @ (mapped(values)[:, None] * np.linalg.inv(V))), pair.C)
 
 
-def numerators(samples: SampleMap, pair: Pair) -> Samples:
-    """The columns of X and of what is fixed, (N, tails n + k)."""
-    return np.hstack([samples.columns(pair.A, pair.C), samples.fixed])
-
-
 def least_squares(samples: SampleMap, pair: Pair) -> Fit:
     """The best numerators for given functions."""
-    pair = normal_functions(pair, samples.weights)
-    U, V = orthonormal_columns(samples.real(numerators(samples, pair)))
-    return evaluated(samples, pair, V @ (U.T @ samples.real(samples.y)))
+    functions = Functions(samples, pair).normal
+    return evaluated(functions, functions.solved(samples.y))
 
 
-def evaluated(samples: SampleMap, pair: Pair, v: Real) -> Fit:
+def evaluated(functions: Functions, v: Real) -> Fit:
     """The model with the numerators v = (X, one tail after the other, fixed)."""
-    count = pair.A.shape[0] * samples.tails
+    samples = functions.samples
+    count = functions.pair.A.shape[0] * samples.tails
     X, fixed = v[:count].reshape(samples.tails, -1).T, v[count:]
-    outputs = samples.outputs_of(pair.A, pair.C, X)
+    outputs = samples.outputs_of(functions.states, X)
     error = samples.y - samples.samples_of(outputs) - samples.fixed @ fixed
-    return Fit(pair, X, fixed, outputs, error, samples.sizes(error))
+    return Fit(functions, X, fixed, outputs, error, samples.sizes(error))
 
 
 def pole_columns(samples: SampleMap, pair: Pair, outputs: Signals) -> Complex:
     """Derivatives of the residuals along d, times -1, one head after the other, (N, heads n)."""
-    h, n = pair.C.shape
+    (h, n), form = pair.C.shape, triangular(pair.A)
     parts: list[Complex] = []
     for track, out in zip(samples.tracks, outputs, strict=True):
         each = np.zeros((track.y.size, h, n), complex)
         for i, c in enumerate(pair.C):
             driven = out[i % len(out)]
-            states = track.states(pair.A, c, driven.reshape(driven.shape[0], -1)).reshape(*driven.shape, n)
+            states = track.states(form, c, driven.reshape(driven.shape[0], -1)).reshape(*driven.shape, n)
             for k, j in np.ndindex(h, samples.tails):
                 each[:, k] -= samples.read(track, i, j, states[:, k, j])
         parts.append(each.reshape(track.y.size, -1))
@@ -181,14 +216,14 @@ def pole_columns(samples: SampleMap, pair: Pair, outputs: Signals) -> Complex:
 
 def direction_columns(samples: SampleMap, pair: Pair, X: Real) -> Complex:
     """Derivatives of the residuals along C, times -1, one head after the other, (N, heads n)."""
-    h, n = pair.C.shape
+    (h, n), form = pair.C.shape, triangular(pair.A.T)
     parts: list[Complex] = []
     for track in samples.tracks:
         each = np.zeros((track.y.size, h, n), complex)
         for i in range(h):
             signals = samples.into(track, i)
             for j, x in enumerate(X.T):
-                each[:, i] += samples.read(track, i, j, track.states(pair.A.T, x, signals[:, j : j + 1])[:, 0])
+                each[:, i] += samples.read(track, i, j, track.states(form, x, signals[:, j : j + 1])[:, 0])
         parts.append(each.reshape(track.y.size, -1))
     return np.vstack(parts)
 
@@ -203,8 +238,9 @@ def _size(pair: Pair) -> Real:
     return np.zeros(0) if pair.size is None else pair.size
 
 
-def moves(samples: SampleMap, fit: Fit, radius: float, held: Poles) -> Moves:
+def moves(fit: Fit, radius: float, held: Poles) -> Moves:
     """Ways in which the functions of a fit, in their normal form, can change; poles that are held stay."""
+    samples = fit.functions.samples
     if samples.heads == 1:
         moving = pole_functions(apart(fit.poles, held))
 
@@ -213,10 +249,10 @@ def moves(samples: SampleMap, fit: Fit, radius: float, held: Poles) -> Moves:
             return pole_functions(np.concatenate([held, found.poles])) if held.size else found
 
         return Moves(pole_columns(samples, moving, fit.outputs), _size(moving), stepped)
-    pair = normal_functions(fit.pair, samples.weights)
+    functions = fit.functions.normal
+    pair, U = functions.pair, functions.basis[0]
     size, (h, n) = _size(pair), pair.C.shape
-    U, V = orthonormal_columns(samples.real(numerators(samples, pair)))
-    v = V @ (U.T @ samples.real(samples.y - fit.error))
+    v = functions.solved(samples.y - fit.error)
     turned = direction_columns(samples, pair, v[: n * samples.tails].reshape(samples.tails, -1).T)
     turned_size = (size / samples.weights[:, None]).ravel()
     if held.size:
@@ -252,20 +288,18 @@ def _seen(samples: SampleMap, U: Real, ways: Moves) -> Moves:
     return Moves(ways.columns @ turn, np.ones(kept.shape[1]), turned)
 
 
-def descended(
-    samples: SampleMap, fit: Fit, radius: float, steps: int = _STEPS, held: Poles = _NONE, budget: Budget = _UNLIMITED
-) -> Fit:
+def descended(fit: Fit, radius: float, steps: int = _STEPS, held: Poles = _NONE, budget: Budget = _UNLIMITED) -> Fit:
     """Levenberg-Marquardt over the functions, the numerators at their best for all (variable projection)."""
+    samples = fit.functions.samples
     damping = 0.1
     y = samples.real(samples.y)
     for _ in range(steps):
         if budget.over:
             return fit
-        ways = moves(samples, fit, radius, held)
+        ways = moves(fit, radius, held)
         if not ways.size.size:
             return fit
-        pair = normal_functions(fit.pair, samples.weights)
-        U, _ = orthonormal_columns(samples.real(numerators(samples, pair)))
+        U, _ = fit.functions.normal.basis
         J = samples.real(ways.columns) * ways.size
         J, rest = J - U @ (U.T @ J), y - U @ (U.T @ y)
         damped = DampedSteps.of(J, rest)
@@ -292,28 +326,21 @@ def apart(poles: Poles, held: Poles) -> Poles:
 
 
 def levelled(
-    samples: SampleMap,
-    fit: Fit,
-    radius: float,
-    limit: float,
-    steps: int,
-    held: Poles = _NONE,
-    budget: Budget = _UNLIMITED,
+    fit: Fit, radius: float, limit: float, steps: int, held: Poles = _NONE, budget: Budget = _UNLIMITED
 ) -> Fit:
     """Minimax: a sequence of convex min-max problems in (numerators, d), d in a trust region; poles that are held stay. Ends
     where a step gains less than 0.1 %, 2 % once `limit` is met; or where it cannot meet it.
     """
+    samples = fit.functions.samples
     trust, gain = _FIRST_RADIUS, np.inf
-    fit = numerators_levelled(samples, fit)
+    fit = numerators_levelled(fit)
     for step in range(steps):
         worst = fit.worst
-        ways = moves(samples, fit, radius, held)
+        ways = moves(fit, radius, held)
         if not ways.size.size or worst < 0.5 * limit or budget.over:
             return fit
-        pair = normal_functions(fit.pair, samples.weights)
-        linear = numerators(samples, pair)
-        U, V = orthonormal_columns(samples.real(linear))
-        first = np.concatenate([V @ (U.T @ samples.real(samples.y - fit.error)), np.zeros(ways.size.size)])
+        linear = fit.functions.normal.numerators
+        first = np.concatenate([fit.functions.normal.solved(samples.y - fit.error), np.zeros(ways.size.size)])
         reach = np.concatenate([np.full(linear.shape[1], np.inf), trust * ways.size])
         G = np.hstack([linear, ways.columns])
         v, expected = smallest_maximum(G, samples.y, samples.discs, first, reach, samples.cone)
@@ -333,15 +360,13 @@ def levelled(
 def _stepped(samples: SampleMap, pair: Pair, v: Real, radius: float, held: Poles) -> Fit:
     """The model Sigma^-1 N of a step; new numerators where poles are held or drawn back, or the functions in other coordinates."""
     if held.size or np.abs(pair.poles).max() >= radius * (1 - 1e-12):
-        return numerators_levelled(samples, least_squares(samples, pair))
-    return evaluated(samples, pair, v)
+        return numerators_levelled(least_squares(samples, pair))
+    return evaluated(Functions(samples, pair), v)
 
 
-def numerators_levelled(samples: SampleMap, fit: Fit) -> Fit:
+def numerators_levelled(fit: Fit) -> Fit:
     """The numerators with the smallest largest residual for the functions of a fit."""
-    pair = normal_functions(fit.pair, samples.weights)
-    G = numerators(samples, pair)
-    U, V = orthonormal_columns(samples.real(G))
-    first = V @ (U.T @ samples.real(samples.y))
-    v, _ = smallest_maximum(G, samples.y, samples.discs, first, np.full(first.size, np.inf), samples.cone)
-    return evaluated(samples, pair, v)
+    functions, samples = fit.functions.normal, fit.functions.samples
+    first, reach = functions.solved(samples.y), np.full(functions.numerators.shape[1], np.inf)
+    v, _ = smallest_maximum(functions.numerators, samples.y, samples.discs, first, reach, samples.cone)
+    return evaluated(functions, v)

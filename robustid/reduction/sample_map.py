@@ -24,6 +24,13 @@ from robustid.identification.formulation import initial_state, measured_entries
 
 Samples = NDArray[np.float64 | np.complex128]  # real in time, complex at frequency points and spectral lines
 Signals = list[Samples]
+Triangular = tuple[Complex, Complex]  # T and Q of a complex Schur form Q T Q*
+
+
+def triangular(A: Real) -> Triangular:
+    """The complex Schur form of a matrix."""
+    T, Q = scipy.linalg.schur(A, output="complex")[:2]
+    return T, Q
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,9 +54,9 @@ class Track:
             return scipy.signal.lfilter([0.0, 1.0], [1.0, -pole], signals, axis=0)
         return signals / (self.points - pole)[:, None]
 
-    def states(self, A: Real, c: Real, signals: Samples) -> Samples:
-        """The responses of the row c (zI - A)^-1 to each signal, (L, m, n): complex Schur form, forward substitution."""
-        T, Q = scipy.linalg.schur(A, output="complex")[:2]
+    def states(self, A: Triangular, c: Real, signals: Samples) -> Samples:
+        """The responses of the row c (zI - A)^-1 to each signal, (L, m, n), by forward substitution."""
+        T, Q = A
         into = c @ Q
         v = np.empty((*signals.shape, into.size), complex)
         for j in range(into.size):
@@ -136,28 +143,28 @@ class SampleMap:
             return np.broadcast_to(track.signal[:, head : head + 1], (track.signal.shape[0], self.tails))
         return track.signal
 
-    def columns(self, A: Real, C: Real) -> Complex:
+    def states(self, A: Real, C: Real) -> Signals:
+        """Responses of C_k (zI - A)^-1 to the signals of the entries (i, j), by experiment, (heads i, heads k, L, tails j, n).
+        With the inputs as tails all heads i have the same signals: (1, heads k, L, tails j, n).
+        """
+        form, found = triangular(A), range(self.heads if self.flipped else 1)
+        return [np.array([[t.states(form, c, self.into(t, i)) for c in C] for i in found]) for t in self.tracks]
+
+    def columns(self, states: Signals) -> Complex:
         """Samples of the entries C (zI - A)^-1 x_j for unit vectors x_j, one tail after the other, (N, tails n)."""
         parts: list[Complex] = []
-        for track in self.tracks:
-            each = np.zeros((track.y.size, self.tails, A.shape[0]), complex)
-            for i, c in enumerate(C):
-                states = track.states(A, c, self.into(track, i))
-                for j in range(self.tails):
-                    each[:, j] += self.read(track, i, j, states[:, j])
+        for track, found in zip(self.tracks, states, strict=True):
+            each = np.zeros((track.y.size, self.tails, found.shape[-1]), complex)
+            for i, j in np.ndindex(self.heads, self.tails):
+                each[:, j] += self.read(track, i, j, found[i % len(found), i, :, j])
             parts.append(each.reshape(track.y.size, -1))
         return np.vstack(parts)
 
-    def outputs_of(self, A: Real, C: Real, X: Real) -> Signals:
+    def outputs_of(self, states: Signals, X: Real) -> Signals:
         """Responses of C_k (zI - A)^-1 x_j to the signals of the entries (i, j), by experiment, (heads i, L, heads k, tails j).
         With the inputs as tails all heads i have the same signals: (1, L, heads k, tails j).
         """
-        out: Signals = []
-        for track in self.tracks:
-            signals = [self.into(track, i) for i in range(self.heads if self.flipped else 1)]
-            states = np.array([[track.states(A, c, one) for c in C] for one in signals])
-            out.append(np.einsum("iklja,aj->ilkj", states, X))
-        return out
+        return [np.einsum("iklja,aj->ilkj", found, X) for found in states]
 
     def samples_of(self, outputs: Signals) -> Samples:
         """The samples of what the entries put out, (N,)."""

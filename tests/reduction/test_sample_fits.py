@@ -29,7 +29,7 @@ def test_residuals_of_the_map_are_those_of_the_judge(kind, integrators):
     samples = sample_map(problem, integrators)
     v = rng.standard_normal(5 + samples.fixed.shape[1])
     v[5 + 1 + integrators :] = 0  # no free response: the judge takes the best one
-    fit = sample_fits.evaluated(samples, sample_fits.pole_functions(POLES), v)
+    fit = sample_fits.evaluated(sample_fits.Functions(samples, sample_fits.pole_functions(POLES)), v)
     model = statespace(samples, fit, rid.datasets.flexible_structure().truth)
     assert np.sum(model.poles() == 1) == integrators
     found = model_residuals(problem, model)
@@ -58,11 +58,14 @@ def test_columns_of_the_poles_are_the_derivatives():
     samples = sample_map(mixed("rest"), 0)
     pair = sample_fits.pole_functions(POLES)
     v = np.random.default_rng(0).standard_normal(6)
-    fit, step = sample_fits.evaluated(samples, pair, v), 1e-6
+    fit, step = sample_fits.evaluated(sample_fits.Functions(samples, pair), v), 1e-6
     J = sample_fits.pole_columns(samples, pair, fit.outputs)
     for k in range(5):
         d = step * np.eye(5)[:, k : k + 1]
-        plus, minus = (sample_fits.evaluated(samples, sample_fits.moved(pair, s * d), v).error for s in (1, -1))
+        plus, minus = (
+            sample_fits.evaluated(sample_fits.Functions(samples, sample_fits.moved(pair, s * d)), v).error
+            for s in (1, -1)
+        )
         np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
 
 
@@ -94,9 +97,7 @@ def test_noise_free_samples_give_the_poles_back_from_a_cold_start():
         samples = sample_map(problem, 0)
         exact = np.linalg.eigvals(data.truth.A)
         rich = sample_fits.least_squares(samples, sample_fits.pole_functions(np.concatenate([exact, [0.1, 0.2]])))
-        fit = sample_fits.descended(
-            samples, sample_fits.least_squares(samples, sanathanan_koerner(samples, rich, 4)), 0.99999
-        )
+        fit = sample_fits.descended(sample_fits.least_squares(samples, sanathanan_koerner(samples, rich, 4)), 0.99999)
         assert np.sort_complex(fit.poles) == pytest.approx(np.sort_complex(exact), abs=1e-6)
 
 
@@ -108,12 +109,12 @@ def test_minimax_model_is_a_local_optimum_with_equal_extremes():
         start = sample_fits.least_squares(
             samples, sample_fits.pole_functions(rid.datasets.flexible_structure().truth.poles())
         )
-        start = sample_fits.descended(samples, start, 0.9999)
-        fit = sample_fits.levelled(samples, start, 0.9999, 1e-3, 60)  # a limit out of reach: to the end
-        assert fit.worst < sample_fits.numerators_levelled(samples, start).worst
+        start = sample_fits.descended(start, 0.9999)
+        fit = sample_fits.levelled(start, 0.9999, 1e-3, 60)  # a limit out of reach: to the end
+        assert fit.worst < sample_fits.numerators_levelled(start).worst
         pair = sample_fits.pole_functions(fit.poles)
         G = np.hstack(
-            [samples.columns(pair.A, pair.C), samples.fixed, sample_fits.pole_columns(samples, pair, fit.outputs)]
+            [sample_fits.Functions(samples, pair).numerators, sample_fits.pole_columns(samples, pair, fit.outputs)]
         )
         extreme = np.abs(fit.error) > 0.999 * fit.worst
         turn = (fit.error / np.abs(fit.error)).conj()
@@ -133,7 +134,7 @@ def test_response_of_a_model_is_that_of_its_states():
     samples = sample_map(structure(0), 0)
     model = control.ss(A, np.ones((4, 1)), C, 0, 0.01)
     (frf,) = structure(0).frequency
-    mine = samples.tracks[0].states(A, C[0], samples.tracks[0].signal)[:, 0] @ np.ones(4)
+    mine = samples.states(A, C)[0][0, 0, :, 0] @ np.ones(4)
     np.testing.assert_allclose(mine, response(model, frf.omega * 0.01), rtol=1e-9)
 
 

@@ -12,7 +12,7 @@ from robustid.fitting import FitStatus
 from robustid.identification import largest_ratio
 from robustid.reduction.best_models import ResponseFits
 from robustid.reduction.pole_starts import of_model, statespace
-from robustid.reduction.sample_fits import least_squares, levelled, moves, normal_functions, numerators
+from robustid.reduction.sample_fits import least_squares, levelled, moves
 from robustid.reduction.sample_map import sample_map
 from support.matrix_lines import DT, found_at, keeps, lines, plant
 
@@ -35,8 +35,8 @@ def test_moves_are_those_that_neither_numerators_nor_coordinates_undo():
         truth, _ = plant(rng, 2, outputs, inputs)
         samples = sample_map(rid.MixedProblem(frequency=lines(rng, truth, count=20), prior=PRIOR), 0)
         fit = least_squares(samples, of_model(truth.A, truth.B, truth.C, samples))
-        linear = samples.real(numerators(samples, normal_functions(fit.pair, samples.weights)))
-        ways = moves(samples, fit, 0.9999, np.zeros(0, complex))
+        linear = samples.real(fit.functions.normal.numerators)
+        ways = moves(fit, 0.9999, np.zeros(0, complex))
         columns = np.hstack([linear, samples.real(ways.columns)])
         assert columns.shape[1] == 4 * (outputs + inputs) + outputs * inputs
         assert np.linalg.matrix_rank(columns / np.linalg.norm(columns, axis=0), tol=1e-10) == columns.shape[1]
@@ -59,8 +59,8 @@ def test_the_largest_residual_falls_when_poles_move_too(seed):
     samples = sample_map(problem, 0)
     start = ResponseFits(problem, np.zeros((0, 2, 2))).model(6, Budget())
     fit = least_squares(samples, of_model(start.A, start.B, start.C, samples))
-    alone = levelled(samples, fit, 0.99999, 0.0, 0)
-    both = levelled(samples, fit, 0.99999, 0.0, 8)
+    alone = levelled(fit, 0.99999, 0.0, 0)
+    both = levelled(fit, 0.99999, 0.0, 8)
     assert both.worst < 0.985 * alone.worst < 0.985 * fit.worst
     assert both.worst == pytest.approx(largest_ratio(problem, statespace(samples, both, truth)), rel=1e-9)
 

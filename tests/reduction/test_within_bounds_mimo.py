@@ -55,14 +55,14 @@ def test_residuals_of_the_map_are_those_of_the_judge(outputs, inputs, integrator
         np.array([[0.9, 0.3, 0], [-0.3, 0.9, 0], [0, 0, 0.5]]), rng.standard_normal((samples.heads, 3))
     )
     v = rng.standard_normal(3 * samples.tails + samples.fixed.shape[1])
-    fit = sample_fits.evaluated(samples, pair, v)
+    fit = sample_fits.evaluated(sample_fits.Functions(samples, pair), v)
     model = statespace(samples, fit, truth)
     assert model.nstates == 3 + integrators * samples.heads
     assert np.sum(np.abs(model.poles() - 1) < 1e-12) == integrators * samples.heads
     assert fit.worst == pytest.approx(largest_ratio(problem, model), rel=1e-9)
     ratios = np.concatenate([r.ratio for r in model_residuals(problem, model)])
     assert np.sort(fit.sizes) == pytest.approx(np.sort(ratios), rel=1e-9)
-    left = samples.y - sample_fits.numerators(samples, pair) @ v
+    left = samples.y - fit.functions.numerators @ v
     np.testing.assert_allclose(fit.error, left, atol=1e-9 * np.abs(fit.error).max())
 
 
@@ -74,15 +74,23 @@ def test_columns_of_poles_and_directions_are_the_derivatives(outputs, inputs):
     samples = sample_map(problem, 0)
     pair = sample_fits.Pair(0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0], rng.standard_normal((2, 4)))
     v = rng.standard_normal(4 * samples.tails + outputs * inputs)
-    fit, step = sample_fits.evaluated(samples, pair, v), 1e-6
+    fit, step = sample_fits.evaluated(sample_fits.Functions(samples, pair), v), 1e-6
     along_d, along_C = (
         sample_fits.pole_columns(samples, pair, fit.outputs),
         sample_fits.direction_columns(samples, pair, fit.X),
     )
     for k in range(8):
         change = step * np.eye(8)[k].reshape(2, 4)
-        by_poles = [sample_fits.evaluated(samples, sample_fits.moved(pair, s * change.T), v).error for s in (1, -1)]
-        by_C = [sample_fits.evaluated(samples, sample_fits.Pair(pair.A, pair.C + s * change), v).error for s in (1, -1)]
+        by_poles = [
+            sample_fits.evaluated(sample_fits.Functions(samples, sample_fits.moved(pair, s * change.T)), v).error
+            for s in (1, -1)
+        ]
+        by_C = [
+            sample_fits.evaluated(
+                sample_fits.Functions(samples, sample_fits.Pair(pair.A, pair.C + s * change)), v
+            ).error
+            for s in (1, -1)
+        ]
         for (plus, minus), J in ((by_poles, along_d), (by_C, along_C)):
             np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
 
