@@ -80,7 +80,7 @@ def test_a_family_of_a_run_that_ctrl_c_ended_says_so_on_its_later_page(done, tmp
     assert 'id="unfinished"' in text
 
 
-def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch):
+def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch, request):
     path = asked(tmp_path, controller={"structure": "PI", "peak": 1.8})
     found = rid.run(path, tmp_path / "out")
     assert found.design.status.name == "PROVED"
@@ -110,6 +110,7 @@ def test_one_controller_is_designed_for_all_members(tmp_path, monkeypatch):
         raise AssertionError("it was designed before")
 
     monkeypatch.setattr("robustid.app.run.designed.design_controller", refuse)
+    request.getfixturevalue("unpaged")
     again = rid.run(path, tmp_path / "out", resume=True)
     assert np.array_equal(again.design.controller.C, found.design.controller.C)
 
