@@ -103,7 +103,7 @@ def resonant(seed, samples=300, noise=0.02, dt=0.01):
     return rid.TimeRecord(u, y, dt=dt, initial="free"), basis, clean
 
 
-@pytest.mark.parametrize(("most", "samples"), [(5, 150), pytest.param(12, 300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("most", "samples"), [(5, 110), pytest.param(12, 300, marks=pytest.mark.slow)])
 def test_a_model_that_simulates_the_record_well_is_preferred(monkeypatch, most, samples):
     """The bounds of a short record's response hold models of its order that miss most of the output."""
     try_orders_up_to(most, monkeypatch)
