@@ -59,7 +59,7 @@ class Functions:
 
     @functools.cached_property
     def states(self) -> Signals:
-        """What they put out, by experiment: see `SampleMap.states`."""
+        """Outputs of the functions, by experiment: see `SampleMap.states`."""
         return self.samples.states(self.pair.A, self.pair.C)
 
     @functools.cached_property
