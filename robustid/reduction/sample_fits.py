@@ -97,7 +97,7 @@ class Fit:
 
     @property
     def pair(self) -> Pair:
-        """Of the functions C (zI - A)^-1."""
+        """Pair A, C of the functions C (zI - A)^-1."""
         return self.functions.pair
 
     @property
