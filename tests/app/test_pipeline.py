@@ -324,7 +324,7 @@ def test_the_torsion_of_a_motor_bench(tmp_path):
     result = torsion(
         tmp_path,
         prior=prior,
-        frequency_points={"every": 24, "near_hz": 3.0},
+        frequency_points={"every": 40, "near_hz": 3.0},
         worst_case={"at_hz": [76.0], "directions": 4},
     )
     assert "needs them" in result.choices["inflate"].reason
