@@ -59,7 +59,7 @@ class Functions:
 
     @functools.cached_property
     def states(self) -> Signals:
-        """What they put out, by experiment: see `SampleMap.states`."""
+        """Outputs of the functions, by experiment: see `SampleMap.states`."""
         return self.samples.states(self.pair.A, self.pair.C)
 
     @functools.cached_property
@@ -97,7 +97,7 @@ class Fit:
 
     @property
     def pair(self) -> Pair:
-        """Of the functions C (zI - A)^-1."""
+        """Pair A, C of the functions C (zI - A)^-1."""
         return self.functions.pair
 
     @property

@@ -77,7 +77,7 @@ def test_the_class_that_the_lines_determine_holds_the_truth(few_points):
 
 
 def test_eleven_lines_leave_the_damping_open_and_say_what_to_measure(few_points, monkeypatch):
-    monkeypatch.setattr(model_class, "_REPEATS", (1, 2))
+    monkeypatch.setattr(model_class, "_REPEATS", (1,))
     monkeypatch.setattr(model_class, "_PRIORS", 1)
     data = rid.datasets.flexible_structure()
     found = suggest_class(frequency=data.frequency)

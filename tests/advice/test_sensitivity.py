@@ -73,7 +73,7 @@ def test_the_prior_with_the_smallest_guaranteed_error():
     lines = problem.frequency[0].omega
     assert guaranteed(chosen, np.linspace(lines[0], lines[-1], 7))[1] == pytest.approx(found.errors[best], rel=1e-6)
     assert "guaranteed error" in found.summary()
-    plain = rid.suggest_prior(problem, **options)
+    plain = rid.suggest_prior(problem, decay_rates=[1.3])
     assert np.all(np.isnan(plain.errors))
     with pytest.raises(rid.InputError, match="`criterion`"):
         rid.suggest_prior(problem, criterion="best")

@@ -103,7 +103,7 @@ def test_a_controller_is_judged_against_every_consistent_system(files, run):
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
 @pytest.mark.usefixtures("unsearched")
 def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
-    data = rid.datasets.flexible_structure(lines=8, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
+    data = rid.datasets.flexible_structure(lines=5, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
     suggested = rid.suggest_kautz(data.frequency)
     for name, basis in (("own", suggested.basis), ("given", rid.kautz(*data.modes.T, dt=0.01, delay=1))):
         prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)

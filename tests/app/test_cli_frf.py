@@ -29,9 +29,9 @@ def made(tmp_path_factory):
         rid.save(folder / f"run{k + 1}.csv", TimeRecord(u, y, dt=DT, **names))
         table = np.column_stack([DT * np.arange(600), u, y])
         np.savetxt(folder / f"plain{k + 1}.csv", table, delimiter=",", header="time,iq,id,a,b", comments="")
-    u = rng.standard_normal(3000)
-    np.savez(folder / "random.npz", u=u, y=0.5 * u + 0.01 * rng.standard_normal(3000))
-    np.savez(folder / "loop.npz", u=u, y=0.5 * u + 0.01 * rng.standard_normal(3000), reference=2 * u, dt=DT)
+    u = rng.standard_normal(1500)
+    np.savez(folder / "random.npz", u=u, y=0.5 * u + 0.01 * rng.standard_normal(1500))
+    np.savez(folder / "loop.npz", u=u, y=0.5 * u + 0.01 * rng.standard_normal(1500), reference=2 * u, dt=DT)
     np.savez(folder / "still.npz", u=np.zeros(600), y=rng.standard_normal(600), dt=DT)
     rid.save(folder / "done.npz", FrequencyResponse([1.0], [1.0], dt=DT))
     return folder

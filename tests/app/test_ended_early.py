@@ -187,6 +187,7 @@ def test_a_search_for_a_contradiction_has_a_share_of_the_time_and_says_that_it_i
     assert "looking for samples that no system explains" in result.summary()
 
 
+@pytest.mark.usefixtures("unreduced", "unsharpened")
 def test_a_run_in_its_time_leaves_nothing_out(folder):
     result = rid.run(ask(folder, DATA, STATED, {"worst_case": {"compute": False}}), "out")
     assert result.unfinished is None

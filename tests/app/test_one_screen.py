@@ -123,6 +123,7 @@ def test_the_help_fits_80_columns(here, run, command):
     assert "Files and screen" in out
 
 
+@pytest.mark.usefixtures("unpaged")
 def test_run_lists_its_folder_in_one_line_and_goes_on_to_export(here, run):
     text = '[[frequency]]\nfile = "my response.csv"\n'
     text += "[modes]\nhz = [9.0, 17.67]\ndamping = [0.1, 0.004]\n[prior]\ngain_bound = 0.2\ndecay_rate = 1.1\n"

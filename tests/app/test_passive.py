@@ -41,6 +41,7 @@ def test_what_a_passive_class_has_no_use_for_is_refused(given, words):
         PriorChoice(**given).check(names)
 
 
+@pytest.mark.usefixtures("unreduced")
 def test_a_run_file_with_a_passive_class(tmp_path):
     omega = np.linspace(5, 60, 10)
     s = 1j * omega

@@ -100,7 +100,7 @@ def test_a_time_limit_leaves_bounds_at_some_frequencies_and_says_so(folder):
 
 
 @pytest.mark.usefixtures("unreduced", "undrawn")
-def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, run):
+def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, run, request):
     wrong = {"modes": {"hz": [9.0, 17.2], "damping": [0.1, 0.004]}, "prior": CLASS["prior"]}
     ask(folder, DATA, wrong, SHORT)
     code, out, _ = run(["run", "ask.toml", "-o", "out", "--static", "-v"])
@@ -118,6 +118,7 @@ def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, ru
     assert f"inflate = {1.1 * result.margin:.4g}" in out
     assert not (folder / "out" / "worst_case.npz").exists()
 
+    request.getfixturevalue("unpaged")
     stated = wrong | {"identify": {"inflate": float(f"{1.1 * result.margin:.4g}")}}
     wide = rid.run(ask(folder, DATA, stated, QUICK), "wide")
     assert wide.consistent
@@ -317,12 +318,13 @@ def torsion(tmp_path, **changes):
 
 
 @pytest.mark.realdata
+@pytest.mark.usefixtures("unpaged")
 def test_the_torsion_of_a_motor_bench(tmp_path):
     prior = {"gain_bound": 1e-3, "decay_rate": 1.2}
     result = torsion(
         tmp_path,
         prior=prior,
-        frequency_points={"every": 24, "near_hz": 3.0},
+        frequency_points={"every": 40, "near_hz": 3.0},
         worst_case={"at_hz": [76.0], "directions": 4},
     )
     assert "needs them" in result.choices["inflate"].reason
@@ -330,6 +332,7 @@ def test_the_torsion_of_a_motor_bench(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.realdata
+@pytest.mark.usefixtures("unpaged")
 def test_the_torsion_of_a_motor_bench_from_its_example(tmp_path):
     result = torsion(tmp_path)
     (points,) = result.identification.problem.frequency

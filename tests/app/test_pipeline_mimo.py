@@ -18,7 +18,7 @@ SCALING = [[2.0, 1.0], [1.0, 0.5]]
 @pytest.mark.usefixtures("unreduced", "unpaged")
 def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
     """Modes, prior and scaling are left to the program; the file that it writes says them and gives the same."""
-    truth, _, frf = measured(bound=0.02, count=10)
+    truth, _, frf = measured(bound=0.02, count=8)
     rid.save("two.npz", frf)
     first = rid.run(ask(folder, {"frequency": [{"file": "two.npz"}]}, QUICK), "first")
     stated = tomllib.loads((folder / "first" / "run.toml").read_text(encoding="utf-8"))
@@ -28,7 +28,7 @@ def test_a_matrix_is_run_whole_and_again_from_its_own_file(folder):
     assert first.consistent
     assert first.model.D.shape == (2, 2)
     assert largest_ratio(first.identification.problem, truth) <= 1
-    assert any("all 40 samples" in words for words in first.findings)
+    assert any("all 32 samples" in words for words in first.findings)
     second = rid.run(folder / "first" / "run.toml", "second")
     assert second.identification.margin == first.identification.margin
     assert second.findings == first.findings
@@ -48,8 +48,9 @@ def test_the_whole_way_of_a_matrix_in_python(request):
     assert f"scaling = {SCALING}" in same.run_file.text()
 
 
+@pytest.mark.usefixtures("unreduced", "unsharpened")
 def test_commands_take_the_whole_matrix(folder, run):
-    _, _, frf = measured(count=12)
+    _, _, frf = measured(count=6)
     rid.save("two.npz", frf)
     modes = ["--mode", "4:0.03", "--mode", "9:0.03", "--gain", "0.1", "--decay-rate", "1.2"]
     code, out, err = run(["identify", "--frequency", "two.npz", *modes])

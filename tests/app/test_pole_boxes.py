@@ -17,10 +17,10 @@ OMEGA, DAMPING = np.array([40.0, 70.0]), np.array([0.02, 0.03])
 @pytest.fixture(scope="module")
 def response():
     """Two modes and a fast pole, without a sample time."""
-    rng, omega = np.random.default_rng(0), np.linspace(20, 100, 33)
+    rng, omega = np.random.default_rng(0), np.linspace(20, 100, 25)
     s = 1j * omega
     values = sum(w**2 / (s**2 + 2 * d * w * s + w**2) for w, d in zip(OMEGA, DAMPING, strict=True)) + 30 / (s + 300)
-    noise = 0.02 * (rng.standard_normal(33) + 1j * rng.standard_normal(33)) / np.sqrt(2)
+    noise = 0.02 * (rng.standard_normal(25) + 1j * rng.standard_normal(25)) / np.sqrt(2)
     return rid.FrequencyResponse(omega, values + noise, bound=0.06)
 
 
@@ -48,7 +48,7 @@ def test_a_run_of_continuous_data_covers_the_box_of_its_poles(tmp_path, response
     np.testing.assert_array_equal(rid.load(tmp_path / "out" / "band").upper, found.band.upper)
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_by_default_polygons_cover_the_box_of_poles_that_the_data_leave(tmp_path, response):
     found = ran(tmp_path, response, at_hz=[6.37])
     assert found.band.box is not None

@@ -36,7 +36,7 @@ def run_of_a_record():
     return rid.run("run.toml", "out")
 
 
-@pytest.mark.usefixtures("unreduced", "unsharpened")
+@pytest.mark.usefixtures("unreduced", "unsharpened", "unpaged")
 def test_a_run_of_a_record_alone_is_consistent_and_holds_the_plant(tmp_path, monkeypatch):
     """Without poles the default class contradicted the same record."""
     monkeypatch.chdir(tmp_path)

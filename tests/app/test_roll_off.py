@@ -107,7 +107,7 @@ def test_the_roll_off_stays_when_the_program_chooses_the_rest():
     assert rid.identify(rid.MixedProblem(frequency=frf, prior=found)).consistent
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unpaged")
 def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch):
     """On the way of a run file and of the command line; with a stated gain bound too; a corner beside it is refused."""
     monkeypatch.chdir(tmp_path)

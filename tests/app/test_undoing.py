@@ -140,7 +140,7 @@ def offered(output):
 
 
 @pytest.mark.parametrize("kind", ["outlier", "sign"])
-def test_the_line_of_a_run_file_is_offered_with_its_place_and_runs(place, kind, unreduced):
+def test_the_line_of_a_run_file_is_offered_with_its_place_and_runs(place, kind, unreduced, request):
     frf, one = faulty(kind)
     rid.save("frf.csv", frf)
     rid.save("other.csv", record(1))
@@ -155,6 +155,7 @@ def test_the_line_of_a_run_file_is_offered_with_its_place_and_runs(place, kind, 
     page = (place / "out" / "report.html").read_text()
     assert line.replace('"', "&#34;") in page
     put(place / "bench.toml", line, where)
+    request.getfixturevalue("unpaged")
     output = ran(then)
     assert "fault" not in output.lower()
 

@@ -94,7 +94,7 @@ def run_of(folder, gains, **sections):
 
 
 @pytest.mark.usefixtures("unreduced")
-def test_records_of_one_plant_do_not_contradict_and_give_a_probability(tmp_path):
+def test_records_of_one_plant_do_not_contradict_and_give_a_probability(tmp_path, request):
     found = run_of(tmp_path, [1.0] * 4)
     assert found.run_file.withheld.records == 2
     assert not found.contradicted
@@ -104,6 +104,7 @@ def test_records_of_one_plant_do_not_contradict_and_give_a_probability(tmp_path)
     assert found.withheld.judgement.value == "not tested"  # of two periods each
     assert "Not tested by withheld data" in page
     assert "a band three times too narrow could not be told from it" in page
+    request.getfixturevalue("unpaged")
     again = rid.run(tmp_path / "out" / "run.toml", tmp_path / "again")
     assert again.findings == found.findings
 

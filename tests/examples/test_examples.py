@@ -195,7 +195,7 @@ def test_the_whole_torsion_margin(tmp_path, run):
     run_torsion_margin(load("torsion_margin"), tmp_path, run)
 
 
-@pytest.mark.parametrize("size", [(3, 200), pytest.param((9, 600), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [(3, 120), pytest.param((9, 600), marks=pytest.mark.slow)])
 def test_wafer_stage(run, monkeypatch, undrawn, size):
     example = load("wafer_stage")
     monkeypatch.setattr(example, "SIZE", size)

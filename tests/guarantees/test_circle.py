@@ -79,7 +79,7 @@ def test_a_bound_on_the_circle_that_ran_out_of_time_holds_and_goes_on():
     cell = np.clip(np.searchsorted(first.edges, omega, side="right") - 1, 0, first.bound.size - 1)
     assert np.all(away <= first.bound[cell])
     told = []
-    second = error.on_circle(0.2, progress=lambda text, done, count: told.append((done, count)))
+    second = error.on_circle(0.5, progress=lambda text, done, count: told.append((done, count)))
     assert second.converged
     assert set(first.edges) <= set(second.edges)
     assert told[-1][0] == told[-1][1]

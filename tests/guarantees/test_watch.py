@@ -192,7 +192,7 @@ def by_load():
         prior = rid.Prior(gain_bound=0.05, decay_rate=1.1)
         one = rid.identify(rid.MixedProblem(frequency=first, prior=prior, parametric=basis))
         members.append(
-            rid.guarantee.Member(rid.worst_case_error(one, omega=LINES[[5, 8, 9, 10, 12]], directions=8), load=load)
+            rid.guarantee.Member(rid.worst_case_error(one, omega=LINES[[8, 9, 10]], directions=8), load=load)
         )
     return rid.family(members, model=members[0].identification.model)
 

@@ -160,7 +160,7 @@ def test_columns_that_overflow_have_no_part(bad):
 
 def test_a_start_whose_factorisation_fails_leaves_the_others(monkeypatch):
     """The smallest order is found as without it."""
-    identification = rid.identify(mixed("rest"))
+    identification = rid.identify(mixed("rest", samples=25))
     wanted = rid.reduce_within_bounds(identification).order
 
     def fails(*_):

@@ -145,7 +145,7 @@ def test_more_outputs_than_inputs_columns_and_a_record():
     """One input: the directions of the modes at the outputs are linear, and the heads are the inputs."""
     rng = np.random.default_rng(5)
     truth, basis = plant(rng, 2, 3, 1)
-    frf = lines(rng, truth, bound=0.03, count=10).with_column_bound(0.05 * np.sqrt(3))
+    frf = lines(rng, truth, bound=0.03, count=7).with_column_bound(0.05 * np.sqrt(3))
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
     problem = rid.MixedProblem(frequency=frf, time=record(rng, truth), prior=prior, parametric=basis)
     assert found_at(problem, truth, 4).model.D.shape == (3, 1)
